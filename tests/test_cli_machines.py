@@ -219,7 +219,7 @@ def test_a_fit_that_does_not_converge_ends_with_3_and_one_line_says_so(
 
 def test_no_code_is_emitted_of_a_fit_that_did_not_converge(folder, rodgen_command, one_iteration):
     code, out, err = rodgen_command("emit", "mount.toml", "stars.csv", "--lang", "c", "-o", "code")
-    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert (code, out, err.count("\n")) == (3, "", 1)
     assert "the fit did not converge" in err
     assert not (folder / "code").exists()
 

@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 __all__ = [
     "InputFileError",
+    "NotConvergedError",
     "RodgenError",
     "UnexpectedError",
     "joined",
@@ -75,6 +76,12 @@ class InputFileError(RodgenError):
 
     def __str__(self) -> str:
         return _one_line(f"{self.file}: {self.place}: {self.found}; expected {self.expected}")
+
+
+class NotConvergedError(InputFileError):
+    """A fit that did not converge, where its end is needed."""
+
+    reason = "the fit did not converge"
 
 
 def shown(text: object, limit: int = 60) -> str:

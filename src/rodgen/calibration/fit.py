@@ -17,6 +17,7 @@ from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import as_dict, as_text
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
+from rodgen.errors import NotConvergedError
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
 
@@ -41,7 +42,7 @@ class Fit(FittedModel):
 
     def _doubts(self) -> str:
         """Return why the fitted machine may be wrong; empty where nothing is known to be."""
-        unfinished = "" if self.solution.converged else "the fit did not converge"
+        unfinished = "" if self.solution.converged else NotConvergedError.reason
         return self.check().sentence or unfinished
 
     # What a fit alone does not need is imported when it is asked for, which saves a fifth of a second.

@@ -24,6 +24,7 @@ from rodgen.cli._console import (
     FAILED,
     INTERNAL,
     INTERRUPTED,
+    NOT_CONVERGED,
     OK,
     READER_GONE,
     TERMINATED,
@@ -35,7 +36,7 @@ from rodgen.cli._console import (
 )
 from rodgen.cli._progress import Display, display
 from rodgen.cli._timings import Timings
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.errors import InputFileError, NotConvergedError, RodgenError
 from rodgen.files import noting_completed
 from rodgen.stages import listening, stage
 
@@ -145,6 +146,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             # Closed here, because the interpreter would try, and complain, once more at the exit.
             with contextlib.suppress(OSError, AttributeError):
                 sys.stdout.close()
+        if isinstance(error, NotConvergedError):
+            return NOT_CONVERGED
         return FAILED if isinstance(error, UnprovedError) else BAD_INPUT
     except Exception as error:
         if debug:

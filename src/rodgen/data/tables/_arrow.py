@@ -89,7 +89,10 @@ class ParquetTable(_ArrowTable):
         self._rows = 0
         try:
             # A small read buffer keeps a row group of any size from being read at once.
-            self._parquet = pq.ParquetFile(raw, buffer_size=1 << 20, pre_buffer=False)
+            # Pages that have a checksum are checked; few programs write it.
+            self._parquet = pq.ParquetFile(
+                raw, buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True
+            )
             self.schema = self._parquet.schema_arrow.remove_metadata()
             self.total = self._parquet.metadata.num_rows
         except _ARROW_ERRORS as error:

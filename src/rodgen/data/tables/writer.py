@@ -202,7 +202,7 @@ class _ParquetSink(Sink):
         import pyarrow.parquet as pq
 
         self._raw = self._place.open()
-        self._writer = pq.ParquetWriter(self._raw, self._schema)
+        self._writer = pq.ParquetWriter(self._raw, self._schema, write_page_checksum=True)
         return self
 
     def encode(self, batch: pa.RecordBatch) -> pa.RecordBatch:

@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.errors import InputFileError, NotConvergedError, RodgenError, shown
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -90,6 +90,8 @@ def emit(
     InputFileError
         When the machine cannot be right, a parameter has no value, a travel is missing, a file stands in the place of
         one of these that rodgen did not write, or the folder cannot be written.
+    NotConvergedError
+        When the fit that the machine is from did not converge.
     RodgenError
         For another language or a bad name, or when the model is finite nowhere.
 
@@ -117,7 +119,8 @@ def emit(
         wrong = (machine.doubts() if machine.doubts else "") or "; ".join(implausible_numbers(machine))
         if wrong:
             expected = "a machine that can be right, fitted to the end; --force, in Python force=True, writes it anyway"
-            raise InputFileError(machine.file or machine.name, "file", wrong.rstrip("."), expected)
+            error = NotConvergedError if wrong == NotConvergedError.reason else InputFileError
+            raise error(machine.file or machine.name, "file", wrong.rstrip("."), expected)
     files = render(content, lang)
     for path in () if force else (Path(folder, each) for each in files):
         if path.is_file() and DO_NOT_EDIT.encode() not in path.read_bytes():
