@@ -244,8 +244,10 @@ class Criteria:
     def _width_cost(self, variance: float, others: Sequence[Candidate], candidate: Candidate) -> float:
         """Return what an effect's parameters cost in units of chi-square: how much narrower the data make them.
 
-        It is -2 ln of the part of the values before the data, of the usual sizes, that remain after them (Laplace's
-        approximation of the evidence); ln(rows), as of Schwarz, for one that has no usual size or was searched.
+        It is -2 ln of the part of the values before the data that remain after them (Laplace's approximation of the
+        evidence); ln(rows), as of Schwarz, for one that has no usual size or was searched. Values before the data are
+        of the usual sizes or, where the effect is larger, of the size that it has: a tenfold effect is unlikely as a
+        whole, which `prior_cost` counts, and each of its parameters has tenfold values to choose from.
 
         Parameters
         ----------
@@ -255,12 +257,15 @@ class Criteria:
             What else is there.
         candidate : Candidate
         """
-        usual = candidate.prior.usual(candidate.short_names)
+        names = candidate.short_names
+        usual = candidate.prior.usual(names)
         known = np.isfinite(usual)
+        values, _ = self.estimates(variance, [*others, candidate])[-1]
+        larger = candidate.prior.size_cost(names, values) / 2  # of one parameter, which `prior_cost` has
         columns = self.space.columns(candidate) * np.where(known, usual, 0.0) * self.space.sizes(candidate)
-        across = self.space.base(others).project_out(columns)
+        across = self.space.base(others).project_out(columns) * np.exp(larger / 2)
         narrower = np.linalg.slogdet(np.eye(len(usual)) + across.T @ across / variance)[1]
-        return float(narrower + np.log(self.rows) * (np.sum(~known) + len(candidate.searched)))
+        return float(narrower - larger + np.log(self.rows) * (np.sum(~known) + len(candidate.searched)))
 
     def preference(
         self, kept: Sequence[Candidate], k: int, rival: Candidate, difference: float, explained: float
