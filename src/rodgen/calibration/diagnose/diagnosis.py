@@ -92,7 +92,7 @@ class Alias:
 
     @property
     def improbable(self) -> bool:
-        """Whether it is so much less likely with these data that no plan spends readings on it."""
+        """Whether it is much less likely with these data than the effect found."""
         return self.odds_with_data < PLAN.unlikely
 
     def to_dict(self) -> dict[str, Any]:
