@@ -547,6 +547,51 @@ def test_damaged_parquet_is_read_or_refused(content, scratch):
     read_or_refuse(scratch, content)
 
 
+def cut_file(cell, last, lines=30, end=""):
+    random = np.random.default_rng(0)
+    rows = [f"{i},{cell(random.normal())}\n" for i in range(lines)]
+    return "t [s],x [mm]\n" + "".join(rows) + f"{lines},{last}{end}"
+
+
+CUT = {
+    "fewer decimals": (lambda x: f"{x:.4f}", "1.23"),
+    "no decimals": (lambda x: f"{x:.4f}", "1"),
+    "of many digits": (repr, "0.123"),
+    "in an exponent": (lambda x: f"{x:.6e}", "1.234567e-0"),
+    "before an exponent": (lambda x: f"{x:.6e}", "1.234567"),
+}
+
+
+@pytest.mark.parametrize(("cell", "last"), CUT.values(), ids=CUT)
+@pytest.mark.parametrize("pack", [bytes, gzip.compress], ids=["plain", "gzip"])
+def test_a_file_that_was_cut_in_its_last_number_is_refused(cell, last, pack, scratch):
+    """The number was read as it stood."""
+    scratch.write_bytes(pack(cut_file(cell, last).encode()))
+    with pytest.raises(InputFileError) as caught:
+        Measurements.load(scratch)
+    assert str(caught.value) == (
+        f"{scratch}: line 32: '{last}' at the end of the file, with fewer digits than in any other line and no line "
+        "end; expected a file that was not cut; if this line is whole, end it"
+    )
+    scratch.write_bytes(pack(cut_file(cell, last, end="\n").encode()))
+    assert Measurements.load(scratch).rows == 31
+
+
+WHOLE = {
+    "as many digits": (lambda x: f"{x:.4f}", "1.2345", 30),
+    "digits that vary": (lambda x: str(round(x, 3)), "1.2", 30),
+    "few lines": (lambda x: f"{x:.4f}", "1.2", 5),
+    "whole numbers": (lambda x: str(round(100 * x)), "7", 30),
+    "mixed": (lambda x: f"{1e-4 * x:.3g}", "0.5", 30),
+}
+
+
+@pytest.mark.parametrize(("cell", "last", "lines"), WHOLE.values(), ids=WHOLE)
+def test_a_whole_last_line_needs_no_line_end(cell, last, lines, scratch):
+    scratch.write_text(cut_file(cell, last, lines))
+    assert Measurements.load(scratch).rows == lines + 1
+
+
 def test_flipped_bits_of_a_written_parquet_file_are_found(scratch):
     """Nine in ten changed numbers."""
     random = np.random.default_rng(0)

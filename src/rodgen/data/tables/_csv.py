@@ -35,6 +35,9 @@ __all__ = ["READABLE", "CsvTable"]
 # flight, each some six times its text, stay below 100 MB.
 BLOCK_BYTES = 2 << 20
 LONGEST_LINE = 1 << 20
+TAIL_BYTES = 1 << 16
+FEWEST_LINES = 10
+"""The last line, without a line end, is compared with those in so many bytes before it, which are so many at least."""
 
 READABLE = "a CSV or Parquet file"
 _MAGIC = (
@@ -180,16 +183,36 @@ class CsvTable(Table):
 
     def _blocks(self) -> Iterator[Block]:
         data: bytes | None = self._rest
-        self._rest = b""
+        self._rest = tail = b""
         while data is not None:
             first = self._next_line
             self._next_line += int(np.count_nonzero(np.frombuffer(data, np.uint8) == 10))
             if data and not data.endswith(b"\n"):
+                self._refuse_cut(tail, data)
                 self._next_line += 1
+            tail = data[-TAIL_BYTES:]
             position = 0 if self.total is None else self._raw.tell()
             amount, self._position = position - self._position, position
             yield Block(data, first, amount)
             data = next(self._cut, None)
+
+    def _refuse_cut(self, before: bytes, last: bytes) -> None:
+        """Refuse a last line without a line end whose last number has fewer digits than any other: it may be cut."""
+        lines = [line for line in before.split(b"\n")[1:] if line.strip()]
+        cell = last.rpartition(b",")[2].strip()
+        if len(lines) < FEWEST_LINES or last.count(b",") != self._width - 1:
+            return
+        digits = [_last_digits(line.rpartition(b",")[2].strip()) for line in lines]
+        fewest, most = min(digits), max(digits)
+        if fewest < 0 or fewest - _last_digits(cell) <= most - fewest:
+            return
+        raise InputFileError(
+            self.file,
+            f"line {self._next_line}",
+            f"{shown(cell.decode(errors='replace'))} at the end of the file, with fewer digits than in any other line "
+            "and no line end",
+            "a file that was not cut; if this line is whole, end it",
+        )
 
     def _end_place(self) -> str:
         return f"line {self._next_line}"
@@ -328,6 +351,14 @@ def _cells(line: bytes) -> list[str]:
         return next(csv.reader([text]))
     except csv.Error:  # a cell longer than the csv module takes
         return text.split(",")
+
+
+def _last_digits(cell: bytes) -> int:
+    """Return how many digits are after the decimal point, or 100 and those of the exponent; -1 of what is no number."""
+    found = re.fullmatch(rb"[+-]?\d*\.?(\d*)(?:[eE]([+-]?\d*))?", cell)
+    if not found or not cell:
+        return -1
+    return len(found[1]) if found[2] is None else 100 + len(found[2])
 
 
 def _numbered_lines(data: bytes, first: int) -> Iterator[tuple[int, bytes]]:
