@@ -155,7 +155,7 @@ def originals(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp] | Non
     --------
     >>> originals([np.array([0.1, 0.7, 0.4, 0.1, 0.7, 0.4])], 6)
     array([0, 1, 2, 0, 1, 2])
-    >>> originals([np.array([0.1, 0.1, 0.2, 0.1, 0.2, 0.2])], 6) is None
+    >>> originals([np.array([0.1, 0.7, 0.4, 0.4, 0.1, 0.7])], 6) is None
     True
     """
     hashes = np.sort(_hashes(columns, n))

@@ -2,18 +2,39 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 
-__all__ = ["NotRealError", "real_array"]
+__all__ = ["NotRealError", "real_array", "refuse_masked"]
 
 _FLOAT64 = np.dtype(np.float64)
 
 
 class NotRealError(RodgenError, TypeError):
     """Raised for an array whose numbers are not real; caught as a TypeError, too."""
+
+
+def refuse_masked(what: str, given: object) -> None:
+    """Refuse an array with masked elements: what is behind a mask would be computed with.
+
+    Raises
+    ------
+    RodgenError
+
+    Examples
+    --------
+    >>> refuse_masked("rho", np.ma.array([1.0, 2.0], mask=[False, True]))
+    Traceback (most recent call last):
+    rodgen.errors.RodgenError: rho has masked elements; expected numbers: leave the others out, or fill them with NaN
+    """
+    if "numpy.ma" in sys.modules and np.ma.is_masked(given):  # NumPy imports it when it is first used
+        raise RodgenError(
+            f"{what} has masked elements; expected numbers: leave the others out, or fill them with NaN"
+        )
 
 
 def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDArray[np.float64]:
@@ -32,7 +53,7 @@ def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDA
     NotRealError
         When it does not hold real numbers.
     RodgenError
-        When it is not an array, or its last axes have another shape.
+        When it is not an array, has masked elements, or its last axes have another shape.
 
     Examples
     --------
@@ -40,6 +61,7 @@ def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDA
     Traceback (most recent call last):
     rodgen.errors.RodgenError: the pose has the shape (1, 2); expected (..., 4, 4)
     """
+    refuse_masked(what, given)
     try:
         found = np.asarray(given)
     except ValueError:  # rows of different lengths

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from rodgen.kinematics.arrays import refuse_masked
+
 __all__ = ["call_kernel"]
 
 
@@ -24,8 +26,13 @@ def call_kernel(kernel: Any, arguments: tuple[Any, ...], out: Any = None) -> Any
     TypeError
         When an argument is not real, or `out` is given with a Dask array.
     ValueError
-        When the last axes of an argument have another shape than the kernel's, or the other axes do not broadcast.
+        When the last axes of an argument have another shape than the kernel's, the other axes do not broadcast, or
+        elements are masked.
     """
+    if "numpy.ma" in sys.modules and any(np.ma.is_masked(a) for a in arguments):
+        # strict=False: the last parameter of the kernel is `out`
+        for parameter, argument in zip(_parameters(kernel.__name__), arguments, strict=False):
+            refuse_masked(parameter, argument)
     if "dask.array" in sys.modules:
         from dask.array import Array, apply_gufunc
 
@@ -40,6 +47,13 @@ def call_kernel(kernel: Any, arguments: tuple[Any, ...], out: Any = None) -> Any
         raise
 
 
+def _parameters(name: str) -> list[str]:
+    """Return the names of a kernel's arguments, ``out`` at the end."""
+    from rodgen.generated import numpy as generated
+
+    return list(inspect.signature(getattr(generated.ALL, name)).parameters)
+
+
 def _raise_named(name: str, arguments: tuple[Any, ...]) -> None:
     """Raise the NumPy kernel's error, which names the argument; a compiled one's only numbers the operand.
 
@@ -49,7 +63,7 @@ def _raise_named(name: str, arguments: tuple[Any, ...]) -> None:
 
     evaluate = getattr(generated.ALL, name)
     # strict=False: the last parameter of the kernel is `out`
-    for parameter, argument in zip(inspect.signature(evaluate).parameters, arguments, strict=False):
+    for parameter, argument in zip(_parameters(name), arguments, strict=False):
         dtype = np.asarray(argument).dtype
         if dtype.kind not in "fiub":
             raise TypeError(f"{parameter} has type {dtype}; expected real numbers")

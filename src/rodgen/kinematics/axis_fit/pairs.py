@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.axis_fit.moments import Moments
 from rodgen.kinematics.axis_fit.residual import Line, residual
 from rodgen.kinematics.axis_fit.sphere import global_maximum
@@ -167,6 +168,7 @@ class Pairs:
 
 
 def _numbers(name: str, values: ArrayLike) -> Floats:
+    refuse_masked(name, values)
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):

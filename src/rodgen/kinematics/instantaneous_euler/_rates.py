@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.instantaneous_euler_motion import MotionStatus
 from rodgen.generated.numpy.rotations import RotationStatus
+from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
 from rodgen.kinematics.kernel_call import call_kernel
@@ -205,6 +206,7 @@ def euler_from_quaternion(quaternion: ArrayLike, sequence: str = "ZYX") -> tuple
     (array([ 0., 90.,  0.]), 'SINGULAR')
     """
     known = sequence_of(sequence)
+    refuse_masked("quaternion", quaternion)
     given = np.asarray(quaternion)
     if given.ndim == 0 or given.shape[-1] != 4:
         raise ValueError(f"a quaternion has the shape {given.shape}; expected a last axis of 4")

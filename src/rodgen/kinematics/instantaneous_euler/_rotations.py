@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.instantaneous_euler_inverse import RotationsStatus
+from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.instantaneous_euler._ridges import ridge_normal
 from rodgen.kinematics.kernel_call import call_kernel
@@ -177,6 +178,8 @@ def choose(
     >>> int(ie.choose(chi, z=lines[2, :3], oriented=False).left)
     2
     """
+    for name, part in (("x", x), ("y", y), ("z", z)):
+        refuse_masked(name, part)
     given = {i: np.asarray(part, float) for i, part in enumerate((x, y, z)) if part is not None}
     if not given:
         raise RodgenError("choose: no ridge line is given; expected x, y or z")

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.generated.numpy.instantaneous_euler_motion import MotionStatus
+from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.instantaneous_euler._angles import angles_from_quaternion
 from rodgen.kinematics.instantaneous_euler._rates import euler_from_quaternion
@@ -112,6 +113,7 @@ def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ
     >>> found.signed[:, 0].round(2)
     array([ 0.48,  1.  ,  0.6 , -0.35, -0.98, -0.71,  0.22])
     """
+    refuse_masked("quaternions", quaternions)
     given = np.asarray(quaternions, float)
     if given.ndim != 2 or given.shape[1] != 4:
         raise ValueError(f"quaternions have the shape {given.shape}; expected (n, 4)")

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import UnexpectedError, shown
+from rodgen.kinematics.arrays import refuse_masked
 
 __all__ = ["SEQUENCES", "Sequence", "sequence_of"]
 
@@ -45,6 +46,7 @@ class Sequence(NamedTuple):
 
     def angles(self, angles: ArrayLike) -> NDArray[Any]:
         """Return the angles, or rates, of the base sequence from those of this one; the inverse is the same."""
+        refuse_masked("angles", angles)
         given = np.asarray(angles)
         if given.dtype.kind == "c":
             raise TypeError("angles are real numbers")

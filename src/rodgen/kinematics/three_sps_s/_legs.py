@@ -178,7 +178,7 @@ def leg_rates(rotation: ArrayLike, angular_velocity: ArrayLike, geometry: Geomet
     >>> three_sps_s.leg_rates(np.eye(3), [0.1, 0, 0], three_sps_s.Geometry(2, 1, 1.5)).round(6)
     array([-0.041603,  0.083205, -0.041603])
     """
-    omega = np.asarray(angular_velocity, float)
+    omega = real_array("the angular velocity", angular_velocity, (3,))
     return np.einsum("...ij,...j->...i", jacobian(rotation, geometry), omega)
 
 
@@ -237,7 +237,7 @@ def rotation_from_tilt_torsion(azimuth: ArrayLike, tilt: ArrayLike, torsion: Arr
     >>> three_sps_s.rotation_from_tilt_torsion(0.0, np.pi / 2, 0.0)[:, 2].round(6)  # where the platform's axis is
     array([1., 0., 0.])
     """
-    F, T, sigma = np.broadcast_arrays(*(np.asarray(x, float) for x in (azimuth, tilt, torsion)))
+    F, T, sigma = np.broadcast_arrays(*(real_array("an angle", x) for x in (azimuth, tilt, torsion)))
     scalar, along = np.cos(T / 2) * np.cos(sigma / 2), np.cos(T / 2) * np.sin(sigma / 2)
     phase = F - sigma / 2
     quaternion = np.stack([scalar, -np.sin(T / 2) * np.sin(phase), np.sin(T / 2) * np.cos(phase), along], -1)
