@@ -146,6 +146,17 @@ def test_no_memory_is_no_damaged_file() -> None:
     assert "needs more memory than there is (malloc of size 64 failed)" in str(error)
 
 
+@pytest.mark.parametrize("command", ["fit", "check", "diagnose"])
+def test_a_target_at_1e308_is_refused(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    machine = Path(__file__).parent.parent / "examples" / "machines" / "rotary_table"
+    file = tmp_path / "far.toml"
+    file.write_text((machine / "machine.toml").read_text().replace("[150, 0, 30]", "[1e308, 0, 30]"))
+    err = error_of(capsys, command, str(file), str(machine / "data.csv"))
+    assert "target ball_1, point: numbers of 1e+100 and more" in err
+
+
 def test_rods_beyond_reach_have_no_pose() -> None:
     rods = [
         [1e100, 700, 700],

@@ -13,6 +13,7 @@ from rodgen.machines.effects.custom import WORDS
 from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.symbols import symbols
 from rodgen.machines.effects.tpoint import own_term
+from rodgen.machines.files.toml import LARGEST
 from rodgen.machines.measured import READING_COLUMNS
 from rodgen.machines.parts import Effect
 from rodgen.machines.structure import SKY, TENSION
@@ -39,10 +40,6 @@ _SAME_FREEDOM = {"axis": "axis", "point": "point", "target": "target"}
 
 _ON_A_LEG = {"thermal_expansion": "leg_thermal_expansion", "thermal_offset": "leg_thermal_expansion"}
 """Names at a leg of effects of joints, where it is not the same name after ``leg_``."""
-
-
-LARGEST = 1e100
-"""Larger numbers leave the range of a double when they are squared and summed."""
 
 
 class UnfitEffectError(RodgenError):

@@ -17,6 +17,7 @@ from rodgen.files import decoded, read_input
 from rodgen.limits import hint, limit
 
 __all__ = [
+    "LARGEST",
     "NUMBER",
     "PAIR",
     "POSITIVE",
@@ -34,6 +35,8 @@ __all__ = [
 _T = TypeVar("_T")
 _D = TypeVar("_D")
 _REQUIRED: Any = object()
+LARGEST = 1e100
+"""Larger numbers leave the range of a double when they are squared and summed."""
 _TOML = "TOML, such as axis = [0, 0, 1]"
 _NAME = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 
@@ -135,7 +138,10 @@ def _read_number(value: Any) -> float:
 def _read_vector(value: Any) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != 3:
         raise UnfitError
-    return tuple(map(_read_number, value))
+    numbers = tuple(map(_read_number, value))
+    if not max(map(abs, numbers)) < LARGEST:
+        raise UnfitError(f"numbers of {LARGEST:g} and more", "three numbers whose squares can be added up")
+    return numbers
 
 
 def _read_pair(value: Any) -> tuple[float, float]:
