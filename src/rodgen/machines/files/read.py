@@ -28,6 +28,7 @@ from rodgen.machines.effects.rules import (
 )
 from rodgen.machines.effects.stated import stated_plausibility
 from rodgen.machines.files.toml import (
+    LARGEST,
     NUMBER,
     PAIR,
     POSITIVE,
@@ -300,7 +301,15 @@ _TITLE = TEXT.then(_title)
 _RULE = "a name of letters, digits, '_', '-' and '+', at most 60"
 _PLACE_NAME = TEXT.then(_name, _RULE)
 _JOINT_NAME = TEXT.then(_column_name, _RULE)
-_POINT: Kind[Vector] = VECTOR.then(lambda v: v)
+
+
+def _point(numbers: Vector) -> Vector:
+    if not max(map(abs, numbers)) < LARGEST:
+        raise UnfitError(f"numbers of {LARGEST:g} and more", "three numbers whose squares can be added up")
+    return numbers
+
+
+_POINT: Kind[Vector] = VECTOR.then(_point)
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 _DIRECTION: Kind[Vector] = VECTOR.then(_direction)
 _PARAMETER_UNIT = Kind('a unit in quotes, such as "arcsec"', TEXT.read)

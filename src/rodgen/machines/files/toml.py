@@ -138,10 +138,7 @@ def _read_number(value: Any) -> float:
 def _read_vector(value: Any) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != 3:
         raise UnfitError
-    numbers = tuple(map(_read_number, value))
-    if not max(map(abs, numbers)) < LARGEST:
-        raise UnfitError(f"numbers of {LARGEST:g} and more", "three numbers whose squares can be added up")
-    return numbers
+    return tuple(map(_read_number, value))
 
 
 def _read_pair(value: Any) -> tuple[float, float]:
