@@ -303,7 +303,7 @@ _PLACE_NAME = TEXT.then(_name, _RULE)
 _JOINT_NAME = TEXT.then(_column_name, _RULE)
 
 
-def _point(numbers: Vector) -> Vector:
+def _point(numbers: tuple[float, ...]) -> tuple[float, ...]:
     if not max(map(abs, numbers)) < LARGEST:
         raise UnfitError(f"numbers of {LARGEST:g} and more", "three numbers whose squares can be added up")
     return numbers
