@@ -1014,7 +1014,7 @@ def test_folder_is_complete_or_not_there(tmp_path, monkeypatch):
     (tmp_path / "half" / "rotary_table.h").mkdir(parents=True)
     (tmp_path / "half" / "rotary_table.c").write_text("mine")
     with pytest.raises(InputFileError, match=r"rotary_table\.h"):
-        emit(table(), "c", tmp_path / "half")
+        emit(table(), "c", tmp_path / "half", force=True)
     assert (tmp_path / "half" / "rotary_table.c").read_text() == "mine"
     assert sorted(p.name for p in (tmp_path / "half").iterdir()) == ["rotary_table.c", "rotary_table.h"]
 
