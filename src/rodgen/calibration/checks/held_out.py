@@ -86,6 +86,10 @@ class HeldOut:
         """One or two sentences."""
         return " ".join(self._sentences())
 
+    def rises_from(self, before: HeldOut) -> bool:
+        """Return whether it is no smaller than before; False where one of them is not known."""
+        return self.rms is not None and before.rms is not None and not self.rms < before.rms
+
     def _sentences(self) -> Iterator[str]:
         if self.rms is None:
             yield "No pose can be predicted from the others, so that there is no held-out error."

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect
 
-__all__ = ["distinct_positions", "log_p_by_position", "position_of", "positions"]
+__all__ = ["distinct_positions", "few_positions", "log_p_by_position", "position_of", "positions"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -80,6 +80,27 @@ def position_of(effect: Effect, observations: Observations) -> str | None:
     if len(moving) != 1 or definition.own or definition.per_run or names & OF_NO_POSE:
         return None
     return observations.machine.joints[int(moving[0])].name
+
+
+def few_positions(effect: Effect, observations: Observations) -> tuple[str, int] | None:
+    """Return the joint of whose coordinate alone an effect is a function, and its distinct positions if these are few.
+
+    Parameters
+    ----------
+    effect : Effect
+    observations : Observations
+
+    Returns
+    -------
+    (str, int) or None
+        None where there is no such joint, or its positions are as good as poses.
+    """
+    joint = position_of(effect, observations)
+    if joint is None:
+        return None
+    q = observations.q[:, [j.name for j in observations.machine.joints].index(joint)]
+    number = distinct_positions(q, len(np.unique(observations.pose)))
+    return None if number is None else (joint, int(number.max()) + 1)
 
 
 def log_p_by_position(

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from rodgen.calibration.checks.effect_test import EffectTest, worth_of
 from rodgen.calibration.checks.held_out import HeldOut
+from rodgen.calibration.checks.positions import few_positions
 from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP, Candidate
 from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
@@ -41,6 +42,7 @@ __all__ = [
     "WRONG_SIGN",
     "earned_forms",
     "insignificant",
+    "may_be_there",
     "unearned_effect",
     "weakest_last",
     "why_empty",
@@ -49,6 +51,12 @@ __all__ = [
 ]
 
 WRONG_SIGN = "no machine has it of this sign"
+MORE = "it may be there all the same, and more positions would tell"
+
+
+def may_be_there(why: str) -> bool:
+    """Return whether a reason against an effect only says that a joint was in too few positions."""
+    return why.endswith(MORE)
 
 
 @stage("further fits")
@@ -71,7 +79,8 @@ def unearned_effect(
 ) -> tuple[Candidate, str] | None:
     """Return the last effect that full fits do not confirm, and why not; None where they confirm all.
 
-    Where there are forms, an effect is judged with them: it may be large with one, and hardly show without.
+    Where there are forms, an effect is judged with them: it may be large with one, and hardly show without. So is
+    one that raises the error on poses left out where it stands, with the effects after it.
 
     Parameters
     ----------
@@ -86,10 +95,12 @@ def unearned_effect(
     last, estimates = found.last, EffectEstimates(found.last)
     for k, candidate in reversed(list(enumerate(found.explanation.kept))):
         effect, fit, pair = candidate.effect, found.fits[k + 1], (held_out[k], held_out[k + 1])
-        if found.explanation.forms:
+        # a pair may lower the error that the first of the two alone raises
+        together = candidate is not found.explanation.kept[-1] and pair[1].rises_from(pair[0])
+        if found.explanation.forms or together:
             fit, pair = last, (without_effect(subject, last, candidate).held_out(), held_out[-1])
         number = found.explanation.tests_of(candidate)
-        why = why_not_earned(fit, pair, estimates.of(effect), tests[k], number)
+        why = why_not_earned(fit, effect, pair, estimates.of(effect), tests[k], number)
         if not why and not estimates.are_possible(effect, selection.prior_of(candidate)):
             of_any_sign = estimates.are_possible(effect, candidate.prior.of_any_sign)
             why = WRONG_SIGN if of_any_sign else "no machine has so much of it"
@@ -162,8 +173,7 @@ def weakest_last(held_out: Sequence[HeldOut]) -> list[int]:
     As long as a larger effect is missing, its error hides a smaller one; what counts is whether an effect lowers the
     error when the others are there.
     """
-    pairs = pairwise(h.rms for h in held_out)
-    rises = [before is not None and after is not None and not after < before for before, after in pairs]
+    rises = [after.rises_from(before) for before, after in pairwise(held_out)]
     return sorted(range(len(rises)), key=rises.__getitem__)
 
 
@@ -201,6 +211,7 @@ def why_empty(o: Observations, effect: Effect, parameters: Sequence[Parameter], 
 
 def why_not_earned(
     after: Fit,
+    effect: Effect,
     held_out: tuple[HeldOut, HeldOut],
     parameters: Mapping[str, Estimate],
     worth: EffectTest | None,
@@ -212,6 +223,7 @@ def why_not_earned(
     ----------
     after : Fit
         Of the model with the effect.
+    effect : Effect
     held_out : tuple of HeldOut
         Errors on poses left out, of the models without and with the effect.
     parameters : mapping of str to Estimate
@@ -223,10 +235,10 @@ def why_not_earned(
     """
     if not after.solution.converged:
         return "the fit with it does not converge"
-    before_rms, after_rms = (h.rms for h in held_out)
-    if before_rms is not None and after_rms is not None and not after_rms < before_rms:
+    before, with_it = held_out
+    if with_it.rises_from(before):
         return (
-            f"the error on poses left out does not fall with it ({before_rms:.4g} before, {after_rms:.4g} "
+            f"the error on poses left out does not fall with it ({before.rms:.4g} before, {with_it.rms:.4g} "
             f"{after.unit} after)"
         )
     if worth is None or (
@@ -235,5 +247,7 @@ def why_not_earned(
     ):
         return "the data do not determine its size"
     if not worth.significant or worth.p_value * tests >= VERDICT.rare:
-        return f"chance explains as much ({chance(worth.p_value)})"
+        few = few_positions(effect, after.observations)
+        with_few = f" with {few[1]} positions of {few[0]}: {MORE}" if few else ""
+        return f"chance explains as much ({chance(worth.p_value)}){with_few}"
     return ""

@@ -156,6 +156,10 @@ def assemble_diagnosis(
             moved_one_way(evidence.sensitivities, correlation),
         ]
         rest = "" if forms else uneven(final, too_many) or disagreement(final, correlation)
+    open_ = [c.effect.title for c in evidence.undecided]
+    if open_ and not (rest or steps or forms):
+        are = "are" if open_[1:] else "is"
+        rest = f"More positions of a joint would tell whether {joined(open_)} {are} there."
     verdict, reason = "nothing_missing", None
     if forms or steps:
         verdict = "unknown_effect" if forms else "effects_missing"

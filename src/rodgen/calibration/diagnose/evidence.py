@@ -60,6 +60,8 @@ class Evidence:
         Of all candidates.
     selection : Selection
         Among those that full fits did not refuse.
+    undecided : tuple of Candidate
+        Those refused of which more positions of a joint would tell.
     """
 
     base: Fit
@@ -67,12 +69,13 @@ class Evidence:
     correlation: Correlation
     space: CandidateSpace
     selection: Selection
+    undecided: tuple[Candidate, ...] = ()
 
     @property
     def contest(self) -> Contest:
         """Of forms with effects of the catalogue."""
         whiten = unchanged if self.correlation.independent else self.correlation.whiten
-        return Contest(self.sensitivities, whiten, self.selection)
+        return Contest(self.sensitivities, whiten, self.selection, self.undecided)
 
 
 def gather_evidence(base: Fit, screening: Screening) -> tuple[Evidence, list[Candidate]]:

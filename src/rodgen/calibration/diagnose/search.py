@@ -19,6 +19,7 @@ from rodgen.calibration.diagnose.acceptance import (
     WRONG_SIGN,
     earned_forms,
     insignificant,
+    may_be_there,
     unearned_effect,
     weakest_last,
     worths,
@@ -248,6 +249,8 @@ class _Search:
             balanced = selection.balanced_with(candidate, kept) if why == WRONG_SIGN else None
             if not balanced:
                 refused.add(candidate.key)
+                if may_be_there(why):
+                    evidence = replace(evidence, undecided=(*evidence.undecided, candidate))
                 self.notes.append(f"{capitalized(candidate.effect.title)} is not reported: {why}.")
             evidence = replace(evidence, selection=balanced or selection.without(candidate))
             if balanced or len(refused) < EVIDENCE.most_refused:

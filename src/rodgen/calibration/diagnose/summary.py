@@ -102,17 +102,18 @@ def in_uncertainties(diagnosis: Diagnosis) -> tuple[float, float, str] | None:
 
 
 def only_together(diagnosis: Diagnosis) -> str:
-    """Return a sentence on effects that lower no error as long as the forms are missing; empty where there are none."""
+    """Return a sentence on effects that lower no error without others or forms; empty where there are none."""
     held_out = [diagnosis.rms.before_held_out, *(step.rms_held_out for step in diagnosis.steps)]
     alone = [
         step.effect.title
         for step, (before, after) in zip(diagnosis.steps, pairwise(held_out), strict=True)
         if before is not None and after is not None and after >= before
     ]
-    if not alone or not diagnosis.unexplained:
+    if not alone:
         return ""
-    forms = joined([form.effect.title for form in diagnosis.unexplained])
-    return f"{joined(alone)} lower{'s' * (len(alone) == 1)} the error only together with {forms}."
+    others = [form.effect.title for form in diagnosis.unexplained]
+    others = others or [s.effect.title for s in diagnosis.steps if s.effect.title not in alone]
+    return f"{joined(alone)} lower{'s' * (len(alone) == 1)} the error only together with {joined(others)}."
 
 
 def drivers(diagnosis: Diagnosis) -> str:

@@ -82,11 +82,14 @@ class Contest:
         From columns (n, m, k) to columns whose errors are independent and alike.
     selection : Selection
         In the space of the model and all candidates.
+    undecided : tuple of Candidate
+        Effects that were refused because the data have too few positions of a joint: what these do is no form.
     """
 
     sensitivities: Sensitivities
     whiten: Whiten
     selection: Selection
+    undecided: tuple[Candidate, ...] = ()
 
     def by_columns(self, chosen: Sequence[Candidate], left: Array) -> Explanation:
         """Return the explanation of the residuals that costs less by its columns: effects first, or forms first.
@@ -208,8 +211,25 @@ class Contest:
         real = self._real(
             find_forms(sensitivities, self.whiten, model, further, most=UNCATALOGUED.most_forms), chosen
         )
-        found = self._without_small(chosen, [form for form in real if not form.in_catalogue])
+        found = self._without_small(chosen, [form for form in real if self._is_outside(form)])
         return replace(found, complete=len(found.small) == len(real))
+
+    def _is_outside(self, form: Form) -> bool:
+        """Return whether the catalogue lacks a form, and no effect of it that may be there does the same."""
+        if form.in_catalogue:
+            return False
+        columns = self._seen((), form.columns)
+        return not any(
+            self._seen((candidate,), form.columns) < SELECTION.in_part * columns
+            for candidate in self.undecided
+        )
+
+    def _seen(self, kept: Sequence[Candidate], columns: Array) -> float:
+        """Return the size of what columns do and the model with some effects does not."""
+        parts = [self.sensitivities.model, *(c.columns for c in kept), columns]
+        white = self.whiten(np.concatenate(parts, axis=2)).reshape(columns.shape[0] * columns.shape[1], -1)
+        own = columns.shape[2]
+        return float(np.linalg.norm(ColumnSpace.of(white[:, :-own]).project_out(white[:, -own:])))
 
     def _real(self, found: Sequence[Form], kept: Sequence[Candidate]) -> list[Form]:
         """Return the forms that exceed the errors that readings of a pose share."""
@@ -231,7 +251,7 @@ class Contest:
         found = find_forms(
             self.sensitivities, self.whiten, self.sensitivities.model, most=UNCATALOGUED.most_forms
         )
-        forms = [form for form in self._real(found, ()) if not form.in_catalogue]
+        forms = [form for form in self._real(found, ()) if self._is_outside(form)]
         if not forms:
             return None
         selection = self._selection_given(forms)
