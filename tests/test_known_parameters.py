@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from simulated_fits import fit_to, joint, machine_file, measure
 
 from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.solve.least_squares import minimise
 from rodgen.cli import main as cli
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
@@ -141,6 +142,18 @@ def test_a_prior_ends_a_choice_of_coordinates() -> None:
     assert not known.determinacy.undetermined.any()
     assert (estimate.value, estimate.std) == (pytest.approx(30.0, abs=1e-3), pytest.approx(1.0, rel=1e-3))
     assert known.chi_square == pytest.approx(free.chi_square, rel=1e-6)
+
+
+def test_a_fit_keeps_combinations_of_parameters_and_is_the_least_squares_otherwise() -> None:
+    free = of_table()
+    start, kept = free.solution.theta + 0.3, np.zeros((1, len(free.free)))
+    kept[0, :3] = [1.0, -0.5, 0.2]
+    found = minimise(free.problem, start, free.solution.frame, free.free, kept=kept)
+    expected = reference(free, lambda theta: 1e6 * kept @ (theta - start))
+    assert found.converged
+    assert kept @ found.theta == pytest.approx(kept @ start, abs=1e-9)
+    np.testing.assert_allclose(found.theta, expected, rtol=0, atol=1e-5)
+    assert np.abs(found.theta - free.solution.theta).max() > 0.1  # elsewhere without it
 
 
 def test_bounds_hold_and_the_rest_is_the_least_squares_within_them() -> None:

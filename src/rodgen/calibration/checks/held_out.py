@@ -2,7 +2,8 @@
 
 The poses are dealt into folds, each spread over the whole run. The model is fitted anew without the poses of one fold,
 and predicts these; so every pose is predicted once by a fit that did not know it. Which weights at later joints were
-taken in, and which rows are outliers, is as in the full fit.
+taken in, which rows are outliers, and where the machine stands along directions of which its file says more than the
+readings, is as in the full fit: elsewhere the noise of a few poses would lead the new fits far, and slowly.
 
 In coordinates in which all information is the identity, a fold has a share S of it and pulls at the full fit by
 g = Bᵀr, B the derivative of its residuals r. Without it the fit is, to first order, (1 - S)⁻¹ g away: the new fit
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, minimise_without, moved
+from rodgen.calibration.solve.least_squares import NEAR, NearFile, Solution, minimise, minimise_without, moved
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
 from rodgen.stages import each, stage
@@ -212,6 +213,10 @@ class _Without:
 
     def __init__(self, fit: FittedModel, fold: Ints, folds: int) -> None:
         self.fit, self.fold = fit, fold
+        _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
+        near = NearFile(fit.problem, np.asarray(fit.free, int))
+        self.flat = near.idle(square, fit.solution.cost / fit.problem.freedom(len(fit.free)))
+        self.largest = near.largest(square)
         self.whitened = whitened = Whitened(fit)
         r = whitened.root.shape[1]
         residuals = fit.problem.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
@@ -234,8 +239,8 @@ class _Without:
         solution, free, near = self.fit.solution, self.fit.free, self._near(problem, k)
         # the equations are kept, and the fit begins with them
         if problem.normal_equations(*near)[0] <= self.left[k]:
-            return minimise(problem, *near, free, damping=NEAR)
-        return minimise(problem, solution.theta, solution.frame, free)
+            return minimise(problem, *near, free, damping=NEAR, kept=self.flat)
+        return minimise(problem, solution.theta, solution.frame, free, kept=self.flat)
 
     def together(self, problem: Problem, folds: Sequence[int]) -> Iterator[tuple[bool, Array]]:
         """Yield for each fold whether the fit without it ended soon, and all residuals of it; several at a time.
@@ -251,9 +256,8 @@ class _Without:
             numbers = folds[start : start + some]
             problem.leave_out(fit.outliers)
             without = np.stack([self.fold == k for k in numbers])
-            solutions = minimise_without(
-                problem, [self._near(problem, k) for k in numbers], without, fit.free, damping=NEAR
-            )
+            starts = [self._near(problem, k) for k in numbers]
+            solutions = minimise_without(problem, starts, without, fit.free, damping=NEAR, kept=self.flat)
             residuals = problem.residuals_at([(s.theta, s.frame) for s in solutions])
             for k, solution, residual in zip(numbers, solutions, residuals, strict=True):
                 ends = bool(solution.converged and solution.cost <= self.left[k])
@@ -263,7 +267,11 @@ class _Without:
         """Return where the fit without a fold is to first order."""
         away = undo_leverage(self.shares[k], self.pulls[k], 1.0)
         solution = self.fit.solution
-        return moved(problem, solution.theta, solution.frame, self.whitened.root @ away)
+        step = self.whitened.root @ away
+        if len(self.flat):
+            free = np.asarray(self.fit.free)
+            step[free] -= (self.flat * self.largest**2).T @ (self.flat @ step[free])
+        return moved(problem, solution.theta, solution.frame, step)
 
     def _alone(self, fold: Ints) -> tuple[Mask, tuple[str, ...]]:
         known: dict[int, Array] = {}

@@ -102,6 +102,7 @@ def minimise(
     progress: Callable[[int], object] | None = None,
     max_iterations: int = MAX_ITERATIONS,
     damping: float = DAMPING,
+    kept: Array | None = None,
 ) -> Solution:
     """Adjust some parameters until the cost falls no more.
 
@@ -118,6 +119,8 @@ def minimise(
         Jacobians at most.
     damping : float
         The first; `NEAR` where the start is so near that the whole step will do.
+    kept : ndarray, shape (w, free), optional
+        Combinations of the free parameters that stay as they are; see :meth:`NearFile.idle`.
 
     Returns
     -------
@@ -127,7 +130,7 @@ def minimise(
 
     def search(patience: int) -> Solution:
         keep = problem.keep_equations
-        steps = _steps(problem, theta, frame, free, progress, max_iterations, damping, keep, patience)
+        steps = _steps(problem, theta, frame, free, progress, max_iterations, damping, keep, kept, patience)
         asked = next(steps)
         try:
             while True:
@@ -155,6 +158,7 @@ def minimise_without(
     free: Sequence[int],
     *,
     damping: float = DAMPING,
+    kept: Array | None = None,
 ) -> list[Solution]:
     """Return where the cost without some rows is least, for several choices of these, evaluated together.
 
@@ -166,10 +170,12 @@ def minimise_without(
     starts : sequence of (ndarray, Frame)
     without : ndarray of bool, shape (choices, n)
         The rows that are left out.
-    free, damping
+    free, damping, kept
         As of :func:`minimise`.
     """
-    searches = [_steps(problem, *start, free, None, STRAIGHT, damping, lambda *_: None) for start in starts]
+    searches = [
+        _steps(problem, *start, free, None, STRAIGHT, damping, lambda *_: None, kept) for start in starts
+    ]
     asked = {k: next(search) for k, search in enumerate(searches)}
     found: dict[int, Solution] = {}
     while asked:
@@ -193,6 +199,7 @@ def _steps(
     max_iterations: int,
     damping: float,
     keep: Callable[[Array, Frame, Equations], None],
+    kept: Array | None = None,
     patience: int = PATIENCE,
 ) -> Generator[tuple[Array, Frame], Equations, Solution]:
     """Yield where the normal equations are needed, take these, and return where the cost is least.
@@ -226,11 +233,16 @@ def _steps(
         prior = near.stated(cost / left)
         if len(prior):
             near.add(prior, scaled, downhill, theta, scale)
+        way = unit
+        if kept is not None and len(kept):
+            way = across = _across(kept / scale)
+            scaled, downhill = across @ scaled @ across + unit - across, across @ downhill
         damped = scaled + damping * unit
         scaled_step = np.linalg.solve(damped, downhill)
         if iteration > patience:
             promised = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
             across = near.across_idle(square, downhill, scale, max(cost - float(promised), 0.0) / left)
+            way = across @ way
             scaled, downhill = across @ scaled @ across + unit - across, across @ downhill
             damped = scaled + damping * unit
             scaled_step = np.linalg.solve(damped, downhill)
@@ -250,7 +262,7 @@ def _steps(
             straight = iteration <= STRAIGHT
             if not straight:
                 probe = moved(problem, theta, frame, PROBE * step)
-                bend = problem.bend(theta, frame, probe, step, PROBE)[index] / scale
+                bend = way @ (problem.bend(theta, frame, probe, step, PROBE)[index] / scale)
                 scaled_bend = -np.linalg.solve(damped, bend) / 2
                 with np.errstate(over="ignore"):  # of a bend that is far too large
                     straight = not np.linalg.norm(scaled_bend) <= LARGEST_BEND / 2 * np.linalg.norm(
@@ -361,16 +373,24 @@ class NearFile:
         pull = self.pull(square, solution.cost / self.problem.freedom(len(self.index)))
         return pull is not None and bool(np.any(np.abs(pull.unit @ away) > FARTHEST))
 
-    @np.errstate(over="ignore", invalid="ignore")  # of readings that no machine gives
     def across_idle(self, square: Array, downhill: Array, scale: Array, variance: float) -> Array:
         """Return the projector of scaled steps, (k, k), across directions along which noise alone would lead far."""
-        rows = self.stated(variance)
-        block = square[self.index[:, None], self.index] + rows.T @ rows
-        idle = self.file.idle(block, self.largest(square), downhill * scale, variance) / scale
+        idle = self.idle(square, variance, downhill * scale) / scale
         if not np.isfinite(idle).all():  # numbers that no machine gives
             return np.eye(len(scale))
-        basis, _ = np.linalg.qr(idle.T)
-        return np.asarray(np.eye(len(scale)) - basis @ basis.T)
+        return _across(idle)
+
+    @np.errstate(over="ignore", invalid="ignore")  # of readings that no machine gives
+    def idle(self, square: Array, variance: float, downhill: Array | float = 0.0) -> Array:
+        """Return the directions along which noise alone would lead far, (w, k): rows, in largest deviations.
+
+        Where nothing leads downhill, those of which the readings say less than the file.
+        """
+        rows = self.stated(variance)
+        block = square[self.index[:, None], self.index] + rows.T @ rows
+        return self.file.idle(
+            block, self.largest(square), np.broadcast_to(downhill, len(self.index)), variance
+        )
 
     def pull(self, square: Array, variance: float) -> Pull | None:
         """Return the pull towards the file, None where the readings hold all.
@@ -387,6 +407,12 @@ class NearFile:
         rows = self.stated(variance)
         block = square[self.index[:, None], self.index] + rows.T @ rows
         return self.file.pull(block, self.largest(square), self.file.anchored[self.index], variance)
+
+
+def _across(rows: Array) -> Array:
+    """Return the projector, (k, k), of steps that change nothing of some combinations, (w, k)."""
+    basis, _ = np.linalg.qr(rows.T)
+    return np.asarray(np.eye(len(basis)) - basis @ basis.T)
 
 
 def nearest(problem: Problem, solution: Solution, free: Sequence[int]) -> Solution:
