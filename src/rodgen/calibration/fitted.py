@@ -433,7 +433,11 @@ class FittedModel:
             As of :func:`fit`.
         """
         with reporting(progress):
-            return held_out(self, folds=folds)
+            return self._held_out if folds is None else held_out(self, folds=folds)
+
+    @cached_property
+    def _held_out(self) -> HeldOut:
+        return held_out(self)
 
 
 def _values(parameters: Sequence[Parameter], solution: Solution) -> Array:

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.forms import Form
 from rodgen.calibration.diagnose.subject import Subject, without_wrong_bounds
@@ -13,6 +16,7 @@ from rodgen.calibration.diagnose.uncatalogued import Explanation
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
+    from rodgen.machines.machine import Machine
 
 __all__ = ["FittedExplanation", "with_effects", "with_forms", "without_effect"]
 
@@ -56,16 +60,25 @@ def with_effects(subject: Subject, begun: Sequence[Fit], chosen: Sequence[Candid
         Of the model as it was, and with the first of the effects, as far as they are made already.
     chosen : sequence of Candidate
     """
-    fits = list(begun)
-    for candidate in chosen[len(fits) - 1 :]:
-        machine = fits[-1].machine.with_effect(candidate.effect)
-        searched = {candidate.effect.key(name): value for name, value in candidate.searched.items()}
-        machine = replace(machine, values={**machine.values, **searched})
-        found = subject.fit(machine, fits[0].outliers)
-        if not found.solution.converged:  # it crept along a narrow valley: once more, from where it ended
-            found = subject.fit(found.machine, fits[0].outliers)
-        fits.append(without_wrong_bounds(found) if subject.doubted else found)
+    fits, made = list(begun), subject.made
+    for k, candidate in enumerate(chosen[len(fits) - 1 :], len(fits)):
+        key = fits[0].outliers.tobytes(), tuple(chosen[:k])
+        if key not in made:
+            made[key] = _with_effect(subject, fits[-1].machine, candidate, fits[0].outliers)
+        fits.append(made[key])
     return fits
+
+
+def _with_effect(
+    subject: Subject, machine: Machine, candidate: Candidate, outliers: NDArray[np.bool_]
+) -> Fit:
+    machine = machine.with_effect(candidate.effect)
+    searched = {candidate.effect.key(name): value for name, value in candidate.searched.items()}
+    machine = replace(machine, values={**machine.values, **searched})
+    found = subject.fit(machine, outliers)
+    if not found.solution.converged:  # it crept along a narrow valley: once more, from where it ended
+        found = subject.fit(found.machine, outliers)
+    return without_wrong_bounds(found) if subject.doubted else found
 
 
 def with_forms(subject: Subject, final: Fit, forms: Sequence[Form]) -> list[Fit]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -17,6 +17,7 @@ from rodgen.machines.machine import Machine
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
+    from rodgen.calibration.diagnose.candidates import Candidate
     from rodgen.calibration.fit import Fit
 
 __all__ = ["Subject", "without_wrong_bounds"]
@@ -37,12 +38,15 @@ class Subject:
         As of :func:`diagnose`.
     doubted : bool
         Whether bounds of the machine file that the readings contradict are left out.
+    made : dict of (bytes, tuple) to Fit
+        Fits with effects one after the other, by the outliers and these: rounds begin with the same.
     """
 
     fitted: Fit
     others: Observations | None
     prefer: Collection[tuple[str, str | None]]
     doubted: bool
+    made: dict[tuple[bytes, tuple[Candidate, ...]], Fit] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
