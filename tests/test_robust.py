@@ -12,6 +12,7 @@ from scipy.stats import chi, t
 from simulated_fits import TRUTH, fit_to, joint, machine_file, measure, on_table
 
 from rodgen.calibration.fit import Fit, FitError, fit
+from rodgen.calibration.solve.least_squares import minimise, minimise_each
 from rodgen.calibration.solve.robust import _OutlierSearch
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
@@ -242,3 +243,17 @@ def test_intervals_of_95_percent_hold_the_truth_in_93_to_97_of_100_sets(
             hits.append(abs(e.value - TRUTH.get(e.key, 0.0) / _factor(found, e.key)) < reach * e.std)
     # three standard deviations: of 25 sets of 12 parameters 3.7 %, of 100 sets 1.9 %
     assert np.mean(hits) == pytest.approx(0.95, abs=0.037 if sets == 25 else 0.02)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_fits_that_begin_others_are_the_same_alone_and_together(compiled: bool) -> None:
+    random = np.random.default_rng(3)
+    data = measure(on_table(), columns_of(60, random), TRUTH, noise=NOISE, random=random)
+    found = fit_to(on_table(), data, compiled=compiled)
+    sets = [np.sort(random.choice(60, 12, replace=False)) for _ in range(5)]
+    parts = [found.problem.take(rows) for rows in sets]
+    begun = found.solution.theta, found.solution.frame, found.free
+    alone = [minimise(part, *begun, max_iterations=15, final=False) for part in parts]
+    for one, other in zip(alone, minimise_each(parts, *begun, max_iterations=15), strict=True):
+        assert one.cost < 0.99 * found.chi_square  # it went somewhere
+        np.testing.assert_allclose(other.theta, one.theta, rtol=1e-6, atol=1e-9)

@@ -214,6 +214,13 @@ def test_several_values_of_shared_inputs_give_what_calls_with_each_give(on, leve
         for found, alone in zip(together, kernels["both"](rows, *own), strict=True):
             np.testing.assert_allclose(found[k], alone, rtol=1e-13, atol=1e-13 * np.abs(alone).max())
     np.testing.assert_array_equal(kernels["values"].several(rows[:3], *stacked).shape[:2], (len(sets), 3))
+    counts, ends = [3, 0, 40, 657], [0, 3, 3, 43, 700]
+    in_sets = kernels["both"].in_sets(rows, counts, *stacked)
+    for own, start, stop in zip(sets, ends, ends[1:], strict=False):
+        for found, alone in zip(in_sets, kernels["both"](rows[start:stop], *own), strict=True):
+            np.testing.assert_allclose(
+                found[start:stop], alone, rtol=1e-13, atol=1e-13 * np.abs(alone).max(initial=1.0)
+            )
 
 
 @pytest.mark.parametrize("level", TARGETS)
@@ -475,8 +482,8 @@ def test_results_are_written_where_they_are_asked_for(straight):
         (
             ([[1, 2]], [1, 2]),
             np.empty(1, int),
-            ValueError,
-            "out for y is not a C-contiguous, writable array of float64",
+            TypeError,
+            "out for y has type int64, which does not hold float64",
         ),
         (([[1, 2]], [1, 2]), (np.empty(1),) * 2, ValueError, "out has 2 arrays; expected 1"),
     ],

@@ -156,17 +156,43 @@ class RowKernel:
         """
         rows = np.ascontiguousarray(rows, np.float64)
         sets, count = len(shared[0]), len(rows)
-        results = [np.empty((sets, count, *shape)) for shape in self.outputs.values()]
-        if self._evaluate_each is None or not sets * count:
-            for k in range(sets):
-                out = tuple(result[k] for result in results)
-                self(rows, *(values[k] for values in shared), out=out[0] if len(out) == 1 else out)
+        of_sets = np.broadcast_to(rows, (sets, *rows.shape)).reshape(sets * count, *rows.shape[1:])
+        found = self.in_sets(of_sets, [count] * sets, *shared)
+        results = [result.reshape(sets, count, *result.shape[1:]) for result in found]
+        return results[0] if len(results) == 1 else tuple(results)
+
+    def in_sets(self, rows: Any, counts: Sequence[int], *shared: Any) -> list[Array]:
+        """Evaluate sets of rows, each with its own values of the other inputs; on NumPy all at once.
+
+        Parameters
+        ----------
+        rows : array_like (sum of counts, ...)
+            One set after the other.
+        counts : sequence of int
+            Rows of each set.
+        *shared : array_like (sets, ...)
+
+        Returns
+        -------
+        list of array (sum of counts, ...)
+            Of each output.
+        """
+        rows = np.ascontiguousarray(rows, np.float64)
+        results = [np.empty((len(rows), *shape)) for shape in self.outputs.values()]
+        if self._evaluate_each is None or not len(rows):
+            ends = np.cumsum(counts)
+            for k, (start, stop) in enumerate(zip(ends - counts, ends, strict=True)):
+                out = tuple(result[start:stop] for result in results)
+                self(
+                    rows[start:stop],
+                    *(values[k] for values in shared),
+                    out=out[0] if len(out) == 1 else out,
+                )
         else:
             self._checked((rows, *(values[0] for values in shared)))
-            of_rows = np.broadcast_to(rows, (sets, *rows.shape)).reshape(sets * count, -1)
-            others = [np.repeat(np.asarray(values, np.float64), count, axis=0) for values in shared]
-            self._evaluate_each(sets * count, [of_rows, *others], results)
-        return results[0] if len(results) == 1 else tuple(results)
+            others = [np.repeat(np.asarray(values, np.float64), counts, axis=0) for values in shared]
+            self._evaluate_each(len(rows), [rows.reshape(len(rows), -1), *others], results)
+        return results
 
     @property
     def has_jacobian(self) -> bool:
@@ -221,7 +247,9 @@ class RowKernel:
     def _checked_out(self, out: Any, count: int, arrays: Sequence[Array]) -> list[Array]:
         """Return the arrays of `out` after a check that the kernel can fill them."""
         given = _checked_out(
-            self.name, out, [(port, (count, *shape), np.float64) for port, shape in self.outputs.items()]
+            self.name,
+            out,
+            [(port, (count, *shape), np.dtype(np.float64)) for port, shape in self.outputs.items()],
         )
         for array, port in zip(given, self.outputs, strict=True):
             if array.dtype != np.float64 or not array.flags.carray:

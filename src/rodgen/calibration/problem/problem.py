@@ -8,8 +8,9 @@ memory does not grow with rows times parameters.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
@@ -392,12 +393,41 @@ class Problem:
         grams: dict[int, Array] = {}  # of each group, in order
         for number, gram in self._each(of_block, BLOCK):
             grams[number] = grams[number] + gram if number in grams else gram
+        return self._in_parameters(grams.values(), theta)
+
+    def _in_parameters(self, grams: Iterable[Array], theta: Array) -> tuple[float, Array, Array]:
+        """Return cost, JᵀJ and Jᵀr from the products of each group, with respect to what the kernels have."""
+        p = len(self.model.parameters)
         cost, A, b = 0.0, np.zeros((p, p)), np.zeros(p)
-        for gram, slots in zip(grams.values(), self.model.slots(theta, self._pairs), strict=True):
+        for gram, slots in zip(grams, self.model.slots(theta, self._pairs), strict=True):
             cost += float(gram[-1, -1])
             A += slots.T @ gram[:-1, :-1] @ slots
             b += slots.T @ gram[:-1, -1]
         return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
+
+    @staticmethod
+    @np.errstate(over="ignore", invalid="ignore")
+    def normal_equations_of(
+        problems: Sequence[Problem], points: Sequence[tuple[Array, Frame]]
+    ) -> list[tuple[float, Array, Array]]:
+        """Return `normal_equations` of several problems of one model, each at its own point, evaluated together."""
+        rows, geometries, effects, counts = [], [], [], []
+        for problem, (theta, frame) in zip(problems, points, strict=True):
+            geometries += list(problem._geometries(theta, frame))
+            effects += [problem.model.parameters_of_effects(theta)] * len(problem.groups)
+            counts += [group.count for group in problem.groups]
+            rows += [problem._block(k, group, 0, group.count) for k, group in enumerate(problem.groups)]
+        kernel = problems[0].model.kernels["residual_and_jacobian"]
+        residual, jacobian = kernel.in_sets(
+            np.concatenate(rows), counts, np.stack(geometries), np.stack(effects)
+        )
+        joined = np.concatenate([jacobian, residual[..., None]], axis=-1)
+        parts = (part.reshape(-1, joined.shape[-1]) for part in np.split(joined, np.cumsum(counts)[:-1]))
+        grams = (part.T @ part for part in parts)
+        return [
+            problem._in_parameters(itertools.islice(grams, len(problem.groups)), theta)
+            for problem, (theta, _) in zip(problems, points, strict=True)
+        ]
 
     @np.errstate(over="ignore", invalid="ignore")
     def normal_equations_without(

@@ -27,7 +27,16 @@ from rodgen.calibration.problem.file_values import CHANCE, Pull, pulled
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
 
-__all__ = ["NEAR", "NearFile", "Solution", "minimise", "minimise_without", "moved", "nearest"]
+__all__ = [
+    "NEAR",
+    "NearFile",
+    "Solution",
+    "minimise",
+    "minimise_each",
+    "minimise_without",
+    "moved",
+    "nearest",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 Equations: TypeAlias = tuple[float, Array, Array]
@@ -103,6 +112,7 @@ def minimise(
     max_iterations: int = MAX_ITERATIONS,
     damping: float = DAMPING,
     kept: Array | None = None,
+    final: bool = True,
 ) -> Solution:
     """Adjust some parameters until the cost falls no more.
 
@@ -121,6 +131,8 @@ def minimise(
         The first; `NEAR` where the start is so near that the whole step will do.
     kept : ndarray, shape (w, free), optional
         Combinations of the free parameters that stay as they are; see :meth:`NearFile.idle`.
+    final : bool
+        False for a fit that only begins another: it may go far for noise, and creep.
 
     Returns
     -------
@@ -130,7 +142,9 @@ def minimise(
 
     def search(patience: int) -> Solution:
         keep = problem.keep_equations
-        steps = _steps(problem, theta, frame, free, progress, max_iterations, damping, keep, kept, patience)
+        steps = _steps(
+            problem, theta, frame, free, progress, max_iterations, damping, keep, kept, patience, bends=final
+        )
         asked = next(steps)
         try:
             while True:
@@ -141,7 +155,8 @@ def minimise(
     begun = problem.starts
     found = search(PATIENCE)
     ended = problem.starts
-    if NearFile(problem, np.asarray(free, int)).ran_away(found) and not _towards_file(problem, found, free):
+    runs_away = final and NearFile(problem, np.asarray(free, int)).ran_away(found)
+    if runs_away and not _towards_file(problem, found, free):
         # no way leads back from where noise may have led it: begin anew, and go nowhere for noise
         problem.start_from(begun)
         held = search(0)
@@ -176,12 +191,44 @@ def minimise_without(
     searches = [
         _steps(problem, *start, free, None, STRAIGHT, damping, lambda *_: None, kept) for start in starts
     ]
+    return _in_step(
+        searches, lambda numbers, points: problem.normal_equations_without(points, without[numbers])
+    )
+
+
+def minimise_each(
+    problems: Sequence[Problem], theta: Array, frame: Frame, free: Sequence[int], max_iterations: int
+) -> list[Solution]:
+    """Return where fits of several problems of few rows end that only begin others, as `minimise` with `final` False.
+
+    All begin at the same values. On NumPy, where a call costs more than its rows, they are evaluated together.
+    """
+    model = problems[0].model
+    if model.compiled or problems[0].is_closed_chain or not free:
+        return [
+            minimise(problem, theta, frame, free, max_iterations=max_iterations, final=False)
+            for problem in problems
+        ]
+    searches = [
+        _steps(problem, theta, frame, free, None, max_iterations, DAMPING, lambda *_: None, bends=False)
+        for problem in problems
+    ]
+    return _in_step(
+        searches,
+        lambda numbers, points: Problem.normal_equations_of([problems[k] for k in numbers], points),
+    )
+
+
+def _in_step(
+    searches: Sequence[Generator[tuple[Array, Frame], Equations, Solution]],
+    equations: Callable[[list[int], list[tuple[Array, Frame]]], Sequence[Equations]],
+) -> list[Solution]:
+    """Return where searches end that go on together; `equations` are those of some of them, by their numbers."""
     asked = {k: next(search) for k, search in enumerate(searches)}
     found: dict[int, Solution] = {}
     while asked:
         numbers = list(asked)
-        equations = problem.normal_equations_without(list(asked.values()), without[numbers])
-        for k, equation in zip(numbers, equations, strict=True):
+        for k, equation in zip(numbers, equations(numbers, list(asked.values())), strict=True):
             try:
                 asked[k] = searches[k].send(equation)
             except StopIteration as end:
@@ -201,11 +248,13 @@ def _steps(
     keep: Callable[[Array, Frame, Equations], None],
     kept: Array | None = None,
     patience: int = PATIENCE,
+    *,
+    bends: bool = True,
 ) -> Generator[tuple[Array, Frame], Equations, Solution]:
     """Yield where the normal equations are needed, take these, and return where the cost is least.
 
     `keep` takes the equations there where they follow from those that were taken before. After `patience`
-    iterations no step goes far for what noise may bring.
+    iterations no step goes far for what noise may bring. `bends`: whether steps are accelerated.
     """
     index = np.asarray(free, int)
     block = index[:, None], index
@@ -259,7 +308,7 @@ def _steps(
                 return Solution(theta, frame, cost, iteration, not refused)
             step = np.zeros(len(theta))
             step[index] = scaled_step / scale
-            straight = iteration <= STRAIGHT
+            straight = iteration <= STRAIGHT or not bends
             if not straight:
                 probe = moved(problem, theta, frame, PROBE * step)
                 bend = way @ (problem.bend(theta, frame, probe, step, PROBE)[index] / scale)

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.solve.least_squares import Solution, minimise
+from rodgen.calibration.solve.least_squares import Solution, minimise, minimise_each
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.f_tests import f_tail
@@ -312,23 +312,26 @@ class _OutlierSearch:
             size = self.sizes(solution)
             weight = huber_weight(size, k * self.rough_scale(size))
             self.problem.set_weight(np.sqrt(np.maximum(weight, NEGLIGIBLE_WEIGHT)))
-            new = minimise(self.problem, solution.theta, solution.frame, self.free, max_iterations=3)
+            new = minimise(
+                self.problem, solution.theta, solution.frame, self.free, max_iterations=3, final=False
+            )
             if np.allclose(self.sizes(new), size, rtol=0.01):
                 return new
             solution = new
         return solution
 
-    def _by_sets(self, solution: Solution, random: np.random.Generator) -> Iterator[Solution]:
+    def _by_sets(self, solution: Solution, random: np.random.Generator) -> list[Solution]:
         needed = math.ceil(self.p / self.m) + SPARE_ROWS
         if needed >= self.n:
-            return
+            return []
         sets = min(
             math.ceil(math.log(ROBUST.miss) / math.log1p(-((1 - ROBUST.bad) ** needed))), ROBUST.most_sets
         )
+        parts = []
         for _ in range(sets):
             rows = np.sort(random.choice(self.n, needed, replace=False))
-            part = Problem(self.problem.model, self.problem.observations.take(rows))
-            yield minimise(part, solution.theta, solution.frame, self.free, max_iterations=15)
+            parts.append(Problem(self.problem.model, self.problem.observations.take(rows)))
+        return minimise_each(parts, solution.theta, solution.frame, self.free, max_iterations=15)
 
     def _better_half(self, solution: Solution) -> float:
         """Return the sum of squares of the better half of the rows."""
@@ -338,5 +341,7 @@ class _OutlierSearch:
         for _ in range(HALVES):
             size = self.sizes(solution)
             self.problem.leave_out(size > np.partition(size, self.half - 1)[self.half - 1])
-            solution = minimise(self.problem, solution.theta, solution.frame, self.free, max_iterations=5)
+            solution = minimise(
+                self.problem, solution.theta, solution.frame, self.free, max_iterations=5, final=False
+            )
         return solution
