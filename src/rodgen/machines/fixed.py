@@ -15,7 +15,7 @@ from rodgen.machines.structure import row_effects
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["fixed_machine"]
+__all__ = ["fixed_machine", "values_to_hold"]
 
 
 def fixed_machine(machine: Machine) -> Machine:
@@ -75,7 +75,10 @@ def fixed_machine(machine: Machine) -> Machine:
         kinematics=replace(machine.kinematics, **numbers),
         targets=tuple(targets),
         estimate=(),
-        effects=(*tilts, *(replace(effect, hold=_hold(machine, effect)) for effect in machine.effects)),
+        effects=(
+            *tilts,
+            *(replace(effect, hold=values_to_hold(machine, effect)) for effect in machine.effects),
+        ),
         values={},
         known={},
     )
@@ -90,7 +93,7 @@ def _vector(vector: np.ndarray) -> Vector:
     return x, y, z
 
 
-def _hold(machine: Machine, effect: Effect) -> dict[str, float]:
+def values_to_hold(machine: Machine, effect: Effect) -> dict[str, float]:
     """Return the values of an effect's parameters to hold; those of each run are left to be found again."""
     if effect.is_per_run(machine.values):
         return dict(effect.hold)

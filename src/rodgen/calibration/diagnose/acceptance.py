@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rodgen.calibration.checks.effect_test import EffectTest, worth_of
+from rodgen.calibration.checks.effect_test import EffectTest, effect_test, worth_of
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.checks.positions import few_positions
 from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP, Candidate
@@ -29,6 +29,7 @@ from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.words import chance
 from rodgen.data.observations import Observations
 from rodgen.machines.effects.definition import StartSearch
+from rodgen.machines.fixed import values_to_hold
 from rodgen.machines.machine import Effect
 from rodgen.machines.parameters import Parameter
 from rodgen.stages import stage
@@ -60,14 +61,50 @@ def may_be_there(why: str) -> bool:
 
 
 @stage("further fits")
-def worths(found: FittedExplanation) -> list[EffectTest | None]:
-    """Return the test of each effect, then of each form, given all others, as `rodgen add` makes it."""
+def worths(subject: Subject, selection: Selection, found: FittedExplanation) -> list[EffectTest | None]:
+    """Return the test of each effect, then of each form, given all others, as `rodgen add` makes it.
+
+    Where the others do as well without an effect, but only at a size that no machine has, they are held where they are.
+
+    Parameters
+    ----------
+    subject : Subject
+    selection : Selection
+    found : FittedExplanation
+    """
     fits = [*found.fits, *found.formed]
     added = [
         *(c.effect for c in found.explanation.kept),
         *(fit.machine.effects[-1] for fit in found.formed),
     ]
-    return [worth_of(found.last, effect, fits[-2] if effect is added[-1] else None) for effect in added]
+    tests = [worth_of(found.last, effect, fits[-2] if effect is added[-1] else None) for effect in added]
+    for k, candidate in enumerate(found.explanation.kept):
+        test = tests[k]
+        if test is not None and not test.significant:
+            without = _without_the_impossible(subject, selection, found, candidate)
+            tests[k] = test if without is None else effect_test(without, found.last)
+    return tests
+
+
+def _without_the_impossible(
+    subject: Subject, selection: Selection, found: FittedExplanation, candidate: Candidate
+) -> Fit | None:
+    """Return the fit without an effect, others held that would have sizes that no machine has; None if none would."""
+    last = found.last
+    without = without_effect(subject, last, candidate)
+    estimates = EffectEstimates(without)
+    impossible = [
+        c.effect
+        for c in found.explanation.kept
+        if c is not candidate and not estimates.are_possible(c.effect, selection.prior_of(c))
+    ]
+    if not impossible:
+        return None
+    effects = tuple(
+        replace(e, hold=values_to_hold(last.machine, e)) if e in impossible else e
+        for e in without.machine.effects
+    )
+    return subject.fit(replace(without.machine, effects=effects), last.outliers)
 
 
 def unearned_effect(
