@@ -219,8 +219,10 @@ def test_from_which_side_a_joint_came_is_known(command, directions, known, tmp_p
 
 
 def test_an_effect_that_a_larger_one_hides_is_judged_when_the_larger_one_is_there():
-    errors = [SimpleNamespace(rms=x) for x in (0.537, 0.539, 0.12, 0.08, 0.09)]
-    assert acceptance.weakest_last(errors) == [1, 2, 0, 3]
+    def errors(*rms: float | None) -> list[HeldOut]:
+        return [HeldOut(x, "mm", 10, 40) for x in rms]
+
+    assert acceptance.weakest_last(errors(0.537, 0.539, 0.12, 0.08, 0.09)) == [1, 2, 0, 3]
     # where poses cannot be left out, or all effects lower the error, the order stays
-    assert acceptance.weakest_last([SimpleNamespace(rms=None)] * 3) == [0, 1]
-    assert acceptance.weakest_last([SimpleNamespace(rms=x) for x in (3.0, 2.0, 1.0)]) == [0, 1]
+    assert acceptance.weakest_last(errors(None, None, None)) == [0, 1]
+    assert acceptance.weakest_last(errors(3.0, 2.0, 1.0)) == [0, 1]

@@ -1178,7 +1178,7 @@ def test_damaged_csv_is_refused_or_read_as_the_csv_module_reads_it(content, scra
         header, *rows = (row for row in csv.reader(text) if "".join(row).strip())
         names = [name.partition("[")[0].strip() for name in header]
         for name in ("X", "C", "x", "y", "z"):
-            cells = [float(row[names.index(name)]) for row in rows]
+            cells = [float(row[names.index(name)].strip()) for row in rows]  # \x1c is white space, too
             np.testing.assert_array_equal(observations.data.columns[name].values, cells)
 
 

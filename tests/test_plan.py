@@ -106,7 +106,7 @@ def test_plan_of_a_diagnosis_lets_the_next_one_say_what_is_there(make, seed, tri
 def test_way_is_gone_back_where_the_set_up_wandered_while_a_joint_went_one_way(trials):
     first = trials["one_side"].fit.diagnose()
     assert first.verdict == "nothing_missing"
-    assert "C went one way only while the set-up wandered" in str(first)
+    assert "C went through its range once while the set-up wandered" in " ".join(str(first).split())
     found = first.plan(12)
     assert [goal.kind for goal in found.goals] == ["order"]
     C = np.array(found.rows["C [rad]"])

@@ -521,7 +521,7 @@ def test_plot_from_the_command_line(tmp_path: Path) -> None:
         ),
         (["--point", "0,0,700mm", "--correlation", "rods,rods=-0.9"], "not positive semidefinite"),
         (["--point", "0,0,700mm", "--R", "0mm"], "--R: R = 0 mm; expected a positive length\n"),
-        (["--point", "0,0,700mm", "--covariance", "nowhere.toml"], "cannot be read"),
+        (["--point", "0,0,700mm", "--covariance", "nowhere.toml"], "nowhere.toml: file: no such file"),
         (["--point", "0,0,0mm", "--budget"], "no regular pose"),
         (["--plot", "x.gif", "--slice", "y=0mm"], ".png"),
         (["--plot", "x.png"], "--slice"),
@@ -540,7 +540,7 @@ def test_bad_input_is_one_line(arguments: list[str], words: str, capsys: pytest.
     [
         ("u.toml", "[u]\nrods = 3\n", "with its unit"),
         ("u.toml", "[v]\n", "unknown here"),
-        ("u.toml", "[u\n", "not TOML"),
+        ("u.toml", "[u\n", "line 1: expected ']' at the end"),
         ("u.toml", '[u]\nrods = "1 um"\n[correlation]\n"A0" = 1\n', "two names"),
         ("u.toml", '[correlation]\n"A0, A1" = 2\n', "[correlation]: the correlation of A0 and A1 is 2"),
         ("u.toml", '[correlation]\n"A0, q_x" = 0.5\n', "the uncertainty of q_x is 0"),

@@ -323,7 +323,7 @@ def compare(fit: Fit) -> Comparison:
     >>> data = {"C [deg]": C, "x [mm]": x + noise[0], "y [mm]": y + noise[1], "z [mm]": z + noise[2]}
     >>> comparison = compare(fit(table, Measurements.from_frame(data)))
     >>> print(comparison.sentences[0])
-    The residuals depend on C: 87 % of their variance, in x and y, along the motion of C (p < 1e-31).
+    The residuals depend on C: 87 % of their variance, in x and y, along the motion of C (p < 1e-16).
     """
     with one_thread_in_blas():
         sample = Sample.of(fit)
