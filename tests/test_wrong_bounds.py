@@ -60,6 +60,14 @@ def test_a_wrong_bound_of_an_effect_is_named_with_the_effect(tmp_path: Path) -> 
     )
 
 
+def test_rows_that_are_known_to_be_wrong_stay_out_where_a_bound_is_left_out(tmp_path: Path) -> None:
+    machine, data = trunnion(tmp_path, "C.point.a = { bounds = [-0.05, 0.05] }", C__point__a=0.3)
+    wrong = np.arange(data.rows) < 3
+    freed = fit(machine, data, outliers=wrong).without_bounds
+    assert freed is not None
+    assert freed.outliers.tolist() == wrong.tolist()
+
+
 def test_a_right_bound_stays_where_an_effect_is_missing(tmp_path: Path) -> None:
     """An eccentric encoder, not in the model, pulls the axis by 29 arcsec."""
     known = 'C.axis.a = { bounds = ["-3 arcsec", "3 arcsec"] }'

@@ -209,7 +209,7 @@ class FittedModel:
     def without_bounds(self) -> Self | None:
         """The same without the bounds of the machine file that hold it; None where none does."""
         held = [self.parameters[i].key for i in set(self.free).difference(self.moving)]
-        return self.refit(self.machine.without_bounds(held)) if held else None
+        return self.refit(self.machine.without_bounds(held), outliers=self.outliers) if held else None
 
     @cached_property
     def gross_readings(self) -> tuple[GrossReading, ...]:
