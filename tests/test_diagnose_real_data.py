@@ -184,7 +184,7 @@ def test_the_positioner_s_first_axis_is_said_to_have_an_eccentric_encoder_or_wha
 @pytest.mark.slow
 @pytest.mark.xfail(
     strict=True,
-    reason="0.3 mm at P2 are named, marked as 61 times the usual size: since effects are held against forms by full fits",
+    reason="0.3 mm at P2 are named, marked as 61 times the usual size; a form of P2 was named before",
 )
 def test_the_positioner_s_bearings_do_not_move_by_tenths_of_a_millimetre():
     assert "radial_error_motion" not in {step.effect.name for step in positioner().steps}
