@@ -131,10 +131,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return TERMINATED if terminated else INTERRUPTED
     except ModuleNotFoundError as error:
         extra = EXTRAS.get((error.name or "").partition(".")[0])
-        if extra is None and debug:
-            raise
         if extra is None:
-            return _internal_error(error, given)
+            return _internal_error(error, given, debug)
         found, expected = f"no module {error.name!r}", f"it: pip install 'rodgen[{extra}]'"
         notify(str(InputFileError("command line", given[0], found, expected)))
         return BAD_INPUT
@@ -150,9 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return NOT_CONVERGED
         return FAILED if isinstance(error, UnprovedError) else BAD_INPUT
     except Exception as error:
-        if debug:
-            raise
-        return _internal_error(error, given)
+        return _internal_error(error, given, debug)
 
 
 class _TerminatedError(KeyboardInterrupt):
@@ -169,8 +165,10 @@ def _complete(completed: Sequence[str]) -> str:
     return f"complete: {files}" if files else ""
 
 
-def _internal_error(error: Exception, given: Sequence[str]) -> int:
-    """Report an error that rodgen does not expect, on one line; return the exit code."""
+def _internal_error(error: Exception, given: Sequence[str], debug: bool) -> int:
+    """Report an error that rodgen does not expect, on one line, and return the exit code; raise it to debug."""
+    if debug:
+        raise error
     command = " ".join(["rodgen", *given[:1]])
     if isinstance(error, MemoryError):
         notify(f"{command}: out of memory; give it fewer rows or columns, or more memory")

@@ -169,7 +169,7 @@ class OutlierPolicy(NamedTuple):
     """Rate of data sets in which the largest good row is called wrong."""
     neighbours: float = 1e-3
     """Probability by chance of as many neighbours among wrong rows, below which they show an effect and are right."""
-    beside: int = 2
+    rows_around: int = 2
     """Rows before and after, in the order of measuring, whose mean a row that looks wrong is compared with. If it is no
     outlier there, it lies on a smooth branch, ..."""
     branch: float = 0.7

@@ -153,7 +153,7 @@ def on_a_branch(outliers: Mask, residual: Array, order: NDArray[np.int_]) -> Mas
     others = residual[order[good]]
     if not outliers.any() or len(others) < OUTLIERS.fewest_rows:
         return np.zeros(n, bool)
-    steps = np.arange(-OUTLIERS.beside, OUTLIERS.beside)
+    steps = np.arange(-OUTLIERS.rows_around, OUTLIERS.rows_around)
     beside = np.cumsum(good)[:, None] - good[:, None] + steps + (good[:, None] & (steps >= 0))  # not itself
     apart = np.empty(n)
     mean = others[np.clip(beside, 0, len(others) - 1)].mean(axis=1)
