@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from rodgen.calibration.long_work import why_long
 from rodgen.cli._console import notify, show
 from rodgen.cli.main import main
 from rodgen.codegen import build_cache
@@ -286,3 +287,27 @@ def test_a_compiler_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.Monk
         build_cache.CompilerError, match=r"does not end in 0\.2 s .*RODGEN_LIMITS=compile=NUMBER"
     ):
         build_cache.check_compiler((str(path),))
+
+
+def arm_with_targets(count: int, *, estimate: tuple[str, ...]) -> Machine:
+    joints = tuple(Joint(f"J{i}", "revolute", axis=(0, i % 2, 1 - i % 2), point=(0, 0, 0)) for i in range(6))
+    targets = tuple(Target(f"m{i}", (1.0, 0.0, i / count)) for i in range(count))
+    return Machine(
+        "arm", "m", "rad", (0.0, 0.0, -1.0), 293.15, joints, targets, Measured("point", "free"),
+        estimate=estimate,
+    )  # fmt: skip
+
+
+def test_what_will_take_minutes_is_said_before_it_begins() -> None:
+    rows = Measurements.from_frame({"J0 [rad]": np.zeros(5000)})
+    said = why_long(arm_with_targets(500, estimate=("target",)), rows)
+    assert "500 targets of unknown position make some 1524 parameters for 5000 rows" in said
+    assert not why_long(arm_with_targets(500, estimate=("target.m1", "J1.point")), rows)
+    assert not why_long(arm_with_targets(60, estimate=("target",)), rows)
+
+
+def test_many_columns_are_said_to_take_long_by_a_diagnosis_only() -> None:
+    wide = Measurements.from_frame({f"c{i}": np.zeros(2) for i in range(2500)})
+    machine = arm_with_targets(3, estimate=("target",))
+    assert "each of 2500 columns" in why_long(machine, wide, diagnosis=True)
+    assert not why_long(machine, wide)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.measurements import Measurements
     from rodgen.data.observations import Observations
+    from rodgen.machines.machine import Machine
 
 __all__ = [
     "FILES",
@@ -102,11 +103,21 @@ def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:
 
     with stage("reading"):
         machine = Machine.load(options.machine)
-    found = fit(machine, load_data(options.data), loss=options.loss)
+    data = load_data(options.data)
+    _remark_on_time(machine, data)
+    found = fit(machine, data, loss=options.loss)
     if not shown:
         remark_on_copies(found.observations)
         remark_on_readings(found)
     return found
+
+
+def _remark_on_time(machine: Machine, data: Measurements, *, diagnosis: bool = False) -> None:
+    """Say on standard error what will take minutes, before it begins."""
+    from rodgen.calibration.long_work import why_long
+
+    if why := why_long(machine, data, diagnosis=diagnosis):
+        notify(why)
 
 
 def remark_on_copies(observations: Observations) -> None:
@@ -153,6 +164,7 @@ def diagnosed(
         except RodgenError as error:
             raise RodgenError(f"command line: --prefer {name}@{place}: {error}") from None
     data = load_data(options.data)
+    _remark_on_time(machine, data, diagnosis=True)
     found = diagnose(machine, data, test=load_data(test) if test else None, prefer=prefer)
     if not shown:
         remark_on_copies(found.base.observations)

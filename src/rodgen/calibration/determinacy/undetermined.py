@@ -165,7 +165,8 @@ class _Describer:
         size = self._elsewhere.size * np.sqrt(len(jacobian))
         size[size == 0.0] = 1.0
         basis, _ = np.linalg.qr((directions / self.scale * size).T)
-        _, values, vt = svd(_changes(jacobian / size, fresh, basis), full_matrices=True)
+        changes = _changes(jacobian / size, fresh, basis)
+        _, values, vt = svd(changes, full_matrices=len(changes) < basis.shape[1])  # all of Vᵀ, little of U
         values = np.concatenate([values, np.zeros(len(vt) - len(values))])
         return np.asarray((vt[values < INVARIANT] @ basis.T) / size * self.scale)
 

@@ -178,15 +178,19 @@ class Deviations:
             return left, named
         candidates = [driver for driver in candidates if len(driver.categories) != 1]
         while True:
-            tried = [(*left._explained(d), d.text) for d in candidates if d.text not in named]
-            best = min(tried, key=lambda t: t[0], default=None)
-            if best is None or best[0] * len(tried) > SURE:
+            tried = [driver for driver in candidates if driver.text not in named]
+            found = [(*left._explained(driver, SURE / len(tried)), driver.text) for driver in tried]
+            best = min(found, key=lambda t: t[0], default=None)
+            if best is None or best[0] > SURE / len(tried):
                 return left, named
             left = best[1]
             named.append(best[2])
 
-    def _explained(self, driver: Driver) -> tuple[float, Deviations]:
-        """Return the probability that chance explains as much as a driver does, and what it leaves."""
+    def _explained(self, driver: Driver, enough: float) -> tuple[float, Deviations]:
+        """Return the probability that chance explains as much as a driver does, and what it leaves.
+
+        The probability is that for independent values where this is more than `enough` already.
+        """
         by_row = _curve(driver, self.row) * self.lever[:, None]
         mean_weight = self.weight.mean(axis=1, keepdims=True)
         starts, sizes = stretches(self.group)
@@ -201,12 +205,15 @@ class Deviations:
         explained = u @ (u.T @ self.normalized)
         gain = float(np.sum(explained**2))
         rest = replace(self, value=self.value - explained / np.sqrt(self.weight), lost=self.lost + used)
-        share = rest.share
         if not gain > 0:
             return 1.0, self
         with np.errstate(divide="ignore"):
-            ratio = np.divide(gain / used, rest.variance)
-        return f_tail(float(ratio), max(share * used, 1.0), max(share * residual_dof, 1.0)), rest
+            ratio = float(np.divide(gain / used, rest.variance))
+        p = f_tail(ratio, used, residual_dof)
+        if p > enough:  # fewer degrees of freedom make it no less
+            return p, rest
+        share = rest.share
+        return f_tail(ratio, max(share * used, 1.0), max(share * residual_dof, 1.0)), rest
 
 
 def _curve(driver: Driver, rows: Ints) -> Array:

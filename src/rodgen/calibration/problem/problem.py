@@ -401,8 +401,10 @@ class Problem:
         cost, A, b = 0.0, np.zeros((p, p)), np.zeros(p)
         for gram, slots in zip(grams, self.model.slots(theta, self._pairs), strict=True):
             cost += float(gram[-1, -1])
-            A += slots.T @ gram[:-1, :-1] @ slots
-            b += slots.T @ gram[:-1, -1]
+            own = np.flatnonzero(slots.any(axis=0))  # few of many targets' parameters
+            used = slots[:, own]
+            A[np.ix_(own, own)] += used.T @ gram[:-1, :-1] @ used
+            b[own] += used.T @ gram[:-1, -1]
         return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
 
     @staticmethod

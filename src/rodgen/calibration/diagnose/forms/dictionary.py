@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import TypeAlias
@@ -33,6 +33,7 @@ __all__ = [
     "dictionary",
     "drivers_of",
     "exchanged",
+    "in_rows",
     "leader",
     "multiplied",
     "reduced",
@@ -55,6 +56,8 @@ DECAYS = 9
 """Time constants, from a thirtieth of the duration to three times it."""
 LARGEST = 1e100
 """Functions with values beyond are left out: their squares leave the range of a double."""
+AT_ONCE = 1 << 18
+"""Rows of functions that are evaluated together: few enough for the cache."""
 PRODUCTS = 2
 """Harmonics that are multiplied by functions of other drivers."""
 HARDLY_SEEN = 0.5
@@ -174,33 +177,7 @@ class Factor:
 
     def functions(self, x: Array) -> list[Array]:
         """Return the functions at x, (n,) each."""
-        values = self.values
-        match self.kind:
-            case "power":
-                return [(x - self.origin) ** self.order]
-            case "series":
-                return [(x - self.origin) ** d for d in range(1, self.order + 1)]
-            case "polynomial":
-                return [(x - self.origin) ** d for d in range(self.order + 1)]
-            case "harmonic":
-                return [np.sin(self.order * x), np.cos(self.order * x)]
-            case "wave":
-                return [np.sin(values[0] * x), np.cos(values[0] * x)]
-            case "step":
-                return [np.sign(x - values[0])]
-            case "kink":
-                return [np.abs(x - values[0])]
-            case "bump":
-                return [np.exp(-(((x - values[0]) / values[1]) ** 2))]
-            case "decay":
-                return [1 - np.exp(-(x - self.origin) / values[0])]
-            case "sign":
-                return [np.sign(x)]
-            case "abs":
-                return [np.abs(x)]
-            case "signed":
-                return [x * np.abs(x)]
-        raise AssertionError(self.kind)
+        return _functions(self.kind, self.order, self.values, self.origin, x)
 
     def texts(self, word: str, numbers: Sequence[str]) -> list[str]:
         """Write the functions.
@@ -243,6 +220,38 @@ class Factor:
 
     def _since(self, word: str) -> str:
         return f"({_less(word, written(self.origin))})" if self.origin else word
+
+
+def _functions(
+    kind: str, order: int, values: Sequence[float | Array], origin: float | Array, x: Array
+) -> list[Array]:
+    """Return the functions of a factor at x, (..., n) each; values and origin broadcast with x."""
+    match kind:
+        case "power":
+            return [(x - origin) ** order]
+        case "series":
+            return [(x - origin) ** d for d in range(1, order + 1)]
+        case "polynomial":
+            return [(x - origin) ** d for d in range(order + 1)]
+        case "harmonic":
+            return [np.sin(order * x), np.cos(order * x)]
+        case "wave":
+            return [np.sin(values[0] * x), np.cos(values[0] * x)]
+        case "step":
+            return [np.sign(x - values[0])]
+        case "kink":
+            return [np.abs(x - values[0])]
+        case "bump":
+            return [np.exp(-(((x - values[0]) / values[1]) ** 2))]
+        case "decay":
+            return [1 - np.exp(-(x - origin) / values[0])]
+        case "sign":
+            return [np.sign(x)]
+        case "abs":
+            return [np.abs(x)]
+        case "signed":
+            return [x * np.abs(x)]
+    raise AssertionError(kind)
 
 
 def _power(word: str, exponent: int) -> str:
@@ -333,6 +342,35 @@ class Term:
             parts = [known[factor] for factor in self.factors]
             made = np.stack([reduce(np.multiply, several) for several in itertools.product(*parts)], axis=1)
         return made if np.abs(made).max(initial=0.0) < LARGEST else np.zeros_like(made)
+
+
+def in_rows(terms: Sequence[Term], drivers: Sequence[Array]) -> Iterator[tuple[NDArray[np.int_], Array]]:
+    """Yield numbers of terms, (t,), and their functions in every row, (t, n, count); those of one kind together.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+    drivers : sequence of ndarray, shape (n,)
+    """
+    alone: dict[tuple[str, int], list[int]] = {}
+    known: dict[Factor, list[Array]] = {}
+    for number, term in enumerate(terms):
+        if len(term.factors) == 1:
+            alone.setdefault((term.factors[0].kind, term.factors[0].order), []).append(number)
+        else:
+            yield np.array([number]), term.columns(drivers, known)[None]
+    at_once = max(1, AT_ONCE // len(drivers[0]))
+    for (kind, order), every in alone.items():
+        for start in range(0, len(every), at_once):
+            numbers = every[start : start + at_once]
+            factors = [terms[number].factors[0] for number in numbers]
+            x = np.stack([drivers[factor.driver] for factor in factors])
+            values = np.array([factor.values for factor in factors]).T[..., None]
+            origin = np.array([[factor.origin] for factor in factors])
+            with np.errstate(over="ignore", invalid="ignore"):
+                made = np.stack(_functions(kind, order, tuple(values), origin, x), axis=2)
+                made[~(np.abs(made).max(axis=(1, 2)) < LARGEST)] = 0.0
+            yield np.array(numbers), made
 
 
 class _Writer:

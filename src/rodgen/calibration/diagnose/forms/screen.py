@@ -16,9 +16,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.forms.dictionary import Factor, Term
+from rodgen.calibration.diagnose.forms.dictionary import Term, in_rows
 from rodgen.calibration.diagnose.forms.projected_rows import ProjectedRows
-from rodgen.statistics.columns import unit_columns
 
 __all__ = ["Functions", "Screen"]
 
@@ -86,16 +85,14 @@ class Functions:
     def _at(cls, joint: str | None, terms: list[Term], drivers: Sequence[Array]) -> Functions:
         counts = np.array([term.count for term in terms])
         values = np.empty((counts.sum(), len(drivers[0])), np.float32)
-        stop = 0
-        known: dict[Factor, list[Array]] = {}
-        for term, count in zip(terms, counts.tolist(), strict=True):
-            made = term.columns(drivers, known)
-            if any(factor.kind in {"series", "polynomial"} for factor in term.factors):
-                made = np.linalg.qr(unit_columns(made))[0]  # powers are nearly one
-            size = np.sqrt(np.einsum("nk,nk->k", made, made))
-            values[stop : stop + count] = (made / np.where(size > 0, size, 1.0)).T
-            stop += count
         starts = np.cumsum(counts) - counts
+        for numbers, made in in_rows(terms, drivers):
+            if {factor.kind for factor in terms[numbers[0]].factors} & {"series", "polynomial"}:
+                size = np.linalg.norm(made, axis=1, keepdims=True)
+                made = np.linalg.qr(made / np.where(size > 0, size, 1.0))[0]  # powers are nearly one
+            size = np.sqrt(np.einsum("tnk,tnk->tk", made, made))[:, None]
+            made = (made / np.where(size > 0, size, 1.0)).swapaxes(1, 2)
+            values[starts[numbers, None] + np.arange(made.shape[1])] = made
         of_pairs = counts * (counts - 1) // 2
         first = np.cumsum(of_pairs) - of_pairs
         sizes = []

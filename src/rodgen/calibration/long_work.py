@@ -1,0 +1,38 @@
+"""What makes a fit or a diagnosis take long, known before it begins."""
+
+from __future__ import annotations
+
+from rodgen.data.measurements import Measurements
+from rodgen.machines.machine import Machine
+
+__all__ = ["why_long"]
+
+MULTIPLICATIONS = 5e9
+"""Of the normal equations; a fit does as many some ten times, a diagnosis a hundred times: half a minute and more."""
+COLUMNS = 2000
+"""Columns of the file; each is tried in some twenty functions at every sensitivity."""
+
+
+def why_long(machine: Machine, data: Measurements, *, diagnosis: bool = False) -> str:
+    """Return one sentence on what will take minutes, and how to spend less; empty where nothing does.
+
+    Parameters
+    ----------
+    machine : Machine
+    data : Measurements
+    diagnosis : bool
+        Whether effects and forms are looked for, too.
+    """
+    targets = [t for t in machine.targets if {"target", f"target.{t.name}"} & set(machine.estimate)]
+    parameters = 3 * len(targets) + 4 * len(machine.joints)
+    if 3 * data.rows * parameters**2 > MULTIPLICATIONS:
+        return (
+            f"This takes minutes: {len(targets)} targets of unknown position make some {parameters} parameters for "
+            f"{data.rows} rows. Targets that [estimate] does not name keep the positions of the machine file."
+        )
+    if diagnosis and len(data.columns) > COLUMNS:
+        return (
+            f"This takes a while: each of {len(data.columns)} columns is tried as a cause. Leave out those that "
+            "cannot be one."
+        )
+    return ""
