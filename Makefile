@@ -14,7 +14,7 @@ INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-imports check-c notebooks bench study mutants docs docs-links pictures clean
+.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-imports check-c notebooks bench study mutants docs docs-links pictures wheel pythons clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -92,6 +92,12 @@ mutants: .venv/mutants ## measure how many small faults in codegen, statistics a
 	$(BIN)/python study/mutants.py run $(if $(N),-n $(N))
 	$(BIN)/python study/mutants.py table
 
+wheel: .venv/supply ## build the source distribution and a wheel into dist, with a bill of materials, and use both in clean environments
+	$(BIN)/python supply/wheel.py
+
+pythons: .venv/supply ## build and use wheels for Python 3.11 to 3.13 with NumPy 2.0 and the newest, by GCC and Clang; says what it skips
+	$(BIN)/python supply/pythons.py
+
 pictures: .venv/all ## redraw the pictures of the README and of docs/solver_method.md
 	$(BIN)/python docs/make_pictures.py
 
@@ -105,7 +111,7 @@ clean: ## remove everything that make wrote
 	@$(INSTALL) -e '.[$(@F)]'
 	@touch $@
 
-.venv/test .venv/test-slow .venv/dev .venv/mutants .venv/notebooks .venv/docs: .venv/all
+.venv/test .venv/test-slow .venv/dev .venv/mutants .venv/supply .venv/notebooks .venv/docs: .venv/all
 	@echo "Installing what this needs into .venv ..."
 	@$(INSTALL) -e '.[$(@F)]'
 	@touch $@

@@ -57,6 +57,10 @@ ARITHMETIC_GUARD = """\
 #endif"""
 """Stands in every C source: a compiler that is told to change arithmetic makes no program."""
 
+AS_WRITTEN = ("-fno-fast-math", "-fno-unsafe-math-optimizations")
+"""Undo such flags. GCC's linker looks at each by itself: one that stands makes it add code that sets subnormal numbers
+to zero in the whole process."""
+
 
 class CompilerError(Exception):
     """No compiled library could be made or loaded; the message says why."""
@@ -330,8 +334,8 @@ def _build(command: Command, flags: Sequence[str], files: Mapping[str, str], pat
         folder = Path(name)
         for source, text in files.items():
             (folder / source).write_text(text, encoding="utf-8")
-        # after the flags in CC, which it undoes
-        done = _run([*command, "-fno-fast-math", *flags, "kernels.c", "-o", "kernels.so", "-lm"], name)
+        # after the flags in CC, which they undo
+        done = _run([*command, *AS_WRITTEN, *flags, "kernels.c", "-o", "kernels.so", "-lm"], name)
         if done.returncode != 0:
             lines = done.stderr.splitlines() or [f"exit code {done.returncode}"]
             said = next((line for line in lines if "error" in line), lines[0])
