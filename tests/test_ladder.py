@@ -246,6 +246,38 @@ def test_nothing_is_said_of_an_effect_that_the_data_do_not_determine():
 # the ladder --------------------------------------------------------------------------------------------
 
 
+def test_an_effect_that_weights_at_later_joints_imitate_is_held_against_the_model_with_these():
+    """A fit without an effect may take in weights for it, until it has as many parameters as one with the effect."""
+    random = np.random.default_rng(3)
+    lengths = np.array([700.0, 500.0, 300.0])
+    q = random.uniform(-1.5, 1.5, (40, 3))
+    at = np.cumsum(q * [1 + 1e-4, 1, 1], axis=1)
+    place = np.stack([np.cos(at) @ lengths, np.zeros(len(q)), np.sin(at) @ lengths], axis=1)
+    place += 0.02 * random.normal(size=place.shape)
+    starts = zip(("J1", "J2", "J3"), np.cumsum([0.0, *lengths[:2]]), strict=True)
+    arm = replace(
+        TABLE,
+        angle_unit="rad",
+        joints=tuple(Joint(name, "revolute", (0.0, -1.0, 0.0), (float(x), 0.0, 0.0)) for name, x in starts),
+        targets=(Target("ball", (float(lengths.sum()), 0.0, 0.0)),),
+        measured=Measured("point", "free"),
+        estimate=(),
+    )
+    names = ("J1 [rad]", "J2 [rad]", "J3 [rad]", "x [mm]", "y [mm]", "z [mm]")
+    data = rodgen.Measurements.from_frame(dict(zip(names, [*q.T, *place.T], strict=True)))
+    without = fit(arm.with_effect(arm.effect("gravity_windup", "J1")), data)
+    full = without.refit(without.machine.with_effect(arm.effect("scale", "J1")))
+    assert not full.later_weights
+    weights = {"J1.gravity_windup.k_J2", "J1.gravity_windup.k_J3"}
+    found, alike = (
+        effect_test(without.with_weights(weights), larger) for larger in (full, full.with_weights(weights))
+    )
+    assert found is not None
+    assert found.degrees_of_freedom[0] == 1  # the scale, not the scale less the weights
+    assert found.p_value < 1e-6
+    assert found == alike
+
+
 def test_ladder_of_the_telescope_reads_as_published():
     machine, data = example("mount")
     windup = machine.effect("gravity_windup", "EL", hold={"k2": 0})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self, TypeAlias
@@ -21,7 +21,7 @@ from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.progress import Progress, reporting
-from rodgen.calibration.solve.least_squares import Solution, nearest
+from rodgen.calibration.solve.least_squares import Solution, minimise, nearest
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
 from rodgen.calibration.words import measured
@@ -257,6 +257,20 @@ class FittedModel:
             outliers=outliers,
             compiled=compiled,
         )
+
+    @property
+    def later_weights(self) -> frozenset[str]:
+        """Keys of the weights at later joints that the fit took in, as the data called for them."""
+        return frozenset(self.parameters[i].key for i in self.free if self.parameters[i].optional)
+
+    def with_weights(self, keys: Collection[str]) -> Self:
+        """Return the fit with some weights at later joints taken in, as far as its model estimates them."""
+        wanted = {i for i, p in enumerate(self.parameters) if p.key in keys and p.hold is None}
+        free = sorted(wanted.union(self.free))
+        if len(free) == len(self.free):
+            return self
+        solution = minimise(self.problem, self.solution.theta, self.solution.frame, free)
+        return self._finished(self.problem, solution, free, self.outliers)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.machines.machine import Effect
 
-__all__ = ["EffectTest", "design_effect", "effect_test", "worth_of"]
+__all__ = ["EffectTest", "design_effect", "effect_test", "nested", "worth_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -111,6 +111,7 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
     EffectTest or None
         None where the larger model has nothing more that the data determine, or no degree of freedom is left.
     """
+    smaller, larger = nested(smaller, larger)
     further = larger.determinacy.rank - smaller.determinacy.rank
     residual_dof = larger.degrees_of_freedom
     if further < 1 or residual_dof < 1:
@@ -134,6 +135,16 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
     log10 = log10_f_tail(statistic, *dof) + float(np.log10(_tried(smaller, larger)))
     log10 = min(max(log10, by_position / float(np.log(10))), 0.0)
     return EffectTest(p_of_log10(log10), log10, statistic, dof, effect)
+
+
+def nested(smaller: FittedModel, larger: FittedModel) -> tuple[FittedModel, FittedModel]:
+    """Return both fits with the weights at later joints that either took in: one model is inside the other then.
+
+    Each fit takes in the weights that its data call for, and that of the model without an effect may call for some that
+    imitate it.
+    """
+    weights = smaller.later_weights | larger.later_weights
+    return smaller.with_weights(weights), larger.with_weights(weights)
 
 
 class _Whitened:

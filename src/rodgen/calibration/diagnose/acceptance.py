@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rodgen.calibration.checks.effect_test import EffectTest, effect_test, worth_of
+from rodgen.calibration.checks.effect_test import EffectTest, effect_test, nested, worth_of
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.checks.positions import few_positions
 from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP, Candidate
@@ -195,12 +195,12 @@ def insignificant(subject: Subject, found: FittedExplanation, dependent: bool) -
 
 
 def _fits_as_well_without(subject: Subject, final: Fit, candidate: Candidate) -> bool:
-    without = without_effect(subject, final, candidate)
-    further = final.determinacy.rank - without.determinacy.rank
-    fall = without.least_sum - final.least_sum
+    without, whole = nested(without_effect(subject, final, candidate), final)
+    further = whole.determinacy.rank - without.determinacy.rank
+    fall = without.least_sum - whole.least_sum
     if further < 1 or not fall > 0:
         return True
-    log = log_p_of_fall(fall, final.chi_square, further, max(final.degrees_of_freedom, 1))
+    log = log_p_of_fall(fall, whole.chi_square, further, max(whole.degrees_of_freedom, 1))
     return bool(log > np.log(VERDICT.rare))
 
 

@@ -92,7 +92,7 @@ def with_forms(subject: Subject, final: Fit, forms: Sequence[Form]) -> list[Fit]
 
 def without_effect(subject: Subject, final: Fit, candidate: Candidate) -> Fit:
     """Fit the model with an effect held at zero."""
-    held = dict.fromkeys(candidate.effect.parameters, 0.0) | dict(candidate.searched)
+    held = dict.fromkeys(candidate.effect.units(final.machine), 0.0) | dict(candidate.searched)
     effects = tuple(
         replace(effect, hold=held) if effect is candidate.effect else effect
         for effect in final.machine.effects
