@@ -12,7 +12,7 @@ from hidden_effects import hidden
 import rodgen
 from rodgen.calibration.checks.effect_test import EffectTest
 from rodgen.calibration.checks.held_out import HeldOut
-from rodgen.calibration.checks.positions import positions
+from rodgen.calibration.checks.positions import distinct_positions, positions
 from rodgen.calibration.diagnose import acceptance, diagnose
 from rodgen.calibration.diagnose.acceptance import may_be_there, why_empty, why_not_earned
 from rodgen.calibration.fitted import Estimate
@@ -173,6 +173,15 @@ def test_an_eccentricity_is_found_at_twelve_positions(tmp_path):
     found = turned(tmp_path, np.cos(np.arange(12) * 2 * np.pi / 12 - 1.0))
     assert [step.effect.title for step in found.steps] == ["encoder_eccentricity at C"]
     assert found.steps[0].p_value < 1e-20
+
+
+@pytest.mark.parametrize("poses", [60, 1_000, 20_000])
+def test_poses_along_a_continuous_way_are_as_good_as_positions_however_many_they_are(poses):
+    rng = np.random.default_rng(poses)
+    assert distinct_positions(rng.uniform(-120, 120, poses), poses) is None
+    few = distinct_positions(rng.choice(np.linspace(-120, 120, 15), poses), poses)
+    assert few is not None
+    assert int(few.max()) == 14
 
 
 def test_positions_that_differ_by_a_thousandth_of_the_way_are_one():

@@ -58,9 +58,11 @@ def _case(files: Any, home: Path, *, quick: bool) -> dict[str, Any]:
 def _once(files: Any, cache: Path) -> dict[str, Any]:
     """Run the command; return its processor seconds, in all and for the start, and its memory, MiB."""
     words = [sys.executable, "-m", "rodgen", "diagnose", *map(str, files), "--json", "--timings"]
+    # the modules compiled, as where it is installed, whatever this process was told
+    modules = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(cache.with_name("modules"))}
     done = subprocess.run(
         [sys.executable, Path(__file__).with_name("alone.py"), *words],
-        env=os.environ | {"RODGEN_CACHE": str(cache)}, stdout=subprocess.PIPE, text=True, check=True,
+        env=os.environ | modules | {"RODGEN_CACHE": str(cache)}, stdout=subprocess.PIPE, text=True, check=True,
     )  # fmt: skip
     found = json.loads(done.stdout)
     stages = json.loads(found.pop("answer"))["timings"]["stages"]

@@ -48,9 +48,10 @@ def positions(values: Array) -> NDArray[np.int_]:
 
 
 def distinct_positions(values: Array, poses: int) -> NDArray[np.int_] | None:
-    """Return the number of each row's position, None where these are half as many as poses or more.
+    """Return the number of each row's position, None where these are not far fewer than those of a continuous way.
 
-    No more poses share a position then than chance makes of a continuous way, and poses are as good as positions.
+    As many poses at random along a way share some positions, too: the next position begins a width and the mean
+    distance of two poses further on. With half as many positions as these, or more, poses are as good as positions.
 
     Parameters
     ----------
@@ -64,7 +65,8 @@ def distinct_positions(values: Array, poses: int) -> NDArray[np.int_] | None:
     ndarray of int, shape (n,), or None
     """
     number = positions(values)
-    return number if int(number.max(initial=0)) + 1 < poses / 2 else None
+    continuous = poses / (1 + poses * EVIDENCE.same_position)
+    return number if int(number.max(initial=0)) + 1 < continuous / 2 else None
 
 
 def position_of(effect: Effect, observations: Observations) -> str | None:
