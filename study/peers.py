@@ -28,8 +28,9 @@ from scipy import stats
 from scipy.linalg import qr
 
 from rodgen.calibration.diagnose.candidates import candidates
-from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
+from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.fit import Fit
+from rodgen.calibration.possible_effects import catalogue_effects
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Title = tuple[str, str | None]

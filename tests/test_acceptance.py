@@ -73,15 +73,17 @@ def test_a_pair_is_judged_together(tmp_path):
     assert "tube_flexure lowers the error only together with refraction." in str(found)
 
 
-def test_no_form_is_claimed_of_what_an_effect_may_do_in_few_positions(tmp_path):
-    """A parabola of one parameter passed for what an axial error motion of four did at six positions of A."""
+def test_six_positions_show_the_kind_of_a_motion(tmp_path):
+    """Four waves along the axis of A go through any six errors; that they all are along the axis is no chance."""
     from real_machines import real
 
     machine, data = real("trunnion", 11).write(tmp_path)
     found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
-    assert found.verdict == "cannot_tell"
-    assert found.reason == "More positions of a joint would tell whether axial_error_motion at A is there."
-    assert any("with 6 positions of A: it may be there" in note for note in found.notes)
+    assert [step.effect.title for step in found.steps] == ["axial_error_motion at A"]
+    assert found.steps[0].p_value < 1e-6
+    assert any(
+        note.startswith("Axial_error_motion at A is known at the 6 positions of A") for note in found.notes
+    )
 
 
 @pytest.mark.parametrize(

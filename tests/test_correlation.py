@@ -20,8 +20,9 @@ from scipy import stats
 from simulated_fits import fit_to, joint, machine_file, measure
 
 from rodgen.calibration.diagnose.candidates import candidates
-from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
+from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.noise.correlation import Correlation, estimate_correlation
+from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion, Whitener
 
 NOISE = 0.002

@@ -24,13 +24,10 @@ from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
-from rodgen.calibration.diagnose.sensitivities import (
-    Sensitivities,
-    catalogue_effects,
-    is_direct,
-)
+from rodgen.calibration.diagnose.sensitivities import Sensitivities, is_direct
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.noise.sampled_rows import MOST_ROWS, sample_of
+from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements

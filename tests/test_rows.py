@@ -670,12 +670,16 @@ def test_a_kept_text_that_is_not_as_it_was_written_is_made_again(cache, monkeypa
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
-@pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-ffinite-math-only", "-funsafe-math-optimizations"])
+@pytest.mark.parametrize(
+    "flag", ["-ffast-math", "-Ofast", "-ffinite-math-only", "-funsafe-math-optimizations"]
+)
 def test_flags_that_change_arithmetic_are_undone(cache, monkeypatch, flag):
     monkeypatch.setenv("CC", f"gcc {flag} -fno-signed-zeros")
     made, notices = told(lambda: row_kernels("one", lambda: [parabola()], shared=["p"])["both"])
     assert (made.target, notices) == ("c", [])
-    assert np.array([5e-324]) * 1.0 > 0  # what GCC links with some of them sets it to zero in the whole process
+    assert (
+        np.array([5e-324]) * 1.0 > 0
+    )  # what GCC links with some of them sets it to zero in the whole process
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")

@@ -7,7 +7,8 @@ order (generalised least squares); how well the variances of that are known then
 Readings of one pose may share what is no motion of the frame, such as where a joint stopped: an effect that acts on
 whole poses fits that, too. So the residuals count as much as they scatter along the new parameters from pose to pose
 (the design effect of Rao and Scott 1987, by residuals with the correction of Bell and McCaffrey 2002), and the degrees
-of freedom count a pose as one. A function of one coordinate is tested by its distinct positions (`positions`). A
+of freedom count a pose as one. A function of one coordinate is tested by its distinct positions, or, where these are
+too few to show its shape, for the kind of motion that the joint makes at them (`positions`). A
 parameter that was searched for had many chances: the probability is multiplied by their number.
 """
 
@@ -19,12 +20,19 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.checks.positions import log_p_by_position, position_of
+from rodgen.calibration.checks.positions import log_p_by_position, log_p_of_kind, position_of
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
-from rodgen.calibration.noise.correlation import FitRows
+from rodgen.calibration.noise.correlation import FitRows, estimate_correlation
+from rodgen.calibration.possible_effects import (
+    MOTIONS,
+    bare_effects,
+    bare_key,
+    catalogue_effects,
+    problem_with,
+)
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import Solution, minimise
-from rodgen.statistics.columns import DEPENDENT, ColumnSpace, unit_columns
+from rodgen.statistics.columns import DEPENDENT, ColumnSpace, Whiten, unit_columns
 from rodgen.statistics.decompositions import singular_values, svd
 from rodgen.statistics.f_tests import log10_f_tail, p_of_log10
 from rodgen.statistics.leave_out import undo_leverage
@@ -53,6 +61,9 @@ class EffectTest:
         Of F.
     design_effect : float
         By what factor readings of one pose, in common, make chance look larger.
+    shape_unknown : bool
+        Whether a joint was in so few positions that they show what kind of motion it makes, but not what it does
+        between them.
     """
 
     p_value: float
@@ -60,6 +71,7 @@ class EffectTest:
     statistic: float
     degrees_of_freedom: tuple[float, float]
     design_effect: float
+    shape_unknown: bool = False
 
     @property
     def significant(self) -> bool:
@@ -126,7 +138,7 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
         else:
             fall, left, effect = pair.test(further, residual_dof)
             known = pair.known()
-        by_position = pair.log_p_by_position()
+        by_position, of_kind = pair.log_p_by_position()
     poses = len(np.unique(larger.observations.pose[~larger.outliers]))
     readings = residual_dof + larger.determinacy.rank
     dof = (float(further), max(min(residual_dof * min(poses / readings, 1.0), known), 1.0))
@@ -134,7 +146,7 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
         statistic = float(np.divide(fall / further, left * effect)) if fall > 0 else 0.0
     log10 = log10_f_tail(statistic, *dof) + float(np.log10(_tried(smaller, larger)))
     log10 = min(max(log10, by_position / float(np.log(10))), 0.0)
-    return EffectTest(p_of_log10(log10), log10, statistic, dof, effect)
+    return EffectTest(p_of_log10(log10), log10, statistic, dof, effect, of_kind)
 
 
 def nested(smaller: FittedModel, larger: FittedModel) -> tuple[FittedModel, FittedModel]:
@@ -219,18 +231,46 @@ class _Whitened:
         error = sum((log_variance(one) - log_variance(other)) ** 2 / 4 for one, other in pairs)
         return 2 / error if error > 0 else np.inf
 
-    def log_p_by_position(self) -> float:
-        """Return the logarithm of the probability by the positions of a joint; -inf where readings are what counts."""
+    def log_p_by_position(self) -> tuple[float, bool]:
+        """Return the logarithm of the probability by the positions of a joint; -inf where readings are what counts.
+
+        And whether the positions show the kind of motion only, not its shape.
+        """
         there = {effect.identity for effect in self.smaller.machine.effects}
         added = [effect for effect in self.larger.machine.effects if effect.identity not in there]
         o = self.rows.observations
         joint = position_of(added[0], o) if len(added) == 1 else None
         if joint is None or not self.own.shape[2]:
-            return -np.inf
+            return -np.inf, False
         tries = float(_tried(self.smaller, self.larger))
-        return log_p_by_position(
-            o, self.model, self.own, self.residual, self.whiten, joint, self.searched, tries
-        )
+        of = o, self.model, self.own, self.residual
+        by_shape, enough = log_p_by_position(*of, self.whiten, joint, self.searched, tries)
+        if enough or self.searched or added[0].definition.own or joint != added[0].place:
+            return by_shape, False
+
+        def whiten_given(columns: Array) -> Whiten:
+            return estimate_correlation(self.rows, (), included=[columns]).whiten
+
+        of_kind = log_p_of_kind(*of, whiten_given, joint, *self._motions(joint))
+        return min((by_shape, False), (of_kind, True))
+
+    def _motions(self, joint: str) -> tuple[Array, list[Array], list[Array]]:
+        """Return derivatives by the motions of what a joint carries, and by other effects of that joint.
+
+        The latter apart: those without, and those with searched parameters.
+        """
+        o = self.rows.observations
+        effects = [e for e in catalogue_effects(self.larger.machine, o) if e.place == joint]
+        bare = [e for e in bare_effects(self.larger.machine) if e.place == joint]
+        problem, theta = problem_with(self.larger, [*effects, *bare], self.rows.rows)
+        columns = problem.jacobian(theta, self.larger.solution.frame)
+        index = {parameter.key: i for i, parameter in enumerate(problem.model.parameters)}
+        motions = [index[key] for x in MOTIONS if (key := bare_key(joint, x)) in index]
+        rivals: tuple[list[Array], list[Array]] = [], []
+        for effect in effects:
+            own = columns[:, :, [i for key, i in index.items() if effect.owns(key)]]
+            rivals[bool(effect.definition.searched)].append(own)
+        return columns[:, :, motions], *rivals
 
 
 def design_effect(directions: Array, residual: Array, pose: NDArray[np.integer], variance: float) -> float:

@@ -183,19 +183,26 @@ def insignificant(subject: Subject, found: FittedExplanation, dependent: bool) -
     subject : Subject
     found : FittedExplanation
     dependent : bool
-        Whether readings depend on each other: chi-square means little then.
+        Whether readings depend on each other: chi-square means little then, and so do estimates of a fit that weighs
+        readings as if they were independent. A walk that spoils these leaves differences between neighbours as they
+        are, by which `effect_test` sees an effect.
     """
     estimates = EffectEstimates(found.last)
     for candidate in found.explanation.kept:
-        if estimates.significance(candidate.effect) >= VERDICT.rare and (
-            dependent or _fits_as_well_without(subject, found.last, candidate)
-        ):
-            return candidate
+        if estimates.significance(candidate.effect) >= VERDICT.rare:
+            without = without_effect(subject, found.last, candidate)
+            if (_chance_does if dependent else _fits_as_well)(without, found.last):
+                return candidate
     return None
 
 
-def _fits_as_well_without(subject: Subject, final: Fit, candidate: Candidate) -> bool:
-    without, whole = nested(without_effect(subject, final, candidate), final)
+def _chance_does(without: Fit, final: Fit) -> bool:
+    test = effect_test(without, final)
+    return test is None or test.p_value >= VERDICT.rare
+
+
+def _fits_as_well(without: Fit, final: Fit) -> bool:
+    without, whole = nested(without, final)
     further = whole.determinacy.rank - without.determinacy.rank
     fall = without.least_sum - whole.least_sum
     if further < 1 or not fall > 0:

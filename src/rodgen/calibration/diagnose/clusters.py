@@ -87,4 +87,4 @@ class Clusters:
         """
         model = np.concatenate([self.model, *included], axis=2)
         o, residual = self.observations, self.residual
-        return log_p_by_position(o, model, columns, residual, self.whiten, driver, searched, tries)
+        return log_p_by_position(o, model, columns, residual, self.whiten, driver, searched, tries)[0]

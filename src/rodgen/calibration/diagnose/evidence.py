@@ -12,9 +12,10 @@ from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.criteria import follows_time
 from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
 from rodgen.calibration.diagnose.selection import Selection
-from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
+from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.diagnose.uncatalogued import Contest
 from rodgen.calibration.noise.correlation import Correlation, estimate_correlation
+from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.stages import stage
 from rodgen.statistics.columns import unchanged
 

@@ -168,11 +168,14 @@ class FitRows:
     ----------
     fit, observations, weight, residual, frame
         As of `LinearRows`.
+    rows : ndarray of int, shape (n,)
+        Their numbers among the fit's observations.
     jacobian : ndarray, shape (n, m, parameters)
         Derivatives with respect to all parameters.
     """
 
     fit: FittedModel
+    rows: NDArray[np.int_]
     observations: Observations
     weight: Array
     residual: Array
@@ -188,6 +191,7 @@ class FitRows:
         o, weight = problem.observations, problem.weight
         return cls(
             fit,
+            rows,
             o,
             weight,
             problem.residuals(theta, frame, weighted=True),

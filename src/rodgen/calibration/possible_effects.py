@@ -1,0 +1,158 @@
+"""Effects that may be added to a machine, and the problem with them: the catalogue's, and a bare parameter anywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.problem import Problem
+from rodgen.data.observations import Observations
+from rodgen.errors import RodgenError
+from rodgen.machines.effects.catalogue import CATALOGUE
+from rodgen.machines.effects.custom import own_effect
+from rodgen.machines.effects.rules import check_effect
+from rodgen.machines.machine import Effect, Machine
+from rodgen.machines.model import Model
+from rodgen.machines.structure import GRAVITY
+from rodgen.statistics.thresholds import SELECTION
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
+
+__all__ = ["MOTIONS", "bare_effects", "bare_key", "catalogue_effects", "problem_with"]
+
+BARE = "bare_"
+"""Prefix of the names of the bare parameters."""
+TURNS = ("rx", "ry", "rz")
+MOTIONS = ("tx", "ty", "tz", *TURNS)
+"""Components of the motion of what a joint carries."""
+
+
+def catalogue_effects(machine: Machine, observations: Observations) -> list[Effect]:
+    """Return every effect of the catalogue, at every place, that may be added and whose columns are in the data.
+
+    Parameters
+    ----------
+    machine : Machine
+        The effects that it has are left out.
+    observations : Observations
+    """
+    return [
+        effect
+        for definition in CATALOGUE
+        for place in _places(machine, definition.at)
+        for effect in _added(machine, definition.name, place)
+        if _varies_in(machine, effect, observations)
+    ]
+
+
+def _places(machine: Machine, at: frozenset[str]) -> Iterator[str | None]:
+    if "machine" in at:
+        yield None
+    yield from (joint.name for joint in machine.joints if joint.type in at)
+    if "target" in at:
+        yield from (target.name for target in machine.targets)
+
+
+def _added(machine: Machine, name: str, place: str | None) -> Iterator[Effect]:
+    try:
+        effect = machine.effect(name, place)
+        check_effect(machine, effect)
+    except RodgenError:  # it cannot stand there
+        return
+    yield effect
+
+
+def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
+    """Return whether the columns that an effect uses are in the data, and vary where they must."""
+    names = frozenset[str]().union(*(f.names for f in effect.definition.formulas))
+    kind = machine.kind_of(effect.place)
+    if kind in {"revolute", "prismatic", "leg"}:
+        j = machine.number_of(str(effect.place))
+        if "T" in names and effect.place not in o.temperature:
+            return False
+        if "v" in names and not np.any(o.v[:, j]):
+            return False
+        if "s" in names and not o.approach_known[j]:
+            return False
+        if "q_before" in names and not np.ptp(o.q[:, j - 1]) > 0:
+            return False
+        if names & GRAVITY and not _gravity_turns(machine, o, j):
+            return False
+        if names & {"zeta", "L", "P1", "P2", "P3", "P4"} and not o.travel[j, 1] > o.travel[j, 0]:
+            return False
+    if "t" in names and (o.t is None or np.ptp(o.t) == 0):
+        return False
+    return not ("F" in names and o.load is None)
+
+
+def _gravity_turns(machine: Machine, o: Observations, j: int) -> bool:
+    """Return whether gravity turns as a joint sees it; else what it bends is bent once and for all."""
+    return any(
+        joint.revolute
+        and np.ptp(o.q[:, k]) > 0
+        and np.linalg.norm(np.cross(joint.axis, machine.gravity)) > SELECTION.weightless
+        for k, joint in enumerate(machine.joints[:j])
+    )
+
+
+def bare_effects(machine: Machine) -> Iterator[Effect]:
+    """Yield a bare parameter at every component of every place, and of the whole machine, as effects."""
+    measurand = machine.measurand
+    motions = MOTIONS if measurand.moving else TURNS
+    joints = {joint.name: joint.type for joint in machine.joints}
+
+    def bare(place: str | None, at: str, component: str) -> Effect:
+        angle = component in TURNS or (component == "reading" and at == "revolute")
+        more: dict[str, Any] = {
+            "joints": joints,
+            "measurand": measurand,
+            "file": machine.name,
+            "place": "component",
+        }
+        units = {"a": "rad" if angle else machine.length_unit}
+        return Effect(own_effect(f"{BARE}{component}", component, "a", units, at=at, **more), place)
+
+    for component in motions:
+        yield bare(None, "machine", component)
+    for name, at in joints.items():
+        for component in ("reading", *(() if at == "leg" else motions)):
+            if at == "leg" or measurand.moving or component != "reading" or at == "revolute":
+                yield bare(name, at, component)
+
+
+def bare_key(place: str | None, component: str) -> str:
+    """Return the key of the bare parameter at a component of a place; None is the whole machine."""
+    return f"{BARE}{component}.a" if place is None else f"{place}.{BARE}{component}.a"
+
+
+def problem_with(
+    fit: FittedModel, effects: Iterable[Effect], rows: NDArray[np.int_]
+) -> tuple[Problem, NDArray[np.float64]]:
+    """Return the problem of a fit with further effects, and its parameters there, these at zero.
+
+    Parameters
+    ----------
+    fit : FittedModel
+    effects : iterable of Effect
+    rows : ndarray of int, shape (n,)
+        Rows of the fit's observations.
+
+    Returns
+    -------
+    (Problem, ndarray of shape (parameters,))
+    """
+    o = fit.observations if len(rows) == fit.observations.n else fit.observations.take(rows)
+    whole = replace(fit.machine, effects=(*fit.machine.effects, *effects))
+    model = Model(whole, fit.problem.model.travel, o.run_names, compiled=False)
+    problem = Problem(model, o)
+    problem.set_weight((fit.problem.weight / fit.problem.base_weight)[rows, 0])
+    found = dict(zip((p.key for p in fit.parameters), fit.solution.theta, strict=True))
+    start = model.start()
+    return problem, np.array(
+        [found.get(p.key, value) for p, value in zip(model.parameters, start, strict=True)]
+    )
