@@ -14,7 +14,7 @@ INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-imports check-c notebooks bench study mutants docs docs-links pictures wheel pythons clean
+.PHONY: help demo test test-slow torture kernels check check-kernels check-style check-types check-imports check-c notebooks bench study mutants docs docs-links pictures wheel pythons clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -27,6 +27,9 @@ test: .venv/test ## run the tests
 
 test-slow: .venv/test-slow ## run the tests that take longer: grids of cases, long statistics, sanitizers of all kernels
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m slow
+
+torture: .venv/test ## let each file operation of every command fail in turn, and memory end and Ctrl-C be pressed at many calls
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal tests/test_torture.py
 
 kernels: .venv/all ## regenerate generated/ from derivation/
 	$(BIN)/rodgen kernels

@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import secrets
 import shutil
 import stat
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from io import BufferedReader
 from pathlib import Path
 from typing import IO
@@ -17,13 +18,18 @@ from typing import IO
 from rodgen.errors import InputFileError
 from rodgen.limits import VARIABLE, limit
 
+if sys.platform != "win32":
+    import fcntl
+
 __all__ = [
     "AtomicFile",
+    "commit_all",
     "decoded",
     "is_device",
     "noting_completed",
     "open_input",
     "read_input",
+    "temporary_folder",
     "unreadable",
     "unwritable",
     "write_file",
@@ -134,6 +140,8 @@ def unwritable(file: str, error: BaseException) -> InputFileError:
     return InputFileError(file, "file", found, "a writable place with room")
 
 
+_BINARY: int = getattr(os, "O_BINARY", 0)
+
 _completed: list[str] | None = None
 
 
@@ -149,10 +157,10 @@ def noting_completed() -> Iterator[list[str]]:
 
 
 class AtomicFile:
-    """A file that has a temporary name, in its final folder, until it is complete.
+    """A file that has a temporary name, in its final folder, until it is complete and on the disk.
 
     A device or a pipe is written directly. A symbolic link stays a link: its target is replaced. A file that is
-    replaced keeps its permissions.
+    replaced keeps its permissions. What a killed process left of this file is removed.
 
     Parameters
     ----------
@@ -163,7 +171,9 @@ class AtomicFile:
     def __init__(self, file: str) -> None:
         self.file = file
         self._device = is_device(file)
-        self._final = self._part = ""
+        self._final = self._part = self._before = ""
+        self._was_there = False
+        self._descriptor = -1
 
     def open(self) -> IO[bytes]:
         """Open for writing; the caller closes it."""
@@ -176,22 +186,44 @@ class AtomicFile:
             ):  # a superuser may write to it, too, but it was made so on purpose
                 raise PermissionError(errno.EACCES, "it is read-only")
             folder, name = os.path.split(self._final)
-            part = os.path.join(folder, f".{name[:80]}.{secrets.token_hex(4)}")
-            stream = open(part, "xb")  # noqa: SIM115
-            self._part = part
+            self._part, self._descriptor = _locked(
+                os.path.join(folder, f".{name[:80]}.rodgen-"),
+                lambda part: os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, 0o666),
+            )
             if os.path.exists(self._final):
-                shutil.copymode(self._final, part)
+                shutil.copymode(self._final, self._part)
+            return open(os.dup(self._descriptor), "wb")
         except (OSError, ValueError) as error:
+            self.discard()
             raise unwritable(self.file, error) from None
-        return stream
 
-    def commit(self) -> None:
-        """Give the complete, closed file its name."""
+    def commit(self, *, undoable: bool = False) -> None:
+        """Give the complete, closed file its name; what is `undoable` can be undone until it is discarded."""
         with self.located():
             if not self._device:
+                os.fsync(self._descriptor)
+                self._was_there = os.path.exists(self._final)
+                if undoable and self._was_there:
+                    self._before = f"{self._part}-before"
+                    with contextlib.suppress(OSError):  # a disk without hard links
+                        os.link(self._final, self._before)
+                if sys.platform == "win32":  # where an open file keeps its name
+                    self._close()
                 os.replace(self._part, self._final)
-        if _completed is not None:
-            _completed.append(self.file)
+            if _completed is not None:
+                _completed.append(self.file)
+
+    def undo(self) -> None:
+        """Bring back what stood there before a commit: the other file, or none."""
+        if not self._part or os.path.exists(self._part):
+            return
+        with contextlib.suppress(OSError):
+            if self._was_there:
+                os.replace(self._before, self._final)
+            else:
+                os.unlink(self._final)
+            if _completed is not None and self.file in _completed:
+                _completed.remove(self.file)
 
     def write(self, content: bytes) -> None:
         """Write all of the content under the temporary name."""
@@ -208,14 +240,114 @@ class AtomicFile:
             raise unwritable(self.file, error) from None
 
     def discard(self) -> None:
-        """Remove the temporary file, if there is one."""
-        if self._part:
+        """Remove what has a temporary name."""
+        for name in filter(None, (self._part, self._before)):
+            _remove(name)
+        self._close()
+
+    def _close(self) -> None:
+        if self._descriptor >= 0:
             with contextlib.suppress(OSError):
-                os.unlink(self._part)
+                os.close(self._descriptor)
+        self._descriptor = -1
 
     def error(self, error: BaseException) -> Exception:
         """Return the error that gives the reason why the file cannot be written."""
         return unwritable(self.file, error)
+
+
+def commit_all(files: Iterable[AtomicFile]) -> None:
+    """Give complete files their names: all of them, or none."""
+    done: list[AtomicFile] = []
+    try:
+        for file in files:
+            done.append(file)
+            file.commit(undoable=True)
+    except BaseException:
+        for file in done:
+            file.undo()
+        raise
+
+
+@contextlib.contextmanager
+def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
+    """Yield a new folder, removed at the end; those that killed processes left there are removed first.
+
+    Parameters
+    ----------
+    parent : Path
+        The folder that it is in.
+    prefix : str
+        Its name, to which eight hexadecimal digits are added: no name that anyone else gives a folder.
+    """
+
+    def make(name: str) -> int:
+        os.mkdir(name, 0o700)
+        if sys.platform == "win32":
+            return -1
+        try:
+            return os.open(name, os.O_RDONLY)
+        except BaseException:
+            os.rmdir(name)
+            raise
+
+    name, descriptor = _locked(os.path.join(parent, prefix), make)
+    try:
+        yield Path(name)
+    finally:
+        shutil.rmtree(name, ignore_errors=True)
+        if descriptor >= 0:
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
+
+
+def _locked(start: str, make: Callable[[str], int]) -> tuple[str, int]:
+    """Make a file or folder of a name that starts so, which no process sweeps away while this one has it open."""
+    _sweep(start)
+    while True:
+        name = start + secrets.token_hex(4)
+        descriptor = make(name)
+        try:
+            if _lock(descriptor) is False or os.path.lexists(name):
+                return name, descriptor
+        except BaseException:
+            _remove(name)
+            raise
+        os.close(descriptor)  # it was swept away before it was locked
+
+
+def _lock(descriptor: int) -> bool:
+    """Lock an open file or folder until it is closed, also by the end of the process; return whether that succeeds."""
+    if sys.platform == "win32":
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # another process has it, or the disk knows no locks
+        return False
+    return True
+
+
+def _remove(name: str) -> None:
+    if os.path.isdir(name):
+        shutil.rmtree(name, ignore_errors=True)
+    else:
+        with contextlib.suppress(OSError):
+            os.unlink(name)
+
+
+def _sweep(start: str) -> None:
+    """Remove files and folders that `_locked` made for processes that were killed since."""
+    name = re.compile(re.escape(os.path.basename(start)) + "[0-9a-f]{8}(-before)?")
+    with contextlib.suppress(OSError):
+        for left in os.scandir(os.path.dirname(start)) if sys.platform != "win32" else ():
+            if name.fullmatch(left.name) and not left.is_symlink():
+                with contextlib.suppress(OSError):
+                    descriptor = os.open(left.path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+                    try:
+                        if _lock(descriptor):
+                            _remove(left.path)
+                    finally:
+                        os.close(descriptor)
 
 
 def is_device(file: str) -> bool:
@@ -264,23 +396,18 @@ def write_files(folder: Path, files: Mapping[str, str]) -> list[Path]:
     names = sorted(files)
     paths = [folder / name for name in names]
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
-    new = [path for path in paths if not path.exists()]
     targets = [AtomicFile(str(path)) for path in paths]
     complete = False
     try:
         _make(folder, paths)
         for target, name in zip(targets, names, strict=True):
             target.write(files[name].encode())
-        for target in targets:
-            target.commit()
+        commit_all(targets)
         complete = True
     finally:
         for target in targets:
             target.discard()
         if not complete:
-            for path in new:
-                with contextlib.suppress(OSError):
-                    path.unlink()
             for parent in missing:
                 with contextlib.suppress(OSError):
                     parent.rmdir()

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any
 
 from rodgen.errors import InputFileError
-from rodgen.files import AtomicFile
+from rodgen.files import AtomicFile, commit_all
 
 __all__ = ["Outputs", "add_plot", "figures_for"]
 
@@ -55,8 +55,8 @@ class Outputs:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            for file in self._files if kind is None else ():
-                file.commit()
+            if kind is None:
+                commit_all(self._files)
         finally:
             for file in self._files:
                 file.discard()

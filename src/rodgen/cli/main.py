@@ -132,7 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         extra = EXTRAS.get((error.name or "").partition(".")[0])
         if extra is None:
-            return _internal_error(error, given, debug)
+            return _internal_error(error, given, debug, completed)
         found, expected = f"no module {error.name!r}", f"it: pip install 'rodgen[{extra}]'"
         notify(str(InputFileError("command line", given[0], found, expected)))
         return BAD_INPUT
@@ -148,7 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return NOT_CONVERGED
         return FAILED if isinstance(error, UnprovedError) else BAD_INPUT
     except Exception as error:
-        return _internal_error(error, given, debug)
+        return _internal_error(error, given, debug, completed)
 
 
 class _TerminatedError(KeyboardInterrupt):
@@ -165,18 +165,17 @@ def _complete(completed: Sequence[str]) -> str:
     return f"complete: {files}" if files else ""
 
 
-def _internal_error(error: Exception, given: Sequence[str], debug: bool) -> int:
+def _internal_error(error: Exception, given: Sequence[str], debug: bool, completed: Sequence[str]) -> int:
     """Report an error that rodgen does not expect, on one line, and return the exit code; raise it to debug."""
     if debug:
         raise error
     command = " ".join(["rodgen", *given[:1]])
     if isinstance(error, MemoryError):
-        notify(f"{command}: out of memory; give it fewer rows or columns, or more memory")
+        said = "out of memory; give it fewer rows or columns, or more memory"
     else:
         what = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-        notify(
-            f"{command}: an error in rodgen itself: {what}; please report it, with its files and what {DEBUG} shows"
-        )
+        said = f"an error in rodgen itself: {what}; please report it, with its files and what {DEBUG} shows"
+    notify("; ".join(filter(None, [f"{command}: {said}", _complete(completed)])))
     return INTERNAL
 
 

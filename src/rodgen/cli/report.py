@@ -78,8 +78,10 @@ def _check_output(options: argparse.Namespace) -> None:
                 options.output, "file", "not the name of a page", "one that ends in .html or .htm"
             )
         file = AtomicFile(options.output)
-        file.open().close()
-        file.discard()
+        try:
+            file.write(b"")
+        finally:
+            file.discard()
 
 
 def _radius(text: str) -> tuple[str, float]:

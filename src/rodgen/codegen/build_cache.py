@@ -6,6 +6,7 @@ so that several processes may make the same one at once.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
 import functools
@@ -28,6 +29,7 @@ from typing import Any
 
 import numpy as np
 
+from rodgen.files import temporary_folder
 from rodgen.limits import VARIABLE, limit
 from rodgen.stages import stage
 
@@ -124,13 +126,13 @@ def check_compiler(command: Command) -> None:
         When it fails, and why.
     """
     source = f"{ARITHMETIC_GUARD}\n#include <math.h>\ndouble half_turn(double x) {{ return fmod(x + 3.0, 6.0); }}\n"
-    with tempfile.TemporaryDirectory(prefix="rodgen-", ignore_cleanup_errors=True) as folder:
-        library = Path(folder) / "check.so"
-        try:
+    try:
+        with temporary_folder(Path(tempfile.gettempdir()), "rodgen-kernels-") as folder:
+            library = folder / "check.so"
             _build(command, ("-fPIC", "-shared"), {"kernels.c": source}, library, np.empty(0))
             ctypes.CDLL(str(library))
-        except OSError as error:
-            raise CompilerError(f"the compiled library cannot be written or loaded ({error})") from None
+    except OSError as error:
+        raise CompilerError(f"the compiled library cannot be written or loaded ({error})") from None
 
 
 def _run(command: list[str], folder: str | None = None) -> subprocess.CompletedProcess[str]:
@@ -181,8 +183,10 @@ def cache_folder() -> Path:
 
 
 @functools.cache
-def _folder_of_this_process() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="rodgen-")
+def _folder_of_this_process() -> Path:
+    stack = contextlib.ExitStack()
+    atexit.register(stack.close)
+    return stack.enter_context(temporary_folder(Path(tempfile.gettempdir()), "rodgen-kernels-"))
 
 
 def cache_problem() -> str | None:
@@ -202,7 +206,7 @@ def cache_problem() -> str | None:
 
 def _safe_cache() -> Path:
     """Return the cache, or a folder of this process when others could put a library into the cache."""
-    return cache_folder() if cache_problem() is None else Path(_folder_of_this_process().name)
+    return cache_folder() if cache_problem() is None else _folder_of_this_process()
 
 
 def _name(about: Iterable[str]) -> str:
@@ -244,9 +248,9 @@ def shared_library(
     """
     about = (platform.system(), platform.machine(), *command, compiler_version(command), *flags, *about)
     name = _name(about) + ".so"
-    for folder in (_safe_cache(), Path(_folder_of_this_process().name)):
-        path = folder / name
+    for folder in (_safe_cache, _folder_of_this_process):
         try:
+            path = folder() / name
             right = _kept_row(path)
             if right is None:
                 with stage("compiling"):
@@ -330,12 +334,11 @@ def _agree(found: Array, expected: Array) -> bool:
 
 def _build(command: Command, flags: Sequence[str], files: Mapping[str, str], path: Path, row: Array) -> None:
     """Compile in a temporary folder next to `path`, and move the finished library there, with its note."""
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix="build-") as name:
-        folder = Path(name)
+    with temporary_folder(path.parent, "build-") as folder:
         for source, text in files.items():
             (folder / source).write_text(text, encoding="utf-8")
         # after the flags in CC, which they undo
-        done = _run([*command, *AS_WRITTEN, *flags, "kernels.c", "-o", "kernels.so", "-lm"], name)
+        done = _run([*command, *AS_WRITTEN, *flags, "kernels.c", "-o", "kernels.so", "-lm"], str(folder))
         if done.returncode != 0:
             lines = done.stderr.splitlines() or [f"exit code {done.returncode}"]
             said = next((line for line in lines if "error" in line), lines[0])
@@ -370,8 +373,8 @@ def cached_text(about: Sequence[str], make: Callable[[], str]) -> str:
     content = text.encode()
     with (
         contextlib.suppress(OSError),
-        tempfile.TemporaryDirectory(dir=path.parent, prefix="build-") as folder,
+        temporary_folder(path.parent, "build-") as folder,
     ):
         whole = hashlib.sha256(content).hexdigest().encode() + b"\n" + content
-        _keep(Path(folder) / path.name, whole, path)
+        _keep(folder / path.name, whole, path)
     return text

@@ -8,6 +8,7 @@ leaves the file that was there before.
 from __future__ import annotations
 
 import abc
+import contextlib
 import csv
 import gzip
 import io
@@ -15,6 +16,7 @@ import os
 import shutil
 import sys
 import tempfile
+from collections.abc import Iterator
 from typing import IO, Any
 
 import pyarrow as pa
@@ -37,6 +39,11 @@ class Sink(abc.ABC):
     As a context manager it completes the output when its block ends without an error, and otherwise leaves nothing.
     """
 
+    def __init__(self, place: AtomicFile | _Stdout, schema: pa.Schema) -> None:
+        self._place = place
+        self._schema = schema
+        self._streams: list[Any] = []  # each writes to the one after it
+
     @abc.abstractmethod
     def encode(self, batch: pa.RecordBatch) -> Any:
         """Return a block in the form that `write` takes; safe to call in threads."""
@@ -46,12 +53,55 @@ class Sink(abc.ABC):
         """Append a block."""
 
     @abc.abstractmethod
-    def __enter__(self) -> Sink:
-        """Create the temporary file."""
+    def _begin(self) -> None:
+        """Write what stands before the first block."""
 
     @abc.abstractmethod
+    def _end(self) -> None:
+        """Write what is held back after the last block."""
+
+    def __enter__(self) -> Sink:
+        """Create the temporary file."""
+        self._streams = [self._place.open()]
+        try:
+            with self._located():
+                self._begin()
+        except BaseException:
+            self._finish(False)
+            raise
+        return self
+
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         """Rename the temporary file, or remove it when there was an error."""
+        complete = False
+        try:
+            if kind is None:
+                with self._located():
+                    self._end()
+                complete = True
+        finally:
+            self._finish(complete)
+
+    @contextlib.contextmanager
+    def _located(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise self._place.error(error) from None
+
+    def _finish(self, complete: bool) -> None:
+        try:
+            with contextlib.ExitStack() as closing:
+                for stream in reversed(self._streams):
+                    closing.callback(stream.close)
+            if complete:
+                self._place.commit()
+        except OSError as error:
+            if complete:
+                raise self._place.error(error) from None
+        finally:
+            # After a commit there is nothing under the temporary name any more.
+            self._place.discard()
 
 
 def open_sink(
@@ -153,20 +203,18 @@ class _Unclosed:
 
 class _CsvSink(Sink):
     def __init__(self, place: AtomicFile | _Stdout, schema: pa.Schema, *, compress: bool = False) -> None:
-        self._place = place
-        self._names = schema.names
+        super().__init__(place, schema)
         self._compress = compress
 
-    def __enter__(self) -> Sink:
-        self._raw = self._place.open()
-        self._stream: Any = self._raw
+    def _begin(self) -> None:
         if self._compress:
             # No name and no time in the header: the same input gives the same bytes.
-            self._stream = gzip.GzipFile(filename="", mode="wb", fileobj=self._raw, compresslevel=5, mtime=0)
+            self._streams.insert(
+                0, gzip.GzipFile(filename="", mode="wb", fileobj=self._streams[0], compresslevel=5, mtime=0)
+            )
         header = io.StringIO()
-        csv.writer(header, lineterminator="\n").writerow(self._names)
-        self.write(header.getvalue().encode())
-        return self
+        csv.writer(header, lineterminator="\n").writerow(self._schema.names)
+        self._streams[0].write(header.getvalue().encode())
 
     def encode(self, batch: pa.RecordBatch) -> pa.Buffer:
         # Arrow quotes all text or none; none is shorter, and correct unless a cell holds a comma or a quotation mark.
@@ -182,28 +230,23 @@ class _CsvSink(Sink):
         raise AssertionError("unreachable")
 
     def write(self, encoded: Any) -> None:
-        try:
-            self._stream.write(encoded)
-        except OSError as error:
-            raise self._place.error(error) from None
+        with self._located():
+            self._streams[0].write(encoded)
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        _finish(self._place, [self._stream, self._raw], kind is None)
+    def _end(self) -> None:
+        pass
 
 
 class _ParquetSink(Sink):
     def __init__(self, place: AtomicFile, schema: pa.Schema) -> None:
-        self._place = place
-        self._schema = schema
+        super().__init__(place, schema)
         self._held: list[pa.RecordBatch] = []
         self._held_rows = 0
 
-    def __enter__(self) -> Sink:
+    def _begin(self) -> None:
         import pyarrow.parquet as pq
 
-        self._raw = self._place.open()
-        self._writer = pq.ParquetWriter(self._raw, self._schema, write_page_checksum=True)
-        return self
+        self._streams.insert(0, pq.ParquetWriter(self._streams[0], self._schema, write_page_checksum=True))
 
     def encode(self, batch: pa.RecordBatch) -> pa.RecordBatch:
         return batch
@@ -212,35 +255,10 @@ class _ParquetSink(Sink):
         self._held.append(encoded)
         self._held_rows += len(encoded)
         if self._held_rows >= _ROW_GROUP:
-            self._write_group()
+            with self._located():
+                self._end()
 
-    def _write_group(self) -> None:
+    def _end(self) -> None:
         if self._held:
-            try:
-                self._writer.write_table(pa.Table.from_batches(self._held, self._schema))
-            except OSError as error:
-                raise self._place.error(error) from None
+            self._streams[0].write_table(pa.Table.from_batches(self._held, self._schema))
         self._held, self._held_rows = [], 0
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        try:
-            if kind is None:
-                self._write_group()
-        except BaseException:
-            _finish(self._place, [self._writer, self._raw], False)
-            raise
-        _finish(self._place, [self._writer, self._raw], kind is None)
-
-
-def _finish(place: AtomicFile | _Stdout, streams: list[Any], complete: bool) -> None:
-    try:
-        for stream in streams:
-            stream.close()
-        if complete:
-            place.commit()
-    except OSError as error:
-        if complete:
-            raise place.error(error) from None
-    finally:
-        # After a commit there is nothing under the temporary name any more.
-        place.discard()
