@@ -22,7 +22,7 @@ from rodgen.calibration.checks.positions import few_positions
 from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP, Candidate
 from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
-from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_forms, without_effect
+from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_forms
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.subject import Subject
 from rodgen.calibration.fitted import Estimate
@@ -72,12 +72,11 @@ def worths(subject: Subject, selection: Selection, found: FittedExplanation) -> 
     selection : Selection
     found : FittedExplanation
     """
-    fits = [*found.fits, *found.formed]
-    added = [
-        *(c.effect for c in found.explanation.kept),
-        *(fit.machine.effects[-1] for fit in found.formed),
+    fits, last = [*found.fits, *found.formed], found.last
+    tests = [effect_test(found.without(subject, c), last) for c in found.explanation.kept]
+    tests += [
+        worth_of(last, fit.machine.effects[-1], fits[-2] if fit is last else None) for fit in found.formed
     ]
-    tests = [worth_of(found.last, effect, fits[-2] if effect is added[-1] else None) for effect in added]
     for k, candidate in enumerate(found.explanation.kept):
         test = tests[k]
         if test is not None and not test.significant:
@@ -91,7 +90,7 @@ def _without_the_impossible(
 ) -> Fit | None:
     """Return the fit without an effect, others held that would have sizes that no machine has; None if none would."""
     last = found.last
-    without = without_effect(subject, last, candidate)
+    without = found.without(subject, candidate)
     estimates = EffectEstimates(without)
     impossible = [
         c.effect
@@ -135,7 +134,7 @@ def unearned_effect(
         # a pair may lower the error that the first of the two alone raises
         together = candidate is not found.explanation.kept[-1] and pair[1].rises_from(pair[0])
         if found.explanation.forms or together:
-            fit, pair = last, (without_effect(subject, last, candidate).held_out(), held_out[-1])
+            fit, pair = last, (found.without(subject, candidate).held_out(), held_out[-1])
         number = found.explanation.tests_of(candidate)
         why = why_not_earned(fit, effect, pair, estimates.of(effect), tests[k], number)
         if not why and not estimates.are_possible(effect, selection.prior_of(candidate)):
@@ -163,7 +162,7 @@ def earned_forms(
     fits, errors = [found.fits[-1]], [held_out]
     for number, (form, fit) in enumerate(zip(found.explanation.forms, found.formed, strict=True)):
         if len(kept) < number:  # the fit has one that was refused
-            fit = with_forms(subject, fits[-1], [form])[0]
+            fit = with_forms(subject, fits[0], replace(found.explanation, forms=(*kept, form)))[-1]
         error, unseen = errors[-1].rms, fit.held_out()
         if error is None or unseen.rms is None or unseen.rms**2 < (1 - FORMS.noticeable) * error**2:
             kept.append(form)
@@ -190,7 +189,7 @@ def insignificant(subject: Subject, found: FittedExplanation, dependent: bool) -
     estimates = EffectEstimates(found.last)
     for candidate in found.explanation.kept:
         if estimates.significance(candidate.effect) >= VERDICT.rare:
-            without = without_effect(subject, found.last, candidate)
+            without = found.without(subject, candidate)
             if (_chance_does if dependent else _fits_as_well)(without, found.last):
                 return candidate
     return None
@@ -202,9 +201,9 @@ def _chance_does(without: Fit, final: Fit) -> bool:
 
 
 def _fits_as_well(without: Fit, final: Fit) -> bool:
-    without, whole = nested(without, final)
-    further = whole.determinacy.rank - without.determinacy.rank
-    fall = without.least_sum - whole.least_sum
+    lesser, whole = nested(without, final)
+    further = whole.determinacy.rank - lesser.determinacy.rank
+    fall = lesser.least_sum - whole.least_sum
     if further < 1 or not fall > 0:
         return True
     log = log_p_of_fall(fall, whole.chi_square, further, max(whole.degrees_of_freedom, 1))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidates import Candidate
-from rodgen.calibration.diagnose.forms import Form
 from rodgen.calibration.diagnose.subject import Subject, without_wrong_bounds
 from rodgen.calibration.diagnose.uncatalogued import Explanation
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
     from rodgen.machines.machine import Machine
 
-__all__ = ["FittedExplanation", "with_effects", "with_forms", "without_effect"]
+__all__ = ["FittedExplanation", "with_effects", "with_forms"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +42,21 @@ class FittedExplanation:
     def of(cls, subject: Subject, base: Fit, explanation: Explanation) -> FittedExplanation:
         """Fit the effects and forms of an explanation."""
         fits = with_effects(subject, [base], explanation.kept)
-        return cls(explanation, fits, with_forms(subject, fits[-1], explanation.forms))
+        return cls(explanation, fits, with_forms(subject, fits[-1], explanation))
 
     @property
     def last(self) -> Fit:
         """The fit with all effects and forms."""
         return [*self.fits, *self.formed][-1]
+
+    def without(self, subject: Subject, candidate: Candidate) -> Fit:
+        """Return the fit without one of the effects, begun from where the last one ended."""
+        kept, forms, last = self.explanation.kept, self.explanation.forms, self.last
+        if candidate is kept[-1] and not forms:
+            return self.fits[-2]
+        machine = last.machine.without_effect(candidate.effect.name, candidate.effect.place)
+        made = partial(subject.fit, machine, last.outliers)
+        return subject.once(last.outliers, (*kept, *forms, "without", candidate), made)
 
 
 def with_effects(subject: Subject, begun: Sequence[Fit], chosen: Sequence[Candidate]) -> list[Fit]:
@@ -60,12 +69,11 @@ def with_effects(subject: Subject, begun: Sequence[Fit], chosen: Sequence[Candid
         Of the model as it was, and with the first of the effects, as far as they are made already.
     chosen : sequence of Candidate
     """
-    fits, made = list(begun), subject.made
+    fits = list(begun)
+    outliers = fits[0].outliers
     for k, candidate in enumerate(chosen[len(fits) - 1 :], len(fits)):
-        key = fits[0].outliers.tobytes(), tuple(chosen[:k])
-        if key not in made:
-            made[key] = _with_effect(subject, fits[-1].machine, candidate, fits[0].outliers)
-        fits.append(made[key])
+        made = partial(_with_effect, subject, fits[-1].machine, candidate, outliers)
+        fits.append(subject.once(outliers, tuple(chosen[:k]), made))
     return fits
 
 
@@ -81,20 +89,19 @@ def _with_effect(
     return without_wrong_bounds(found) if subject.doubted else found
 
 
-def with_forms(subject: Subject, final: Fit, forms: Sequence[Form]) -> list[Fit]:
-    """Fit the model with one form after the other."""
+def with_forms(subject: Subject, final: Fit, explanation: Explanation) -> list[Fit]:
+    """Fit the model with all effects and one form of an explanation after the other.
+
+    Parameters
+    ----------
+    subject : Subject
+    final : Fit
+        With its effects.
+    explanation : Explanation
+    """
     found = [final]
-    for form in forms:
+    for k, form in enumerate(explanation.forms, 1):
         machine = found[-1].machine
-        found.append(subject.fit(machine.with_effect(form.effect(machine)), final.outliers))
+        made = partial(subject.fit, machine.with_effect(form.effect(machine)), final.outliers)
+        found.append(subject.once(final.outliers, (*explanation.kept, *explanation.forms[:k]), made))
     return found[1:]
-
-
-def without_effect(subject: Subject, final: Fit, candidate: Candidate) -> Fit:
-    """Fit the model with an effect held at zero."""
-    held = dict.fromkeys(candidate.effect.units(final.machine), 0.0) | dict(candidate.searched)
-    effects = tuple(
-        replace(effect, hold=held) if effect is candidate.effect else effect
-        for effect in final.machine.effects
-    )
-    return subject.fit(replace(final.machine, effects=effects), final.outliers)

@@ -183,7 +183,7 @@ class _Search:
         with stage("forms outside the catalogue"):
             explanation = evidence.contest.by_columns(chosen, evidence.sensitivities.residual_of(fits[-1]))
         if [c.key for c in explanation.kept] == [c.key for c in chosen]:
-            formed = with_forms(self.subject, fits[-1], explanation.forms)
+            formed = with_forms(self.subject, fits[-1], explanation)
             found = FittedExplanation(explanation, fits, formed)
         else:
             found = self._fitted(evidence, explanation)

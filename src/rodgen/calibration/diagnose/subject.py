@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
@@ -17,7 +17,6 @@ from rodgen.machines.machine import Machine
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose.candidates import Candidate
     from rodgen.calibration.fit import Fit
 
 __all__ = ["Subject", "without_wrong_bounds"]
@@ -39,14 +38,14 @@ class Subject:
     doubted : bool
         Whether bounds of the machine file that the readings contradict are left out.
     made : dict of (bytes, tuple) to Fit
-        Fits with effects one after the other, by the outliers and these: rounds begin with the same.
+        Fits by the outliers and by effects and forms; see `once`.
     """
 
     fitted: Fit
     others: Observations | None
     prefer: Collection[tuple[str, str | None]]
     doubted: bool
-    made: dict[tuple[bytes, tuple[Candidate, ...]], Fit] = field(default_factory=dict, repr=False)
+    made: dict[tuple[bytes, tuple[object, ...]], Fit] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
@@ -71,6 +70,13 @@ class Subject:
     def fit(self, machine: Machine, outliers: Mask) -> Fit:
         """Fit another machine to the same observations without some outliers."""
         return self.fitted.refit(machine, self.observations, outliers=outliers)
+
+    def once(self, outliers: Mask, which: tuple[object, ...], make: Callable[[], Fit]) -> Fit:
+        """Return the fit without outliers of what `which` says, made the first time: rounds and tests ask again."""
+        key = outliers.tobytes(), which
+        if key not in self.made:
+            self.made[key] = make()
+        return self.made[key]
 
     @cached_property
     def unread(self) -> list[str]:
