@@ -31,6 +31,7 @@ __all__ = [
     "UNCATALOGUED",
     "VARIANCES",
     "VERDICT",
+    "WALK",
 ]
 
 NEGLIGIBLE_WEIGHT = 1e-100
@@ -372,8 +373,24 @@ class EffectTestPolicy(NamedTuple):
     """Probability by chance below which an effect is real: the user may have tried thirty before."""
     searched_values: int = 200
     """Independent values of a searched parameter at least: no search tries many more that are unlike each other."""
+    time_constants: int = 7
+    """The same of a time constant: exponentials are much alike, and twelve of them amount to four to six tests."""
     poses_a_parameter: int = 20
     """Poses for each parameter from which on a pose's own leverage on its residuals does not matter."""
+
+
+class WalkPolicy(NamedTuple):
+    """Walks over which the test of a function of time is averaged (tests/test_unknown_walk.py)."""
+
+    smallest: float = 0.05
+    """Size of the least walk, the rms about its mean, in what a reading scatters by itself: of a smaller one nothing is
+    seen in a trend of a thousand readings."""
+    largest: float = 10.0
+    """The same of the largest: between neighbours it is seen, and beyond it ..."""
+    beyond: float = 5.0
+    """... walks up to so many times the estimated size are tried."""
+    sizes: int = 20
+    """Their number: each is by a third larger than the one before, which is how well a walk of 36 poses is known."""
 
 
 class LackOfFitPolicy(NamedTuple):
@@ -545,6 +562,7 @@ SELECTION = SelectionPolicy()
 UNCATALOGUED = UncataloguedPolicy()
 FORMS = FormPolicy()
 VERDICT = VerdictPolicy()
+WALK = WalkPolicy()
 EFFECT_TEST = EffectTestPolicy()
 LACK_OF_FIT = LackOfFitPolicy()
 NOISE = NoisePolicy()

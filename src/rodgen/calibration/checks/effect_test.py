@@ -8,7 +8,8 @@ Readings of one pose may share what is no motion of the frame, such as where a j
 whole poses fits that, too. So the residuals count as much as they scatter along the new parameters from pose to pose
 (the design effect of Rao and Scott 1987, by residuals with the correction of Bell and McCaffrey 2002), and the degrees
 of freedom count a pose as one. A function of one coordinate is tested by its distinct positions, or, where these are
-too few to show its shape, for the kind of motion that the joint makes at them (`positions`). A
+too few to show its shape, for the kind of motion that the joint makes at them (`positions`); one of time against walks
+of all sizes (:mod:`rodgen.statistics.unknown_walk`), whether these can be seen or not. A
 parameter that was searched for had many chances: the probability is multiplied by their number.
 """
 
@@ -22,7 +23,12 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.checks.positions import log_p_by_position, log_p_of_kind, position_of
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
-from rodgen.calibration.noise.correlation import FitRows, estimate_correlation
+from rodgen.calibration.noise.correlation import (
+    FitRows,
+    believed_readings,
+    estimate_correlation,
+    shared_motion,
+)
 from rodgen.calibration.possible_effects import (
     MOTIONS,
     bare_effects,
@@ -32,11 +38,21 @@ from rodgen.calibration.possible_effects import (
 )
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import Solution, minimise
-from rodgen.statistics.columns import DEPENDENT, ColumnSpace, Whiten, unit_columns
+from rodgen.machines.effects.definition import StartSearch
+from rodgen.statistics.columns import (
+    DEPENDENT,
+    ColumnSpace,
+    Whiten,
+    orthonormal_basis,
+    unit_columns,
+    visible_part,
+)
 from rodgen.statistics.decompositions import singular_values, svd
 from rodgen.statistics.f_tests import log10_f_tail, p_of_log10
 from rodgen.statistics.leave_out import undo_leverage
 from rodgen.statistics.thresholds import EFFECT_TEST
+from rodgen.statistics.unknown_walk import log_p_under_walks
+from rodgen.statistics.whitening import MotionDeviations
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -56,7 +72,7 @@ class EffectTest:
     p_value, log10_p : float
         Probability that chance lowers the error as much; at least 1e-300, and its logarithm.
     statistic : float
-        F.
+        F. Of what follows the time the probability is averaged over those of several walks.
     degrees_of_freedom : tuple of float
         Of F.
     design_effect : float
@@ -139,12 +155,14 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
             fall, left, effect = pair.test(further, residual_dof)
             known = pair.known()
         by_position, of_kind = pair.log_p_by_position()
-    poses = len(np.unique(larger.observations.pose[~larger.outliers]))
-    readings = residual_dof + larger.determinacy.rank
-    dof = (float(further), max(min(residual_dof * min(poses / readings, 1.0), known), 1.0))
+        poses = len(np.unique(larger.observations.pose[~larger.outliers]))
+        independent = residual_dof * min(poses / (residual_dof + larger.determinacy.rank), 1.0)
+        walks = pair.log_p_under_walks(independent, effect) if pair.of_time else -np.inf
+    dof = (float(further), max(min(independent, known), 1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         statistic = float(np.divide(fall / further, left * effect)) if fall > 0 else 0.0
-    log10 = log10_f_tail(statistic, *dof) + float(np.log10(_tried(smaller, larger)))
+    log10 = walks / float(np.log(10)) if np.isfinite(walks) else log10_f_tail(statistic, *dof)
+    log10 += float(np.log10(_tried(smaller, larger)))
     log10 = min(max(log10, by_position / float(np.log(10))), 0.0)
     return EffectTest(p_of_log10(log10), log10, statistic, dof, effect, of_kind)
 
@@ -181,10 +199,12 @@ class _Whitened:
         self.residual = some.residuals(*at, weighted=True)
         self.model = some.jacobian(*at)[:, :, list(smaller.moving)]
         inside = {smaller.parameters[i].key for i in smaller.moving}
-        new = [i for i in larger.moving if larger.parameters[i].key not in inside]
+        self.further = new = [i for i in larger.moving if larger.parameters[i].key not in inside]
         self.searched = sum(larger.parameters[i].searched is not None for i in new)
         self.new = self.rows.jacobian[:, :, new]
         self.own = self.rows.jacobian[:, :, [i for i in new if larger.parameters[i].searched is None]]
+        there = {effect.identity for effect in smaller.machine.effects}
+        self.added = [effect for effect in larger.machine.effects if effect.identity not in there]
 
     def test(self, further: int, residual_dof: int) -> tuple[float, float, float]:
         """Return the fall of the sum of squares, the variance of what remains, and the design effect."""
@@ -217,6 +237,7 @@ class _Whitened:
         2 over the variance of the logarithm of its generalised variance, a parameter (Satterthwaite 1946).
         """
         k, size = self.model.shape[2], np.linalg.norm(self.new.reshape(self.residual.size, -1), axis=0)
+        size[size == 0.0] = 1.0  # what a time constant of nearly zero does
 
         def log_variance(white: Array) -> float:
             flat = white.reshape(self.residual.size, -1)
@@ -231,14 +252,30 @@ class _Whitened:
         error = sum((log_variance(one) - log_variance(other)) ** 2 / 4 for one, other in pairs)
         return 2 / error if error > 0 else np.inf
 
+    @property
+    def of_time(self) -> bool:
+        """Whether all that is new follows the time, as a walk does."""
+        return bool(self.added) and all(effect.definition.follows_time for effect in self.added)
+
+    def log_p_under_walks(self, independent: float, design_effect: float) -> float:
+        """Return the logarithm of the probability where the set-up wanders by an amount that is not known."""
+        motion, groups = shared_motion(self.rows)
+        old = [i for i in self.larger.moving if i not in self.further]
+        N = self.residual.size
+        basis = orthonormal_basis(self.rows.jacobian[:, :, old].reshape(N, -1))
+        new = visible_part(basis, unit_columns(self.new.reshape(N, -1)), DEPENDENT)
+        dof = float(believed_readings(self.rows).sum() - basis.shape[1] - new.shape[1]), independent
+        none = MotionDeviations(np.zeros(motion.dof), np.zeros(motion.dof), np.inf)
+        estimated = self.larger.dependence.correlation.deviations or none
+        residual = self.residual.ravel()
+        return log_p_under_walks(motion, groups, basis, new, residual, dof, estimated, design_effect)
+
     def log_p_by_position(self) -> tuple[float, bool]:
         """Return the logarithm of the probability by the positions of a joint; -inf where readings are what counts.
 
         And whether the positions show the kind of motion only, not its shape.
         """
-        there = {effect.identity for effect in self.smaller.machine.effects}
-        added = [effect for effect in self.larger.machine.effects if effect.identity not in there]
-        o = self.rows.observations
+        o, added = self.rows.observations, self.added
         joint = position_of(added[0], o) if len(added) == 1 else None
         if joint is None or not self.own.shape[2]:
             return -np.inf, False
@@ -301,7 +338,9 @@ def _tried(smaller: FittedModel, larger: FittedModel) -> int:
     before = {smaller.parameters[i].key for i in smaller.free}
     tried = 1
     for parameter in (larger.parameters[i] for i in larger.free):
-        if parameter.searched and parameter.key not in before:
+        if parameter.searched is StartSearch.TIME_CONSTANT and parameter.key not in before:
+            tried = max(tried, EFFECT_TEST.time_constants)
+        elif parameter.searched and parameter.key not in before:
             tried = max(tried, EFFECT_TEST.searched_values)
             names = [joint.name for joint in larger.machine.joints]
             if parameter.place in names:  # a period: as many waves as there are places, and those between

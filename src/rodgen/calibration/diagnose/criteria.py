@@ -26,7 +26,7 @@ from rodgen.machines.effects.plausibility import BALANCED, Plausibility
 from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["SHARED", "Criteria", "follows_time"]
+__all__ = ["SHARED", "Criteria"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ class Criteria:
     def lowers_error(self, included: Sequence[Candidate], candidate: Candidate) -> bool:
         """Return whether a candidate noticeably lowers the error on poses left out."""
         kinds = [self.blocks]
-        if self.stretches is not None and follows_time(candidate):
+        if self.stretches is not None and candidate.effect.definition.follows_time:
             kinds.append(self.stretches)
         if joint := position_of(candidate.effect, self.blocks.observations):
             kinds += filter(None, [self.blocks.by_position(joint)])
@@ -383,9 +383,3 @@ class Criteria:
         values = -unit * (covariance @ (across.T @ base.project_out(self.residual))) / variance
         std = unit * np.sqrt(covariance.diagonal())
         return list(zip(np.split(values, ends), np.split(std, ends), strict=True))
-
-
-def follows_time(candidate: Candidate) -> bool:
-    """Return whether an effect changes with time or from run to run, whatever the pose."""
-    definition = candidate.effect.definition
-    return definition.per_run or "t" in definition.formula.names

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates, without_imitated
 from rodgen.calibration.diagnose.clusters import Clusters
-from rodgen.calibration.diagnose.criteria import follows_time
 from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
@@ -79,7 +78,12 @@ class Evidence:
         return Contest(self.sensitivities, whiten, self.selection, self.undecided)
 
 
-def gather_evidence(base: Fit, screening: Screening) -> tuple[Evidence, list[Candidate]]:
+def gather_evidence(
+    base: Fit,
+    screening: Screening,
+    refused: Collection[tuple[str, str | None]] = (),
+    wander: Collection[tuple[str, str | None]] = (),
+) -> tuple[Evidence, list[Candidate]]:
     """Return the evidence, and the effects that are selected by it.
 
     Parameters
@@ -88,30 +92,36 @@ def gather_evidence(base: Fit, screening: Screening) -> tuple[Evidence, list[Can
         Without outliers.
     screening : Screening
         Of it.
+    refused : collection of (name, place)
+        Effects that are not selected.
+    wander : collection of (name, place)
+        Effects that are taken for a wander of the set-up when that is estimated.
     """
-    first = _correlation(screening, [])
-    evidence, chosen = _evidence_given(base, screening, first)
-    known = [c for c in chosen if not follows_time(c)]
+    nuisance = [c for c in screening.candidates if c.key not in wander]
+    first = _correlation(screening, nuisance, [])
+    evidence, chosen = _evidence_given(base, screening, first, refused)
+    known = [c for c in chosen if not c.effect.definition.follows_time]
     # a large effect hides how the set-up wanders, and what is slow must stand against that
     if not known or (len(known) == len(chosen) and not first.independent):
         return evidence, chosen
-    correlation = _correlation(screening, known)
+    correlation = _correlation(screening, nuisance, known)
     if first.independent and correlation.independent:
         return evidence, chosen
-    return _evidence_given(base, screening, correlation)
+    return _evidence_given(base, screening, correlation, refused)
 
 
 @stage("estimating the correlation")
-def _correlation(screening: Screening, known: Sequence[Candidate]) -> Correlation:
-    """Return how the readings depend on each other if some effects are there."""
-    found = screening.candidates
-    columns, tries = [c.columns for c in found], [c.tries for c in found]
+def _correlation(
+    screening: Screening, nuisance: Sequence[Candidate], known: Sequence[Candidate]
+) -> Correlation:
+    """Return how the readings depend on each other if some effects are there, and others may be."""
+    columns, tries = [c.columns for c in nuisance], [c.tries for c in nuisance]
     return estimate_correlation(screening.sensitivities, columns, tries, [c.columns for c in known])
 
 
 @stage("testing effects")
 def _evidence_given(
-    base: Fit, screening: Screening, correlation: Correlation
+    base: Fit, screening: Screening, correlation: Correlation, refused: Collection[tuple[str, str | None]]
 ) -> tuple[Evidence, list[Candidate]]:
     """Return the evidence where readings depend on each other so, and what is selected by it."""
     sensitivities = screening.sensitivities
@@ -122,6 +132,8 @@ def _evidence_given(
     if not correlation.independent:
         stretches = Blocks(o, model, sensitivities.residual, stretches_of_time(o))
     clusters = Clusters(sensitivities, correlation.whiten)
-    selection = Selection(space, blocks, base.observations.n, clusters, stretches)
+    selection = Selection(
+        space.without(refused) if refused else space, blocks, base.observations.n, clusters, stretches
+    )
     selection, chosen = selection.or_balanced(selection.run())
     return Evidence(base, sensitivities, correlation, space, selection), chosen

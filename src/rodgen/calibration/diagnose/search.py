@@ -252,12 +252,37 @@ class _Search:
                 if may_be_there(why):
                     evidence = replace(evidence, undecided=(*evidence.undecided, candidate))
                 self.notes.append(f"{capitalized(candidate.effect.title)} is not reported: {why}.")
+            again = balanced or len(refused) < EVIDENCE.most_refused
+            if again and candidate.effect.definition.follows_time:
+                evidence, found = self._wandering(evidence, refused)
+                continue
             evidence = replace(evidence, selection=balanced or selection.without(candidate))
-            if balanced or len(refused) < EVIDENCE.most_refused:
-                chosen = evidence.selection.run()
-            else:  # after many the others stay
-                chosen = [c for c in kept if c is not candidate]
+            # after many the others stay
+            chosen = evidence.selection.run() if again else [c for c in kept if c is not candidate]
             found = self._settled(evidence, chosen)
+
+    def _wandering(
+        self, evidence: Evidence, refused: Collection[tuple[str, str | None]]
+    ) -> tuple[Evidence, FittedExplanation]:
+        """Return the evidence, and what explains the residuals, where the set-up wanders rather than drifts.
+
+        What wanders was estimated as if effects that are refused were there. Where no other is found that follows the
+        time, nothing does but the wander.
+        """
+        screening = Screening(evidence.sensitivities, evidence.space.candidates)
+        of_time = {c.key for c in screening.candidates if c.effect.definition.follows_time}
+
+        def given(wander: Collection[tuple[str, str | None]]) -> tuple[Evidence, list[Candidate]]:
+            again, chosen = gather_evidence(evidence.base, screening, refused, wander)
+            return replace(again, undecided=evidence.undecided), chosen
+
+        again, chosen = given(refused)
+        if not of_time.isdisjoint(c.key for c in chosen):
+            found = self._settled(again, chosen)
+            if not of_time.isdisjoint(c.key for c in found.explanation.kept):
+                return again, found
+        again, chosen = given(of_time.union(refused))
+        return again, self._settled(again, chosen)
 
     def _likeliest(
         self, evidence: Evidence, found: FittedExplanation

@@ -30,7 +30,15 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["Correlation", "Dependence", "FitRows", "LinearRows", "dependence", "estimate_correlation"]
+__all__ = [
+    "Correlation",
+    "Dependence",
+    "FitRows",
+    "LinearRows",
+    "dependence",
+    "estimate_correlation",
+    "shared_motion",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -82,6 +90,11 @@ class Correlation:
     def independent(self) -> bool:
         """Whether readings are treated as independent."""
         return self._deviations is None
+
+    @property
+    def deviations(self) -> MotionDeviations | None:
+        """Standard deviations of what readings share, relative to `white`; None where they are independent."""
+        return self._deviations
 
     @property
     def wanders(self) -> bool:
@@ -319,10 +332,9 @@ def _estimate(
     included: Sequence[Array],
 ) -> Correlation:
     fit, o = linear.fit, linear.observations
-    weight = np.broadcast_to(linear.weight, linear.residual.shape)
-    believed = weight > NO_READING * weight.max(initial=0.0)
-    poses = Poses.among(o.pose, o.run, o.t)
-    motion, groups = _motion(poses, linear.frame, believed)
+    believed = believed_readings(linear)
+    motion, groups = shared_motion(linear)
+    poses = motion.poses
     rows, some = poses.taken(_chosen(poses.count))
     residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
     readings = int(believed[rows].sum())
@@ -356,7 +368,9 @@ def _estimate(
         sizes.get(name, 0.0) for name in ("pose t", "pose r", "wander t", "wander r")
     )
     time = found.time if wander_t or wander_r else np.inf
-    typical = 1 / (float(np.median(weight[believed])) * fit.unit_factor)
+    typical = 1 / (
+        float(np.median(np.broadcast_to(linear.weight, believed.shape)[believed])) * fit.unit_factor
+    )
     text = ""
     # where readings scatter no more than their stated noise, nothing else is needed
     within_noise = o.sigma is not None and scatter <= dof
@@ -368,9 +382,11 @@ def _estimate(
     return Correlation(*sizes_of_all, text, found.gain, motion, deviations, tuple(within_error))
 
 
-def _motion(poses: Poses, frame: Array, believed: NDArray[np.bool_]) -> tuple[SharedMotion, dict[str, slice]]:
+def shared_motion(linear: LinearRows) -> tuple[SharedMotion, dict[str, slice]]:
     """Return the frame's motion in units of what it does to the mean reading, and its degrees of freedom by name."""
-    H = np.where(believed[:, :, None], frame, 0.0)
+    o = linear.observations
+    poses, believed = Poses.among(o.pose, o.run, o.t), believed_readings(linear)
+    H = np.where(believed[:, :, None], linear.frame, 0.0)
     named = {"r": slice(0, 3)} if H.shape[2] == 3 else {"t": slice(0, 3), "r": slice(3, 6)}
     groups = {}
     for name, of in named.items():
@@ -379,6 +395,12 @@ def _motion(poses: Poses, frame: Array, believed: NDArray[np.bool_]) -> tuple[Sh
             H[:, :, of] /= size
             groups[name] = of
     return SharedMotion(poses, H), groups
+
+
+def believed_readings(linear: LinearRows) -> NDArray[np.bool_]:
+    """Return which readings the fit does not leave out, (n, m)."""
+    weight = np.broadcast_to(linear.weight, linear.residual.shape)
+    return np.asarray(weight > NO_READING * weight.max(initial=0.0))
 
 
 def _chosen(count: int) -> NDArray[np.bool_]:

@@ -149,6 +149,11 @@ class EffectDefinition:
         slope = () if self.slope is None else (self.slope,)
         return (self.formula, *slope, *(formula for _, formula in self.others))
 
+    @property
+    def follows_time(self) -> bool:
+        """Whether it changes with time or from run to run."""
+        return self.per_run or "t" in self.formula.names
+
     def for_measurand(self, measurand: Measurand) -> EffectDefinition:
         """Return the definition for what is measured.
 
