@@ -1243,6 +1243,21 @@ d.check(
 ).prove(modulo=unit)
 
 # %%
+weight_arm = d.vector("weight_arm", r"\vec s", "from the joint's point to a weight of its own link", "length")
+link_arm = d.vector("link_arm", r"\vec l", "from the joint's point to the point of the next joint", "length")
+M_s, M_l, M_l_perp = (dot(n, cross(a, g)) for a in (weight_arm, link_arm, cross(n, link_arm)))
+across_l = cross(n, link_arm)
+d.check(
+    "weight-of-the-own-link",
+    equal(
+        dot(across_l, across_l) * M_s,
+        dot(across_l, cross(n, weight_arm)) * M_l + dot(n, cross(link_arm, weight_arm)) * M_l_perp,
+    ),
+    text="A link's centre of mass has two coordinates across the axis. So wherever it is, the moment of its "
+    "weight is that of one at the point of the next joint and one there after a quarter turn, `k_NAME` and `k2_NAME`.",
+).prove(modulo=unit)
+
+# %%
 guide_arm = cross(arm - q * n, g)
 guide = letter(
     "guide", r"\vec M_g", "moment about P + q n, across the axis", guide_arm - dot(n, guide_arm) * n

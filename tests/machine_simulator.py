@@ -241,6 +241,10 @@ class Joint:
         """Give the moment vectors (rows, 3) of a unit force along gravity."""
         return np.cross(self.arm if arm is None else arm, self.gravity)
 
+    def turned(self, arm: Array) -> Array:
+        """Give arms after a quarter turn about the axis."""
+        return np.cross(self.n, arm) + along(arm @ self.n, self.n)
+
     def across(self, moment: Array) -> Array:
         """Give the part across the axis."""
         return moment - along(moment @ self.n, self.n)
@@ -310,10 +314,11 @@ def servo_lag(j: Joint, tau: float = 0) -> Change:
 
 
 def gravity_windup(j: Joint, k: float = 0, k2: float = 0, **later: float) -> Change:
-    turned = np.cross(j.n, j.arm) + along(j.arm @ j.n, j.n)
-    reading = k * (j.moment() @ j.n) + k2 * (j.moment(turned) @ j.n)
+    reading = k * (j.moment() @ j.n) + k2 * (j.moment(j.turned(j.arm)) @ j.n)
     for parameter, value in later.items():
-        reading = reading + value * (j.moment(j.later[parameter.removeprefix("k_")]) @ j.n)
+        which, _, name = parameter.partition("_")
+        arm = j.later[name]
+        reading = reading + value * (j.moment(arm if which == "k" else j.turned(arm)) @ j.n)
     return {"reading": reading}
 
 

@@ -86,6 +86,23 @@ def test_six_positions_show_the_kind_of_a_motion(tmp_path):
     )
 
 
+def test_no_effect_is_claimed_that_imitates_one_that_more_positions_would_tell(tmp_path):
+    """Few positions of J7 hide its eccentricity (p = 1e-4): its scale, of p = 1e-5, does nearly the same."""
+    from real_machines import real
+
+    machine, data = real("7R", 8).write(tmp_path)
+    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    assert found.steps == ()
+    assert found.verdict == "cannot_tell"
+    assert "encoder_eccentricity at J7" in found.reason
+    assert any(
+        note.startswith(
+            "Scale at J7 is not reported: encoder_eccentricity at J7 explains as much and is likelier"
+        )
+        for note in found.notes
+    )
+
+
 @pytest.mark.parametrize(
     ("effect", "place", "value", "reason"),
     [

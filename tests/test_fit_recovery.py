@@ -153,7 +153,9 @@ def test_intervals_of_each_effect_s_parameters_hold_the_truth(kind, count):
     for of in titles(kind):
         score = scored(kind, of, count)
         (block,) = (b for b in every(kind).file["effect"] if title(b) == of)
-        optional = {f"A.gravity_windup.k_{x}" for x in "ZC"}  # left out, as no later joint is heavy
+        optional = {
+            f"A.gravity_windup.{k}" for k in ("k_Z", "k_C", "k2_Z")
+        }  # left out, as no later joint is heavy
         assert score.inside.keys() == set(every(kind).keys_of(block)) - NOT_SEEN[kind] - optional
         whole.join(score)
     assert_covers(whole)
@@ -212,7 +214,7 @@ def test_weights_at_later_joints_are_taken_in_where_they_matter(stated):
         "point", [of], data, geometry_known=True, **({"noise": NOISE["point"]} if stated else {})
     )
     score = Score()
-    for heavy in ({"k_C"}, {"k_Z", "k_C"}):
+    for heavy in ({"k_C"}, {"k_Z", "k_C"}, {"k2_Z"}):
         values = errors(case) | {f"A.gravity_windup.{k}": 3e-6 for k in heavy}
         truth = case.simulated(values)
         for _ in range(15):
@@ -222,3 +224,9 @@ def test_weights_at_later_joints_are_taken_in_where_they_matter(stated):
             assert taken == {f"A.gravity_windup.{k}" for k in heavy}
             score.add(found, values)
     assert_covers(score)
+    # a fit that begins where this one ended estimates them, too
+    again = found.refit()
+    assert taken == {again.parameters[i].key for i in again.free if again.parameters[i].optional}
+    assert {key: again.estimates[key].std for key in taken} == pytest.approx(
+        {key: found.estimates[key].std for key in taken}, rel=1e-6
+    )

@@ -364,6 +364,10 @@ def test_a_later_joint_s_weight_hangs_at_its_point() -> None:
     change = moved(of, {"A.gravity_windup.k_B": 1e-5}, [[60, 25]])[0]
     expected = Simulated(of).measure([[60 - 1e-5 * 400 * 0.5, 25]]) - Simulated(of).measure([[60, 25]])
     assert close(change, expected[0], within=1e-10)
+    # and, a quarter turn on, hangs at (0, 0, 400) of A's own link, whatever B does: 400 sin 60 the other way
+    change = moved(of, {"A.gravity_windup.k2_B": 1e-5}, [[60, 25]])[0]
+    turned = [[60 + 1e-5 * 400 * np.sin(np.pi / 3), 25]]
+    assert close(change, (Simulated(of).measure(turned) - Simulated(of).measure([[60, 25]]))[0], within=1e-10)
 
 
 def test_a_drive_gives_way_to_the_weights_that_it_carries() -> None:

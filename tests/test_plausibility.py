@@ -89,7 +89,7 @@ def test_sizes_are_those_of_the_machine_s_reach_and_units():
     windup = plausibility(machine, machine.effect("gravity_windup", "J1")).sizes
     reach = math.dist((0, 0, 0), (500, 0, 600))
     assert windup["k"].largest == pytest.approx(math.radians(2) / reach)
-    assert [windup[name].positive for name in ("k", "k_J3", "k2")] == [True, True, False]
+    assert [windup[name].positive for name in ("k", "k_J3", "k2", "k2_J2")] == [True, True, False, False]
     metres = replace(
         machine,
         length_unit="m",

@@ -172,7 +172,7 @@ def _effect(effect: Any) -> Iterator[str]:
     ]
     rows = {
         "Parameters": ", ".join(parameters)
-        + (", and one for each later joint" if entry["later_joints"] else ""),
+        + (", and those of weights at later joints" if entry["later_joints"] else ""),
         "Also at": ", ".join(others),
         "Searched for": ", ".join(f"`{name}`" for name in entry["searched"]),
         "ISO 230": _escaped(entry["iso"] or ""),

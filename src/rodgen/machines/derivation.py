@@ -325,23 +325,28 @@ class ModelSteps:
         return self.let("rate", self.gravity(j).cross(self.axis[j]))
 
     @cached
-    def moments_of_later_joints(self, j: int) -> dict[int, Any]:
-        """Return the moments about joint j's axis of unit forces along gravity at the points of the later joints.
+    def moments_of_weights(self, j: int) -> list[Any]:
+        """Return the moments about joint j's axis of unit forces along gravity, in the order of `Term.weights`.
 
-        The moment n.((x - P) x G) of a force at x grows by G x n as x moves. Where joints turn x, this rate is turned
-        back, so that one vector goes from joint to joint outwards, instead of every point inwards.
+        They act at the points of the later joints; the last one acts at the next of these points after a quarter turn
+        of its arm: of the joint's own link, which may be heavy off that line. The moment n.((x - P) x G) of a force at
+        x grows by G x n as x moves. Where joints turn x, this rate is turned back, so that one vector goes from joint
+        to joint outwards, instead of every point inwards.
         """
-        found: dict[int, Any] = {}
-        moment, rate = 0, self.rate(j)
+        found: list[Any] = []
+        moment, rate, off_the_line = 0, self.rate(j), 0
         for k in range(j, len(self.axis) - 1):
             if self.structure.joints[k].revolute:
                 cosine, sine = self.ideal_turn[k]
                 rate = self.let("rate", self.about_axis(rate, self.axis[k], (cosine, -sine)))
             else:
                 moment = moment + rate.dot(self.axis[k]) * self.column["q", k]
-            moment = self.let("moment", moment + rate.dot(self.joint_point[k + 1] - self.joint_point[k]))
-            found[k + 1] = moment
-        return found
+            arm = self.joint_point[k + 1] - self.joint_point[k]
+            if k == j:
+                off_the_line = self.let("moment", rate.cross(self.axis[j]).dot(arm))
+            moment = self.let("moment", moment + rate.dot(arm))
+            found.append(moment)
+        return [*found, off_the_line]
 
     # effects -------------------------------------------------------------------------------------------------
 
@@ -411,10 +416,9 @@ class ModelSteps:
         term = self.structure.terms[number]
         value = self.value(number, term.parts[part][1])
         j = term.joint
-        if j is not None and term.later_joints:
-            names = term.parameters[len(term.parameters) - len(term.later_joints) :]
-            for k, name in zip(term.later_joints, names, strict=True):
-                value = value + self.e[number, name] * self.moments_of_later_joints(j)[k]
+        if j is not None and term.weights:
+            for name, moment in zip(term.weights, self.moments_of_weights(j), strict=True):
+                value = value + self.e[number, name] * moment
         if term.target:
             value = value * self.g["acts", number][0]
         return self.let("effect", value)

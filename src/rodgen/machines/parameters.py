@@ -120,9 +120,8 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
                 yield made(f"{prefix}.{x}", unit, "shift", r, component, **_of_effect(machine, effect, x))
     for n, (effect, term) in enumerate(zip(row_effects(machine), structure.terms, strict=True)):
         units = effect.units(machine)
-        for position, name in enumerate(term.parameters):
-            optional = position >= len(term.parameters) - len(term.later_joints)
-            more = _of_effect(machine, effect, name) | {"optional": optional}
+        for name in term.parameters:
+            more = _of_effect(machine, effect, name) | {"optional": name in term.weights}
             yield made(effect.key(name), units[name], "e", n, name, **more)
 
 

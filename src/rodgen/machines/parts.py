@@ -178,13 +178,13 @@ class Effect:
         Returns
         -------
         dict of str to str
-            In the catalogue's order; then one ``k_NAME`` for each later joint, where the effect has these.
+            In the catalogue's order; then those of weights, where the effect has these.
         """
         units = self.definition.units(machine.length_unit, machine.measurand)
         if self.definition.later_joints:
             names = [joint.name for joint in machine.joints]
-            later = names[names.index(str(self.place)) + 1 :]
-            units |= {f"k_{name}": f"arcsec/{machine.length_unit}" for name in later}
+            weights = self.definition.weights(names[names.index(str(self.place)) + 1 :])
+            units |= dict.fromkeys(weights, f"arcsec/{machine.length_unit}")
         return units
 
 

@@ -90,8 +90,8 @@ class Term:
         Further components that it changes, with their formulas.
     sky : bool
         Whether a user's formula has the zenith angle or the azimuth of the line of sight.
-    later_joints : tuple of int
-        Joints whose weights it carries, one further parameter each.
+    weights : tuple of str
+        The last of the parameters: the weights that the joint carries.
     """
 
     joint: int | None
@@ -104,7 +104,7 @@ class Term:
     own: bool
     others: tuple[tuple[str, str], ...] = ()
     sky: bool = False
-    later_joints: tuple[int, ...] = ()
+    weights: tuple[str, ...] = ()
 
     @cached_property
     def names(self) -> frozenset[str]:
@@ -216,7 +216,7 @@ class Structure:
     @cached_property
     def weights(self) -> bool:
         """Whether there are weights at later joints: these have lever arms even where only directions are measured."""
-        return any(term.later_joints for term in self.terms)
+        return any(term.weights for term in self.terms)
 
     @cached_property
     def parameters(self) -> tuple[tuple[int, str], ...]:
@@ -348,17 +348,17 @@ def _term(machine: Machine, effect: Effect) -> Term:
             columns[name] = ("q", names.index(name)) if name in names else ("x", name)
     if joint is not None and any(f.names & BEAM for f in texts) and not definition.own:
         columns["q"] = ("q", joint)
-    later = tuple(range(joint + 1, len(names))) if joint is not None and definition.later_joints else ()
+    weights = definition.weights(names[joint + 1 :]) if joint is not None else ()
     return Term(
         joint=joint,
         target=effect.place is not None and joint is None,
         component=definition.component,
         formula=definition.formula.text,
         slope=definition.slope.text if definition.slope is not None else "",
-        parameters=(*definition.parameters, *(f"k_{names[k]}" for k in later)),
+        parameters=(*definition.parameters, *weights),
         columns=tuple(columns.items()),
         own=definition.own,
         sky=bool(sky & frozenset().union(*(f.names for f in texts))),
         others=tuple((component, formula.text) for component, formula in definition.others),
-        later_joints=later,
+        weights=weights,
     )

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
 __all__ = [
+    "MORE",
     "WRONG_SIGN",
     "earned_forms",
     "insignificant",

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.acceptance import why_empty
+from rodgen.calibration.diagnose.acceptance import MORE, why_empty
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.diagnosis import Alias
 from rodgen.calibration.diagnose.selection import Selection, of_one_leg
@@ -32,7 +32,7 @@ from rodgen.statistics.thresholds import SELECTION
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Equal", "equals_of"]
+__all__ = ["Equal", "equals_of", "imitation"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -76,6 +76,7 @@ def equals_of(
     kept: Sequence[Candidate],
     k: int,
     full: bool,
+    undecided: Sequence[Candidate] = (),
 ) -> list[Equal]:
     """Return the effects that the data cannot distinguish from one that was found, the likeliest first.
 
@@ -92,6 +93,9 @@ def equals_of(
     full : bool
         Whether full fits decide; else whitened columns do: where readings depend on each other chi-square means
         little, and forms are in no model.
+    undecided : sequence of Candidate
+        Those among the candidates that are refused as long as there are no more positions of a joint: one of these may
+        explain the readings better, too.
     """
     own = kept[k]
     others = [c for c in kept if c is not own]
@@ -105,10 +109,9 @@ def equals_of(
     )
     found = []
     for alternative, difference in zip(alternatives, differences, strict=True):
-        further = alternative.dof - dof
-        if not selection.are_alike(difference, further):
+        further, candidate = alternative.dof - dof, alternative.candidate
+        if not selection.are_alike(max(difference, 0.0) if candidate in undecided else difference, further):
             continue
-        candidate = alternative.candidate
         prior, cost = selection.preference(kept, k, candidate, difference, explained)
         if not prior < np.inf:  # no machine has so much of it
             continue
@@ -121,6 +124,27 @@ def equals_of(
         alias = Alias(candidate.effect, why, float(difference), odds, with_data)
         found.append(Equal(candidate, alias, cost))
     return sorted(found, key=lambda equal: equal.cost)
+
+
+def imitation(
+    undecided: Sequence[Candidate], kept: Sequence[Candidate], equals: Sequence[Sequence[Equal]]
+) -> tuple[Candidate, str] | None:
+    """Return an effect that may only imitate an undecided one, and why it is not to be reported; None without any.
+
+    Parameters
+    ----------
+    undecided : sequence of Candidate
+        Effects that are refused as long as there are no more positions of a joint.
+    kept : sequence of Candidate
+        What was found.
+    equals : sequence of sequence of Equal
+        What the data cannot distinguish from each of these.
+    """
+    for candidate, of_one in zip(kept, equals, strict=True):
+        for equal in of_one:
+            if equal.candidate in undecided and equal.cost < 0:
+                return candidate, f"{equal.candidate.effect.title} explains as much and is likelier: {MORE}"
+    return None
 
 
 def _alternatives(

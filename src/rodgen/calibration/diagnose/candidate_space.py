@@ -123,6 +123,12 @@ class CandidateSpace:
         found.candidates = [c for c in self.candidates if c.key not in keys]
         return found
 
+    def including(self, some: Sequence[Candidate]) -> CandidateSpace:
+        """Return the same coordinates for these candidates, too, which were left out before."""
+        found = copy(self)
+        found.candidates = [*self.candidates, *some]
+        return found
+
     # coordinates ---------------------------------------------------------------------------------------------
 
     def residual(self, residual: Array) -> tuple[Array, float]:

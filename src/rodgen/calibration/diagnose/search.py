@@ -24,7 +24,7 @@ from rodgen.calibration.diagnose.acceptance import (
     weakest_last,
     worths,
 )
-from rodgen.calibration.diagnose.aliases import Equal, equals_of
+from rodgen.calibration.diagnose.aliases import Equal, equals_of, imitation
 from rodgen.calibration.diagnose.assemble import Confirmed, assemble_diagnosis, undecided
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
@@ -229,17 +229,19 @@ class _Search:
         refused = set[tuple[str, str | None]]()
         while True:
             found, equals = self._likeliest(evidence, found)
-            held_out = [fit.held_out() for fit in found.fits]
-            order = weakest_last(held_out)
-            if order != sorted(order):
-                kept = tuple(found.explanation.kept[k] for k in order)
-                found = self._fitted(evidence, replace(found.explanation, kept=kept))
-                equals = [equals[k] for k in order]
+            unearned = imitation(evidence.undecided, found.explanation.kept, equals)
+            if unearned is None:
                 held_out = [fit.held_out() for fit in found.fits]
-            found, unseen = earned_forms(self.subject, found, held_out[-1])
-            held_out += unseen
-            tests = worths(self.subject, evidence.selection, found)
-            unearned = unearned_effect(self.subject, evidence.selection, found, held_out, tests)
+                order = weakest_last(held_out)
+                if order != sorted(order):
+                    kept = tuple(found.explanation.kept[k] for k in order)
+                    found = self._fitted(evidence, replace(found.explanation, kept=kept))
+                    equals = [equals[k] for k in order]
+                    held_out = [fit.held_out() for fit in found.fits]
+                found, unseen = earned_forms(self.subject, found, held_out[-1])
+                held_out += unseen
+                tests = worths(self.subject, evidence.selection, found)
+                unearned = unearned_effect(self.subject, evidence.selection, found, held_out, tests)
             if unearned is None:
                 confirmed = Confirmed(found, held_out, equals, tests)
                 return assemble_diagnosis(self.subject, evidence, confirmed, self.too_many, self.notes)
@@ -287,13 +289,17 @@ class _Search:
     def _likeliest(
         self, evidence: Evidence, found: FittedExplanation
     ) -> tuple[FittedExplanation, list[list[Equal]]]:
-        """Return it with the likeliest of the effects that full fits do not tell apart, and the others of each."""
+        """Return it with the likeliest of the effects that full fits do not tell apart, and the others of each.
+
+        What is undecided is among the others at most.
+        """
         equals = self._equals(evidence, found)
         replaced = set[tuple[str, str | None]]()
         while likelier := [
-            (equal[0].cost, k, equal[0].candidate)
-            for k, equal in enumerate(equals)
-            if equal and equal[0].cost < 0 and equal[0].candidate.key not in replaced
+            (first.cost, k, first.candidate)
+            for k, of_one in enumerate(equals)
+            for first in [equal for equal in of_one if equal.candidate not in evidence.undecided][:1]
+            if first.cost < 0 and first.candidate.key not in replaced
         ]:
             _, k, best = min(likelier, key=lambda one: one[0])
             kept = list(found.explanation.kept)
@@ -307,8 +313,10 @@ class _Search:
         """Return what the data cannot distinguish from each effect that was found."""
         explanation, kept = found.explanation, found.explanation.kept
         full = evidence.correlation.independent and not explanation.forms
+        undecided = evidence.undecided
+        selection = explanation.selection.including(undecided) if undecided else explanation.selection
         return [
-            equals_of(explanation.selection, evidence.sensitivities, found.fits[-1], kept, k, full)
+            equals_of(selection, evidence.sensitivities, found.fits[-1], kept, k, full, undecided)
             for k, _ in enumerate(each("what else would explain it", kept))
         ]
 

@@ -271,6 +271,10 @@ class Selection(Criteria):
         """Return the selection without an effect."""
         return replace(self, space=self.space.without({candidate.key}), _tests={})
 
+    def including(self, some: Sequence[Candidate]) -> Selection:
+        """Return the selection with candidates that were left out before."""
+        return replace(self, space=self.space.including(some), _tests={})
+
     def or_balanced(self, chosen: list[Candidate]) -> tuple[Selection, list[Candidate]]:
         """Return the selection and what it chose, or one in which weight may turn joints upwards, if much likelier."""
         balanced = replace(self, balanced=True)

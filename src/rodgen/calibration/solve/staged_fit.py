@@ -89,11 +89,14 @@ def _stages_of(problem: Problem, estimated: Sequence[int]) -> tuple[Solution, li
 
 
 def _stages(model: Model, estimated: Sequence[int]) -> list[list[int]]:
-    """Group the effects' parameters: all that start from zero at once, then effect by effect."""
+    """Group the effects' parameters: all that start from zero at once, then effect by effect.
+
+    A weight at a later joint that the data called for before, of fewer effects, is one of them.
+    """
     effects: dict[tuple[str | None, str], list[int]] = {}
     for i in estimated:
         p = model.parameters[i]
-        if p.effect is not None and not p.optional:
+        if p.effect is not None and (not p.optional or model.machine.values.get(p.key)):
             effects.setdefault((p.place, p.effect), []).append(i)
     own = {e.name for e in model.machine.effects if e.definition.own}
     plain, later = [], []
@@ -111,7 +114,7 @@ def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[
     The fall of the cost that a linear step promises decides which is tried, and the fall that a fit brings, whether it
     stays: by more than `SelectionPolicy.parameter_cost` variances, as for a parameter in a diagnosis.
     """
-    waiting = _with_an_arm(problem, solution)
+    waiting = _with_an_arm(problem, solution, free)
     readings = problem.rows * problem.components
     while waiting:
         promised = linear_falls(problem, solution, free, waiting)
@@ -129,8 +132,8 @@ def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[
     return solution, free
 
 
-def _with_an_arm(problem: Problem, solution: Solution) -> list[int]:
-    """Return the weights at later joints that have a lever arm, of a fiftieth of the longest of their effect at least.
+def _with_an_arm(problem: Problem, solution: Solution, free: Sequence[int]) -> list[int]:
+    """Return the other weights at later joints that have a lever arm, of a fiftieth of their effect's longest at least.
 
     Where a later joint's point lies on the axis but for its misalignment, its weight would have to be absurd to do
     anything, and would follow any small wave of the joint.
@@ -144,7 +147,10 @@ def _with_an_arm(problem: Problem, solution: Solution) -> list[int]:
     return [
         i
         for i, p in enumerate(parameters)
-        if p.optional and p.hold is None and size[i] > SELECTION.visible * longest[p.place, p.effect]
+        if p.optional
+        and p.hold is None
+        and i not in free
+        and size[i] > SELECTION.visible * longest[p.place, p.effect]
     ]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
@@ -112,7 +112,7 @@ class EffectDefinition:
     others : tuple of (str, Formula)
         Of a user's effect that changes several components: the further ones, each with its formula.
     later_joints : bool
-        Whether each later joint adds a parameter ``k_NAME``, an angle over a length: its weight, at its point.
+        Whether the weights of what the joint carries add parameters, angles over lengths; see :meth:`weights`.
     of_directions : bool
         Whether it is seen where directions are measured, only.
     of_drive : bool
@@ -154,6 +154,24 @@ class EffectDefinition:
         """Whether it changes with time or from run to run."""
         return self.per_run or "t" in self.formula.names
 
+    def weights(self, later: Sequence[str]) -> tuple[str, ...]:
+        """Return the names of the parameters of weights: at each later joint, and off the line to the next one.
+
+        Parameters
+        ----------
+        later : sequence of str
+            Names of the joints beyond.
+
+        Examples
+        --------
+        >>> from rodgen.machines.effects.catalogue import definitions
+        >>> definitions("gravity_windup")[0].weights(["J3", "J4"])
+        ('k_J3', 'k_J4', 'k2_J3')
+        """
+        if not self.later_joints or not later:
+            return ()
+        return (*(f"k_{name}" for name in later), f"k2_{later[0]}")
+
     def for_measurand(self, measurand: Measurand) -> EffectDefinition:
         """Return the definition for what is measured.
 
@@ -171,7 +189,7 @@ class EffectDefinition:
         >>> definitions("encoder_eccentricity")[0].equation
         'reading += a*cos(q) + b*sin(q)'
         """
-        formula = f"{self.formula.text} + k_NAME*M_NAME …" if self.later_joints else self.formula.text
+        formula = f"{self.formula.text} + k_NAME*M_NAME + …" if self.later_joints else self.formula.text
         slope = self.slope.text if self.slope is not None else ""
         said = COMPONENTS[self.component]
         if self.component in _TURNED and "{length}" not in self.parameters.values():
@@ -241,7 +259,9 @@ class EffectDefinition:
             lines += _wrapped("; ".join(f"{term} = {what}" for term, what in self.tpoint.items()), "TPOINT")
         if self.later_joints:
             lines += _wrapped(
-                "and one k_NAME [arcsec/length] for each joint beyond, where the data call for it", " "
+                "and one k_NAME [arcsec/length] for each joint beyond, and k2_NAME for the next one, where the data "
+                "call for it",
+                " ",
             )
         if self.searched:
             lines += _wrapped(f"{', '.join(self.searched)} is searched for, unless it is given", " ")

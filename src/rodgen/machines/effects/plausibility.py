@@ -305,7 +305,8 @@ def _sizes(
         usual = _first_of(machine, dimensions, [*stated.usual, *(usual for usual, _ in pairs)])
         largest = _first_of(machine, dimensions, [*stated.largest, *(largest for _, largest in pairs)])
         if usual is not None and largest is not None:
-            positive = name in row.positive or effect.definition.parameters.get(name) is None
+            # a weight hangs at the point of a joint, and off the line to it on either side
+            positive = name in row.positive or name.startswith("k_")
             if stated.sign is not None:
                 positive = stated.sign == "positive"
             elif effect.name in BALANCED and _lifts(machine, effect, name, kind):
