@@ -22,6 +22,7 @@ from rodgen.calibration.diagnose import aliases as _aliases
 from rodgen.calibration.diagnose import search
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
+from rodgen.calibration.diagnose.evidence import Screening, gather_evidence
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, is_direct
@@ -736,3 +737,60 @@ def test_good_rows_that_looked_wrong_at_first_change_nothing(monkeypatch):
     found = fitted.diagnose()
     assert found.outliers == known.outliers == ()
     assert found.to_dict() == known.to_dict()
+
+
+# which set is the likelier -------------------------------------------------------------------------------------------
+
+
+@cache
+def leg_machine():
+    """Return the evidence on a Tricept with four effects, two of which hide behind a third, and what was chosen."""
+    from tempfile import TemporaryDirectory
+
+    from real_machines import real
+
+    with TemporaryDirectory() as folder:
+        machine, data = real("tricept", 15).write(Path(folder))
+        base = Machine.load(machine).fit(Measurements.load(data))
+    return gather_evidence(base, Screening.at(base))
+
+
+def test_a_zero_offset_does_not_stand_for_three_effects_of_other_kinds():
+    """With a price of 17 for each of five parameters one offset was cheaper, though chi-square was larger by 44."""
+    _, chosen = leg_machine()
+    assert {c.effect.title for c in chosen} == {
+        "leg_thermal_expansion at A-1",
+        "leg_scale at A1",
+        "leg_compliance at A1",
+        "platform_joint_offset at A0",
+    }
+
+
+def test_what_a_set_costs_is_its_likelihood_over_all_sizes():
+    """The readings are normal, with the covariance that effects of normal sizes of these widths give them."""
+    evidence, chosen = leg_machine()
+    selection, space = evidence.selection, evidence.selection.space
+    variance = selection.variance(chosen)
+    across = space.base().project_out(np.concatenate([space.columns(c) for c in chosen], axis=1))
+    sizes = selection.estimates(variance, chosen)
+    larger = [c.prior.size_cost(c.short_names, x) / 2 for c, (x, _) in zip(chosen, sizes, strict=True)]
+    usual = [
+        c.prior.usual(c.short_names) * space.sizes(c) * np.exp(more / 2)
+        for c, more in zip(chosen, larger, strict=True)
+    ]
+    columns = across * np.concatenate(usual)
+    residual = space.base().project_out(selection.residual)
+
+    def log_likelihood(covariance):
+        return stats.multivariate_normal(cov=covariance).logpdf(residual)
+
+    plain = variance * np.eye(len(residual))
+    gained = 2 * (log_likelihood(plain + columns @ columns.T) - log_likelihood(plain))
+    fall = selection.cost_of_any_size(variance, []) - selection.cost_of_any_size(variance, chosen)
+    assert fall == pytest.approx(gained + sum(larger) - selection.choice_cost(chosen), rel=1e-9)
+    # and what one of them costs in addition to the others is no more than that it has all values to choose from
+    for candidate in chosen:
+        others = [c for c in chosen if c is not candidate]
+        (price,) = selection.price_of_each(variance, others, [candidate])
+        whole = selection.price_of_each(variance, [], [candidate])[0]
+        assert selection.choice_cost([candidate]) < price <= whole + 1e-9

@@ -266,8 +266,8 @@ class SelectionPolicy(NamedTuple):
     alike: float = 0.005
     """Effects whose falls of chi-square differ by less than this part are alike: the simpler one is named."""
     parameter: float = 12.0
-    """A further parameter must lower chi-square by this plus ln(rows): Schwarz's criterion, and a margin because there
-    are many effects to choose from."""
+    """By this plus ln(rows) a parameter chi-square must differ for readings to tell effects, or an effect and a form,
+    apart, and to call for a further weight: Schwarz's criterion, and a margin because there are many to choose from."""
     most_steps: int = 8
     """Most effects that are added."""
     rivals: int = 40
@@ -296,7 +296,7 @@ class SelectionPolicy(NamedTuple):
     """Alternatives of which full fits are made."""
 
     def parameter_cost(self, rows: int) -> float:
-        """Return by how much chi-square must fall for a further parameter."""
+        """Return by how much chi-square must differ for each parameter, for readings to tell models apart."""
         return self.parameter + math.log(rows)
 
 
@@ -305,10 +305,8 @@ class UncataloguedPolicy(NamedTuple):
 
     most_forms: int = 3
     """Most forms that are reported."""
-    an_effect: float = 8.0
-    """What chance gains in chi-square from the choice among so many effects: 2 ln(number)."""
     a_form: float = 16.0
-    """The same for forms, of which there are more."""
+    """What chance gains in chi-square from the choice among so many forms: 2 ln(number)."""
     rivals: int = 4
     """Sets of effects of which full fits are made before a form is believed."""
 

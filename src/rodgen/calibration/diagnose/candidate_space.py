@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -143,6 +144,20 @@ class CandidateSpace:
     def sizes(self, candidate: Candidate) -> Array:
         """Return the lengths that these columns have."""
         return np.asarray(self.length[self._parts[id(candidate)]])
+
+    def numbers(self, included: Sequence[Candidate]) -> list[int]:
+        """Return the numbers of some candidates' columns among all."""
+        return [i for c in included for i in range(*self._parts[id(c)].indices(len(self.length)))]
+
+    @cached_property
+    def across_model(self) -> Array:
+        """All columns of length 1, without what the model does, in coordinates."""
+        return self.base().project_out(self._coordinates.triangle)
+
+    @cached_property
+    def products(self) -> Array:
+        """Their products with each other."""
+        return self.across_model.T @ self.across_model
 
     @property
     def model(self) -> Array:

@@ -1,8 +1,8 @@
 """The criteria of a selection: whether a candidate is needed, given others, and what a set of candidates costs.
 
 Two rules decide. A candidate is *needed*, given others, if chance hardly explains as much and the error on poses left
-out falls noticeably. Of two sets, that which *costs* less is the likelier: chi-square, plus
-`SelectionPolicy.parameter_cost` for each parameter, plus what odds and sizes before the data cost.
+out falls noticeably. Of two sets, that which *costs* less is the likelier: chi-square, plus what its parameters cost
+by how much narrower the data make them than they usually are, plus what odds and sizes before the data cost.
 """
 
 from __future__ import annotations
@@ -196,18 +196,21 @@ class Criteria:
     # what a set costs --------------------------------------------------------------------------------------
 
     def cost(self, included: Sequence[Candidate], best: Sequence[Candidate]) -> float:
-        """Return chi-square, in variances that the best set leaves, plus what parameters, odds and sizes cost."""
-        least = self.least_cost(included, best, self.left(included), self.space.base(included).rank)
-        return least + self._size_cost(self.variance_of_best(best), included)
+        """Return -2 ln of the probability of a set of candidates, given the data, up to a constant.
 
-    def least_cost(
-        self, included: Sequence[Candidate], best: Sequence[Candidate], left: float, rank: int
-    ) -> float:
-        """Return the same as `cost` but for what sizes cost, of a set that leaves so much and has such a rank."""
-        own = rank + sum(len(c.searched) for c in included)
-        shared = SELECTION.parameter * self._shared(included)
-        left = max(left, self._bent) / self.variance_of_best(best)
-        return float(left + SELECTION.parameter_cost(self.rows) * own - shared + self.odds_cost(included))
+        It is that of the readings, over all sizes that the effects may have, and of the choice of these effects; inf
+        where no machine has so much of one. The variance is that of a reading that the best set leaves.
+        """
+        variance = self.variance_of_best(best)
+        return self.cost_of_any_size(variance, included) + self._size_cost(variance, included)
+
+    def cost_of_any_size(self, variance: float, included: Sequence[Candidate]) -> float:
+        """Return the same but for what sizes cost, given the variance of a reading."""
+        products, pull, _ = self._of_usual_sizes(variance, included)
+        left = max(
+            self.left([]) / variance - float(pull @ np.linalg.solve(products, pull)), self._bent / variance
+        )
+        return left + self.width_cost(variance, included) + self.choice_cost(included)
 
     def variance_of_best(self, best: Sequence[Candidate]) -> float:
         """Return the variance of a reading that a set leaves, as far as columns are right."""
@@ -218,31 +221,29 @@ class Criteria:
         """The part of what is explained that columns of large effects get wrong."""
         return SELECTION.bent**2 * self.left([])
 
-    def _shared(self, included: Sequence[Candidate]) -> int:
-        """Return the number of parameters of effects that a machine has at several joints if it has them at one.
+    def choice_cost(self, included: Sequence[Candidate]) -> float:
+        """Return what the choice of these of all candidates costs in units of chi-square.
 
-        Weights at later joints are not counted.
+        The odds of each before the data are shared among all. Further effects of a kind that a machine has at several
+        joints, if it has them at one, are no choice.
         """
-        count = 0
+        chosen = len(included)
         for name in SHARED:
-            sizes = [
-                max(self.space.across((), c).shape[1] - c.later_weights, 0)
-                for c in included
-                if c.effect.name == name
-            ]
-            count += sum(sizes) - max(sizes, default=0)
-        return count
+            chosen -= max(sum(c.effect.name == name for c in included) - 1, 0)
+        return 2 * chosen * self._log_choices - 2 * sum(c.prior.log_odds for c in included)
 
-    def odds_cost(self, included: Sequence[Candidate]) -> float:
-        """Return what the odds of candidates before the data, over their mean, cost in units of chi-square.
+    @cached_property
+    def _log_choices(self) -> float:
+        """The logarithm of as many candidates of odds 1 as there is choice among all."""
+        return self._mean_odds + float(np.log(len({c.key for c in self.space.candidates})))
 
-        Where most are unlikely, as on a telescope, there is less to choose from, and two likely ones may cost no more
-        than an unlikely one.
-        """
-        return -2 * sum(c.prior.log_odds - self._mean_odds for c in included)
+    def cost_before(self, variance: float, included: Sequence[Candidate]) -> float:
+        """Return what candidates cost but for chi-square: their choice, sizes and parameters; inf if impossible."""
+        costs = self.choice_cost(included), self._size_cost(variance, included)
+        return sum(costs) + self.width_cost(variance, included)
 
-    def _width_cost(self, variance: float, others: Sequence[Candidate], candidate: Candidate) -> float:
-        """Return what an effect's parameters cost in units of chi-square: how much narrower the data make them.
+    def width_cost(self, variance: float, included: Sequence[Candidate]) -> float:
+        """Return what the parameters of candidates cost in units of chi-square: how much narrower the data make them.
 
         It is -2 ln of the part of the values before the data that remain after them (Laplace's approximation of the
         evidence); ln(rows), as of Schwarz, for one that has no usual size or was searched. Values before the data are
@@ -253,19 +254,58 @@ class Criteria:
         ----------
         variance : float
             Of a reading.
-        others : sequence of Candidate
-            What else is there.
-        candidate : Candidate
+        included : sequence of Candidate
         """
-        names = candidate.short_names
-        usual = candidate.prior.usual(names)
-        known = np.isfinite(usual)
-        values, _ = self.estimates(variance, [*others, candidate])[-1]
-        larger = candidate.prior.size_cost(names, values) / 2  # of one parameter, which `prior_cost` has
-        columns = self.space.columns(candidate) * np.where(known, usual, 0.0) * self.space.sizes(candidate)
-        across = self.space.base(others).project_out(columns) * np.exp(larger / 2)
-        narrower = np.linalg.slogdet(np.eye(len(usual)) + across.T @ across / variance)[1]
-        return float(narrower - larger + np.log(self.rows) * (np.sum(~known) + len(candidate.searched)))
+        products, _, larger = self._of_usual_sizes(variance, included)
+        searched = sum(len(c.searched) for c in included)
+        return float(np.linalg.slogdet(products)[1] - larger + np.log(self.rows) * searched)
+
+    def _of_usual_sizes(self, variance: float, included: Sequence[Candidate]) -> tuple[Array, Array, float]:
+        """Return the normal equations of effects in their usual sizes, or larger ones where they are, with these known.
+
+        One without a usual size has as much to choose from as a reading tells of it. By how much that is more than
+        usual, `size_cost` halved, summed over the effects, comes last.
+        """
+        products, pull = self._normal_equations(variance, included)
+        estimates = self.estimates(variance, included)
+        larger = [
+            c.prior.size_cost(c.short_names, values) / 2
+            for c, (values, _) in zip(included, estimates, strict=True)
+        ]
+        times = np.exp(np.repeat(larger, [len(c.names) for c in included]) / 2)
+        width = self._usual(included) * times
+        width = np.where(np.isfinite(width), width, np.sqrt(self.rows * variance))
+        return np.eye(len(width)) + width[:, None] * products * width, width * pull, sum(larger)
+
+    def _normal_equations(self, variance: float, included: Sequence[Candidate]) -> tuple[Array, Array]:
+        """Return the products of columns of length 1, and theirs with the residuals, over the variance of a reading."""
+        numbers = self.space.numbers(included)
+        return self.space.products[np.ix_(numbers, numbers)] / variance, self._pull[numbers] / variance
+
+    @cached_property
+    def _pull(self) -> Array:
+        """The products of all columns of length 1, across the model, with the residuals."""
+        return self.space.across_model.T @ self.residual
+
+    def _usual(self, included: Sequence[Candidate]) -> Array:
+        """Return the usual sizes of parameters of columns of length 1; NaN where it is not known."""
+        return np.concatenate(
+            [np.zeros(0), *(c.prior.usual(c.short_names) * self.space.sizes(c) for c in included)]
+        )
+
+    def price_of_each(self, variance: float, given: Sequence[Candidate], some: Sequence[Candidate]) -> Array:
+        """Return what each of some candidates would cost at least in addition to others, but for chi-square, (n,)."""
+        usual = self._usual(some)
+        width = np.where(np.isfinite(usual), usual / np.sqrt(variance), np.sqrt(self.rows))
+        columns = np.concatenate([self.space.model[:, :0], *map(self.space.columns, some)], axis=1) * width
+        across = self.space.base(given).project_out(columns)
+        before, price, start = self.choice_cost(given), [], 0
+        for candidate in some:
+            own = across[:, start : (start := start + len(candidate.names))]
+            narrower = np.linalg.slogdet(np.eye(own.shape[1]) + own.T @ own)[1]
+            searched = np.log(self.rows) * len(candidate.searched)
+            price.append(narrower + searched + self.choice_cost([*given, candidate]) - before)
+        return np.array(price)
 
     def preference(
         self, kept: Sequence[Candidate], k: int, rival: Candidate, difference: float, explained: float
@@ -290,13 +330,13 @@ class Criteria:
         (float, float)
             In units of chi-square; inf where no machine has so much of the rival.
         """
-        others, variance = [c for c in kept if c is not kept[k]], self.variance(kept)
+        variance = self.variance(kept)
         tried = [*kept[:k], rival, *kept[k + 1 :]]
         before = self.prior_cost(variance, tried) - self.prior_cost(variance, kept)
-        widths = [self._width_cost(variance, others, c) for c in (rival, kept[k])]
+        widths = self.width_cost(variance, tried) - self.width_cost(variance, kept)
         part = SELECTION.imperfect * float(np.sqrt(max(explained, 0.0)))
         counts = max(abs(difference) - part**2 - 2 * part, 0.0)
-        return before, float(np.copysign(counts, difference) + before + widths[0] - widths[1])
+        return before, float(np.copysign(counts, difference) + before + widths)
 
     def are_alike(self, difference: float, further: int) -> bool:
         """Return whether the data cannot tell two effects apart.
@@ -366,20 +406,14 @@ class Criteria:
         """
         if not included:
             return []
-        sizes = [self.space.sizes(c) for c in included]
-        units = []
-        for c, size in zip(included, sizes, strict=True):
-            usual, own = SELECTION.shrunk * c.prior.usual(c.short_names), np.where(size > 0, size, 1.0)
-            # without a usual size: a million standard deviations
-            units.append(np.where(np.isfinite(usual), usual, 1e6 * np.sqrt(variance) / own))
-        ends = np.cumsum([len(unit) for unit in units])[:-1]
-        unit = np.concatenate(units)
-        columns = np.concatenate(
-            [self.space.columns(c) * s for c, s in zip(included, sizes, strict=True)], axis=1
-        )
-        base = self.space.base()
-        across = base.project_out(columns) * unit
-        covariance = np.linalg.inv(across.T @ across / variance + np.eye(len(unit)))
-        values = -unit * (covariance @ (across.T @ base.project_out(self.residual))) / variance
-        std = unit * np.sqrt(covariance.diagonal())
+        products, pull = self._normal_equations(variance, included)
+        lengths = np.concatenate([self.space.sizes(c) for c in included])
+        # without a usual size: a million standard deviations
+        usual = SELECTION.shrunk * self._usual(included)
+        unit = np.where(np.isfinite(usual), usual, 1e6 * np.sqrt(variance))
+        covariance = np.linalg.inv(unit[:, None] * products * unit + np.eye(len(unit)))
+        unit_of_each = unit / np.where(lengths > 0, lengths, 1.0)
+        values = -unit_of_each * (covariance @ (unit * pull))
+        std = unit_of_each * np.sqrt(covariance.diagonal())
+        ends = np.cumsum([len(c.names) for c in included])[:-1]
         return list(zip(np.split(values, ends), np.split(std, ends), strict=True))

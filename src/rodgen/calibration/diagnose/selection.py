@@ -2,10 +2,9 @@
 
 Forward: the candidate that chance imitates least, as long as that is improbable over all of them and errors on poses
 left out fall noticeably. Backward: what the others explain as well is removed again; and up to three of the set, or
-none, are exchanged for a single other, any two, or one effect at several joints, where these do better. An effect with
-few parameters is preferred to one with more that does the same: the larger one must lower chi-square by
-`SelectionPolicy.parameter_cost` for each further parameter, and by more than the little by which real effects differ
-from formulas.
+none, are exchanged for a single other, any two, or one effect at several joints, where these are likelier, over all
+sizes that they may have (`Criteria.cost`). An effect with few parameters is preferred to one with more that does the
+same, but for what the further parameters cost there, or for the little by which real effects differ from formulas.
 """
 
 from __future__ import annotations
@@ -72,29 +71,28 @@ class Selection(Criteria):
         if not scores:
             return None
         tests = self.tests(included)
-        # Stricter with each step: each may be wrong, and the model is less exact.
-        level = np.log(self.level / (1 + len(included)))
+        level = np.log(self.level)
         real = [s for s in scores if s.dof and s.log_p + np.log(tests) - self.log_weight(s.candidate) < level]
         real.sort(key=lambda s: s.log_p - s.candidate.prior.log_odds)
         while real:
-            best = self._simplest(real)
+            best = self._simplest(included, real)
             possible = best.candidate not in self.impossible([*included, best.candidate], best.left)
             if possible and self.is_beyond_chance(included, best.candidate):
                 return best
             real.remove(best)
         return None
 
-    def _simplest(self, real: Sequence[Score]) -> Score:
+    def _simplest(self, included: Sequence[Candidate], real: Sequence[Score]) -> Score:
         """Return the first of the scores, or the simplest that explains nearly as much."""
         first = real[0]
         variance = first.left / max(first.residual_dof, 1)
-        needed = SELECTION.parameter_cost(self.rows) * variance
+        prices = self.price_of_each(variance, included, [s.candidate for s in real])
 
-        def alike(score: Score) -> bool:
-            saved = first.parameters - score.parameters
-            return saved > 0 and first.fall - score.fall < max(needed * saved, SELECTION.alike * first.fall)
+        def alike(score: Score, price: float) -> bool:
+            less = max((prices[0] - price) * variance, SELECTION.alike * first.fall)
+            return score.parameters < first.parameters and first.fall - score.fall < less
 
-        simpler = [s for s in real if alike(s)]
+        simpler = [s for s, price in zip(real, prices, strict=True) if alike(s, price)]
         return min(simpler, key=lambda s: (s.parameters, -s.fall)) if simpler else first
 
     def is_worth(self, included: Sequence[Candidate], best: Score) -> bool:
@@ -168,22 +166,18 @@ class Selection(Criteria):
         most: float,
     ) -> Iterator[list[Candidate]]:
         """Yield the sets with one candidate, two, or a physical group in the place of those that are gone."""
-        left = self.left(kept)
-        scores = [s for s in self.space.scores(self.residual, left, kept) if s.dof]
-        for score in scores[: SELECTION.rivals] if gone else ():
-            tried = [*kept, score.candidate]
-            if score.candidate in gone:
-                continue
-            rank = self.space.base(kept).rank + score.dof
-            if self.least_cost(tried, best, score.left, rank) < most:
-                yield tried
+        scores = [s for s in self.space.scores(self.residual, self.left(kept), kept) if s.dof]
+        variance = self.variance_of_best(best)
+        before = self.cost_of_any_size(variance, kept)
+        price = self.price_of_each(variance, kept, [s.candidate for s in scores])
+        alone = before + price - np.array([s.fall for s in scores]) / variance
+        for k in np.flatnonzero(alone[: SELECTION.rivals] < most) if gone else ():
+            if scores[k].candidate not in gone:
+                yield [*kept, scores[k].candidate]
         if len(kept) + 2 <= SELECTION.most_steps and len(scores) > 1:
-            before, variance = self.cost(kept, best), self.variance_of_best(best)
             falls = self.space.pair_falls(self.residual, scores, kept) / variance
-            each = SELECTION.parameter_cost(self.rows)
-            dear = np.array([each * s.parameters + self.odds_cost([s.candidate]) for s in scores])
             costs = np.where(
-                np.triu(np.ones_like(falls), 1) > 0, before - falls + dear + dear[:, None], np.inf
+                np.triu(np.ones_like(falls), 1) > 0, before - falls + price + price[:, None], np.inf
             )
             for k in np.argsort(costs, axis=None)[: SELECTION.pairs]:
                 i, j = np.unravel_index(k, costs.shape)
@@ -218,7 +212,7 @@ class Selection(Criteria):
 
         What displaces a leg's end or changes its length does nearly the same all over a small workspace, so that two of
         these imitate a third: what one of them leaves falls to another, there or at another leg. One cause is likelier
-        than two: it may have a parameter more.
+        than two.
         """
         for gone in combinations(included, 2):
             if not all(map(_is_of_a_leg, gone)):
@@ -230,10 +224,8 @@ class Selection(Criteria):
                 for c in self.space.candidates
                 if _is_of_a_leg(c) and c.effect.place in legs and c not in gone
             ]
-            most, rank = self.cost(included, included), self.space.base(included).rank
-            each = SELECTION.parameter_cost(self.rows)
-            costs = [self.cost(some, included) - each * (self.space.base(some).rank > rank) for some in alone]
-            if costs and min(costs) < most:
+            costs = [self.cost(some, included) for some in alone]
+            if costs and min(costs) < self.cost(included, included):
                 return self._of_one_cause(alone[int(np.argmin(costs))])
         return included
 

@@ -158,9 +158,7 @@ class Contest:
             ]
             if not scores:
                 continue
-            price = np.array(
-                [np.log(self.selection.rows) * s.parameters + UNCATALOGUED.an_effect for s in scores]
-            )
+            price = self.selection.price_of_each(variance, kept, [s.candidate for s in scores])
             alone = before + price - np.array([s.fall for s in scores]) / variance
             both = (
                 before
@@ -315,6 +313,8 @@ class Contest:
     def cost(self, explanation: Explanation, variance: float, residual: Array | None = None) -> float:
         """Return chi-square of an explanation, plus what its parameters, their sizes and the choice of its terms cost.
 
+        Parameters of forms, which have no usual sizes, cost ln(rows) each (Schwarz).
+
         Parameters
         ----------
         explanation : Explanation
@@ -326,10 +326,8 @@ class Contest:
         """
         left, rank, _ = self._left_and_rank(explanation.kept, explanation.forms, residual)
         variance = max(variance, 1e-300)
-        searched = sum(f.searched for f in explanation.forms)
-        searched += sum(len(c.searched) for c in explanation.kept)
-        parameters = np.log(self.selection.rows) * (rank + searched)  # Schwarz's; choices cost on their own
-        choices = UNCATALOGUED.an_effect * len(explanation.kept)
-        choices += UNCATALOGUED.a_form * len(explanation.forms)
-        before = explanation.selection.prior_cost(variance, explanation.kept)
-        return float(left / variance + parameters + choices + before)
+        of_forms = (
+            rank - self._left_and_rank(explanation.kept, ())[1] + sum(f.searched for f in explanation.forms)
+        )
+        forms = np.log(self.selection.rows) * of_forms + UNCATALOGUED.a_form * len(explanation.forms)
+        return float(left / variance + forms + explanation.selection.cost_before(variance, explanation.kept))
