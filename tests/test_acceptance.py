@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -254,3 +255,16 @@ def test_an_effect_that_a_larger_one_hides_is_judged_when_the_larger_one_is_ther
     # where poses cannot be left out, or all effects lower the error, the order stays
     assert acceptance.weakest_last(errors(None, None, None)) == [0, 1]
     assert acceptance.weakest_last(errors(3.0, 2.0, 1.0)) == [0, 1]
+
+
+def test_an_effect_that_chance_does_in_one_of_twenty_data_sets_is_mentioned(tmp_path):
+    from real_machines import real
+
+    machine, data = real("equatorial", 9).write(tmp_path)
+    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    assert "refraction" not in [step.effect.title for step in found.steps]
+    (note,) = [note for note in found.notes if "may be there" in note]
+    sentence = (
+        "Refraction may be there, too: some effect explains as much by chance in one of ([0-9]+) data sets."
+    )
+    assert 20 < int(re.fullmatch(sentence, note)[1]) < 100

@@ -247,6 +247,10 @@ class SelectionPolicy(NamedTuple):
 
     family_wise: float = 0.01
     """Rate of false alarms over all candidates together."""
+    suspected: float = 0.05
+    """The same below which an effect is mentioned that is not beyond chance: no claim, but one of twenty data sets."""
+    suspects: int = 4
+    """Candidates of which that is asked, those that chance imitates least."""
     visible: float = 0.02
     """Part of a candidate's column, or combination of columns, that must remain outside of the model to be tested: with
     less an effect would have to be fifty times as large as what it shows."""

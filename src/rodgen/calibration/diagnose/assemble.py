@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.checks.effect_test import EffectTest
+from rodgen.calibration.checks.effect_test import EffectTest, worth_of
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.checks.positions import few_positions
 from rodgen.calibration.diagnose.aliases import Equal
@@ -24,7 +24,7 @@ from rodgen.calibration.diagnose.diagnosis import (
 )
 from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.evidence import Evidence
-from rodgen.calibration.diagnose.full_fits import FittedExplanation
+from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_effects
 from rodgen.calibration.diagnose.subject import Subject
 from rodgen.calibration.diagnose.undecidable import why_wrong_geometry
 from rodgen.calibration.diagnose.validation import validation_error
@@ -44,7 +44,7 @@ from rodgen.errors import InputFileError, joined
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
 from rodgen.statistics.f_tests import p_of_log10
-from rodgen.statistics.thresholds import DETERMINACY
+from rodgen.statistics.thresholds import DETERMINACY, SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -177,7 +177,7 @@ def assemble_diagnosis(
         displaced(subject.observations, evidence.base.outliers),
         unknown_approach(subject.observations),
     ]
-    notes += contradictions(final)
+    notes += [_suspected(subject, found), *contradictions(final)]
     notes.append("" if last.dependence.independent else last.dependence.text)
     if subject.unread:
         notes.append(f"No row has the target{'s' * (len(subject.unread) > 1)} {joined(subject.unread)}.")
@@ -198,6 +198,25 @@ def assemble_diagnosis(
         tuple(filter(None, [*notes, unknown])),
         last.estimates,
         _could_hide(evidence) if verdict == "nothing_missing" else (),
+    )
+
+
+@stage("further fits")
+def _suspected(subject: Subject, found: FittedExplanation) -> str:
+    """Return which effect was refused by a hair, and how often chance does as much; empty where none was."""
+    explanation = found.explanation
+    candidate = None if explanation.forms else explanation.selection.suspected(explanation.kept)
+    if candidate is None:
+        return ""
+    fit = with_effects(subject, found.fits, (*explanation.kept, candidate))[-1]
+    test = worth_of(fit, candidate.effect, found.last)
+    p_of_all = test.p_value * explanation.tests_of(candidate) if test else 1.0
+    if not (fit.solution.converged and p_of_all < SELECTION.suspected):
+        return ""
+    too = ", too" if explanation.kept else ""
+    return (
+        f"{capitalized(candidate.effect.title)} may be there{too}: some effect explains as much by chance in one of "
+        f"{1 / max(p_of_all, SELECTION.family_wise):.0f} data sets."
     )
 
 

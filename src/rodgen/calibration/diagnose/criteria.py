@@ -113,6 +113,20 @@ class Criteria:
         """Return whether chance hardly explains as much as a candidate, given others: `log_doubt`."""
         return bool(self.log_doubt(others, candidate) < np.log(self.level))
 
+    def suspected(self, included: Sequence[Candidate]) -> Candidate | None:
+        """Return the candidate that is nearest to being needed, if chance explains as much in few data sets only."""
+        scores = self.space.scores(self.residual, self.left(included), included)
+        doubts = {
+            s.candidate: self.log_doubt(included, s.candidate) for s in scores[: SELECTION.suspects] if s.dof
+        }
+        possible = [
+            candidate
+            for candidate, doubt in doubts.items()
+            if doubt < np.log(SELECTION.suspected)
+            and candidate not in self.impossible([*included, candidate])
+        ]
+        return min(possible, key=doubts.__getitem__, default=None)
+
     def log_doubt(self, others: Sequence[Candidate], candidate: Candidate) -> float:
         """Return what must be below the logarithm of the rate of false alarms.
 
@@ -120,7 +134,7 @@ class Criteria:
         beyond the usual one a smaller share.
         """
         log = self.log_p(others, candidate) - self.log_weight(candidate)
-        if log >= np.log(self.level):
+        if log >= np.log(SELECTION.suspected):
             return log
         values, _ = self.estimates_of([*others, candidate])[-1]
         return log + candidate.prior.size_cost(candidate.short_names, values) / 2
