@@ -81,6 +81,27 @@ def test_more_cells_than_the_limit_are_not_kept(monkeypatch: pytest.MonkeyPatch)
         Measurements.from_frame(frame)
 
 
+def test_more_pairs_than_the_limit_are_not_kept(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pairs = str(Path(__file__).parent.parent / "examples" / "pairs.csv")  # 30 rows of 7 cells
+    monkeypatch.setenv("RODGEN_LIMITS", "cells=209")
+    assert "more than 209 cells; expected at most 209 cells (RODGEN_LIMITS=cells" in error_of(
+        capsys, "fit-axis", pairs
+    )
+    monkeypatch.setenv("RODGEN_LIMITS", "cells=210")
+    assert main(["fit-axis", pairs]) == 0
+
+
+def test_arrays_in_each_other_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "a = " + "[1, " * 49 + "]" * 49
+    assert list(toml.parse(text, "m.toml")) == ["a"]
+    with pytest.raises(InputFileError, match=r"nested more than 50 deep; expected at most 50 \(.*nesting"):
+        toml.parse(f"a = [{text[4:]}]", "m.toml")
+    monkeypatch.setenv("RODGEN_LIMITS", "nesting=60")
+    toml.parse(f"a = [{text[4:]}]", "m.toml")
+
+
 @pytest.mark.parametrize("start", ["", "[", "[[", "x = {", "x = {b = 1, ", "a = 1\n  "])
 @pytest.mark.parametrize("name", ["a", '"a b"', "'a'"])
 def test_a_key_of_many_names_is_refused(

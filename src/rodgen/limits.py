@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from rodgen.errors import InputFileError, listed, shown
 
-__all__ = ["LIMITS", "VARIABLE", "Limit", "hint", "limit"]
+__all__ = ["LIMITS", "VARIABLE", "Limit", "check_cells", "hint", "limit"]
 
 VARIABLE = "RODGEN_LIMITS"
 
@@ -32,9 +32,11 @@ LIMITS = {
         "B",
         "a file that is read whole: machine, link table, constraints, covariance, hidden truth",
     ),
-    "nesting": Limit(50, "", "names that dots join into a key of a TOML file"),
+    "nesting": Limit(50, "", "names that dots join into a key of a TOML file, and arrays in each other"),
     "formula": Limit(2000, "characters", "a formula"),
-    "cells": Limit(1_000_000_000, "cells", "the columns of measurements that a command keeps, of 8 B each"),
+    "cells": Limit(
+        1_000_000_000, "cells", "the columns of measurements or pairs that a command keeps, of 8 B each"
+    ),
     "compile": Limit(120, "s", "one run of the compiler"),
 }
 
@@ -68,3 +70,14 @@ def hint(name: str) -> str:
     return (
         f"at most {limit(name):g} {LIMITS[name].unit}".rstrip() + f" ({VARIABLE}={name}=NUMBER raises that)"
     )
+
+
+def check_cells(file: str, cells: int) -> None:
+    """Refuse a table of which a command would keep more cells than the limit.
+
+    Raises
+    ------
+    InputFileError
+    """
+    if cells > limit("cells"):
+        raise InputFileError(file, "file", f"more than {limit('cells'):g} cells", hint("cells"))

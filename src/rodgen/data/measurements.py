@@ -23,7 +23,7 @@ from rodgen.data.tables.columns import MEASUREMENTS
 from rodgen.data.tables.table import places_of, row_place
 from rodgen.data.units import UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
-from rodgen.limits import hint, limit
+from rodgen.limits import check_cells
 
 if TYPE_CHECKING:
     from rodgen.data.tables.reader import Rows, Table
@@ -206,7 +206,7 @@ class Measurements:
         index: list[dict[str, int]] = [{} for _ in table.text]
         first: list[NDArray[np.int64]] = []
         number: list[NDArray[np.int64]] = []
-        rows, most = 0, limit("cells")
+        rows = 0
         advance = progress(table.total, table.amount_unit) if progress else None
         for block, amount in table.map(_Block.of, empty=True):
             for column, values in zip(numbers, block.values, strict=True):
@@ -217,8 +217,7 @@ class Measurements:
             first.append(block.first + rows)
             number.append(block.number)
             rows += block.rows
-            if rows * (len(numbers) + len(codes)) > most:
-                raise InputFileError(table.file, "file", f"more than {most:g} cells", hint("cells"))
+            check_cells(table.file, rows * (len(numbers) + len(codes)))
             if advance:
                 advance(amount)
         columns: dict[int, Numbers | Names] = {}

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rodgen.data.tables.columns import Column
 from rodgen.data.tables.reader import open_table
 from rodgen.data.tables.table import places_of
+from rodgen.limits import check_cells
 
 __all__ = ["PAIR_COLUMNS", "Pairs", "read_pairs"]
 
@@ -76,7 +77,11 @@ def read_pairs(path: str | os.PathLike[str]) -> Pairs:
         When the file cannot be read or a cell in these columns is not a finite number.
     """
     with open_table(path, PAIR_COLUMNS) as table:
-        blocks = [block for block, _ in table.map(lambda rows: (np.column_stack(rows.values), rows.numbers))]
+        blocks, cells = [], 0
+        for block, _ in table.map(lambda rows: (np.column_stack(rows.values), rows.numbers)):
+            blocks.append(block)
+            cells += block[0].size
+            check_cells(table.file, cells)
         values, numbers = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
         unit = table.units()["rho_x"]
     return Pairs(

@@ -69,7 +69,7 @@ def parse(text: str, file: str) -> dict[str, Any]:
         found = f"a key of more names than {limit('nesting'):.0f}"
         raise InputFileError(file, f"line {line}", found, hint("nesting"))
     try:
-        return tomllib.loads(text)
+        content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise _syntax_error(str(error), text, file) from None
     except ValueError:  # Python's own limit on the digits of an integer
@@ -78,6 +78,15 @@ def parse(text: str, file: str) -> dict[str, Any]:
         ) from None
     except RecursionError:
         raise InputFileError(file, "file", "arrays or tables nested too deep", _TOML) from None
+    if _depth(content) > limit("nesting"):
+        found = f"arrays or tables nested more than {limit('nesting'):.0f} deep"
+        raise InputFileError(file, "file", found, hint("nesting"))
+    return content
+
+
+def _depth(value: Any) -> int:
+    inside = value.values() if isinstance(value, dict) else value
+    return 1 + max(map(_depth, inside), default=0) if isinstance(value, dict | list) else 0
 
 
 def _syntax_error(message: str, text: str, file: str) -> InputFileError:
