@@ -282,6 +282,7 @@ class _Whitened:
         tries = float(_tried(self.smaller, self.larger))
         of = o, self.model, self.own, self.residual
         by_shape, enough = log_p_by_position(*of, self.whiten, joint, self.searched, tries)
+        enough = enough or by_shape < np.log(EFFECT_TEST.significant)
         if enough or self.searched or added[0].definition.own or joint != added[0].place:
             return by_shape, False
 

@@ -205,8 +205,8 @@ def log_p_of_kind(
     kind = base.visible_part(unit_columns(at), SELECTION.visible)
     alike = []
     for rival in (*rivals, *(_by_rows(c, rows).reshape(*c.shape[:2], -1) for c in searched_rivals)):
-        seen = base.project_out(rival.reshape(len(at), -1))
-        if np.sum((kind.T @ seen) ** 2) > SELECTION.same * np.sum(seen**2):
+        seen = base.visible_part(unit_columns(rival.reshape(len(at), -1)), SELECTION.visible)
+        if np.sum((kind.T @ seen) ** 2) > SELECTION.same * seen.shape[1]:
             alike.append(rival)
     own = at.reshape(*residual.shape, -1)
     every = np.concatenate([at, _by_rows(motions, rows)], axis=1)
