@@ -46,7 +46,7 @@ def judged_real(
     Returns
     -------
     dict
-        false : claims for which no true effect stands, neither as the step nor among its aliases.
+        false : claims for which no true effect stands, neither as the step nor among its aliases, and no true pair.
         missed : effects that the readings must show, and that are in no step.
         named : of each step that is right, whether it is named as the true effect.
         plausible : or, of what the data cannot tell from it, as one that such machines have as often.
@@ -56,21 +56,23 @@ def judged_real(
         coverage_true : the same of the fit with all true effects, where the set-up is at rest.
         impossible : claimed sizes that no machine has.
     """
-    classes = [
-        {
-            (s.effect.name, s.effect.place),
-            *((a.effect.name, a.effect.place) for a in s.indistinguishable_from),
-        }
-        for s in found.steps
-    ]
-    names = [(s.effect.name, s.effect.place) for s in found.steps]
     equal = {title: set(truth.equal.get(title, (title,))) for title in truth.effects}
+    there = set().union(*equal.values())
+    names, classes, steps = list[Title](), list[set[Title]](), list[Any]()
+    for s in found.steps:
+        alone = {s.effect.identity, *(a.effect.identity for a in s.indistinguishable_from)}
+        pairs_listed = [{e.identity for e in a.effects} for a in s.indistinguishable_pairs]
+        true_pair = next((pair for pair in pairs_listed if pair <= there), None)
+        for members in [alone] if alone & there or not true_pair else [{one} for one in true_pair]:
+            names.append(s.effect.identity)
+            classes.append(members)
+            steps.append(s)
     # one step may do what two effects do together: it stands for the one that must be seen, or that it names
     first = sorted(equal, key=lambda title: (title not in truth.seen, not equal[title] & set(names)))
     pairs = matched(classes, {title: equal[title] for title in first})
     # where the simulator has real weights, the catalogue's formula leaves a rest, which forms may name
     rests = {place for _, place in truth.inexact}
-    false: list[Any] = [[s.effect.name, s.effect.place] for i, s in enumerate(found.steps) if i not in pairs]
+    false: list[Any] = [list(name) for i, name in enumerate(names) if i not in pairs]
     false += [[u.driver, u.component, u.joint, u.form] for u in found.unexplained if u.joint not in rests]
     right = set(pairs.values())
     missed = sorted(truth.seen - right, key=str)
@@ -97,7 +99,7 @@ def judged_real(
     if not truth.wanders:
         record["coverage_true"] = _of_true_model(own, truth)
     if not false and right == set(truth.effects) and all(record["named"]):  # the model is the true one
-        effects = [(title, found.steps[i].effect, found.steps[i].parameters) for i, title in pairs.items()]
+        effects = [(title, steps[i].effect, steps[i].parameters) for i, title in pairs.items()]
         record["coverage"] = _coverage(found.final, found.estimates, effects, truth)
     return record
 

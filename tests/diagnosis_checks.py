@@ -35,6 +35,7 @@ STEP = {
     "rms_held_out",
     "parameters",
     "indistinguishable_from",
+    "indistinguishable_pairs",
     "meaning",
 }
 UNEXPLAINED = {
@@ -137,7 +138,9 @@ def format_errors(
     for n, step in enumerate(steps):
         where = f"steps[{n}]"
         hold(set(step) == STEP, f"{where}: keys {sorted(set(step) ^ STEP)}")
-        for named in (step, *step.get("indistinguishable_from", [])):
+        pairs = step.get("indistinguishable_pairs", [])
+        inside = [named for pair in pairs for named in pair["effects"]]
+        for named in (step, *step.get("indistinguishable_from", []), *inside):
             place = named.get("joint")
             hold(named.get("effect") in names, f"{where}: effect {named.get('effect')!r}")
             hold(place is None or place in joints + targets, f"{where}: joint {place!r}")
@@ -148,6 +151,9 @@ def format_errors(
         for alias in step.get("indistinguishable_from", []):
             keys = {"effect", "joint", "chi_square", "odds", "odds_with_data"}
             hold(set(alias) == keys, f"{where}: keys of an alias {sorted(alias)}")
+        for pair in pairs:
+            keys = {"effects", "chi_square", "odds", "odds_with_data"}
+            hold(set(pair) == keys and len(pair["effects"]) == 2, f"{where}: keys of a pair {sorted(pair)}")
             for odds in ("odds", "odds_with_data"):
                 hold(alias.get(odds, 0) > 0, f"{where}: {odds} {alias.get(odds)}")
         titles = [(a["effect"], a["joint"]) for a in step.get("indistinguishable_from", [])]

@@ -117,7 +117,7 @@ def mount() -> Diagnosis:
         machine,
         data,
         [windup, machine.effect("refraction")],
-        aliases=[Alias(others[0], "its cosine is the same over these altitudes, its sine an offset", 3.2)],
+        aliases=[Alias((others[0],), "its cosine is the same over these altitudes, its sine an offset", 3.2)],
         ranking=others,
         notes=("Neither axis was approached from both sides.",),
     )

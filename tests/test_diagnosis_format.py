@@ -81,6 +81,10 @@ FINE = {
             "parameters": {"a": {"value": 1.0, "std": 0.1, "unit": "arcsec"}},
             "indistinguishable_from": [
                 {"effect": "axis_offset", "joint": "C", "chi_square": 3.1, "odds": 0.2, "odds_with_data": 0.1},
+            ],
+            "indistinguishable_pairs": [
+                {"effects": [{"effect": "axis_offset", "joint": "C"}, {"effect": "scale", "joint": "C"}],
+                 "chi_square": 3.1, "odds": 0.2, "odds_with_data": 0.1},
             ], "meaning": "The disc ...",
         }
     ],

@@ -52,8 +52,8 @@ def test_a_size_is_called_unusual_only_where_it_is_surely_ten_times_the_usual(va
 
 def test_what_is_improbable_with_the_data_is_not_said_to_be_indistinguishable():
     machine = mount().base.machine
-    likely = Alias(machine.effect("scale", "EL"), "scale at EL does the same.", 1.0, 0.5, 0.4)
-    improbable = Alias(machine.effect("backlash", "EL"), "backlash at EL does the same.", 2.0, 0.5, 1e-4)
+    likely = Alias((machine.effect("scale", "EL"),), "scale at EL does the same.", 1.0, 0.5, 0.4)
+    improbable = Alias((machine.effect("backlash", "EL"),), "backlash at EL does the same.", 2.0, 0.5, 1e-4)
 
     def with_aliases(*aliases: Alias) -> Diagnosis:
         first, *others = mount().steps
@@ -75,9 +75,10 @@ def test_what_is_improbable_with_the_data_is_not_said_to_be_indistinguishable():
 def test_odds_that_the_data_do_not_change_are_said_once():
     effect = arm().effect("scale", "J1")
     assert (
-        odds(Alias(effect, "", 0.0, 1.0, 0.9)) == "It is as likely, before these data as well as with them."
+        odds(Alias((effect,), "", 0.0, 1.0, 0.9))
+        == "It is as likely, before these data as well as with them."
     )
-    assert odds(Alias(effect, "", 0.0, 1 / 9, 0.5)).endswith(
+    assert odds(Alias((effect,), "", 0.0, 1 / 9, 0.5)).endswith(
         "less likely by 9 to 1, with them less likely by 2 to 1."
     )
 

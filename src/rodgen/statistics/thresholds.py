@@ -297,7 +297,9 @@ class SelectionPolicy(NamedTuple):
     unlikely: float = 9.2
     """Cost in chi-square, 2 ln(100), from which on an alternative that does only part of the same is not listed."""
     most_alternatives: int = 16
-    """Alternatives of which full fits are made."""
+    """Alternatives of which full fits are made, ..."""
+    most_pairs: int = 4
+    """... and pairs of effects: with more parameters many do nearly the same, and the likeliest are enough."""
 
     def parameter_cost(self, rows: int) -> float:
         """Return by how much chi-square must differ for each parameter, for readings to tell models apart."""

@@ -1,10 +1,11 @@
 """Which other effects explain the data as well as one that was found.
 
-Candidates that come near by their columns are fitted in full, in the place of the effect, all in one model that has
-them all. One whose chi-square is larger by less than `SelectionPolicy.parameter_cost` for each parameter that it has
-fewer, or smaller by less than that for each that it has more, cannot be distinguished from it, if it has a size that a
-machine may have. The combination of the model's own parameters that must change with it is named. Which of them is the
-likeliest is decided by what is known before the data (:mod:`rodgen.machines.effects.plausibility`).
+Candidates, and pairs of them, that come near by their columns are fitted in full, in the place of the effect, all in
+one model that has them all. One whose chi-square is larger by less than `SelectionPolicy.parameter_cost` for each
+parameter that it has fewer, or smaller by less than that for each that it has more, cannot be distinguished from it, if
+it has a size that a machine may have. The combination of the model's own parameters that must change with it is named.
+Which of them is the likeliest is decided by what is known before the data
+(:mod:`rodgen.machines.effects.plausibility`).
 """
 
 from __future__ import annotations
@@ -45,26 +46,26 @@ OUTSIDE = "form outside the catalogue"
 
 @dataclass(frozen=True)
 class _Alternative:
-    """A candidate for the place of an effect; `linear` is by how much chi-square is larger by its columns."""
+    """Candidates for the place of an effect; `linear` is by how much chi-square is larger by their columns."""
 
-    candidate: Candidate
+    candidates: tuple[Candidate, ...]
     dof: int
     linear: float
 
 
 @dataclass(frozen=True)
 class Equal:
-    """A candidate that the data cannot distinguish from an effect that was found.
+    """A candidate, or two, that the data cannot distinguish from an effect that was found.
 
     Attributes
     ----------
-    candidate : Candidate
+    candidates : tuple of Candidate
     alias : Alias
     cost : float
         How much dearer it is in units of chi-square: negative where it is the likelier one, all considered.
     """
 
-    candidate: Candidate
+    candidates: tuple[Candidate, ...]
     alias: Alias
     cost: float
 
@@ -100,6 +101,7 @@ def equals_of(
     own = kept[k]
     others = [c for c in kept if c is not own]
     alternatives, dof, explained = _alternatives(selection, sensitivities, kept, own, others)
+    alternatives += _pairs(selection, sensitivities, kept, k, explained)
     if not alternatives:
         return []
     differences = (
@@ -107,22 +109,27 @@ def equals_of(
         if full
         else [alternative.linear for alternative in alternatives]
     )
-    found = []
+    found = list[Equal]()
     for alternative, difference in zip(alternatives, differences, strict=True):
-        further, candidate = alternative.dof - dof, alternative.candidate
-        if not selection.are_alike(max(difference, 0.0) if candidate in undecided else difference, further):
+        further, rivals = alternative.dof - dof, alternative.candidates
+        open_ = any(rival in undecided for rival in rivals)
+        if not selection.are_alike(max(difference, 0.0) if open_ else difference, further):
             continue
-        prior, cost = selection.preference(kept, k, candidate, difference, explained)
+        if rivals[1:] and any(
+            set(equal.candidates) & set(rivals) for equal in found if not equal.candidates[1:]
+        ):
+            continue  # one of the two does it alone
+        prior, cost = selection.preference(kept, k, rivals, difference, explained)
         if not prior < np.inf:  # no machine has so much of it
             continue
-        why, part = _why(selection, sensitivities, own, others, candidate)
+        why, part = _why(selection, sensitivities, own, others, rivals)
         # one that was searched for fits better by chance alone
-        cost += 2 * float(np.log(candidate.tries / own.tries))
-        if part > SELECTION.in_part and cost > SELECTION.unlikely:
+        cost += 2 * float(sum(np.log(rival.tries) for rival in rivals) - np.log(own.tries))
+        if (part > SELECTION.in_part or rivals[1:]) and cost > SELECTION.unlikely:
             continue
         odds, with_data = (float(np.exp(-x / 2)) for x in (prior, cost))
-        alias = Alias(candidate.effect, why, float(difference), odds, with_data)
-        found.append(Equal(candidate, alias, cost))
+        alias = Alias(tuple(rival.effect for rival in rivals), why, float(difference), odds, with_data)
+        found.append(Equal(rivals, alias, cost))
     return sorted(found, key=lambda equal: equal.cost)
 
 
@@ -142,8 +149,9 @@ def imitation(
     """
     for candidate, of_one in zip(kept, equals, strict=True):
         for equal in of_one:
-            if equal.candidate in undecided and equal.cost < 0:
-                return candidate, f"{equal.candidate.effect.title} explains as much and is likelier: {MORE}"
+            open_ = [rival.effect.title for rival in equal.candidates if rival in undecided]
+            if open_ and equal.cost < 0:
+                return candidate, f"{open_[0]} explains as much and is likelier: {MORE}"
     return None
 
 
@@ -174,9 +182,53 @@ def _alternatives(
             difference
             < SELECTION.alternative_limits * limit + SELECTION.alternative_bent * (without - best) / variance
         ):
-            found.append(_Alternative(score.candidate, score.parameters, difference))
+            found.append(_Alternative((score.candidate,), score.parameters, difference))
     nearest = sorted(found, key=lambda alternative: alternative.linear)[: SELECTION.most_alternatives]
     return nearest, dof, (without - best) / variance
+
+
+def _pairs(
+    selection: Selection,
+    sensitivities: Sensitivities,
+    kept: Sequence[Candidate],
+    k: int,
+    explained: float,
+) -> list[_Alternative]:
+    """Return the pairs of candidates that come near together, the likeliest by their columns."""
+    space, own = selection.space, kept[k]
+    others = [c for c in kept if c is not own]
+    keys = {c.key for c in kept}
+    without, best = selection.left(others), selection.left(kept)
+    scores = [
+        score
+        for score in space.scores(selection.residual, without, others)
+        if score.dof and score.candidate.key not in keys and not score.candidate.searched
+    ]
+    if len(scores) < 2:
+        return []
+    variance = selection.variance(kept) / _sampling_factor(sensitivities)
+    dof = space.across(others, own).shape[1] + len(own.searched)
+    falls = np.triu(space.pair_falls(selection.residual, scores, others), 1)
+    parameters = np.array([score.parameters for score in scores])
+    further = np.abs(parameters[:, None] + parameters - dof)
+    differences = (without - best - falls) / variance
+    near = SELECTION.parameter_cost(selection.rows) * np.maximum(further, 1)
+    near += SELECTION.alternative_bent * explained
+    odds = np.array([score.candidate.prior.log_odds for score in scores])
+    least = np.maximum(differences, 0.0) - 2 * (odds[:, None] + odds - min(own.prior.log_odds, 0.0))
+    worth = (
+        (falls > 0)
+        & (differences < near)
+        & (least < SELECTION.unlikely + SELECTION.alternative_bent * explained)
+    )
+    found = []
+    for i, j in zip(*np.nonzero(worth), strict=True):
+        pair = scores[i].candidate, scores[j].candidate
+        _, cost = selection.preference(kept, k, pair, float(differences[i, j]), explained)
+        found.append((cost, _Alternative(pair, int(parameters[i] + parameters[j]), float(differences[i, j]))))
+    found.sort(key=lambda one: one[0])
+    most = SELECTION.unlikely + SELECTION.alternative_bent * explained
+    return [alternative for cost, alternative in found[: SELECTION.most_pairs] if cost < most]
 
 
 def _left_alone(selection: Selection, others: Sequence[Candidate], alternative: Candidate) -> float:
@@ -195,7 +247,7 @@ def _differences_of_full_fits(
 ) -> list[float]:
     """Return by how much chi-square is larger with each alternative in the effect's place, after a full fit."""
     machine = final.machine
-    effects = [alternative.candidate.effect for alternative in alternatives]
+    effects = {c.key: c.effect for alternative in alternatives for c in alternative.candidates}.values()
     machine = replace(machine, effects=(*machine.effects, *effects))
     o = sensitivities.observations
     model = Model(machine, final.problem.model.travel, o.run_names, compiled=False)
@@ -219,17 +271,18 @@ def _differences_of_full_fits(
     for alternative in alternatives:
         theta = start.copy()
         numbers = {keys[key] for key in free}
-        for i, parameter in enumerate(model.parameters):
-            if (
-                alternative.candidate.effect.owns(parameter.key)
-                and parameter.hold is None
-                and (not parameter.optional or parameter.key in alternative.candidate.names)
-            ):
-                numbers.add(i)
-        for name, value in alternative.candidate.searched.items():
-            theta[keys[alternative.candidate.effect.key(name)]] = value
+        for candidate in alternative.candidates:
+            for i, parameter in enumerate(model.parameters):
+                if (
+                    candidate.effect.owns(parameter.key)
+                    and parameter.hold is None
+                    and (not parameter.optional or parameter.key in candidate.names)
+                ):
+                    numbers.add(i)
+            for name, value in candidate.searched.items():
+                theta[keys[candidate.effect.key(name)]] = value
         solution = minimise(problem, theta, final.solution.frame, sorted(numbers), max_iterations=40)
-        empty = why_empty(o, alternative.candidate.effect, model.parameters, solution.theta)
+        empty = any(why_empty(o, c.effect, model.parameters, solution.theta) for c in alternative.candidates)
         found.append(np.inf if empty else (solution.cost - whole.cost) / max(variance, 1e-300))
     return found
 
@@ -244,9 +297,9 @@ def _why(
     sensitivities: Sensitivities,
     own: Candidate,
     others: Sequence[Candidate],
-    alternative: Candidate,
+    rivals: Sequence[Candidate],
 ) -> tuple[str, float]:
-    """Return with which other parameters the alternative reproduces the effect, and which part of it it lacks."""
+    """Return with which other parameters rivals reproduce the effect, and which part of it they lack."""
     space = selection.space
     residual, _ = space.residual(sensitivities.residual)
     base = space.base(others)
@@ -255,7 +308,10 @@ def _why(
     size = lstsq(across, -base.project_out(residual), relative=1e-6)
     effect = columns @ size
     wanted = base.project_out(effect)
-    left = project_out(space.across(others, alternative), wanted)
+    given, left = list(others), wanted
+    for rival in rivals:
+        left = project_out(space.across(given, rival), left)
+        given.append(rival)
     there = float(np.linalg.norm(wanted))
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
     does = "explains these readings about as well, though it changes them differently"
@@ -266,12 +322,13 @@ def _why(
     ):
         does = f"does the same to these readings, {how}" if part < limit else does
     model = space.model
-    both = np.concatenate([space.columns(alternative), model], axis=1)
-    combination = lstsq(both, effect, relative=1e-8)[space.columns(alternative).shape[1] :]
+    does_it = np.concatenate([space.columns(rival) for rival in rivals], axis=1)
+    combination = lstsq(np.concatenate([does_it, model], axis=1), effect, relative=1e-8)[does_it.shape[1] :]
     shares = np.abs(combination) / max(float(np.linalg.norm(effect)), 1e-300)
     free = [sensitivities.fit.parameters[i].key for i in sensitivities.fit.free]
     free += [OUTSIDE] * (len(shares) - len(free))  # forms stand behind the model's own columns
     order = [i for i in np.argsort(-shares) if shares[i] > PART]
     names = list(dict.fromkeys(free[i] for i in order))
     with_ = f", with another {some(names, NAMED)}," if names else ""
-    return f"{alternative.effect.title}{with_} {does}.", part
+    who = " together with ".join(rival.effect.title for rival in rivals)
+    return f"{who}{with_} {does}.", part

@@ -87,8 +87,9 @@ class Confirmed:
             self.found.fits[k + 1].rms,
             self.held_out[k + 1].rms,
             estimates.of(candidate.effect),
-            tuple(equal.alias for equal in self.equals[k]),
+            tuple(equal.alias for equal in self.equals[k] if not equal.candidates[1:]),
             p_of_log10(min(log10 + float(np.log10(tests)), 0.0)),
+            tuple(equal.alias for equal in self.equals[k] if equal.candidates[1:]),
         )
 
     def forms(self, estimates: EffectEstimates) -> list[Unexplained]:

@@ -322,19 +322,24 @@ class Criteria:
         return np.array(price)
 
     def preference(
-        self, kept: Sequence[Candidate], k: int, rival: Candidate, difference: float, explained: float
+        self,
+        kept: Sequence[Candidate],
+        k: int,
+        rivals: Sequence[Candidate],
+        difference: float,
+        explained: float,
     ) -> tuple[float, float]:
-        """Return how much dearer a rival is that does nearly the same, before the data and with them.
+        """Return how much dearer rivals are that together do nearly the same, before the data and with them.
 
         Parameters
         ----------
         kept : sequence of Candidate
             What was found.
         k : int
-            Number of the effect among them in whose place the rival would be.
-        rival : Candidate
+            Number of the effect among them in whose place the rivals would be.
+        rivals : sequence of Candidate
         difference : float
-            By how much chi-square is larger with the rival. What real effects may differ from their formulas by does
+            By how much chi-square is larger with the rivals. What real effects may differ from their formulas by does
             not count.
         explained : float
             By how much the effect lowers chi-square.
@@ -342,10 +347,10 @@ class Criteria:
         Returns
         -------
         (float, float)
-            In units of chi-square; inf where no machine has so much of the rival.
+            In units of chi-square; inf where no machine has so much of a rival.
         """
         variance = self.variance(kept)
-        tried = [*kept[:k], rival, *kept[k + 1 :]]
+        tried = [*kept[:k], *rivals, *kept[k + 1 :]]
         before = self.prior_cost(variance, tried) - self.prior_cost(variance, kept)
         widths = self.width_cost(variance, tried) - self.width_cost(variance, kept)
         part = SELECTION.imperfect * float(np.sqrt(max(explained, 0.0)))

@@ -67,11 +67,12 @@ class Rms:
 
 @dataclass(frozen=True)
 class Alias:
-    """An effect that the data cannot distinguish from one that was found.
+    """An effect, or two together, that the data cannot distinguish from one that was found.
 
     Attributes
     ----------
-    effect : Effect
+    effects : tuple of Effect
+        One or two.
     why : str
         A sentence: with which other parameters it reproduces the effect, and how well.
     chi_square : float
@@ -84,11 +85,16 @@ class Alias:
         effect found is named because none is likelier by this figure.
     """
 
-    effect: Effect
+    effects: tuple[Effect, ...]
     why: str
     chi_square: float
     odds: float = 1.0
     odds_with_data: float = 1.0
+
+    @property
+    def effect(self) -> Effect:
+        """The first of them."""
+        return self.effects[0]
 
     @property
     def improbable(self) -> bool:
@@ -97,8 +103,9 @@ class Alias:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
+        named = {"effects": [_named(e) for e in self.effects]} if self.effects[1:] else _named(self.effect)
         return {
-            **_named(self.effect),
+            **named,
             "chi_square": self.chi_square,
             "odds": self.odds,
             "odds_with_data": self.odds_with_data,
@@ -121,8 +128,11 @@ class DiagnosedEffect:
     parameters : mapping of str to Estimate
         Of the final model, by their short names.
     indistinguishable_from : tuple of Alias
+        Of one effect each.
     p_value_of_all : float
         p for any of the candidates: times the number of independent tests.
+    indistinguishable_pairs : tuple of Alias
+        Of two effects each, of which neither does the same alone.
     """
 
     effect: Effect
@@ -133,6 +143,7 @@ class DiagnosedEffect:
     parameters: Mapping[str, Estimate]
     indistinguishable_from: tuple[Alias, ...] = ()
     p_value_of_all: float = 1.0
+    indistinguishable_pairs: tuple[Alias, ...] = ()
 
     @property
     def meaning(self) -> str:
@@ -149,6 +160,7 @@ class DiagnosedEffect:
             "rms_held_out": self.rms_held_out,
             "parameters": _estimates(self.parameters),
             "indistinguishable_from": [alias.to_dict() for alias in self.indistinguishable_from],
+            "indistinguishable_pairs": [alias.to_dict() for alias in self.indistinguishable_pairs],
             "meaning": self.meaning,
         }
 

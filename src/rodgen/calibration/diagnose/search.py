@@ -293,18 +293,18 @@ class _Search:
 
         What is undecided is among the others at most.
         """
-        equals = self._equals(evidence, found)
+        equals, unresolved = self._equals(evidence, found), set(evidence.undecided)
         replaced = set[tuple[str, str | None]]()
         while likelier := [
-            (first.cost, k, first.candidate)
+            (first.cost, k, first.candidates)
             for k, of_one in enumerate(equals)
-            for first in [equal for equal in of_one if equal.candidate not in evidence.undecided][:1]
-            if first.cost < 0 and first.candidate.key not in replaced
+            for first in [equal for equal in of_one if unresolved.isdisjoint(equal.candidates)][:1]
+            if first.cost < 0 and not replaced & {c.key for c in first.candidates}
         ]:
             _, k, best = min(likelier, key=lambda one: one[0])
             kept = list(found.explanation.kept)
             replaced.add(kept[k].key)
-            kept[k] = best
+            kept[k : k + 1] = best
             found = self._fitted(evidence, replace(found.explanation, kept=tuple(kept)))
             equals = self._equals(evidence, found)
         return found, equals

@@ -242,7 +242,7 @@ class Selection(Criteria):
                 difference = (score.left - left) / variance
                 if score.candidate.key == own.key or not self.are_alike(difference, score.parameters - dof):
                     continue
-                _, cost = self.preference(kept, k, score.candidate, difference, (without - left) / variance)
+                _, cost = self.preference(kept, k, [score.candidate], difference, (without - left) / variance)
                 if cost < best and self.is_needed(others, score.candidate):
                     best, found = cost, [*kept[:k], score.candidate, *kept[k + 1 :]]
         return found

@@ -79,7 +79,9 @@ def _verdict(diagnosis: Diagnosis) -> str:
         case "effects_missing":
             several = len(diagnosis.steps) > 1
             open_ = any(
-                not alias.improbable for step in diagnosis.steps for alias in step.indistinguishable_from
+                not alias.improbable
+                for step in diagnosis.steps
+                for alias in (*step.indistinguishable_from, *step.indistinguishable_pairs)
             )
             what = "These are missing" if several else "This is missing"
             others = ", or effects that do the same to these data" if open_ else ""
@@ -222,7 +224,8 @@ def alias_lists(step: DiagnosedEffect) -> Iterator[tuple[str, list[Alias]]]:
         ("These data cannot distinguish it from", False),
         ("The same, but improbable with these data", True),
     ):
-        aliases = [alias for alias in step.indistinguishable_from if alias.improbable == improbable]
+        every = (*step.indistinguishable_from, *step.indistinguishable_pairs)
+        aliases = [alias for alias in every if alias.improbable == improbable]
         if aliases:
             yield title, aliases
 

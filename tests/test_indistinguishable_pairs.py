@@ -1,0 +1,51 @@
+"""Pairs of effects that together do the same as one that was found: listed, and named where they are likelier."""
+
+from __future__ import annotations
+
+import pytest
+from real_machines import real
+
+import rodgen
+from rodgen.calibration.diagnose import diagnose
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory):
+    def of(kind, number):
+        machine, data = real(kind, number).write(tmp_path_factory.mktemp("machine"))
+        return diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+
+    return of
+
+
+def titles(found):
+    return [step.effect.title for step in found.steps]
+
+
+def test_two_usual_effects_of_a_telescope_are_named_for_a_rare_one_that_does_the_same(diagnosed):
+    found = diagnosed("altaz", 27)  # it has refraction and lateral_windup at AZ
+    assert titles(found) == ["tube_flexure", "refraction"]
+    others = {e.title for a in found.steps[0].indistinguishable_from for e in a.effects}
+    assert "lateral_windup at AZ" in others
+    assert any(a.effects[0].name == "scale" for s in found.steps for a in s.indistinguishable_from)
+
+
+def test_two_parameters_of_a_leg_are_named_for_three_that_do_the_same(diagnosed):
+    found = diagnosed("3-sps-s", 22)
+    assert titles(found) == ["platform_joint_offset at L2", "leg_zero_offset at L1", "leg_scale at L1"]
+    legs = [
+        a for s in found.steps for a in s.indistinguishable_from if a.effect.name == "platform_joint_offset"
+    ]
+    assert legs
+
+
+def test_two_equal_offsets_of_legs_are_listed_beside_the_third(diagnosed):
+    found = diagnosed(
+        "3-sps-s", 39
+    )  # it has equal offsets of L1 and L2: with the platform's height one of L3
+    assert titles(found) == ["leg_zero_offset at L3"]
+    pairs = [{e.title for e in alias.effects} for alias in found.steps[0].indistinguishable_pairs]
+    assert {"leg_zero_offset at L1", "leg_zero_offset at L2"} in pairs
+    assert "leg_zero_offset at L2 together with leg_zero_offset at L1" in found.summary()
+    alone = [alias.effect.title for alias in found.steps[0].indistinguishable_from]
+    assert "leg_zero_offset at L1" not in alone
