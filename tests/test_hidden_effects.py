@@ -105,6 +105,10 @@ NOT_YET_FOUND = {
 """What a diagnosis does not name yet, and why."""
 
 
+FARTHER_THAN_A_WALK = {("mount", "linear_drift"): 2.0, ("mount", "warm_up_drift"): 2.5}
+"""By what drifts raise the error where a random walk that hides in the noise explains smaller ones."""
+
+
 def everywhere() -> list[Any]:
     """Every effect at each kind of place, on the smallest machine that shows it."""
     found = {}
@@ -142,7 +146,7 @@ def test_a_drift_is_named_where_it_goes_farther_than_a_walk_that_hides(raises, f
 @pytest.mark.parametrize(("bench", "title"), everywhere())
 def test_every_effect_is_found_at_every_kind_of_joint(bench, title, tmp_path):
     try:
-        case = hidden(bench, 12, [title], raises=1.5)
+        case = hidden(bench, 12, [title], raises=FARTHER_THAN_A_WALK.get((bench, title[0]), 1.5))
     except UnhiddenError:
         pytest.skip("the base fit absorbs it, or no machine has so much of it")
     found, truth = diagnosed(case, tmp_path)
