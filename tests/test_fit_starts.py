@@ -31,6 +31,7 @@ from machine_cases import (
 from scipy.spatial.transform import Rotation
 
 from rodgen.calibration.fit import fit
+from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve import staged_fit
 from rodgen.calibration.solve.starting_values import trilaterated
 from rodgen.data.measurements import Measurements
@@ -185,6 +186,39 @@ def test_a_fit_that_begins_with_some_rows_ends_where_one_of_all_rows_ends(monkey
     assert np.array_equal(few.outliers, every.outliers)
     apart = (few.residuals - every.residuals)[~few.outliers]
     assert np.linalg.norm(apart) < 1e-3 * every.rms  # all parameters together, in standard deviations
+
+
+def test_groups_of_few_rows_are_evaluated_together_as_each_by_itself(monkeypatch):
+    """Several reflectors on a robot, and the legs of a closed chain, on NumPy; at weights that change, too."""
+    for name in ("robot_6r_tracker", "three_sps_s"):
+        folder = Path(__file__).parent.parent / "examples" / "machines" / name
+        made = fit(
+            Machine.load(folder / "machine.toml"), Measurements.load(folder / "data.csv"), compiled=False
+        )
+        some = made.problem.take(np.arange(min(made.problem.rows, 120)))
+        theta, frame = made.solution.theta, made.solution.frame
+        step = 1e-5 * np.random.default_rng(0).normal(size=len(theta))
+
+        def evaluated(problem, theta=theta, frame=frame, step=step):
+            moved = theta + 0.1 * step, frame
+            return (
+                *problem.normal_equations(theta, frame),
+                problem.bend(theta, frame, moved, step, 0.1),
+                problem.residuals(theta, frame),
+                problem.jacobian(theta, frame),
+            )
+
+        for rows_left_out in (0, 5):
+            some.leave_out(np.arange(some.rows) < rows_left_out)
+            together = [evaluated(some) for _ in range(2)]  # the second time what was kept
+            with monkeypatch.context() as patch:
+                patch.setattr("rodgen.calibration.problem.problem.TOGETHER", 0)
+                alone = Problem(some.model, some.observations)
+                alone.leave_out(np.arange(some.rows) < rows_left_out)
+                expected = evaluated(alone)
+            for found in together:
+                for one, other in zip(found, expected, strict=True):
+                    np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-9 * np.abs(other).max())
 
 
 @pytest.mark.parametrize(

@@ -179,7 +179,7 @@ class RowKernel:
         """
         rows = np.ascontiguousarray(rows, np.float64)
         results = [np.empty((len(rows), *shape)) for shape in self.outputs.values()]
-        if self._evaluate_each is None or not len(rows):
+        if self._evaluate_each is None or not len(rows) or len(counts) == 1:
             ends = np.cumsum(counts)
             for k, (start, stop) in enumerate(zip(ends - counts, ends, strict=True)):
                 out = tuple(result[start:stop] for result in results)
