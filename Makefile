@@ -14,7 +14,7 @@ INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow torture kernels check check-kernels check-style check-types check-imports check-c notebooks bench study mutants docs docs-links pictures wheel pythons clean
+.PHONY: help demo test test-slow torture fuzz kernels check check-kernels check-style check-types check-imports check-c notebooks bench study mutants docs docs-links pictures wheel pythons clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -30,6 +30,9 @@ test-slow: .venv/test-slow ## run the tests that take longer: grids of cases, lo
 
 torture: .venv/test ## let each file operation of every command fail in turn, and memory end and Ctrl-C be pressed at many calls
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal tests/test_torture.py
+
+fuzz: .venv/test ## run commands on files and arguments that are changed at random, for ten minutes, with a new seed each day (FUZZ_SEED=...)
+	$(BIN)/python tests/fuzz.py $(if $(FUZZ_SEED),--seed $(FUZZ_SEED)) $(if $(FUZZ_SECONDS),--seconds $(FUZZ_SECONDS))
 
 kernels: .venv/all ## regenerate generated/ from derivation/
 	$(BIN)/rodgen kernels

@@ -1,7 +1,8 @@
 """The emitted C without Python, under the address and undefined-behaviour sanitizers, on the same references.
 
 A driver is written for the occasion: it reads the inputs from a file into heap blocks of exactly their size, calls
-a kernel one element at a time, as a batch, and through the loop of its gufunc, and writes the results.
+a kernel one element at a time, as a batch, and through the loop of its gufunc, also on arrays that are spread in memory
+or run backwards, and writes the results. It also gets numbers that are none, or far too large, and no rows at all.
 """
 
 from __future__ import annotations
@@ -22,13 +23,15 @@ from kernel_reference import GENERATED, MODULE_OF, expected, of_kernels
 # its scope in straight-line code, and to guard each scope takes GCC minutes where a function has a thousand locals.
 SANITIZERS = [
     "-fsanitize=address,undefined",
+    "-fsanitize=float-cast-overflow",
     "-fno-sanitize-recover=all",
     "-fno-sanitize-address-use-after-scope",
     "-fno-omit-frame-pointer",
     "-g",
     "-O0",
 ]
-MANNERS = ("one", "batch", "loop")
+MANNERS = ("one", "batch", "loop", "spread", "backwards")
+"""How a kernel is called; the last three through the loop of its gufunc."""
 
 DRIVER = """
 #include <stdio.h>
@@ -41,6 +44,27 @@ static void *read_block(FILE *file, size_t bytes) {{
   void *block = malloc(bytes);
   if (block == NULL || fread(block, 1, bytes, file) != bytes)
     exit(3);
+  return block;
+}}
+
+/* The same numbers with a gap of one after each, in a block that ends with the last. */
+static void *spread(void *block, size_t count, size_t width) {{
+  char *wide = malloc(count ? (2 * count - 1) * width : 1);
+  if (wide == NULL)
+    exit(3);
+  for (size_t i = 0; i < count; ++i)
+    memcpy(wide + 2 * i * width, (char *)block + i * width, width);
+  free(block);
+  return wide;
+}}
+
+static void *gathered(void *wide, size_t count, size_t width) {{
+  char *block = malloc(count * width + 1);
+  if (block == NULL)
+    exit(3);
+  for (size_t i = 0; i < count; ++i)
+    memcpy(block + i * width, (char *)wide + 2 * i * width, width);
+  free(wide);
   return block;
 }}
 
@@ -85,11 +109,23 @@ def function(name: str, bits: int, manner: str) -> str:
         lines.append(f"for (size_t i = 0; i < n; ++i) {call}_f{bits}({', '.join(arguments)});")
     else:
         width = [1 if p.is_status else bits // 8 for p in ports]
-        steps = [str(p.size * w) for p, w in zip(ports, width, strict=True)]
+        gap = 2 if manner == "spread" else 1
+        way = -1 if manner == "backwards" else 1
+        if manner == "spread":
+            lines += [
+                f"{p.name} = spread({p.name}, n * {p.size}, {w});" for p, w in zip(ports, width, strict=True)
+            ]
+            writes = [
+                f"{p.name} = gathered({p.name}, n * {p.size}, {w});"
+                for p, w in list(zip(ports, width, strict=True))[len(kernel.inputs) :]
+            ] + writes
+        steps = [str(way * gap * p.size * w) for p, w in zip(ports, width, strict=True)]
         for port, w in zip(ports, width, strict=True):
             for axis in range(len(port.shape)):
-                steps.append(str(w * int(np.prod(port.shape[axis + 1 :]))))
-        lines.append(f"char *args[] = {{{', '.join(f'(char *){p.name}' for p in ports)}}};")
+                steps.append(str(gap * w * int(np.prod(port.shape[axis + 1 :]))))
+        last = "(n ? n - 1 : 0)" if manner == "backwards" else "0"
+        starts = [f"(char *)({p.name} + {last} * {p.size})" for p in ports]
+        lines.append(f"char *args[] = {{{', '.join(starts)}}};")
         lines.append(f"const ptrdiff_t dimensions[] = {{(ptrdiff_t)n}}, steps[] = {{{', '.join(steps)}}};")
         lines.append(f"{call}_loop_f{bits}_baseline(args, dimensions, steps, NULL);")
     body = "\n  ".join([*lines, *frees, *writes])
@@ -115,7 +151,7 @@ def compile_driver(compiler: str, folder: Path, module: str) -> Path:
     declarations = [
         f"void {module}_{name}_loop_f{bits}_baseline(char **, const ptrdiff_t *, const ptrdiff_t *, void *);"
         for name, bits, manner in kinds
-        if manner == "loop"
+        if manner == "loop"  # one of three that call it
     ]
     calls = [
         f'  if (strcmp(words[1], "{name}") == 0) {name}_{bits}_{manner}(in, out);'
@@ -143,6 +179,41 @@ def compile_driver(compiler: str, folder: Path, module: str) -> Path:
     return driver
 
 
+def sanitized(command: list[str | Path]) -> None:
+    """Run a program in which the sanitizers must find nothing."""
+    environment = {**os.environ, "ASAN_OPTIONS": "detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    if "LeakSanitizer has encountered a fatal error" in done.stderr:  # it cannot trace inside some containers
+        environment["ASAN_OPTIONS"] = "detect_leaks=0"
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+
+
+def hostile(rng: np.random.Generator, size: int, bits: int) -> np.ndarray:
+    """Return numbers of usual size, and among them, more and more, those that are none, nothing, or far too large."""
+    info = np.finfo(f"f{bits // 8}")
+    odd = [
+        np.nan,
+        np.inf,
+        -np.inf,
+        0,
+        -0.0,
+        1,
+        -1,
+        np.pi,
+        info.max,
+        -info.max,
+        info.tiny,
+        info.smallest_subnormal,
+        info.eps,
+    ]
+    usual = rng.normal(size=size) * rng.choice([1e-30, 1e-8, 1, 1, 1e3, 1e30], size)
+    return np.where(rng.random(size) < np.linspace(0, 1, size), rng.choice(odd, size), usual).astype(
+        f"f{bits // 8}"
+    )
+
+
 QUICK = {"axis", "rotations"}  # matrices and scalars, statuses, trigonometric and usual cases
 
 
@@ -158,14 +229,7 @@ def test_sanitizers_find_nothing_and_results_are_right(
             file.write(np.uint64(len(rows)).tobytes())
             for array in inputs:
                 file.write(array[rows].tobytes())
-    environment = {**os.environ, "ASAN_OPTIONS": "detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"}
-    command = [drivers(kernel.module), name, tmp_path / "in", tmp_path / "out"]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    if "LeakSanitizer has encountered a fatal error" in done.stderr:  # it cannot trace inside some containers
-        environment["ASAN_OPTIONS"] = "detect_leaks=0"
-        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    sanitized([drivers(kernel.module), name, tmp_path / "in", tmp_path / "out"])
     content = (tmp_path / "out").read_bytes()
     for bits, _ in kinds:
         results = []
@@ -176,6 +240,22 @@ def test_sanitizers_find_nothing_and_results_are_right(
             content = content[size:]
         expected(name, bits).check(tuple(results), rows)
     assert content == b""
+
+
+@of_kernels(GENERATED, slow=lambda name: name != "solve_axis")
+def test_sanitizers_find_nothing_whatever_the_numbers_are(
+    drivers: Callable[[str], Path], name: str, tmp_path: Path
+) -> None:
+    kernel, kinds = GENERATED[name], [(bits, manner) for bits in (64, 32) for manner in MANNERS]
+    rng = np.random.default_rng([17, *name.encode()])
+    driver = drivers(kernel.module)
+    for rows in (0, 1, 333):
+        with open(tmp_path / "in", "wb") as file:
+            for bits, _ in kinds:
+                file.write(np.uint64(rows).tobytes())
+                for port in kernel.inputs:
+                    file.write(hostile(rng, rows * port.size, bits).tobytes())
+        sanitized([driver, name, tmp_path / "in", tmp_path / "out"])
 
 
 @pytest.mark.parametrize("module", C_MODULES)

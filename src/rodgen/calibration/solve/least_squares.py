@@ -403,7 +403,7 @@ class NearFile:
         """Add rows of priors, (q, k), to the scaled equations, in place."""
         seen = np.clip(rows / scale, -STIFFEST, STIFFEST)
         scaled += seen.T @ seen
-        downhill -= rows.T @ (rows @ self.away(theta)) / scale
+        downhill -= seen.T @ (seen @ (scale * self.away(theta)))
 
     def may_run_away(self, step: Array) -> bool:
         """Return whether a step, (k,), moves the geometry so far that the readings may not hold it."""
