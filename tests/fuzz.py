@@ -554,8 +554,8 @@ def run() -> int:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=600)
     options = parser.parse_args()
-    print(f"FUZZ_SEED={options.seed}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
+        print(f"FUZZ_SEED={options.seed}; {folder}/running names the case that runs", flush=True)
         numbers = range(options.first, options.first + options.cases)
         faults = search(options.seed, numbers, options.seconds, Path(folder))
     for fault, case in faults:

@@ -193,15 +193,17 @@ class AtomicFile:
             if os.path.exists(self._final):
                 shutil.copymode(self._final, self._part)
             return open(os.dup(self._descriptor), "wb")
-        except (OSError, ValueError) as error:
+        except BaseException as error:
             self.discard()
-            raise unwritable(self.file, error) from None
+            if isinstance(error, OSError | ValueError):
+                raise unwritable(self.file, error) from None
+            raise
 
     def commit(self, *, undoable: bool = False) -> None:
         """Give the complete, closed file its name; what is `undoable` can be undone until it is discarded."""
         with self.located():
             if not self._device:
-                os.fsync(self._descriptor)
+                _synchronise(self._descriptor)
                 self._was_there = os.path.exists(self._final)
                 if undoable and self._was_there:
                     self._before = f"{self._part}-before"
@@ -254,6 +256,15 @@ class AtomicFile:
     def error(self, error: BaseException) -> Exception:
         """Return the error that gives the reason why the file cannot be written."""
         return unwritable(self.file, error)
+
+
+def _synchronise(descriptor: int) -> None:
+    """Wait until a file is on the disk, where the disk says so."""
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP):
+            raise
 
 
 def commit_all(files: Iterable[AtomicFile]) -> None:
