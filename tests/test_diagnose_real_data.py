@@ -177,15 +177,11 @@ def test_the_positioner_s_first_axis_is_said_to_have_an_eccentric_encoder_or_wha
     # P1 covers +-30 degrees only
     wanted = {(name, "P1") for name in ("scale", "encoder_eccentricity", "encoder_ellipticity")}
     assert any(wanted <= same(step) for step in found.steps)
-    # 0.60 was reached with a radial error motion of -1.8 mm, which no bearing has
-    assert found.rms.after_held_out < 0.67 * found.rms.before_held_out
+    # less was reached with radial error motions of 0.3 to 1.8 mm, which no bearing has
+    assert found.rms.after_held_out < 0.7 * found.rms.before_held_out
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="0.3 mm at P2 are named, marked as 61 times the usual size; a form of P2 was named before",
-)
 def test_the_positioner_s_bearings_do_not_move_by_tenths_of_a_millimetre():
     assert "radial_error_motion" not in {step.effect.name for step in positioner().steps}
 

@@ -17,6 +17,7 @@ import pytest
 from hidden_effects import BENCHES, OUTSIDE, Hidden, Truth, UnhiddenError, hidden, still
 
 import rodgen
+from rodgen.calibration.checks.effect_test import worth_of
 from rodgen.calibration.fit import fit
 from rodgen.cli import main as cli
 
@@ -427,6 +428,26 @@ def test_a_tilt_that_the_geometry_all_but_imitates_hides_no_eccentricity(tmp_pat
     assert ("encoder_eccentricity", "AZ") in truth.seen
     assert {(s.effect.name, s.effect.place) for s in found.steps} == set(truth.effects)
     assert found.rms.after < 1.05 * found.rms.noise
+    for step in (
+        found.steps
+    ):  # as `rodgen add` has it: that was 0.26 of the eccentricity, beside a tilt by ten degrees
+        worth = worth_of(found.final, step.effect)
+        assert worth is not None
+        assert worth.log10_p == pytest.approx(np.log10(step.p_value), rel=1e-3)
+
+
+def test_a_bearing_moves_by_no_more_than_it_may_where_targets_do_the_same(tmp_path):
+    """A motion by 65 mm, with the targets moved by as much, fits no better than one of micrometres."""
+    from real_machines import real
+
+    found, truth = diagnosed(real("trunnion", 22), tmp_path)
+    assert ("radial_error_motion", "C") in truth.effects
+    (motion,) = (s for s in found.steps if s.effect.name == "radial_error_motion")
+    assert motion.effect.place == "C"
+    for name, estimate in motion.parameters.items():
+        there = truth.values.get(f"C.radial_error_motion.{name}", 0.0)
+        assert abs(estimate.value - there) < 4 * estimate.std, name
+        assert abs(estimate.value) < 0.02
 
 
 def test_targets_that_were_mixed_up_in_two_poses_are_outliers(tmp_path):

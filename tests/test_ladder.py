@@ -20,6 +20,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.machines.parts import StatedPlausibility
 from rodgen.statistics.leave_out import deal
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
@@ -276,6 +277,21 @@ def test_an_effect_that_weights_at_later_joints_imitate_is_held_against_the_mode
     assert found.degrees_of_freedom[0] == 1  # the scale, not the scale less the weights
     assert found.p_value < 1e-6
     assert found == alike
+
+
+def test_an_effect_of_any_size_that_readings_show_is_not_pulled_to_usual_ones():
+    """An eccentricity of 2 degrees, 360 times the usual size: the largest that is held possible is 3."""
+    size = np.deg2rad(2.0)
+    data = turned(np.arange(0, 360, 9), np.random.default_rng(4), eccentricity=size)
+    machine = TABLE.with_effect(TABLE.effect("encoder_eccentricity", "C"))
+    of_any = StatedPlausibility(largest=("1e6 deg",))
+    found, free = (
+        fit(m, data).estimates["C.encoder_eccentricity.a"]
+        for m in (machine, replace(machine, plausible={"encoder_eccentricity": of_any}))
+    )
+    assert found.std == pytest.approx(free.std, rel=1e-3)
+    assert abs(found.value - free.value) < 0.1 * free.std
+    assert abs(found.value - np.rad2deg(size) * 3600) < 4 * found.std
 
 
 def test_ladder_of_the_telescope_reads_as_published():

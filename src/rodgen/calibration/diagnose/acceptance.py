@@ -29,7 +29,6 @@ from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.words import chance
 from rodgen.data.observations import Observations
 from rodgen.machines.effects.definition import StartSearch
-from rodgen.machines.fixed import values_to_hold
 from rodgen.machines.machine import Effect
 from rodgen.machines.parameters import Parameter
 from rodgen.stages import stage
@@ -62,15 +61,12 @@ def may_be_there(why: str) -> bool:
 
 
 @stage("further fits")
-def worths(subject: Subject, selection: Selection, found: FittedExplanation) -> list[EffectTest | None]:
+def worths(subject: Subject, found: FittedExplanation) -> list[EffectTest | None]:
     """Return the test of each effect, then of each form, given all others, as `rodgen add` makes it.
-
-    Where the others do as well without an effect, but only at a size that no machine has, they are held where they are.
 
     Parameters
     ----------
     subject : Subject
-    selection : Selection
     found : FittedExplanation
     """
     fits, last = [*found.fits, *found.formed], found.last
@@ -78,33 +74,7 @@ def worths(subject: Subject, selection: Selection, found: FittedExplanation) -> 
     tests += [
         worth_of(last, fit.machine.effects[-1], fits[-2] if fit is last else None) for fit in found.formed
     ]
-    for k, candidate in enumerate(found.explanation.kept):
-        test = tests[k]
-        if test is not None and not test.significant:
-            without = _without_the_impossible(subject, selection, found, candidate)
-            tests[k] = test if without is None else effect_test(without, found.last)
     return tests
-
-
-def _without_the_impossible(
-    subject: Subject, selection: Selection, found: FittedExplanation, candidate: Candidate
-) -> Fit | None:
-    """Return the fit without an effect, others held that would have sizes that no machine has; None if none would."""
-    last = found.last
-    without = found.without(subject, candidate)
-    estimates = EffectEstimates(without)
-    impossible = [
-        c.effect
-        for c in found.explanation.kept
-        if c is not candidate and not estimates.are_possible(c.effect, selection.prior_of(c))
-    ]
-    if not impossible:
-        return None
-    effects = tuple(
-        replace(e, hold=values_to_hold(last.machine, e)) if e in impossible else e
-        for e in without.machine.effects
-    )
-    return subject.fit(replace(without.machine, effects=effects), last.outliers)
 
 
 def unearned_effect(

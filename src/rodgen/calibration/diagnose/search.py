@@ -240,7 +240,7 @@ class _Search:
                     held_out = [fit.held_out() for fit in found.fits]
                 found, unseen = earned_forms(self.subject, found, held_out[-1])
                 held_out += unseen
-                tests = worths(self.subject, evidence.selection, found)
+                tests = worths(self.subject, found)
                 unearned = unearned_effect(self.subject, evidence.selection, found, held_out, tests)
             if unearned is None:
                 confirmed = Confirmed(found, held_out, equals, tests)

@@ -81,7 +81,8 @@ class _NearProblem(Problem):
         self.price = np.zeros(len(model.parameters))
         stated = super().file_values
         self.centre = stated.centre
-        self.file_values = replace(stated, precision=np.zeros(len(self.price)))  # it is in the price
+        none = np.zeros(len(self.price))
+        self.file_values = replace(stated, precision=none, possible=none)  # they are in the price
 
     def priced(self, theta: Array) -> float:
         """Return what the corrections of the file, or of the means of its priors, cost."""

@@ -9,6 +9,11 @@ Nor does a fit go along a direction that the readings hardly determine as far as
 Where the standard deviation along one is s > 1 of these deviations, the file says more than the readings: it is a prior
 that brings the standard deviation to 1, and the fit keeps the part 1/s² of what least squares would change. Where the
 readings say more everywhere, nothing is pulled, and the fit is that of least squares.
+
+Effects may do together with geometry what neither does alone, such as a bearing that moves by 60 mm, with targets that
+moved by as much, and a fit that went there finds no way back. So on the way effects that a step would make large are
+held by the largest size of a machine as a standard deviation about zero. Readings that show a parameter to a hundredth
+of that are biased by less than a hundredth of their own standard deviation.
 """
 
 from __future__ import annotations
@@ -81,6 +86,9 @@ class FileValues:
         Mean of the prior that the file states, and the inverse of its standard deviation; both 0 where there is none.
     lowest, highest : ndarray, shape (parameters,)
         Bounds that the file states, infinite where there are none.
+    possible : ndarray, shape (parameters,)
+        Of a parameter of an effect without a prior of the file: the inverse of the largest size of a machine; 0 where
+        none is known.
     """
 
     largest: Array
@@ -90,6 +98,7 @@ class FileValues:
     precision: Array
     lowest: Array
     highest: Array
+    possible: Array
 
     @cached_property
     def is_prior(self) -> bool:

@@ -124,21 +124,25 @@ class Problem:
         fine = is_effect & np.array([p.effect not in coarse for p in model.parameters], bool)
         part = np.where(fine, DETERMINACY.largest_effect, DETERMINACY.largest_turn)
         largest = part * np.where(model.turns, 1.0, np.where(model.ways, distance, np.inf))
-        largest = np.fmin(largest, np.where(fine, SELECTION.shrunk * self._usual_sizes, np.inf))
+        usual, largest_possible = self._sizes
+        largest = np.fmin(largest, np.where(fine, SELECTION.shrunk * usual, np.inf))
         change = np.where(is_effect, part * distance, np.inf)
-        return FileValues(largest, change, model.anchored, *model.known)
+        is_free = is_effect & (model.known[1] == 0.0) & np.isfinite(largest_possible)
+        possible = np.divide(1.0, largest_possible, out=np.zeros(len(usual)), where=is_free)
+        return FileValues(largest, change, model.anchored, *model.known, possible)
 
     @property
-    def _usual_sizes(self) -> Array:
-        """Usual sizes of the parameters of effects, internal units, (parameters,); NaN where none is known."""
+    def _sizes(self) -> tuple[Array, Array]:
+        """Usual and largest sizes of the parameters of effects, internal units, (parameters,); NaN if not known."""
         machine = self.model.machine
-        found = np.full(len(self.model.parameters), np.nan)
+        found = np.full((2, len(self.model.parameters)), np.nan)
         for effect in machine.effects:
             sizes = plausibility(machine, effect).sizes
             for i, parameter in enumerate(self.model.parameters):
                 size = sizes.get(parameter.key.rpartition(".")[2]) if effect.owns(parameter.key) else None
-                found[i] = size.usual if size else found[i]
-        return found
+                if size:
+                    found[:, i] = size.usual, size.largest
+        return found[0], found[1]
 
     def at_bounds(self, theta: Array) -> dict[int, str]:
         """Return the numbers of the parameters that are at a bound, and whether it is their lowest or highest."""

@@ -68,6 +68,8 @@ LARGEST_BEND = 0.75
 """The acceleration may be so large a part of the step; beyond, the damping grows (Transtrum and Sethna 2012)."""
 FAR = 0.05
 """A step by less than this part of a parameter's largest deviation from the file does not run away."""
+LARGE = 0.1
+"""Part of the largest size of a machine that effects have before their sizes count at all: most never get there."""
 TOWARDS_FILE, FARTHEST, ARRIVING = 20, 4.0, 1e-4
 """Steps towards the file at most, how far one of them goes, and how short the last one is, in largest deviations."""
 STIFFEST = 1e100
@@ -280,6 +282,10 @@ def _steps(
         scaled, scale = unit_diagonal(square[block])
         downhill = -gradient[index] / scale
         prior = near.stated(cost / left)
+        if near.knows_sizes:
+            whole = np.linalg.solve(scaled + damping * unit, downhill)
+            promised = max(cost - float(2 * whole @ downhill - whole @ scaled @ whole), 0.0)
+            prior = np.concatenate([prior, near.sizes(theta[index] + whole / scale, promised / left)])
         if len(prior):
             near.add(prior, scaled, downhill, theta, scale)
         way = unit
@@ -322,8 +328,8 @@ def _steps(
             new_theta, new_frame = moved(problem, theta, frame, step)
             new_theta = near.within(new_theta)
             last = straight and growth == GROWTH and damping <= LIGHTLY and predicted <= close * cost
-            if last and not len(prior) and not near.is_bounded and predicted**2 <= small * cost * before:
-                carried = cost - float(predicted), square, gradient + square @ step
+            if last and not near.is_bounded and predicted**2 <= small * cost * before:
+                carried = _carried((cost, square, gradient), step)
                 keep(new_theta, new_frame, carried)
                 return Solution(new_theta, new_frame, carried[0], iteration, not refused)
             # most steps are accepted, and then the equations are there; fewer after one was refused
@@ -399,6 +405,19 @@ class NearFile:
         known = self.problem.observations.sigma is not None
         return np.asarray(np.diag(precision)[precision > 0] * (1.0 if known else np.sqrt(variance)))
 
+    @property
+    def knows_sizes(self) -> bool:
+        """Whether it is known of any of the parameters which size no machine exceeds."""
+        return bool(self.file.possible[self.index].any())
+
+    def sizes(self, values: Array, variance: float) -> Array:
+        """Return rows of a prior, (q, k), that keeps effects within the sizes of machines; none of small values."""
+        possible = self.file.possible[self.index]
+        if not np.any(np.abs(values) * possible > LARGE):
+            return np.zeros((0, len(self.index)))
+        known = self.problem.observations.sigma is not None
+        return np.asarray(np.diag(possible)[possible > 0] * (1.0 if known else np.sqrt(variance)))
+
     def add(self, rows: Array, scaled: Array, downhill: Array, theta: Array, scale: Array) -> None:
         """Add rows of priors, (q, k), to the scaled equations, in place."""
         seen = np.clip(rows / scale, -STIFFEST, STIFFEST)
@@ -458,6 +477,13 @@ class NearFile:
         return self.file.pull(block, self.largest(square), self.file.anchored[self.index], variance)
 
 
+def _carried(equations: Equations, step: Array) -> Equations:
+    """Return the equations after a step, to first order."""
+    cost, square, gradient = equations
+    there = square @ step
+    return max(cost + float(step @ (2 * gradient + there)), 0.0), square, gradient + there
+
+
 def _across(rows: Array) -> Array:
     """Return the projector, (k, k), of steps that change nothing of some combinations, (w, k)."""
     basis, _ = np.linalg.qr(rows.T)
@@ -496,7 +522,8 @@ def _towards_file(problem: Problem, solution: Solution, free: Sequence[int]) -> 
         pull = near.pull(square, cost / left)
         if pull is None:
             return found
-        prior = np.concatenate([near.stated(cost / left), pull.prior])
+        sizes = near.sizes(found.theta[index], cost / left)
+        prior = np.concatenate([near.stated(cost / left), sizes, pull.prior])
         if number == 0:
             started = cost + pulled(prior, near.away(found.theta))
         scaled, scale = unit_diagonal(square[index[:, None], index])
@@ -511,11 +538,11 @@ def _towards_file(problem: Problem, solution: Solution, free: Sequence[int]) -> 
         theta, frame = moved(problem, found.theta, found.frame, FARTHEST / max(length, FARTHEST) * step)
         theta = near.within(theta)
         if length < ARRIVING:  # it ends so near that the equations are as good as those made again
-            cost = max(cost + float(step @ (2 * gradient + square @ step)), 0.0)
-            if not cost + pulled(prior, near.away(theta)) <= started * (1 + AS_GOOD):
+            carried = _carried((cost, square, gradient), step)
+            if not carried[0] + pulled(prior, near.away(theta)) <= started * (1 + AS_GOOD):
                 break
-            problem.keep_equations(theta, frame, (cost, square, gradient + square @ step))
-            return replace(found, theta=theta, frame=frame, cost=cost)
+            problem.keep_equations(theta, frame, carried)
+            return replace(found, theta=theta, frame=frame, cost=carried[0])
         problem.follow(theta, frame)
         found = replace(found, theta=theta, frame=frame, cost=problem.normal_equations(theta, frame)[0])
     problem.start_from(starts)
