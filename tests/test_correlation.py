@@ -19,6 +19,7 @@ from machine_simulator import arcsec
 from scipy import stats
 from simulated_fits import fit_to, joint, machine_file, measure
 
+import rodgen
 from rodgen.calibration.diagnose.candidates import candidates
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.noise.correlation import Correlation, estimate_correlation
@@ -415,6 +416,23 @@ def test_an_effect_scanned_once_round_is_not_taken_for_a_drift(name: str, poses:
 
 
 # what the fits' standard deviations become ---------------------------------------------------------------------------
+
+
+def test_a_wander_does_not_take_what_two_effects_do_together(tmp_path) -> None:
+    """An eccentricity and a backlash at a joint in four positions passed for turns of the set-up, which only moves."""
+    from real_machines import real
+
+    machine, data = real("trunnion", 37).write(tmp_path)
+    fitted = rodgen.Machine.load(machine).fit(rodgen.Measurements.load(data))
+    effects = catalogue_effects(fitted.machine, fitted.observations)
+    sensitivities = Sensitivities.of(fitted, effects)
+    alone = estimate_correlation(sensitivities, ())
+    assert alone.wander_r > 1e-3
+    assert alone.wander_t > 1e-3
+    found = candidates(sensitivities, effects)
+    together = estimate_correlation(sensitivities, [c.columns for c in found], [c.tries for c in found])
+    assert together.wander_r == 0
+    assert together.wander_t < alone.wander_t
 
 
 def test_the_covariance_of_a_fit_is_that_of_least_squares_under_the_dense_covariance_of_readings() -> None:

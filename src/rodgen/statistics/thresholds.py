@@ -188,7 +188,7 @@ class VariancePolicy(NamedTuple):
     stretches: int = 5
     """Number of stretches taken of more poses: neighbours show short correlation times, stretches long ones."""
     effect_p: float = 0.01
-    """Probability, over all effects, below which an effect is a fixed one, whatever wanders."""
+    """Probability, over all effects or pairs of them, below which an effect, or two, are fixed, whatever wanders."""
     likelihood_share: float = 2 / 3
     """Share of the likelihood ratio in the logarithm of that probability where something wanders, too; the rest is that
     of F with the variances estimated without the effect. The likelihood ratio alone claims slow effects in up to one of

@@ -19,7 +19,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.statistics.columns import directions_above, project_out
+from rodgen.statistics.columns import directions_above, orthonormal_basis, pair_falls, project_out
 from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.maximum import climb
@@ -79,8 +79,9 @@ class VarianceEstimator:
             called = self._called_for(basis, seen, found, pose)
             if called is None:
                 break
-            fixed = seen[called]
-            seen[called] = fixed[:, :0]
+            fixed = _together(seen, called)
+            for i in called:
+                seen[i] = seen[i][:, :0]
             basis, seen = np.concatenate([basis, fixed], axis=1), _visible_parts(fixed, seen)
             likelihood = self._likelihood(basis)
             found = likelihood.best(pose=pose)
@@ -101,15 +102,18 @@ class VarianceEstimator:
 
     def _called_for(
         self, basis: Array, seen: Sequence[Array], now: VarianceComponents, pose: bool
-    ) -> int | None:
+    ) -> tuple[int, ...] | None:
         """Return the effect that is there whatever wanders, or that explains more than a wander does; None without any.
 
-        Wander and effect are compared with wander alone, each with the variances that suit it best. The restricted
-        likelihood is that of the residuals given the model's columns alone, or two of them could not be compared.
+        Or, where something wanders and no single one is, two of them: a wander takes what several small effects do
+        together, and shrinks only once they are all there. Wander and effects are compared with wander alone, each with
+        the variances that suit it best. The restricted likelihood is that of the residuals given the model's columns
+        alone, or two of them could not be compared.
         """
         wanders = any(name.startswith("wander") for name in now.names)
         count = sum(1 for u in seen if u.shape[1])
-        order = self._promising(basis, seen, now)
+        products = self._products(basis, seen, now)
+        order = self._promising(basis.shape[1], seen, products)
         best, found = np.log(VARIANCES.effect_p), None
         most, instead = VARIANCES.instead, None
         for i, log_now in order:
@@ -123,17 +127,56 @@ class VarianceEstimator:
                 or self._chance(basis, seen[i], now, alone) < VARIANCES.looks_like_effect
             ):
                 most, instead = more, i
-            there = likelihood.again(now)
-            gain = max(2 * (there.likelihood - now.likelihood), 0.0)
-            fall = -np.expm1(-gain / likelihood.dof)
-            log = _log_p(fall, k, likelihood.dof - k) + np.log(count) + self.log_tries[i]
-            if any(name.startswith("wander") for name in there.names):
-                log = VARIANCES.likelihood_share * log + (1 - VARIANCES.likelihood_share) * (
-                    log_now + np.log(count)
-                )
+            tries = self.log_tries[i]
+            log = self._log_p_given(likelihood, k, now, log_now - tries) + np.log(count) + tries
             if log < best:
                 best, found = log, i
-        return found if instead is None else instead
+        called = found if instead is None else instead
+        if called is not None:
+            return (called,)
+        return self._pair_called_for(basis, seen, now, products) if wanders else None
+
+    def _pair_called_for(
+        self, basis: Array, seen: Sequence[Array], now: VarianceComponents, products: Sequence[Array]
+    ) -> tuple[int, int] | None:
+        """Return two effects that are there together whatever wanders; None without any."""
+        there = [i for i, u in enumerate(seen) if u.shape[1]]
+        pairs = len(there) * (len(there) - 1) / 2
+        if not pairs:
+            return None
+        values, vectors = eigh(_left(products[0], basis.shape[1]))
+        coordinates = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        ends = np.cumsum([u.shape[1] for u in seen])[:-1]
+        bases = np.split(coordinates[:, :-1], ends, axis=1)
+        residual = coordinates[:, -1]
+        bases = [orthonormal_basis(bases[i], relative=VARIANCES.visible) for i in there]
+        falls = np.triu(pair_falls(bases, residual, least=VARIANCES.visible)) / float(residual @ residual)
+        sizes = np.array([u.shape[1] for u in bases])
+        sizes = sizes[:, None] + sizes
+        worth = self.readings * falls - sizes  # each parameter gains one by chance
+        best, found = np.log(VARIANCES.effect_p), None
+        for at in np.argsort(-worth, axis=None)[: VARIANCES.tried]:
+            a, b = np.unravel_index(at, worth.shape)
+            pair = there[a], there[b]
+            tries = float(np.log(pairs) + self.log_tries[list(pair)].sum())
+            further = _together(seen, pair)
+            k, likelihood = further.shape[1], self._likelihood(basis, further)
+            log_now = _log_p(float(falls[a, b]), k, self.readings - basis.shape[1] - k)
+            log = self._log_p_given(likelihood, k, now, log_now) + tries
+            if log < best:
+                best, found = log, pair
+        return found
+
+    def _log_p_given(
+        self, likelihood: RestrictedLikelihood, k: int, now: VarianceComponents, log_now: float
+    ) -> float:
+        """Return the logarithm of the probability of k further columns: by likelihood and, where it wanders, by F."""
+        there = likelihood.again(now)
+        gain = max(2 * (there.likelihood - now.likelihood), 0.0)
+        log = _log_p(-float(np.expm1(-gain / likelihood.dof)), k, likelihood.dof - k)
+        if not any(name.startswith("wander") for name in there.names):
+            return log
+        return VARIANCES.likelihood_share * log + (1 - VARIANCES.likelihood_share) * log_now
 
     def _chance(
         self, basis: Array, further: Array, now: VarianceComponents, alone: VarianceComponents
@@ -165,23 +208,22 @@ class VarianceEstimator:
         better = left(now, q) / left(alone, q + k)
         return float(1 + np.count_nonzero(better[1:] >= better[0])) / (N + 1)
 
-    def _promising(
-        self, basis: Array, seen: Sequence[Array], now: VarianceComponents
-    ) -> list[tuple[int, float]]:
-        """Return the effects that explain most, if readings were independent or as they are taken to be now.
-
-        With the logarithm of the probability of the latter.
-        """
+    def _products(self, basis: Array, seen: Sequence[Array], now: VarianceComponents) -> tuple[Array, Array]:
+        """Return the products of basis, effects and residual, as readings are taken to be now, and independent."""
         columns = np.concatenate([basis, *seen, self.residual[:, None]], axis=1)
         moments = Moments(self.motion, columns.reshape(*self.motion.columns.shape[:2], -1))
         deviations = _deviations_of(now.names, now.sizes, now.time, self.groups, self.motion.dof)
+        return moments.inverse(deviations).products, moments.square
+
+    def _promising(self, q: int, seen: Sequence[Array], products: Sequence[Array]) -> list[tuple[int, float]]:
+        """Return the effects that explain most, if readings are as they are taken to be now, or were independent.
+
+        With the logarithm of the probability of the former.
+        """
         chosen: dict[int, float] = {}
         both = [
-            {
-                i: log + self.log_tries[i]
-                for i, log in _log_ps(of, basis.shape[1], seen, self.readings).items()
-            }
-            for of in (moments.inverse(deviations).products, moments.square)
+            {i: log + self.log_tries[i] for i, log in _log_ps(of, q, seen, self.readings).items()}
+            for of in products
         ]
         for logs in both:
             some: list[int] = []
@@ -208,8 +250,7 @@ def _alike(one: Array, other: Array) -> bool:
 
 def _log_ps(products: Array, q: int, seen: Sequence[Array], readings: int) -> dict[int, float]:
     """Return the logarithm of the probability of F of each effect, from products of [fixed, effects, residual]."""
-    A, B = products[:q, :q], products[:q, q:]
-    left = products[q:, q:] - (B.T @ np.linalg.solve(A, B) if q else 0.0)
+    left = _left(products, q)
     total, found, start = float(left[-1, -1]), {}, 0
     for i, u in enumerate(seen):
         k = u.shape[1]
@@ -221,6 +262,19 @@ def _log_ps(products: Array, q: int, seen: Sequence[Array], readings: int) -> di
         fall = float(along @ lstsq(left[of, of], along, relative=1e-10))
         found[i] = _log_p(fall / total, k, readings - q - k)
     return found
+
+
+def _left(products: Array, q: int) -> Array:
+    """Return what the first q columns leave of products of columns."""
+    A, B = products[:q, :q], products[:q, q:]
+    return np.asarray(products[q:, q:] - (B.T @ np.linalg.solve(A, B) if q else 0.0))
+
+
+def _together(seen: Sequence[Array], some: Sequence[int]) -> Array:
+    """Return an orthonormal basis of what some effects do together."""
+    if len(some) == 1:
+        return seen[some[0]]
+    return directions_above(np.concatenate([seen[i] for i in some], axis=1), VARIANCES.visible)
 
 
 def _log_p(part: float, k: int, residual_dof: int) -> float:
