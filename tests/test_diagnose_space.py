@@ -723,7 +723,7 @@ def test_why_names_the_parameters_and_the_forms_that_the_model_has_by_now(parts,
         residual=-own[:, :, 0], fit=SimpleNamespace(parameters=parameters, free=(0, 1))
     )
     selection = SimpleNamespace(space=CandidateSpace(model, [one, other], lambda columns: columns))
-    assert _aliases._why(selection, sensitivities, one, [], other)[0] == text
+    assert _aliases._why(selection, sensitivities, one, [], [other])[0] == text
 
 
 def test_good_rows_that_looked_wrong_at_first_change_nothing(monkeypatch):

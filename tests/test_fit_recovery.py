@@ -153,9 +153,8 @@ def test_intervals_of_each_effect_s_parameters_hold_the_truth(kind, count):
     for of in titles(kind):
         score = scored(kind, of, count)
         (block,) = (b for b in every(kind).file["effect"] if title(b) == of)
-        optional = {
-            f"A.gravity_windup.{k}" for k in ("k_Z", "k_C", "k2_Z")
-        }  # left out, as no later joint is heavy
+        # left out, as no later joint is heavy
+        optional = {f"A.gravity_windup.{k}" for k in ("k_Z", "k_C", "k2_Z")}
         assert score.inside.keys() == set(every(kind).keys_of(block)) - NOT_SEEN[kind] - optional
         whole.join(score)
     assert_covers(whole)

@@ -13,7 +13,9 @@ from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.model import Model
 from rodgen.machines.structure import row_effects
 from rodgen.stages import step
-from rodgen.statistics.thresholds import SELECTION
+from rodgen.statistics.columns import unit_diagonal
+from rodgen.statistics.decompositions import eigh
+from rodgen.statistics.thresholds import DETERMINACY, SELECTION
 
 __all__ = ["FitError", "check_travel", "fit_in_stages", "measured_along"]
 
@@ -112,16 +114,15 @@ def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[
     """Return the solution with the weights at later joints that the data call for, added one after the other.
 
     The fall of the cost that a linear step promises decides which is tried, and the fall that a fit brings, whether it
-    stays: by more than `SelectionPolicy.parameter_cost` variances, as for a parameter in a diagnosis.
+    stays: by more than `SelectionPolicy.parameter_cost` variances, as for a parameter in a diagnosis. Those of fewer
+    effects, with which the fit began, go by the same rule first.
     """
+    solution, free = _still_called_for(problem, solution, free)
     waiting = _with_an_arm(problem, solution, free)
-    readings = problem.rows * problem.components
     while waiting:
         promised = linear_falls(problem, solution, free, waiting)
         index = waiting[int(np.argmax(promised))]
-        left = max(readings - len(free) - 1, 1)
-        variance = 1.0 if problem.observations.sigma is not None else solution.cost / left
-        needed = variance * SELECTION.parameter_cost(problem.rows)
+        needed = _needed(problem, solution, len(free) + 1)
         if max(promised) < needed:
             break
         better = minimise(problem, solution.theta, solution.frame, [*free, index])
@@ -129,6 +130,35 @@ def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[
             break
         solution, free = better, [*free, index]
         waiting.remove(index)
+    return solution, free
+
+
+def _needed(problem: Problem, solution: Solution, parameters: int) -> float:
+    """Return by how much the cost must fall for the last of so many parameters."""
+    left = max(problem.rows * problem.components - parameters, 1)
+    variance = 1.0 if problem.observations.sigma is not None else solution.cost / left
+    return variance * SELECTION.parameter_cost(problem.rows)
+
+
+def _still_called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[Solution, list[int]]:
+    """Return the solution without the weights at later joints without which the cost hardly rises."""
+    while weights := [k for k, i in enumerate(free) if problem.model.parameters[i].optional]:
+        _, square, _ = problem.normal_equations(solution.theta, solution.frame)
+        scaled, scale = unit_diagonal(square[np.ix_(free, free)])
+        values, vectors = eigh(scaled)
+        seen = values > DETERMINACY.nothing**2 * values[-1]
+        precision = scale**2 / (vectors[:, seen] ** 2 @ (1 / values[seen]))
+        rises = (solution.theta[free] ** 2 * precision)[weights]
+        index, needed = free[weights[int(np.argmin(rises))]], _needed(problem, solution, len(free))
+        if min(rises) > needed:
+            break
+        theta = solution.theta.copy()
+        theta[index] = 0.0
+        fewer = [i for i in free if i != index]
+        without = minimise(problem, theta, solution.frame, fewer)
+        if without.cost - solution.cost > needed:
+            break
+        solution, free = without, fewer
     return solution, free
 
 
