@@ -241,10 +241,12 @@ class Criteria:
         The odds of each before the data are shared among all. Further effects of a kind that a machine has at several
         joints, if it has them at one, are no choice.
         """
-        chosen = len(included)
-        for name in SHARED:
-            chosen -= max(sum(c.effect.name == name for c in included) - 1, 0)
-        return 2 * chosen * self._log_choices - 2 * sum(c.prior.log_odds for c in included)
+        return sum(self._choice_cost_of(c, included[:k]) for k, c in enumerate(included))
+
+    def _choice_cost_of(self, candidate: Candidate, others: Sequence[Candidate]) -> float:
+        name = candidate.effect.name
+        no_choice = name in SHARED and any(c.effect.name == name for c in others)
+        return 2 * ((0.0 if no_choice else self._log_choices) - candidate.prior.log_odds)
 
     @cached_property
     def _log_choices(self) -> float:
@@ -313,12 +315,12 @@ class Criteria:
         width = np.where(np.isfinite(usual), usual / np.sqrt(variance), np.sqrt(self.rows))
         columns = np.concatenate([self.space.model[:, :0], *map(self.space.columns, some)], axis=1) * width
         across = self.space.base(given).project_out(columns)
-        before, price, start = self.choice_cost(given), [], 0
+        price, start = [], 0
         for candidate in some:
             own = across[:, start : (start := start + len(candidate.names))]
             narrower = np.linalg.slogdet(np.eye(own.shape[1]) + own.T @ own)[1]
             searched = np.log(self.rows) * len(candidate.searched)
-            price.append(narrower + searched + self.choice_cost([*given, candidate]) - before)
+            price.append(narrower + searched + self._choice_cost_of(candidate, given))
         return np.array(price)
 
     def preference(
