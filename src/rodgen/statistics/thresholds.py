@@ -296,10 +296,13 @@ class SelectionPolicy(NamedTuple):
     one of 700 cases."""
     unlikely: float = 9.2
     """Cost in chi-square, 2 ln(100), from which on an alternative that does only part of the same is not listed."""
+    tie: float = 2.2
+    """Cost in chi-square within which two explanations are as likely, a factor of three: odds before the data are known
+    no better. Then the one is named that is likelier before the data by more."""
     most_alternatives: int = 16
     """Alternatives of which full fits are made, ..."""
-    most_pairs: int = 4
-    """... and pairs of effects: with more parameters many do nearly the same, and the likeliest are enough."""
+    most_pairs: int = 40
+    """... and pairs of effects that are compared: hundreds of pairs of legs do nearly the same."""
 
     def parameter_cost(self, rows: int) -> float:
         """Return by how much chi-square must differ for each parameter, for readings to tell models apart."""

@@ -1,10 +1,10 @@
 """Which other effects explain the data as well as one that was found.
 
-Candidates, and pairs of them, that come near by their columns are fitted in full, in the place of the effect, all in
-one model that has them all. One whose chi-square is larger by less than `SelectionPolicy.parameter_cost` for each
-parameter that it has fewer, or smaller by less than that for each that it has more, cannot be distinguished from it, if
-it has a size that a machine may have. The combination of the model's own parameters that must change with it is named.
-Which of them is the likeliest is decided by what is known before the data
+Candidates that come near by their columns are fitted in full, in the place of the effect, all in one model that has
+them all; pairs are compared by their columns. What has a chi-square that is larger by less than
+`SelectionPolicy.parameter_cost` for each parameter that it has fewer, or smaller by less than that for each that it has
+more, cannot be distinguished from it, if it has a size that a machine may have. The combination of the model's own
+parameters that must change with it is named. Which of them is the likeliest is decided by what is known before the data
 (:mod:`rodgen.machines.effects.plausibility`).
 """
 
@@ -63,11 +63,20 @@ class Equal:
     alias : Alias
     cost : float
         How much dearer it is in units of chi-square: negative where it is the likelier one, all considered.
+    before : float
+        The same before the data.
     """
 
     candidates: tuple[Candidate, ...]
     alias: Alias
     cost: float
+    before: float
+
+    @property
+    def likelier(self) -> bool:
+        """Whether it is to be named: it is likelier, or as likely as odds are known, and likelier before the data."""
+        tie = abs(self.cost) < SELECTION.tie < abs(self.before)
+        return self.before < 0 if tie else self.cost < 0
 
 
 def equals_of(
@@ -101,24 +110,19 @@ def equals_of(
     own = kept[k]
     others = [c for c in kept if c is not own]
     alternatives, dof, explained = _alternatives(selection, sensitivities, kept, own, others)
-    alternatives += _pairs(selection, sensitivities, kept, k, explained)
-    if not alternatives:
-        return []
     differences = (
         _differences_of_full_fits(sensitivities, final, own, alternatives)
-        if full
+        if full and alternatives
         else [alternative.linear for alternative in alternatives]
     )
+    pairs = _pairs(selection, sensitivities, kept, k, dof, explained)
     found = list[Equal]()
-    for alternative, difference in zip(alternatives, differences, strict=True):
+    compared = zip([*alternatives, *pairs], [*differences, *(pair.linear for pair in pairs)], strict=True)
+    for alternative, difference in compared:
         further, rivals = alternative.dof - dof, alternative.candidates
         open_ = any(rival in undecided for rival in rivals)
         if not selection.are_alike(max(difference, 0.0) if open_ else difference, further):
             continue
-        if rivals[1:] and any(
-            set(equal.candidates) & set(rivals) for equal in found if not equal.candidates[1:]
-        ):
-            continue  # one of the two does it alone
         prior, cost = selection.preference(kept, k, rivals, difference, explained)
         if not prior < np.inf:  # no machine has so much of it
             continue
@@ -127,9 +131,11 @@ def equals_of(
         cost += 2 * float(sum(np.log(rival.tries) for rival in rivals) - np.log(own.tries))
         if (part > SELECTION.in_part or rivals[1:]) and cost > SELECTION.unlikely:
             continue
+        if any({*equal.candidates} < {*rivals} and equal.cost <= cost for equal in found):
+            continue  # one of the two does it alone
         odds, with_data = (float(np.exp(-x / 2)) for x in (prior, cost))
         alias = Alias(tuple(rival.effect for rival in rivals), why, float(difference), odds, with_data)
-        found.append(Equal(rivals, alias, cost))
+        found.append(Equal(rivals, alias, cost, prior))
     return sorted(found, key=lambda equal: equal.cost)
 
 
@@ -150,7 +156,7 @@ def imitation(
     for candidate, of_one in zip(kept, equals, strict=True):
         for equal in of_one:
             open_ = [rival.effect.title for rival in equal.candidates if rival in undecided]
-            if open_ and equal.cost < 0:
+            if open_ and equal.likelier:
                 return candidate, f"{open_[0]} explains as much and is likelier: {MORE}"
     return None
 
@@ -192,43 +198,34 @@ def _pairs(
     sensitivities: Sensitivities,
     kept: Sequence[Candidate],
     k: int,
+    dof: int,
     explained: float,
 ) -> list[_Alternative]:
-    """Return the pairs of candidates that come near together, the likeliest by their columns."""
-    space, own = selection.space, kept[k]
-    others = [c for c in kept if c is not own]
+    """Return the pairs of candidates that may be as likely as an effect with so many parameters, the nearest first."""
+    others = [c for c in kept if c is not kept[k]]
     keys = {c.key for c in kept}
-    without, best = selection.left(others), selection.left(kept)
+    without = selection.left(others)
     scores = [
         score
-        for score in space.scores(selection.residual, without, others)
+        for score in selection.space.scores(selection.residual, without, others)
         if score.dof and score.candidate.key not in keys and not score.candidate.searched
     ]
     if len(scores) < 2:
         return []
     variance = selection.variance(kept) / _sampling_factor(sensitivities)
-    dof = space.across(others, own).shape[1] + len(own.searched)
-    falls = np.triu(space.pair_falls(selection.residual, scores, others), 1)
-    parameters = np.array([score.parameters for score in scores])
-    further = np.abs(parameters[:, None] + parameters - dof)
-    differences = (without - best - falls) / variance
-    near = SELECTION.parameter_cost(selection.rows) * np.maximum(further, 1)
-    near += SELECTION.alternative_bent * explained
+    falls = selection.space.pair_falls(selection.residual, scores, others) / variance
     odds = np.array([score.candidate.prior.log_odds for score in scores])
-    least = np.maximum(differences, 0.0) - 2 * (odds[:, None] + odds - min(own.prior.log_odds, 0.0))
-    worth = (
-        (falls > 0)
-        & (differences < near)
-        & (least < SELECTION.unlikely + SELECTION.alternative_bent * explained)
-    )
-    found = []
-    for i, j in zip(*np.nonzero(worth), strict=True):
-        pair = scores[i].candidate, scores[j].candidate
-        _, cost = selection.preference(kept, k, pair, float(differences[i, j]), explained)
-        found.append((cost, _Alternative(pair, int(parameters[i] + parameters[j]), float(differences[i, j]))))
-    found.sort(key=lambda one: one[0])
-    most = SELECTION.unlikely + SELECTION.alternative_bent * explained
-    return [alternative for cost, alternative in found[: SELECTION.most_pairs] if cost < most]
+    least = explained - falls - 2 * (odds[:, None] + odds - kept[k].prior.log_odds)
+    near = np.argwhere(np.triu(least < SELECTION.unlikely, 1))
+    order = sorted(near.tolist(), key=lambda ij: float(least[tuple(ij)]))
+    return [
+        _Alternative(
+            (scores[i].candidate, scores[j].candidate),
+            scores[i].parameters + scores[j].parameters,
+            explained - float(falls[i, j]),
+        )
+        for i, j in order[: SELECTION.most_pairs]
+    ]
 
 
 def _left_alone(selection: Selection, others: Sequence[Candidate], alternative: Candidate) -> float:
@@ -247,7 +244,7 @@ def _differences_of_full_fits(
 ) -> list[float]:
     """Return by how much chi-square is larger with each alternative in the effect's place, after a full fit."""
     machine = final.machine
-    effects = {c.key: c.effect for alternative in alternatives for c in alternative.candidates}.values()
+    effects = [alternative.candidates[0].effect for alternative in alternatives]
     machine = replace(machine, effects=(*machine.effects, *effects))
     o = sensitivities.observations
     model = Model(machine, final.problem.model.travel, o.run_names, compiled=False)
@@ -271,18 +268,18 @@ def _differences_of_full_fits(
     for alternative in alternatives:
         theta = start.copy()
         numbers = {keys[key] for key in free}
-        for candidate in alternative.candidates:
-            for i, parameter in enumerate(model.parameters):
-                if (
-                    candidate.effect.owns(parameter.key)
-                    and parameter.hold is None
-                    and (not parameter.optional or parameter.key in candidate.names)
-                ):
-                    numbers.add(i)
-            for name, value in candidate.searched.items():
-                theta[keys[candidate.effect.key(name)]] = value
+        (candidate,) = alternative.candidates
+        for i, parameter in enumerate(model.parameters):
+            if (
+                candidate.effect.owns(parameter.key)
+                and parameter.hold is None
+                and (not parameter.optional or parameter.key in candidate.names)
+            ):
+                numbers.add(i)
+        for name, value in candidate.searched.items():
+            theta[keys[candidate.effect.key(name)]] = value
         solution = minimise(problem, theta, final.solution.frame, sorted(numbers), max_iterations=40)
-        empty = any(why_empty(o, c.effect, model.parameters, solution.theta) for c in alternative.candidates)
+        empty = why_empty(o, candidate.effect, model.parameters, solution.theta)
         found.append(np.inf if empty else (solution.cost - whole.cost) / max(variance, 1e-300))
     return found
 

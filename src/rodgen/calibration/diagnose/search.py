@@ -296,10 +296,11 @@ class _Search:
         equals, unresolved = self._equals(evidence, found), set(evidence.undecided)
         replaced = set[tuple[str, str | None]]()
         while likelier := [
-            (first.cost, k, first.candidates)
-            for k, of_one in enumerate(equals)
-            for first in [equal for equal in of_one if unresolved.isdisjoint(equal.candidates)][:1]
-            if first.cost < 0 and not replaced & {c.key for c in first.candidates}
+            (equal.cost, k, equal.candidates)
+            for k, others in enumerate(equals)
+            for equal in others
+            if equal.likelier and unresolved.isdisjoint(equal.candidates)
+            if not replaced & {c.key for c in equal.candidates}
         ]:
             _, k, best = min(likelier, key=lambda one: one[0])
             kept = list(found.explanation.kept)
