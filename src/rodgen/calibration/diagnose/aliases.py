@@ -176,7 +176,7 @@ def _alternatives(
     variance = selection.variance(kept) / _sampling_factor(sensitivities)
     keys = {c.key for c in kept}
     found = []
-    for score in space.scores(selection.residual, without, others):
+    for score in selection.scores(others):
         if score.candidate.key in keys or not score.dof:
             continue
         left = min(score.left, _left_alone(selection, others, score.candidate))
@@ -207,7 +207,7 @@ def _pairs(
     without = selection.left(others)
     scores = [
         score
-        for score in selection.space.scores(selection.residual, without, others)
+        for score in selection.scores(others)
         if score.dof and score.candidate.key not in keys and not score.candidate.searched
     ]
     if len(scores) < 2:

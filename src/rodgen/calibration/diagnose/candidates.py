@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -66,17 +67,17 @@ class Candidate:
     tries: float = 1.0
     prior: Plausibility = field(default_factory=Plausibility)
 
-    @property
+    @cached_property
     def short_names(self) -> list[str]:
         """Names of the parameters without the effect's, in the order of the columns."""
         return [name.rpartition(".")[2] for name in self.names]
 
-    @property
+    @cached_property
     def later_weights(self) -> int:
         """Number of columns of weights at later joints."""
         return sum(_is_later_weight(self.effect, name) for name in self.names)
 
-    @property
+    @cached_property
     def key(self) -> tuple[str, str | None]:
         """Name and place of the effect."""
         return self.effect.name, self.effect.place

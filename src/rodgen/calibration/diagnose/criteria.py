@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.checks.positions import position_of
-from rodgen.calibration.diagnose.candidate_space import CandidateSpace
+from rodgen.calibration.diagnose.candidate_space import CandidateSpace, Score
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
@@ -30,6 +30,8 @@ __all__ = ["SHARED", "Criteria"]
 
 Array: TypeAlias = NDArray[np.float64]
 
+KEPT_SCORES = 512
+"""Sets of candidates whose scores are kept."""
 SHARED = OFFSETS | SCALES | WINDUPS
 """Effects that a machine has at several joints if it has them at one: further ones need no evidence of their kind."""
 
@@ -86,6 +88,22 @@ class Criteria:
         along = base.basis.T @ self.residual
         return max(self.total - float(along @ along), 1e-12 * self.total)
 
+    def scores(self, included: Sequence[Candidate]) -> list[Score]:
+        """Return the scores of all other candidates, given some, the best first; those asked for last are kept."""
+        key = tuple(included)
+        found = self._scores.pop(key, None)
+        if found is None:
+            found = self.space.scores(self.residual, self.left(included), included)
+        self._scores[key] = found
+        if len(self._scores) > KEPT_SCORES:
+            del self._scores[next(iter(self._scores))]
+        return found
+
+    @cached_property
+    def _scores(self) -> dict[tuple[Candidate, ...], list[Score]]:
+        """Scores by what is included: rounds of exchanges ask for many of the same."""
+        return {}
+
     def variance(self, included: Sequence[Candidate], left: float | None = None) -> float:
         """Return the variance of a reading that candidates leave together."""
         left = self.left(included) if left is None else left
@@ -115,7 +133,7 @@ class Criteria:
 
     def suspected(self, included: Sequence[Candidate]) -> Candidate | None:
         """Return the candidate that is nearest to being needed, if chance explains as much in few data sets only."""
-        scores = self.space.scores(self.residual, self.left(included), included)
+        scores = self.scores(included)
         doubts = {
             s.candidate: self.log_doubt(included, s.candidate) for s in scores[: SELECTION.suspects] if s.dof
         }
@@ -315,13 +333,15 @@ class Criteria:
         width = np.where(np.isfinite(usual), usual / np.sqrt(variance), np.sqrt(self.rows))
         columns = np.concatenate([self.space.model[:, :0], *map(self.space.columns, some)], axis=1) * width
         across = self.space.base(given).project_out(columns)
-        price, start = [], 0
-        for candidate in some:
-            own = across[:, start : (start := start + len(candidate.names))]
-            narrower = np.linalg.slogdet(np.eye(own.shape[1]) + own.T @ own)[1]
-            searched = np.log(self.rows) * len(candidate.searched)
-            price.append(narrower + searched + self._choice_cost_of(candidate, given))
-        return np.array(price)
+        price = np.array([self._choice_cost_of(candidate, given) for candidate in some])
+        price += np.log(self.rows) * np.array([len(c.searched) for c in some])
+        sizes = np.array([len(c.names) for c in some])
+        starts = np.cumsum(sizes) - sizes
+        for size in np.unique(sizes):
+            alike = np.flatnonzero(sizes == size)
+            own = across.T[starts[alike][:, None] + np.arange(size)]
+            price[alike] += np.linalg.slogdet(np.eye(size) + own @ own.transpose(0, 2, 1))[1]
+        return price
 
     def preference(
         self,

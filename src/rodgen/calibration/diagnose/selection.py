@@ -66,8 +66,7 @@ class Selection(Criteria):
 
     def best(self, included: Sequence[Candidate]) -> Score | None:
         """Return the candidate to add next, None where chance explains as much."""
-        left = self.left(included)
-        scores = self.space.scores(self.residual, left, included)
+        scores = self.scores(included)
         if not scores:
             return None
         tests = self.tests(included)
@@ -166,7 +165,7 @@ class Selection(Criteria):
         most: float,
     ) -> Iterator[list[Candidate]]:
         """Yield the sets with one candidate, two, or a physical group in the place of those that are gone."""
-        scores = [s for s in self.space.scores(self.residual, self.left(kept), kept) if s.dof]
+        scores = [s for s in self.scores(kept) if s.dof]
         variance = self.variance_of_best(best)
         before = self.cost_of_any_size(variance, kept)
         price = self.price_of_each(variance, kept, [s.candidate for s in scores])
@@ -238,7 +237,7 @@ class Selection(Criteria):
             without = self.left(others)
             dof = self.space.across(others, own).shape[1] + len(own.searched)
             kept, best = found, 0.0
-            for score in self.space.scores(self.residual, without, others)[: SELECTION.rivals]:
+            for score in self.scores(others)[: SELECTION.rivals]:
                 difference = (score.left - left) / variance
                 if score.candidate.key == own.key or not self.are_alike(difference, score.parameters - dof):
                     continue

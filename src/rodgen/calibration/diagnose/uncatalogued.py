@@ -153,9 +153,7 @@ class Contest:
         for kept in (tuple(explanation.kept), tuple(chosen)):
             before = self.cost(Explanation(kept, (), self.selection), variance)
             offer(before, kept)
-            scores = [
-                s for s in space.scores(self.selection.residual, self.selection.left(kept), kept) if s.dof
-            ]
+            scores = [s for s in self.selection.scores(kept) if s.dof]
             if not scores:
                 continue
             price = self.selection.price_of_each(variance, kept, [s.candidate for s in scores])
