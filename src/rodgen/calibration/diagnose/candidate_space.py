@@ -281,12 +281,14 @@ class CandidateSpace:
         included : sequence of Candidate
         """
         given = self._given(included)
+        self._look_at_all(given)  # unless they were looked at for the scores just before
         bases = [self._across(given, score.candidate)[0] for score in scores]
         return pair_falls(bases, given.space.project_out(residual), least=SELECTION.visible)
 
     def tests(self, scores: Sequence[Score], included: Sequence[Candidate] = ()) -> float:
         """Return the number of independent tests that the scores amount to; see :func:`effective_tests`."""
         given = self._given(included)
+        self._look_at_all(given)
         parts = [self._across(given, score.candidate)[0] for score in scores if score.dof]
         residual_dof = max(self.readings - given.space.rank, 1)
         return effective_tests(parts, residual_dof, given.space.basis)
