@@ -298,7 +298,9 @@ class SelectionPolicy(NamedTuple):
     """Cost in chi-square, 2 ln(100), from which on an alternative that does only part of the same is not listed."""
     tie: float = 2.2
     """Cost in chi-square within which two explanations are as likely, a factor of three: odds before the data are known
-    no better. Then the one is named that is likelier before the data by more."""
+    no better. Then the one is named that is likelier before the data ..."""
+    clearly: float = 4.6
+    """... by more than this, a factor of ten: more than a grade of the table of odds."""
     most_alternatives: int = 16
     """Alternatives of which full fits are made, ..."""
     most_pairs: int = 40

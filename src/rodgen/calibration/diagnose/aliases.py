@@ -74,8 +74,8 @@ class Equal:
 
     @property
     def likelier(self) -> bool:
-        """Whether it is to be named: it is likelier, or as likely as odds are known, and likelier before the data."""
-        tie = abs(self.cost) < SELECTION.tie < abs(self.before)
+        """Whether it is to be named: it is likelier, or as likely as odds are known, and clearly likelier before."""
+        tie = abs(self.cost) < SELECTION.tie and abs(self.before) > SELECTION.clearly
         return self.before < 0 if tie else self.cost < 0
 
 
@@ -133,6 +133,10 @@ def equals_of(
             continue
         if any({*equal.candidates} < {*rivals} and equal.cost <= cost for equal in found):
             continue  # one of the two does it alone
+        if rivals[1:] and not all(
+            selection.is_needed([*others, *(c for c in rivals if c is not rival)], rival) for rival in rivals
+        ):
+            continue
         odds, with_data = (float(np.exp(-x / 2)) for x in (prior, cost))
         alias = Alias(tuple(rival.effect for rival in rivals), why, float(difference), odds, with_data)
         found.append(Equal(rivals, alias, cost, prior))
@@ -204,7 +208,6 @@ def _pairs(
     """Return the pairs of candidates that may be as likely as an effect with so many parameters, the nearest first."""
     others = [c for c in kept if c is not kept[k]]
     keys = {c.key for c in kept}
-    without = selection.left(others)
     scores = [
         score
         for score in selection.scores(others)

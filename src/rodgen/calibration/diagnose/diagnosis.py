@@ -82,7 +82,7 @@ class Alias:
         likely. See :mod:`rodgen.machines.effects.plausibility`.
     odds_with_data : float
         The same with these data: chi-square, as far as formulas are exact, and the number of parameters count, too. The
-        effect found is named because none is likelier by this figure, or by less than a factor of three and not before.
+        effect found is named because none is likelier by this figure, but for a factor of three.
     """
 
     effects: tuple[Effect, ...]

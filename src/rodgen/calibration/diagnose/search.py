@@ -296,11 +296,10 @@ class _Search:
         equals, unresolved = self._equals(evidence, found), set(evidence.undecided)
         replaced = set[tuple[str, str | None]]()
         while likelier := [
-            (equal.cost, k, equal.candidates)
-            for k, others in enumerate(equals)
-            for equal in others
-            if equal.likelier and unresolved.isdisjoint(equal.candidates)
-            if not replaced & {c.key for c in equal.candidates}
+            (first.cost, k, first.candidates)
+            for k, of_one in enumerate(equals)
+            for first in [e for e in of_one if e.likelier and unresolved.isdisjoint(e.candidates)][:1]
+            if not replaced & {c.key for c in first.candidates}
         ]:
             _, k, best = min(likelier, key=lambda one: one[0])
             kept = list(found.explanation.kept)
