@@ -14,7 +14,7 @@ INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow torture fuzz kernels check check-kernels check-style check-types check-imports check-c notebooks bench study mutants docs docs-links pictures wheel pythons clean
+.PHONY: help demo test test-slow torture fuzz kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -92,6 +92,9 @@ study: .venv/test ## measure how often a diagnosis and a plan are right (N=60 ma
 	$(if $(filter plan wrong,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 	$(if $(filter-out wrong,$(ONLY)),,$(BIN)/python study/wrong_files.py $(if $(N),-n $(N)))
+
+certify: .venv/test ## bound the rounding errors of kernels for whole boxes of inputs, and write docs/certified.md
+	$(BIN)/python study/certify.py -j $(JOBS)
 
 mutants: .venv/mutants ## measure how many small faults in codegen, statistics and machines the tests find (N=60 places of each; hours)
 	$(BIN)/python study/mutants.py map

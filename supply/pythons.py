@@ -39,9 +39,7 @@ def main() -> None:
             ]
             for compiler in compilers:
                 folder = Path(name) / f"{version}-{compiler}"
-                # one folder of objects for each compiler: only one file is compiled for each Python
-                objects = Path(name) / f"objects-{compiler}"
-                options = ["-q", "--no-deps", "-C", f"build-dir={objects}", "-w", folder]
+                options = ["-q", "--no-deps", "-C", f"build-dir={folder / 'build'}", "-w", folder]
                 run(python, "-m", "pip", "wheel", *options, ROOT, CC=compiler)
                 (wheel,) = folder.glob("*.whl")
                 for label, numpy in numpys.items():

@@ -175,5 +175,22 @@ def test_cases_of_a_group_run_in_one_process(request: pytest.FixtureRequest) -> 
     assert request.node.nodeid.endswith("@test_house")
 
 
+def test_each_promise_names_a_check_that_there_is() -> None:
+    page = (ROOT / "docs" / "trust.md").read_text(encoding="utf-8")
+    tests = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "tests").glob("test_*.py"))
+    rows = re.findall(r"^\| (?!promise|---)(.*) \| (.*) \|$", page, re.MULTILINE)
+    assert len(rows) > 20
+    for promise, checks in rows:
+        named = re.findall(r"`([^`]+)`", checks)
+        assert named, promise
+        for check in named:
+            if "/" in check:
+                assert list(ROOT.glob(check)), check
+            elif check.startswith("test_"):
+                assert f"def {check}(" in tests, check
+            else:  # tests/test_readme.py finds the target
+                assert check.startswith(("make ", "rodgen ", "RECORD")), check
+
+
 def test_ci_script_can_be_run() -> None:
     assert os.access(ROOT / ".ci/run", os.X_OK)

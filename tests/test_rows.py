@@ -679,7 +679,7 @@ def test_flags_that_change_arithmetic_are_undone(cache, monkeypatch, flag):
     assert (made.target, notices) == ("c", [])
     assert (
         np.array([5e-324]) * 1.0 > 0
-    )  # what GCC links with some of them sets it to zero in the whole process
+    )  # GCC links with some of them what sets it to zero in the whole process
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")

@@ -1,0 +1,414 @@
+"""Certify bounds of rounding errors for whole boxes of inputs, and write docs/certified.md: `make certify`."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+import sys
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from flint import arb
+from rounding import (
+    EPS,
+    FUNCTION_ULPS,
+    ROOM,
+    Box,
+    Certificate,
+    Number,
+    Tape,
+    UndecidedError,
+    ball,
+    body,
+    bounds,
+    certify,
+    paths,
+    upper,
+)
+from vector_programs import Balls, rotate, solve_axis, solve_axis_usual
+
+from rodgen.generated.numpy import instantaneous_euler, rotations, tricept
+
+RIGHT = math.pi / 2
+
+
+def axis_box(box: Box, largest: str, usual: bool) -> float:
+    """Return the largest error of an axis over cond eps, by the program for usual inputs or by that for all.
+
+    Half the angle between the points is a, half the angle of the rotation h = a + g, and k what h lacks of a right
+    angle, which is a + g + k. The box is of the two of these that are not the largest.
+    """
+    (x_low, x_high), (y_low, y_high) = box
+    if RIGHT - x_low - y_low < max(x_low, y_low):
+        return 0.0  # the third is not the largest anywhere in the box
+    x, y = ball(x_low, x_high), ball(y_low, y_high)
+    both = (x + y).sin_cos()
+    # nothing small is a difference: sin g and sin(h + a), and sine and cosine of a and h
+    if largest == "a":
+        g, k = x, y
+        (sin_a, cos_a), (cos_h, sin_h), sin_g, sin_sum = both[::-1], k.sin_cos(), g.sin(), (2 * k + g).sin()
+    elif largest == "g":
+        a, k = x, y
+        (sin_a, cos_a), (cos_h, sin_h), sin_g, sin_sum = a.sin_cos(), k.sin_cos(), both[1], (a - k).cos()
+    else:
+        a, g = x, y
+        (sin_a, cos_a), (sin_h, cos_h), sin_g, sin_sum = a.sin_cos(), both, g.sin(), (2 * a + g).sin()
+    for sine in (sin_a, cos_a, sin_h, cos_h, sin_g, sin_sum):
+        if not sine > 0:
+            raise UndecidedError
+    under = sin_g * sin_sum
+    # relative difference of the lengths
+    e = arb(0, min(5e-4, 0.51 * float((sin_a * cos_a).abs_upper()))) if usual else arb(0, 1e-3)
+    zero, one = arb(0), arb(1)
+    longer = 2 * (1 + e) / (2 + e) if usual else one
+    up, across = cos_h * sin_a / (sin_h * cos_a), under.sqrt() / (sin_h * cos_a)
+    exact = {
+        "difference": [e * cos_a, (2 + e) * sin_a, zero],
+        "total": [(2 + e) * cos_a, e * sin_a, zero],
+        "gain": 2 * e + e * e,
+        "excess": e / (1 + e),
+        "x": e / (2 + e),
+        "m": [2 * longer * cos_a, zero, zero],
+        "r": [zero, 2 * longer * sin_a, zero],
+        "m_squared": 4 * longer * longer * cos_a * cos_a,
+        "root_squared": 4 * longer * longer * under / (cos_h * cos_h if usual else one),
+        "w": [zero, zero, 4 * longer * longer * sin_a * cos_a],
+        "straightness": 32 * EPS * 16 * sin_a * sin_a * cos_a * cos_a,
+        "base": [zero, zero, up],
+        "offset": [across, zero, zero],
+        "one": one,
+        "plus": [across, zero, up],
+        "minus": [-across, zero, up],
+    }
+
+    def program(tape: Tape) -> float:
+        u = [tape.input(x) for x in (cos_a, -sin_a, zero)]
+        v = [tape.input((1 + e) * x) for x in (cos_a, sin_a, zero)]
+        if usual:
+            T = tape.number(sin_h / cos_h, ulps=FUNCTION_ULPS)
+            axes, root_squared = solve_axis_usual(Balls(tape), u, v, T, exact)
+            return max(bounds(tape, axes))
+        S, C = (tape.number(x, ulps=FUNCTION_ULPS) for x in (sin_h, cos_h))
+        axes, m_squared, r_squared, root_squared, area_squared = solve_axis(Balls(tape), u, v, S, C, exact)
+        # the conditions for two axes, for turns to both sides
+        band = 8 * EPS * S.value * (1 + arb.pi()) * abs(C.value) * (1 + arb(0, 1e-9))
+        plane = area_squared.value > m_squared.value * r_squared.value / 2 and area_squared.value > EPS**4
+        if not (root_squared.value > band and (plane or m_squared.value > r_squared.value)):
+            raise UndecidedError
+        return max(bounds(tape, axes))
+
+    return max(paths(program)) * upper(2 * under.sqrt())
+
+
+def logarithmic(low: float, high: float, ratio: float) -> list[tuple[float, float]]:
+    """Return intervals that are next to each other."""
+    ends = np.geomspace(low, high, math.ceil(math.log(high / low) / math.log(ratio)) + 1)
+    return list(itertools.pairwise(ends.tolist()))
+
+
+RIGHT = math.nextafter(math.pi / 2, 2)
+"""Not below a right angle."""
+
+
+def axis_boxes(low: float) -> list[Box]:
+    """Return boxes of all pairs of which none is the largest of three numbers whose sum is a right angle."""
+    sides = logarithmic(low, RIGHT / 2, 2)
+    return [(x, y) for x in sides for y in sides if x[0] + y[0] + max(x[0], y[0]) <= RIGHT]
+
+
+def rotate_box(box: Box) -> float:
+    """Return the largest error of a rotated vector over eps times its length.
+
+    The box is of half the length of the Rodrigues vector and its angle with the vector that is rotated.
+    """
+    size, angle = (ball(*side) for side in box)
+    tape = Tape()
+    sine, cosine = angle.sin_cos()
+    rho = [tape.input(x) for x in (cosine, sine, arb(0))]
+    turn = [tape.input(x) for x in (size, arb(0), arb(0))]
+    return bounds(tape, [rotate(Balls(tape), rho, turn)])[0]
+
+
+def direction(box: Box) -> list[arb]:
+    """Return a rotation's axis whose largest component is 1.
+
+    A box of rotations has the number of that component, the ratios of the others to it, and its ratio to w in the
+    quaternion.
+    """
+    (largest, _), b, c, _ = box
+    ratios = [ball(*b), ball(*c)]
+    ratios.insert(int(largest), arb(1))
+    return ratios
+
+
+def quaternion(box: Box) -> list[arb]:
+    """Return w, x, y, z, of any length."""
+    t = box[3]
+    if t[1] <= 1:
+        return [arb(1), *(ball(*t) * x for x in direction(box))]
+    return [1 / ball(*t), *direction(box)]
+
+
+def sine_and_cosine(box: Box) -> tuple[arb, arb]:
+    """Return those of half the rotation's angle."""
+    w, *v = quaternion(box)
+    square = sum((x * x for x in v), arb(0))
+    return (square / (w * w + square)).sqrt(), (w * w / (w * w + square)).sqrt()
+
+
+def rodrigues_vector(box: Box) -> list[arb]:
+    """Return the Rodrigues vector of such a quaternion."""
+    return [2 * ball(*box[3]) * x for x in direction(box)]
+
+
+def axis_angle(box: Box) -> list[arb]:
+    """Return the axis of such a quaternion, of any length, and its angle."""
+    axis = direction(box)
+    length = sum((x * x for x in axis), arb(0)).sqrt()
+    return [*axis, 2 * (ball(*box[3]) * length).atan()]
+
+
+REPRESENTATIONS = {
+    "axis_angle": (axis_angle, ((3, "sine"), (1, "1"))),
+    "rodrigues_vector": (rodrigues_vector, ((3, "cosine"),)),
+    "matrix": (None, ((9, "1"),)),
+    "quaternion": (quaternion, ((4, "1"),)),
+}
+"""What gives each, and what it consists of: how many numbers, and what their error is multiplied by.
+
+It is the error of each number, but of three the length. That of an axis is multiplied by the sine of half the angle,
+that of a Rodrigues vector, over its length, by the cosine: the smaller they are, the less is an axis or a length
+determined.
+"""
+
+
+def conversion(
+    name: str, source: str, outputs: tuple[tuple[int, str], ...], module: object = rotations
+) -> Callable[[Box], float]:
+    """Return the measure of a conversion: its largest error over eps."""
+
+    def measure(box: Box) -> float:
+        values = REPRESENTATIONS[source][0](box)
+        sine, cosine = sine_and_cosine(box)
+        factors = {"1": arb(1), "sine": sine, "cosine": cosine * cosine / (2 * sine)}
+
+        def program(tape: Tape) -> float:
+            results = iter(body(module, name, tape)(*(tape.input(x) for x in values)))
+            parts, weights = [], []
+            for count, weight in outputs:
+                part = [next(results) for _ in range(count)]
+                parts += [part] if count == 3 else [[x] for x in part]
+                weights += [upper(factors[weight])] * (1 if count == 3 else count)
+            return max(b * w for b, w in zip(bounds(tape, parts), weights, strict=True))
+
+        return max(paths(program))
+
+    return measure
+
+
+def tricept_box(name: str, box: Box, constants: Sequence[float], angles: int) -> float:
+    """Return the largest error of a pose, a leg or a coordinate over eps; of a length over the length.
+
+    `angles` is how many angles come first.
+    """
+    tape = Tape()
+    inputs = [*(tape.input(ball(*side)) for side in box), *(tape.input(arb(x)) for x in constants)]
+    found = body(tricept, name, tape)(*inputs)
+    results = [x for x in found if isinstance(x, Number)]
+    sizes = [1.0 if i < angles else float(x.value.abs_lower()) for i, x in enumerate(results)]
+    return max(b / size for b, size in zip(bounds(tape, [[x] for x in results]), sizes, strict=True)) * ROOM
+
+
+def rotation_boxes() -> list[Box]:
+    """Return boxes of rotations far from none and half a turn, about axes far from the coordinate planes."""
+    return [((k, k), RATIOS, RATIOS, t) for k in range(3) for t in TANGENTS]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A bound, and the boxes for which it is certified.
+
+    Attributes
+    ----------
+    kernel, unit, where : str
+        What is certified, in what the bound is counted, and for which inputs.
+    bound : float
+    measure : callable
+        From a box to its own bound.
+    boxes, small : list of Box
+        All, and a few small ones in them that take a moment.
+    """
+
+    kernel: str
+    unit: str
+    where: str
+    bound: float
+    measure: Callable[[Box], float]
+    boxes: list[Box]
+    small: list[Box]
+
+    def certificate(self) -> Certificate:
+        """Go through all boxes."""
+        return certify(self.measure, self.boxes, self.bound, DEPTH)
+
+
+DEPTH = 20
+"""How often a box is halved at most."""
+
+RATIOS, TANGENTS = (0.3, 0.7), ((0.4, 0.8), (1.25, 2.5))
+"""Of components of the rotations for which conversions are certified; wider ones take hours."""
+CONVERSIONS = {
+    "rodrigues_vector_from_axis_angle": 9,
+    "matrix_from_axis_angle": 20,
+    "quaternion_from_axis_angle": 4.5,
+    "axis_angle_from_rodrigues_vector": 7,
+    "matrix_from_rodrigues_vector": 15,
+    "quaternion_from_rodrigues_vector": 3,
+    "axis_angle_from_quaternion": 6,
+    "rodrigues_vector_from_quaternion": 4,
+    "matrix_from_quaternion": 15,
+}
+"""Bound of each, in eps; the weights of the errors are those of `REPRESENTATIONS`."""
+
+
+def claims() -> list[Claim]:
+    """Return all claims."""
+    names = {"a": "a", "g": "h - a", "k": "π/2 - h"}
+    found = [
+        Claim(
+            "solve_axis",
+            "cond eps",
+            f"{program}; {names[largest]} is the largest, the others are at least {least:g}",
+            16,
+            lambda box, largest=largest, usual=usual: axis_box(box, largest, usual),
+            axis_boxes(least),
+            [((0.3, 0.305), (0.4, 0.405)), ((0.01, 0.0103), (0.1, 0.103))],
+        )
+        for usual, program in ((True, "the program for usual inputs"), (False, "that for all inputs"))
+        for largest in names
+        for least in [1e-2 if usual and largest == "g" else 1e-4]  # the tangent of a half turn is huge
+    ]
+    directions = list(itertools.pairwise(np.linspace(0, np.pi, 9).tolist()))
+    found.append(
+        Claim(
+            "rotate",
+            "eps of the vector's length",
+            "turns by 0.11° to 179.89°, all vectors",
+            16,
+            rotate_box,
+            [(t, a) for t in logarithmic(1e-3, 1e3, 1.5) for a in directions],
+            [((0.5, 0.51), (1.0, 1.05)), ((20.0, 20.5), (0.1, 0.15))],
+        )
+    )
+    turns = (
+        "ratios of the axis's components to the largest 0.3 to 0.7, of that to w 0.4 to 0.8 and 1.25 to 2.5"
+    )
+    near = [((0, 0), (0.5, 0.52), (0.4, 0.42), (0.7, 0.72)), ((2, 2), (0.35, 0.36), (0.6, 0.61), (2.0, 2.05))]
+    for name, bound in CONVERSIONS.items():
+        target, _, source = name.partition("_from_")
+        measure = conversion(name, source, REPRESENTATIONS[target][1])
+        found.append(Claim(name, "eps", turns, bound, measure, rotation_boxes(), near))
+    measure = conversion("chi_from_quaternion", "quaternion", ((1, "1"),) * 3, instantaneous_euler)
+    found.append(Claim("chi_from_quaternion", "eps", turns, 7, measure, rotation_boxes(), near))
+    found += [
+        Claim(
+            "tricept_legs",
+            "eps of the length",
+            "alpha and beta from -0.3 to 0.3, z from 600 to 700, r = 140, R = 330",
+            12,
+            lambda box: tricept_box("tricept_legs", box, (140, 330), 0),
+            [((-0.3, 0.3), (-0.3, 0.3), (600.0, 700.0))],
+            [((0.1, 0.12), (-0.2, -0.18), (600.0, 610.0))],
+        ),
+        Claim(
+            "tricept_pose",
+            "eps; of lengths eps of the length",
+            "x and y from 100 to 150, z from 600 to 650, r = 140, R = 330, q = (30, 20, 40), legs of any length",
+            30,
+            lambda box: tricept_box("tricept_pose", box, (140, 330, 30, 20, 40, 0, 1e6), 2),
+            [((100.0, 150.0), (100.0, 150.0), (600.0, 650.0))],
+            [((100.0, 102.0), (120.0, 122.0), (600.0, 604.0))],
+        ),
+    ]
+    return found
+
+
+PAGE = Path(__file__).parents[1] / "docs" / "certified.md"
+TOP = """# Certified bounds of rounding errors
+
+Made by `make certify`. What a row says holds for every input of its boxes, and is not sampled: the operations of
+the generated NumPy function, whose order is that of the C code, are done with balls (of Arb, by python-flint)
+that hold all inputs of a box and all roundings, each result being (a ∘ b)(1 + δ) with any δ of at most 2⁻⁵³.
+Boxes are halved until the bound is below the one that is claimed; `study/rounding.py` says how,
+`study/certify.py` for what. It is a bound of the difference between the computed result and that of exact
+arithmetic on the same floating-point inputs, and every rounding may conspire: errors that are met are about a
+third of it.
+"""
+BOTTOM = """
+*At most* is what is claimed, *found* the largest bound of a box, where halving ended because it was below the claim.
+
+- **Counted in.** ε is 2⁻⁵². The error of an axis is a length; in conversions it is multiplied by the sine of half
+  the angle, and that of a Rodrigues vector, over its length, by the cosine: the axis of a small turn and the
+  length of the vector of a half turn are hardly determined. Of matrices and quaternions it is that of the worst
+  number, and of angles in rad.
+- **Assumed.** Sine, cosine, tangent and arc tangent are off by at most one unit in the last place; nothing
+  overflows or underflows; no flag changes arithmetic. A product and a sum that are rounded once, as on processors
+  with fused operations, are included.
+- **`solve_axis`.** Points anywhere, of any length; half the angle between them is a, half the angle of the
+  rotation h, of either sign, up to a turn. Lengths differ by up to 1e-3 of them, in the program for usual inputs
+  by as much as it takes. The roundings of a vector's components have a bound in any orientation, so boxes have
+  two dimensions. The tests find at most 4 cond ε in each of their [families](accuracy.md); that no input exceeds
+  4 is not certified.
+- **Conversions.** Components of the axis have one sign. The others follow: changed signs of components change
+  signs and places in the program, and rounding has no preferred sign. The largest component may be any.
+- **Not certified.** Conversions from matrices, whose nine elements depend on each other, which balls do not know:
+  boxes would have to be too small. What is nearer to a case where nothing is determined than the rows say, a half
+  turn of `solve_axis` among it; which status is given there; `tricept_direct` and other iterations, kernels that
+  are not listed, and float32.
+"""
+
+
+def certified(number: int) -> tuple[Certificate, float]:
+    """Return the certificate of a claim, and the seconds of a processor that it took."""
+    start = time.process_time()
+    return claims()[number].certificate(), time.process_time() - start
+
+
+def row(claim: Claim, found: Certificate) -> str:
+    """Return a row of the page's table."""
+    verdict = f"{found.worst:.2f}" + (f", **{len(found.open)} boxes open**" if found.open else "")
+    return f"| `{claim.kernel}` | {claim.where} | {claim.bound:g} {claim.unit} | {verdict} | {found.boxes} |"
+
+
+def page(certificates: Sequence[Certificate]) -> str:
+    """Return the page about all claims."""
+    head = ["| kernel | inputs | at most | found | boxes |", "| --- | --- | --- | ---: | ---: |"]
+    return "\n".join([TOP, *head, *map(row, claims(), certificates), BOTTOM])
+
+
+def main() -> None:
+    """Certify all, and write the page; the exit code is 1 where a bound does not hold."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-j", "--jobs", type=int, default=1, help="processes")
+    jobs = parser.parse_args().jobs
+    everything, found, failed = claims(), [], False
+    with ProcessPoolExecutor(jobs) as processes:
+        for claim, (certificate, seconds) in zip(
+            everything, processes.map(certified, range(len(everything))), strict=True
+        ):
+            found.append(certificate)
+            print(f"{row(claim, certificate)} {seconds:.0f} s", flush=True)
+            if certificate.open:
+                print(f"  open: {certificate.open[:3]}", flush=True)
+            failed |= certificate.worst > claim.bound or bool(certificate.open)
+    PAGE.write_text(page(found), encoding="utf-8")
+    sys.exit(failed)
+
+
+if __name__ == "__main__":
+    main()

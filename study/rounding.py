@@ -1,0 +1,400 @@
+"""Bounds of rounding errors that hold for every input of a box, by ball arithmetic.
+
+A program runs on `Number`s. Each holds a ball: all values that it takes for the inputs of the box, whatever the
+rounding errors. An operation in floating point gives (a ∘ b)(1 + δ) with |δ| ≤ u = 2⁻⁵³ (a fused product and sum
+is the case where one δ is 0; underflow is left out). By the mean value theorem the computed result is off from
+that of exact arithmetic by at most
+
+    u Σ sup |∂result/∂zₖ| |zₖ|
+
+over all roundings k, where the derivatives, by reverse accumulation, are balls, too, taken at all inputs *and*
+all roundings. So the bound holds; no term of second order is dropped. FPTaylor (Solovyev et al., 2015) bounds
+first and second order apart.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from flint import arb, ctx
+
+ctx.prec = 80  # bits of the balls' centres: far beyond those of the numbers whose rounding they enclose
+
+U = 2.0**-53
+EPS = 2.0**-52
+FUNCTION_ULPS = 1
+"""What is assumed of sine, cosine and arc tangent: at most so many units in the last place off."""
+ROOM = 1 + 1e-9
+"""For the rounding of the sums of bounds themselves."""
+
+
+class UndecidedError(ArithmeticError):
+    """The box is too large: a divisor or a root's argument may be zero in it."""
+
+
+def ball(low: float, high: float) -> arb:
+    """Return the smallest ball that holds an interval."""
+    middle = (arb(low) + arb(high)) / 2
+    return middle + arb(0, float(max(arb(high) - middle, middle - arb(low)).abs_upper()) * ROOM)
+
+
+def upper(x: arb) -> float:
+    """Return a float that no absolute value in the ball exceeds."""
+    return float(x.abs_upper()) * ROOM
+
+
+@dataclass
+class Tape:
+    """What a program has done: for each number its ball, derivatives, and how far rounding moves it.
+
+    Attributes
+    ----------
+    parents : list of list of (int, arb)
+        For each number those that it was computed from, with the derivatives.
+    roundings : list of (list of int, float)
+        Numbers that are moved by a vector of at most so many times u.
+    choices : list of bool
+        The outcomes that are taken, in their order, for conditions that both hold and fail in the box.
+    """
+
+    choices: list[bool] = field(default_factory=list)
+    parents: list[list[tuple[int, arb]]] = field(default_factory=list)
+    roundings: list[tuple[list[int], float]] = field(default_factory=list)
+    asked: dict[Any, bool] = field(default_factory=dict)
+
+    def number(self, value: arb, parents: Sequence[tuple[Number, arb]] = (), ulps: float = 0.5) -> Number:
+        """Return the result of an operation that is rounded by some units in the last place."""
+        if not value.is_finite() or not all(d.is_finite() for _, d in parents):
+            raise UndecidedError
+        size = upper(value)
+        off = sum(upper(d) * p.off for p, d in parents) * ROOM  # by the roundings before
+        if ulps:
+            own = 2 * ulps * size
+            value, off = value * (1 + arb(0, 2 * ulps * U)), (off + own * U) * ROOM
+            self.roundings.append(([len(self.parents)], own))
+        self.parents.append([(p.index, d) for p, d in parents])
+        return Number(self, len(self.parents) - 1, value, off)
+
+    def input(self, value: arb) -> Number:
+        """Return an input: it is what it is, without an error."""
+        return self.number(value, ulps=0)
+
+    def rounded(self, numbers: Sequence[Number], size: float) -> list[Number]:
+        """Move numbers together by a vector of at most `size` times u."""
+        self.roundings.append(([x.index for x in numbers], size))
+        by = size * U * ROOM
+        return [Number(self, x.index, x.value + arb(0, by), x.off + by) for x in numbers]
+
+    def decide(self, key: Any) -> bool:
+        """Return the outcome of a condition that may hold and may fail; the same each time it is asked."""
+        if key not in self.asked:
+            if len(self.asked) == len(self.choices):
+                self.choices.append(True)
+            self.asked[key] = self.choices[len(self.asked)]
+        return self.asked[key]
+
+    def errors(self, results: Sequence[Number]) -> list[tuple[np.ndarray, np.ndarray, float]]:
+        """Return for each rounding the derivatives of the results and its size.
+
+        The derivatives are centres and radii, of shape (results, numbers that are moved).
+        """
+        count = len(results)
+        centre, radius = np.zeros((len(self.parents), count)), np.zeros((len(self.parents), count))
+        for column, x in enumerate(results):
+            centre[x.index, column] = 1
+        for index in range(len(self.parents) - 1, -1, -1):
+            c, r = centre[index], radius[index]
+            if not c.any() and not r.any():
+                continue
+            for parent, d in self.parents[index]:
+                middle = float(d.mid())
+                width = (float(d.rad()) + abs(middle) * 1e-15) * ROOM
+                centre[parent] += c * middle
+                radius[parent] += (abs(c) * width + r * (abs(middle) + width)) * ROOM
+                radius[parent] += 4e-16 * (abs(centre[parent]) + abs(c * middle))
+        return [(centre[n].T, radius[n].T, size) for n, size in self.roundings]
+
+
+@dataclass(frozen=True, eq=False)
+class Number:
+    """A number of a program, for all inputs of a box.
+
+    Attributes
+    ----------
+    value : arb
+        All values, whatever the roundings.
+    off : float
+        How far roundings move it at most.
+    """
+
+    tape: Tape
+    index: int
+    value: arb
+    off: float
+
+    def _with(self, other: Any) -> Number:
+        return other if isinstance(other, Number) else self.tape.input(arb(other))
+
+    def __add__(self, other: Any) -> Number:
+        if not isinstance(other, Number) and other == 0:
+            return self
+        b = self._with(other)
+        return self.tape.number(self.value + b.value, [(self, arb(1)), (b, arb(1))])
+
+    def __sub__(self, other: Any) -> Number:
+        b = self._with(other)
+        return self.tape.number(self.value - b.value, [(self, arb(1)), (b, arb(-1))])
+
+    def __rsub__(self, other: Any) -> Number:
+        return self._with(other) - self
+
+    def __mul__(self, other: Any) -> Number:
+        if isinstance(other, Number):
+            if other is self:
+                return self.tape.number(self.value * self.value, [(self, 2 * self.value)])
+            return self.tape.number(self.value * other.value, [(self, other.value), (other, self.value)])
+        exact = math.frexp(abs(other))[0] in {0.0, 0.5}  # a power of two
+        return self.tape.number(self.value * other, [(self, arb(other))], ulps=0 if exact else 0.5)
+
+    def __truediv__(self, other: Any) -> Number:
+        if not isinstance(other, Number) and math.frexp(abs(other))[0] == 0.5:
+            return self * (1 / other)
+        b = self._with(other)
+        quotient = self.value / b.value
+        return self.tape.number(quotient, [(self, 1 / b.value), (b, -quotient / b.value)])
+
+    def __rtruediv__(self, other: Any) -> Number:
+        quotient = other / self.value
+        return self.tape.number(quotient, [(self, -quotient / self.value)])
+
+    def __neg__(self) -> Number:
+        return self.tape.number(-self.value, [(self, arb(-1))], ulps=0)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def sqrt(self) -> Number:
+        """Return the square root."""
+        root = self.value.sqrt()
+        return self.tape.number(root, [(self, 1 / (2 * root))])
+
+    def function(self, name: str) -> Number:
+        """Return sine or cosine."""
+        sine, cosine = self.value.sin_cos()
+        value, d = (sine, cosine) if name == "sin" else (cosine, -sine)
+        return self.tape.number(value, [(self, d)], ulps=FUNCTION_ULPS)
+
+    def __abs__(self) -> Number:
+        sign = arb(1) if self.value > 0 else arb(-1) if self.value < 0 else arb(0, 1)
+        return self.tape.number(abs(self.value), [(self, sign)], ulps=0)
+
+    def _compared(self, other: Any, sign: int) -> Condition:
+        b = other.value if isinstance(other, Number) else arb(other)
+        key = (sign, self.index, other.index if isinstance(other, Number) else other)
+        difference = (self.value - b) * sign
+        return Condition(self.tape, True if difference > 0 else False if difference < 0 else None, key)
+
+    def __lt__(self, other: Any) -> Condition:
+        return self._compared(other, -1)
+
+    def __gt__(self, other: Any) -> Condition:
+        return self._compared(other, 1)
+
+    __le__, __ge__ = __lt__, __gt__
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What holds for all inputs of a box (True), for none (False), or for some (None)."""
+
+    tape: Tape
+    holds: bool | None
+    key: Any
+
+    def __and__(self, other: Condition) -> Condition:
+        parts = {self.holds, other.holds}
+        holds = False if False in parts else None if None in parts else True
+        return Condition(self.tape, holds, ("&", self.key, other.key))
+
+    def __or__(self, other: Condition) -> Condition:
+        parts = {self.holds, other.holds}
+        holds = True if True in parts else None if None in parts else False
+        return Condition(self.tape, holds, ("|", self.key, other.key))
+
+    def __invert__(self) -> Condition:
+        return Condition(self.tape, None if self.holds is None else not self.holds, ("~", self.key))
+
+    def __bool__(self) -> bool:
+        return self.tape.decide(self.key) if self.holds is None else self.holds
+
+
+class Code:
+    """A status, which no number depends on: it is not followed."""
+
+
+class BallNumPy:
+    """What generated modules use of NumPy, on `Number`s: put in place of their ``np``."""
+
+    nan = math.nan
+
+    def __init__(self, tape: Tape) -> None:
+        self.tape = tape
+
+    def _number(self, x: Any) -> Number:
+        return x if isinstance(x, Number) else self.tape.input(arb(x))
+
+    def where(self, condition: Any, yes: Any, no: Any) -> Any:
+        """Return one of two values, or a code."""
+        numbers = isinstance(yes, Number) or isinstance(no, Number)
+        if isinstance(yes, Code) or isinstance(no, Code) or (not numbers and abs(yes) != abs(no)):
+            return Code()  # plain numbers that are chosen for a computation differ in their sign only
+        return yes if condition else no
+
+    def abs(self, x: Any) -> Any:
+        """Return the absolute value."""
+        return abs(x)
+
+    def sqrt(self, x: Any) -> Number:
+        """Return the square root."""
+        return self._number(x).sqrt()
+
+    def sin(self, x: Number) -> Number:
+        """Return the sine."""
+        return x.function("sin")
+
+    def cos(self, x: Number) -> Number:
+        """Return the cosine."""
+        return x.function("cos")
+
+    def arctan2(self, y: Any, x: Any) -> Number:
+        """Return the angle of a point."""
+        y, x = self._number(y), self._number(x)
+        square = y.value * y.value + x.value * x.value
+        parents = [(y, x.value / square), (x, -y.value / square)]
+        return self.tape.number(arb.atan2(y.value, x.value), parents, ulps=FUNCTION_ULPS)
+
+
+def body(module: Any, name: str, tape: Tape) -> Callable[..., tuple[Any, ...]]:
+    """Return the function of a generated NumPy module that computes a kernel, working on `Number`s.
+
+    Its operations are those of the module's text, in their order, which is that of the C text, too.
+    """
+    function = getattr(module, f"_{name}")
+    # a product with a power of two is exact, and all is homogeneous in it
+    names = {"np": BallNumPy(tape), "_power_of_two_scale": lambda x: 1.0}
+    found = type(function)(function.__code__, names)
+    return lambda *inputs: found(*inputs, eps=EPS, largest=1e308)
+
+
+def paths(program: Callable[[Tape], Any]) -> Iterator[Any]:
+    """Run a program once for each outcome of the conditions that hold for a part of the box."""
+    choices: list[bool] = []
+    while True:
+        tape = Tape(choices)
+        yield program(tape)
+        choices = tape.choices
+        while choices and not choices[-1]:
+            choices.pop()
+        if not choices:
+            return
+        choices[-1] = False
+
+
+# Directions such that every other one is within an angle of that cosine of one of them or its opposite: the corners of
+# squares of side 1/4 on the faces of the cube around the unit sphere.
+_steps = np.linspace(-1, 1, 9)
+_faces = [np.roll([1, a, b], k) for a, b in itertools.product(_steps, _steps) for k in range(3)]
+DIRECTIONS = np.array([face / np.linalg.norm(face) for face in _faces])
+COSINE = math.cos(0.25 / math.sqrt(2))
+
+
+def bounds(tape: Tape, results: Sequence[Sequence[Number]]) -> list[float]:
+    """Return how far roundings move results at most, in multiples of eps.
+
+    Each is one number, or a vector of three, whose error is a length: the largest of its components in all directions.
+    """
+    flat = [x for result in results for x in result]
+    together: dict[int, list[Any]] = {}  # roundings that move one number, and those that move three
+    for error in tape.errors(flat):
+        together.setdefault(error[0].shape[1], []).append(error)
+    groups = [tuple(map(np.array, zip(*errors, strict=True))) for errors in together.values()]
+    found, first = [], 0
+    for result in results:
+        rows = slice(first, first + len(result))
+        directions = DIRECTIONS if len(result) == 3 else np.eye(1)
+        total = np.zeros(len(directions))
+        for centre, radius, size in groups:  # centre and radius (roundings, results, numbers)
+            along = np.linalg.norm(directions @ centre[:, rows], axis=2)
+            total += size @ (along + np.linalg.norm(radius[:, rows], axis=(1, 2))[:, None])
+        largest = float(total.max()) * ROOM / (COSINE if len(result) == 3 else 1)
+        found.append(largest * U / EPS)
+        first += len(result)
+    return found
+
+
+MOST = 50_000
+Box = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What holds for all inputs of some boxes.
+
+    Attributes
+    ----------
+    worst : float
+        Bound of all boxes that are certified, in the unit of the claim.
+    boxes : int
+        How many of them there are.
+    open : list of Box
+        Those of which nothing could be said at the greatest depth.
+    """
+
+    worst: float
+    boxes: int
+    open: list[Box]
+
+
+def certify(measure: Callable[[Box], float], start: Sequence[Box], target: float, depth: int) -> Certificate:
+    """Halve boxes, the relatively longest side first, until the measure of each is at most the target.
+
+    Parameters
+    ----------
+    measure : callable
+        Bound of the error in a box; it raises `UndecidedError` where there is none.
+    depth : int
+        How often a box is halved at most; what is above the target then counts as it is.
+
+    Returns
+    -------
+    Certificate
+        After `MOST` boxes all others stay open.
+    """
+    worst, count, left = 0.0, 0, list[Box]()
+    stack = [(box, 0) for box in start]
+    while stack:
+        box, level = stack.pop()
+        if count + len(left) >= MOST:
+            left += [box, *(other for other, _ in stack)]
+            break
+        try:
+            found = measure(box)
+        except UndecidedError:
+            found = math.inf
+        if found <= target or (level == depth and found < math.inf):
+            worst, count = max(worst, found), count + 1
+        elif level == depth:
+            left.append(box)
+        else:
+            sides = [(high - low) / max(abs(low), abs(high), 1e-3) for low, high in box]
+            axis = int(np.argmax(sides))
+            low, high = box[axis]
+            middle = math.sqrt(low * high) if low > 0 else (low + high) / 2
+            stack += [
+                ((*box[:axis], side, *box[axis + 1 :]), level + 1) for side in ((low, middle), (middle, high))
+            ]
+    return Certificate(worst, count, left)

@@ -1,0 +1,201 @@
+"""Bounds of rounding errors that hold for whole boxes of inputs: docs/certified.md."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+import sys
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from test_axis_accuracy import PROMISE, accuracy
+
+import rodgen
+from rodgen.generated.numpy import axis as axis_module
+from rodgen.generated.numpy import rotations
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "study"))
+
+import certify  # noqa: E402
+from rounding import EPS, BallNumPy, Tape, UndecidedError, ball, bounds  # noqa: E402
+from vector_programs import Floats, rotate, solve_axis, solve_axis_usual  # noqa: E402
+
+CLAIMS = certify.claims()
+every_claim = pytest.mark.parametrize("claim", CLAIMS, ids=lambda c: f"{c.kernel}: {c.where}")
+
+
+@every_claim
+def test_bound_holds_for_all_inputs_of_small_boxes(claim: certify.Claim) -> None:
+    assert claim.small
+    assert max(map(claim.measure, claim.small)) <= claim.bound
+
+
+@pytest.mark.slow
+@every_claim
+def test_bound_holds_for_all_inputs_of_all_boxes(claim: certify.Claim) -> None:
+    found = claim.certificate()
+    assert found.open == []
+    assert found.worst <= claim.bound
+
+
+def test_page_has_every_claim() -> None:
+    page = (ROOT / "docs" / "certified.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \| ([\d.]+) .*?\| ([\d.]+) \|", page, re.MULTILINE)
+    assert [(name, where, float(at_most)) for name, where, at_most, _ in rows] == [
+        (c.kernel, c.where, c.bound) for c in CLAIMS
+    ]
+    assert all(float(found) <= float(at_most) for _, _, at_most, found in rows)
+
+
+# The enclosures themselves -----------------------------------------------------------------------------------
+
+
+def one(program: object, box: tuple[float, float]) -> float:
+    tape = Tape()
+    return bounds(tape, [[program(tape.input(ball(*box)), BallNumPy(tape))]])[0]
+
+
+def test_bounds_of_textbook_sums() -> None:
+    """(x + 1) - 1 is off by half an eps of 1 + x, and by as much of x at the end; a root by half an eps."""
+    assert one(lambda x, np: (x + 1.0) - 1.0, (1.0, 1.0)) == pytest.approx(2 / 2 + 1 / 2, rel=1e-6)
+    assert one(lambda x, np: (x + 1.0) - 1.0, (1e-9, 2e-9)) == pytest.approx(0.5, rel=1e-6)
+    assert one(lambda x, np: np.sqrt(x), (4.0, 4.0)) == pytest.approx(1, rel=1e-6)
+    assert one(lambda x, np: 2.0 * x, (3.0, 4.0)) == 0
+
+
+def test_bound_is_that_of_the_worst_input_of_a_box() -> None:
+    box = one(lambda x, np: 1.0 / x, (0.25, 1.0))
+    assert 2 <= box <= 2.1  # half an eps of 1 / 0.25
+    with pytest.raises(UndecidedError):
+        one(lambda x, np: 1.0 / x, (-1.0, 1.0))
+
+
+def test_both_outcomes_of_an_undecided_condition_count() -> None:
+    def program(tape: Tape) -> float:
+        x = tape.input(ball(-1.0, 2.0))
+        return bounds(tape, [[BallNumPy(tape).where(x < 0.0, x * 3.0, x + 1.0)]])[0]
+
+    assert sorted(certify.paths(program)) == pytest.approx([3 / 2, 6 / 2], rel=1e-6)
+
+
+def test_a_vector_may_be_off_in_any_direction() -> None:
+    """Three components of length 1, each rounded once: √3 / 2 eps, and at most 1.6 % more by the net of directions."""
+    tape = Tape()
+    vector = [tape.input(ball(1.0, 1.0)) * 3.0 for _ in range(3)]
+    assert math.sqrt(3) * 3 / 2 <= bounds(tape, [vector])[0] <= 1.02 * math.sqrt(3) * 3 / 2
+
+
+# Programs and kernels ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "family", ["generic", "χ negative", "χ ~ 1e-4", "χ = π - 1e-8", "lengths differ by 4e-4"]
+)
+def test_vector_programs_of_the_axis_are_the_kernels_bit_for_bit(family: str) -> None:
+    rho, rho_prime, angle = accuracy.sample(family, 64, 200)[0]
+    u, v, half = list(rho.T), list(rho_prime.T), 0.5 * angle
+    given = (*u, *v, angle, 1e-8, EPS, np.finfo(float).max)
+    sine, cosine = np.sin(half), np.cos(half)
+    axes = solve_axis(Floats(), u, v, np.abs(sine), np.where(sine < 0, -cosine, cosine), {})[0]
+    *expected, status = axis_module._solve_axis(*given)
+    two = np.isin(status, (0, 3, 6))
+    assert two.mean() > 0.9
+    np.testing.assert_array_equal(np.ravel(axes, "C").reshape(6, -1)[:, two], np.array(expected)[:, two])
+    axes, _ = solve_axis_usual(Floats(), u, v, np.tan(half), {})
+    *expected, status, is_usual = axis_module._solve_axis_usual(*given)
+    np.testing.assert_array_equal(np.ravel(axes).reshape(6, -1)[:, is_usual], np.array(expected)[:, is_usual])
+    assert is_usual.any()
+
+
+def test_vector_program_of_a_rotation_is_the_kernel_bit_for_bit() -> None:
+    rng = np.random.default_rng(1)
+    rho, theta = rng.normal(size=(2, 1000, 3)) * 10.0 ** rng.uniform(-3, 3, size=(2, 1000, 1))
+    found = rotate(Floats(), list(rho.T), list(0.5 * theta.T))
+    np.testing.assert_array_equal(np.stack(found, -1), rotations.rotate(rho, theta))
+
+
+def exactly(name: str, *given: np.ndarray) -> list[mpmath.mpf]:
+    """Textbook formulas with 50 digits."""
+    mp = [[mpmath.mpf(float(x)) for x in values] for values in given]
+    if name == "rotate":
+        rho, t = mp[0], [x / 2 for x in mp[1]]
+        cross = lambda a, b: [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]  # noqa: E731
+        inner = [x + y for x, y in zip(rho, cross(t, rho), strict=True)]
+        square = 1 + sum(x * x for x in t)
+        return [x + 2 * y / square for x, y in zip(rho, cross(t, inner), strict=True)]
+    w, *v = mp[0]
+    length = mpmath.sqrt(sum(x * x for x in v))
+    if name == "axis_angle_from_quaternion":
+        return [x / length for x in v]
+    n = w * w + length**2
+    return [
+        (2 * (v[i] * v[j] + w * sum(v[k] * ((j - i) * (k - j) * (k - i)) for k in range(3)) / -2) / n)
+        if i != j
+        else (w * w + 2 * v[i] ** 2 - length**2) / n
+        for i in range(3)
+        for j in range(3)
+    ]
+
+
+@pytest.mark.parametrize("name", ["rotate", "matrix_from_quaternion", "axis_angle_from_quaternion"])
+def test_no_error_exceeds_its_bound(name: str) -> None:
+    """Errors against 50 digits at random inputs: a bound that one exceeds was computed wrongly."""
+    claim = next(c for c in CLAIMS if c.kernel == name)
+    rng = np.random.default_rng(2)
+    errors = []
+    for _ in range(300):
+        angle, axis = rng.uniform(0.1, 3), np.abs(rng.normal(size=3))
+        axis /= np.linalg.norm(axis)
+        given = [np.array([math.cos(angle / 2), *(math.sin(angle / 2) * axis)])]
+        if name == "rotate":
+            given = [rng.normal(size=3), 2 * math.tan(angle / 2) * axis]
+        found = getattr(rotations, name)(*given)
+        with mpmath.workdps(50):
+            values = np.ravel(found[0] if isinstance(found, tuple) else found)
+            off = [
+                float(mpmath.mpf(float(a)) - b) for a, b in zip(values, exactly(name, *given), strict=True)
+            ]
+        error = max(map(abs, off)) if name.startswith("matrix") else float(np.linalg.norm(off))
+        size = {"rotate": np.linalg.norm(given[0]), "matrix_from_quaternion": 1}.get(
+            name, 1 / math.sin(angle / 2)
+        )
+        errors.append(error / size / EPS)
+    assert claim.bound / 30 < max(errors) <= claim.bound
+
+
+def test_signs_of_components_change_no_error() -> None:
+    """So conversions are certified for axes with components of one sign only."""
+    rng = np.random.default_rng(3)
+    quaternion = rng.normal(size=(500, 4))
+    matrix = rodgen.matrix_from_quaternion(quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))[0]
+    for signs in itertools.product((1, -1), repeat=3):
+        if np.prod(signs) < 0:
+            continue  # the matrix of a rotation about the mirrored axis is the transposed one
+        flip = np.array(signs)
+        four = np.array([1, *flip])
+        np.testing.assert_array_equal(
+            rotations.matrix_from_quaternion(quaternion * four)[0],
+            rotations.matrix_from_quaternion(quaternion)[0] * np.outer(flip, flip),
+        )
+        found, expected = (
+            rotations.quaternion_from_matrix(m)[0] for m in (matrix * np.outer(flip, flip), matrix)
+        )
+        np.testing.assert_array_equal(found, expected * four)
+    np.testing.assert_array_equal(
+        rotations.matrix_from_quaternion(quaternion * [1, -1, -1, -1])[0],
+        rotations.matrix_from_quaternion(quaternion)[0].swapaxes(1, 2),
+    )
+
+
+def test_what_is_sampled_and_what_is_certified_of_an_axis() -> None:
+    """The documentation says both: 4 cond eps hold for all samples, what is certified for all inputs is more."""
+    certified = {c.bound for c in CLAIMS if c.kernel == "solve_axis"}
+    assert certified == {16}
+    assert PROMISE == 4
+    said = " ".join((rodgen.solve_axis.__doc__ or "").split())
+    assert "at most 16 ε times :func:`axis_condition`" in said
+    assert f"at most {PROMISE} ε times it" in said
