@@ -418,6 +418,7 @@ class NearFile:
         known = self.problem.observations.sigma is not None
         return np.asarray(np.diag(possible)[possible > 0] * (1.0 if known else np.sqrt(variance)))
 
+    @np.errstate(over="ignore", invalid="ignore")  # of a step that goes far too far
     def add(self, rows: Array, scaled: Array, downhill: Array, theta: Array, scale: Array) -> None:
         """Add rows of priors, (q, k), to the scaled equations, in place."""
         seen = np.clip(rows / scale, -STIFFEST, STIFFEST)
