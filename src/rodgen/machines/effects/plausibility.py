@@ -142,7 +142,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("axis_tilt", "revolute"): _row((1, 1, 1), "20 arcsec < 5 deg", robot="200 arcsec < 5 deg"),
     ("axis_offset", "revolute"): _row((1, 1, 1), "0.05 mm < 50 mm", robot="0.5 mm < 50 mm"),
     ("zero_offset", "revolute"): _row((1, 1, 1), "60 arcsec < 180 deg", robot="0.2 deg < 180 deg"),
-    ("scale", "revolute"): _row((0.1, 0.03, 0.03), "1e-4 < 0.05"),
+    ("scale", "revolute"): _row((0.1, 0.01, 0.03), "1e-4 < 0.05"),
     ("encoder_eccentricity", "revolute"): _row((0.5, 0.2, 0.1), "20 arcsec < 3 deg"),
     ("encoder_ellipticity", "revolute"): _row((0.1, 0.05, 0.03), "5 arcsec < 0.5 deg"),
     ("periodic_drive_error", "revolute"): _row((0.3, 0.3, 0.1), "20 arcsec < 0.5 deg"),
@@ -212,7 +212,8 @@ Where kinds of machines differ, the reasons are:
 - Robots: every joint that bears weight yields by its gear (calibrations by Whitney, by Judd and Knasinski, and by
   Khalil and Dombre begin with it), 1, against 0.3 of a stiff or balanced machine tool; wrists are coupled through their
   gears, 0.1; error motions of bearings are a hundredth of their other errors, 0.05; gears and encoders have whole
-  numbers of teeth and lines, which the control knows, so that a scale error is rare, 0.03.
+  numbers of teeth and lines, which the control knows: a ratio is right, or wrong by a whole tooth, which is seen at
+  once, so that a small scale error is next to impossible, 0.01.
 - Error motions: rolling bearings of the loosest class of clearance, C5, have a radial play of some 0.2 mm at a bore of
   0.2 m, which tilts an axis by 0.1 degrees over 0.1 m. No axis moves by more in a turn.
 - Machine tools: encoders on the axis, eccentric by some micrometres, are the rule, 0.5; on robots they sit behind the
