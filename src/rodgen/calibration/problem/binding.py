@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
 __all__ = ["bind", "bind_once"]
 
-SMALLEST, LARGEST = 1e-100, 1e100
-"""Readings and uncertainties outside this range overflow or underflow when they are squared and summed."""
+SMALLEST, LARGEST = 1e-100, 1e70
+"""Readings and uncertainties outside this range overflow or underflow: squares of both are summed, and the correlation
+of readings takes fourth powers."""
 UNIT_LENGTH_TOLERANCE = 1e-3
 """Largest deviation of a measured direction's length from 1: components rounded to three decimals pass, an azimuth in
 the wrong column does not."""

@@ -241,6 +241,12 @@ def _direction(vector: tuple[float, ...]) -> Vector:
     return x, y, z
 
 
+def _squarable(number: float) -> float:
+    if not number < LARGEST:
+        raise UnfitError
+    return number
+
+
 def _noise(number: float) -> float:
     """Return a noise, unless its square or the inverse of its square is beyond floating point."""
     if not 1e-100 <= number <= 1e100:
@@ -371,7 +377,7 @@ def _passive(table: Table) -> bool:
 def _on_legs(top: Table, per_radian: float) -> OnLegs:
     family = FAMILIES[top.get("family", one_of(tuple(FAMILIES)))]
     table = top.sub("geometry", family.keys, missing=_MISSING["geometry"])
-    length = POSITIVE
+    length = POSITIVE.then(_squarable, f"a positive number below {LARGEST:g}")
     found: dict[str, Any] = {}
     for name, components in family.numbers.items():
         found[name] = table.get(name, length) if len(components) == 1 else table.get(name, _POINT, _ORIGIN)
