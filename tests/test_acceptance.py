@@ -17,6 +17,7 @@ from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.checks.positions import distinct_positions, positions
 from rodgen.calibration.diagnose import acceptance, diagnose
 from rodgen.calibration.diagnose.acceptance import may_be_there, why_empty, why_not_earned
+from rodgen.calibration.diagnose.aliases import imitation
 from rodgen.calibration.fit import fit
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem.binding import bind
@@ -89,21 +90,23 @@ def test_six_positions_show_the_kind_of_a_motion(tmp_path):
     )
 
 
-def test_no_effect_is_claimed_that_imitates_one_that_more_positions_would_tell(tmp_path):
-    """Few positions of J7 hide its eccentricity (p = 1e-4): its scale, of p = 1e-5, does nearly the same."""
-    from real_machines import real
-
-    machine, data = real("7R", 8).write(tmp_path)
-    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
-    assert found.steps == ()
-    assert found.verdict == "cannot_tell"
-    assert "encoder_eccentricity at J7" in found.reason
-    assert any(
-        note.startswith(
-            "Scale at J7 is not reported: encoder_eccentricity at J7 explains as much and is likelier"
-        )
-        for note in found.notes
+def test_no_effect_is_reported_that_may_only_imitate_a_likelier_one_that_more_positions_would_tell():
+    undecided, found = (
+        SimpleNamespace(effect=SimpleNamespace(title=title))
+        for title in ("encoder_eccentricity at J7", "scale at J7")
     )
+
+    def imitates(undecided_ones, likelier, part=0.05):
+        equal = SimpleNamespace(candidates=(undecided,), likelier=likelier, part=part)
+        return imitation(undecided_ones, [found], [[equal]])
+
+    candidate, why = imitates([undecided], likelier=True)
+    assert candidate is found
+    assert why.startswith("encoder_eccentricity at J7 explains as much and is likelier")
+    assert may_be_there(why)
+    assert imitates([undecided], likelier=False) is None
+    assert imitates([], likelier=True) is None
+    assert imitates([undecided], likelier=True, part=0.6) is None  # it explains the readings otherwise
 
 
 @pytest.mark.parametrize("name", ["axial_error_motion", "radial_error_motion", "encoder_eccentricity"])

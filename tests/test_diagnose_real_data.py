@@ -172,10 +172,6 @@ def positioner():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="refused: axial_error_motion at P2, itself refused for few positions, is said to explain as much",
-)
 def test_the_positioner_s_first_axis_is_said_to_have_an_eccentric_encoder_or_what_looks_the_same():
     found = positioner()
     # P1 covers +-30 degrees only

@@ -107,7 +107,8 @@ def test_a_size_or_a_sign_is_impossible_only_beyond_its_uncertainty():
     largest = prior.sizes["a"].largest
     assert prior.is_possible(["a"], [0.5 * largest], [0.0])
     assert not prior.is_possible(["a"], [1.5 * largest], [0.1 * largest])
-    assert prior.is_possible(["a"], [1.5 * largest], [0.2 * largest])
+    assert not prior.is_possible(["a"], [1.5 * largest], [0.2 * largest])
+    assert prior.is_possible(["a"], [1.5 * largest], [0.3 * largest])
     assert not prior.is_possible(["a"], [-0.1 * largest], [0.03 * largest])
     assert prior.is_possible(["a"], [-0.1 * largest], [0.04 * largest])
     assert prior.size_cost(["a"], [10 * prior.sizes["a"].usual]) == pytest.approx(2 * math.log(101))

@@ -292,8 +292,10 @@ class SelectionPolicy(NamedTuple):
     """Cost in chi-square, 2 ln(1000), of a weight that turns a joint upwards where the file says nothing of a
     counterbalance: few are balanced by more than the weight, and those who write the file would know."""
     impossible: float = 3.0
-    """An estimate is impossible that is so many of its standard deviations beyond what is possible: chance does it in
-    one of 700 cases."""
+    """A sign is impossible from which an estimate is so many of its standard deviations away: chance does it in one of
+    700 cases."""
+    too_large: float = 2.0
+    """The same of a size: hardly a machine has the largest, so that chance does it far less often than in one of 40."""
     unlikely: float = 9.2
     """Cost in chi-square, 2 ln(100), from which on an alternative that does only part of the same is not listed."""
     tie: float = 2.2

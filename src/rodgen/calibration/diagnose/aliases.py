@@ -65,12 +65,15 @@ class Equal:
         How much dearer it is in units of chi-square: negative where it is the likelier one, all considered.
     before : float
         The same before the data.
+    part : float
+        What part of the effect they do not do.
     """
 
     candidates: tuple[Candidate, ...]
     alias: Alias
     cost: float
     before: float
+    part: float
 
     @property
     def likelier(self) -> bool:
@@ -139,7 +142,7 @@ def equals_of(
             continue
         odds, with_data = (float(np.exp(-x / 2)) for x in (prior, cost))
         alias = Alias(tuple(rival.effect for rival in rivals), why, float(difference), odds, with_data)
-        found.append(Equal(rivals, alias, cost, prior))
+        found.append(Equal(rivals, alias, cost, prior, part))
     return sorted(found, key=lambda equal: equal.cost)
 
 
@@ -160,7 +163,7 @@ def imitation(
     for candidate, of_one in zip(kept, equals, strict=True):
         for equal in of_one:
             open_ = [rival.effect.title for rival in equal.candidates if rival in undecided]
-            if open_ and equal.likelier:
+            if open_ and equal.likelier and equal.part <= SELECTION.in_part:
                 return candidate, f"{open_[0]} explains as much and is likelier: {MORE}"
     return None
 

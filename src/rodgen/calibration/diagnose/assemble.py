@@ -164,6 +164,8 @@ def assemble_diagnosis(
     if open_ and not (rest or steps or forms):
         are = "are" if open_[1:] else "is"
         rest = f"More positions of a joint would tell whether {joined(open_)} {are} there."
+    if not (rest or steps or forms):
+        rest = _impossible(found.explanation.selection.too_large(found.explanation.kept))
     verdict, reason = "nothing_missing", None
     if forms or steps:
         verdict = "unknown_effect" if forms else "effects_missing"
@@ -199,6 +201,16 @@ def assemble_diagnosis(
         tuple(filter(None, [*notes, unknown])),
         last.estimates,
         _could_hide(evidence) if verdict == "nothing_missing" else (),
+    )
+
+
+def _impossible(candidate: Candidate | None) -> str:
+    """Return a sentence on an effect that would explain the readings if machines had so much of it; empty without."""
+    if candidate is None:
+        return ""
+    return (
+        f"{capitalized(candidate.effect.title)} would explain the readings only with a size or a sign that no machine "
+        "has: something else acts in the same way, or the machine file is wrong."
     )
 
 

@@ -66,20 +66,33 @@ class Selection(Criteria):
 
     def best(self, included: Sequence[Candidate]) -> Score | None:
         """Return the candidate to add next, None where chance explains as much."""
-        scores = self.scores(included)
-        if not scores:
-            return None
-        tests = self.tests(included)
-        level = np.log(self.level)
-        real = [s for s in scores if s.dof and s.log_p + np.log(tests) - self.log_weight(s.candidate) < level]
-        real.sort(key=lambda s: s.log_p - s.candidate.prior.log_odds)
+        real = self._beyond_chance_alone(included)
         while real:
             best = self._simplest(included, real)
-            possible = best.candidate not in self.impossible([*included, best.candidate], best.left)
-            if possible and self.is_beyond_chance(included, best.candidate):
+            if self._is_possible(included, best) and self.is_beyond_chance(included, best.candidate):
                 return best
             real.remove(best)
         return None
+
+    def too_large(self, included: Sequence[Candidate]) -> Candidate | None:
+        """Return the candidate that is beyond chance given others, but of a size or sign that no machine has."""
+        for score in self._beyond_chance_alone(included):
+            if not self._is_possible(included, score) and self.is_beyond_chance(included, score.candidate):
+                return score.candidate
+        return None
+
+    def _beyond_chance_alone(self, included: Sequence[Candidate]) -> list[Score]:
+        """Return the scores that chance hardly reaches, the likeliest effects first."""
+        log_tests, level = np.log(self.tests(included)), np.log(self.level)
+        real = [
+            s
+            for s in self.scores(included)
+            if s.dof and s.log_p + log_tests - self.log_weight(s.candidate) < level
+        ]
+        return sorted(real, key=lambda s: s.log_p - s.candidate.prior.log_odds)
+
+    def _is_possible(self, included: Sequence[Candidate], score: Score) -> bool:
+        return score.candidate not in self.impossible([*included, score.candidate], score.left)
 
     def _simplest(self, included: Sequence[Candidate], real: Sequence[Score]) -> Score:
         """Return the first of the scores, or the simplest that explains nearly as much."""

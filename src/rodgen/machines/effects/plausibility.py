@@ -110,11 +110,11 @@ class Plausibility:
         values, std : array_like, shape (k,)
             Internal units.
         """
-        for name, value, doubt in zip(
-            names, np.asarray(values, float), SELECTION.impossible * np.asarray(std, float), strict=True
-        ):
+        for name, value, doubt in zip(names, np.asarray(values, float), np.asarray(std, float), strict=True):
             size = self.sizes.get(name)
-            if size and (abs(value) - doubt > size.largest or (size.positive and value + doubt < 0)):
+            if size and abs(value) - SELECTION.too_large * doubt > size.largest:
+                return False
+            if size and size.positive and value + SELECTION.impossible * doubt < 0:
                 return False
         return True
 
@@ -146,8 +146,8 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("encoder_eccentricity", "revolute"): _row((0.5, 0.2, 0.1), "20 arcsec < 3 deg"),
     ("encoder_ellipticity", "revolute"): _row((0.1, 0.05, 0.03), "5 arcsec < 0.5 deg"),
     ("periodic_drive_error", "revolute"): _row((0.3, 0.3, 0.1), "20 arcsec < 0.5 deg"),
-    ("radial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 0.2 mm"),
-    ("axial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 0.2 mm"),
+    ("radial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 0.1 mm"),
+    ("axial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 0.1 mm"),
     ("tilt_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 arcsec < 0.1 deg"),
     ("backlash", "revolute"): _row((0.5, 0.5, 0.2), "30 arcsec < 2 deg", robot="100 arcsec < 2 deg"),
     ("backlash_gradient", "revolute"): _row((0.03, 0.03, 0.01), "4e-6 < 0.01"),
@@ -215,7 +215,7 @@ Where kinds of machines differ, the reasons are:
   numbers of teeth and lines, which the control knows: a ratio is right, or wrong by a whole tooth, which is seen at
   once, so that a small scale error is next to impossible, 0.01.
 - Error motions: rolling bearings of the loosest class of clearance, C5, have a radial play of some 0.2 mm at a bore of
-  0.2 m, which tilts an axis by 0.1 degrees over 0.1 m. No axis moves by more in a turn.
+  0.2 m: 0.1 mm to either side, which tilts an axis by 0.1 degrees over 0.1 m. No axis moves by more in a turn.
 - Machine tools: encoders on the axis, eccentric by some micrometres, are the rule, 0.5; on robots they sit behind the
   gear, where an eccentricity turns with the motor, 0.2.
 
