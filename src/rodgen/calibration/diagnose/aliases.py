@@ -129,16 +129,18 @@ def equals_of(
         prior, cost = selection.preference(kept, k, rivals, difference, explained)
         if not prior < np.inf:  # no machine has so much of it
             continue
-        why, part = _why(selection, sensitivities, own, others, rivals)
         # one that was searched for fits better by chance alone
         cost += 2 * float(sum(np.log(rival.tries) for rival in rivals) - np.log(own.tries))
-        if (part > SELECTION.in_part or rivals[1:]) and cost > SELECTION.unlikely:
+        if rivals[1:] and cost > SELECTION.unlikely:
             continue
         if any({*equal.candidates} < {*rivals} and equal.cost <= cost for equal in found):
             continue  # one of the two does it alone
         if rivals[1:] and not all(
             selection.is_needed([*others, *(c for c in rivals if c is not rival)], rival) for rival in rivals
         ):
+            continue
+        why, part = _why(selection, sensitivities, own, others, rivals)
+        if part > SELECTION.in_part and cost > SELECTION.unlikely:
             continue
         odds, with_data = (float(np.exp(-x / 2)) for x in (prior, cost))
         alias = Alias(tuple(rival.effect for rival in rivals), why, float(difference), odds, with_data)
@@ -304,11 +306,10 @@ def _why(
 ) -> tuple[str, float]:
     """Return with which other parameters rivals reproduce the effect, and which part of it they lack."""
     space = selection.space
-    residual, _ = space.residual(sensitivities.residual)
     base = space.base(others)
     columns = space.columns(own)
     across = base.project_out(columns)
-    size = lstsq(across, -base.project_out(residual), relative=1e-6)
+    size = lstsq(across, -base.project_out(selection.residual), relative=1e-6)
     effect = columns @ size
     wanted = base.project_out(effect)
     given, left = list(others), wanted
