@@ -20,6 +20,7 @@ from rodgen.calibration.diagnose.acceptance import may_be_there, why_empty, why_
 from rodgen.calibration.diagnose.aliases import imitation
 from rodgen.calibration.fit import fit
 from rodgen.calibration.fitted import Estimate
+from rodgen.calibration.ladder import ladder
 from rodgen.calibration.problem.binding import bind
 from rodgen.machines.model import Model
 
@@ -82,12 +83,13 @@ def test_six_positions_show_the_kind_of_a_motion(tmp_path):
     from real_machines import real
 
     machine, data = real("trunnion", 11).write(tmp_path)
-    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    base, readings = rodgen.Machine.load(machine), rodgen.Measurements.load(data)
+    found = diagnose(base, readings)
     assert [step.effect.title for step in found.steps] == ["axial_error_motion at A"]
     assert found.steps[0].p_value < 1e-6
-    assert any(
-        note.startswith("Axial_error_motion at A is known at the 6 positions of A") for note in found.notes
-    )
+    known = "Axial_error_motion at A is known at the 6 positions of A: "
+    assert any(note.startswith(known) for note in found.notes)
+    assert known in ladder(base, readings, [found.steps[0].effect]).rungs[1].verdict
 
 
 def test_no_effect_is_reported_that_may_only_imitate_a_likelier_one_that_more_positions_would_tell():

@@ -73,6 +73,7 @@ class Rung:
         if not self.step.significant:
             return f"{name} does not show in these data: chance explains as much ({tested})."
         text = f"{name} explains more than chance does ({tested}); another effect may explain the same."
+        text = " ".join(filter(None, [text, self.step.on_shape(self.effect)]))
         left = self.fit.lack_of_fit
         if left is not None and left.p_value < LACK_OF_FIT.improbable:
             text += f" The residuals are still {left.ratio:.2g} times the noise: this is not it, or not all."

@@ -21,7 +21,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.checks.positions import log_p_by_position, log_p_of_kind, position_of
+from rodgen.calibration.checks.positions import (
+    few_positions,
+    log_p_by_position,
+    log_p_of_kind,
+    position_of,
+)
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.noise.correlation import (
     FitRows,
@@ -38,6 +43,7 @@ from rodgen.calibration.possible_effects import (
 )
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import Solution, minimise
+from rodgen.calibration.words import capitalized
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.statistics.columns import (
     DEPENDENT,
@@ -77,9 +83,9 @@ class EffectTest:
         Of F.
     design_effect : float
         By what factor readings of one pose, in common, make chance look larger.
-    shape_unknown : bool
-        Whether a joint was in so few positions that they show what kind of motion it makes, but not what it does
-        between them.
+    only_at : tuple of (str, int), optional
+        A joint and the number of its positions, where these are so few that they show what kind of motion it makes, but
+        not what it does between them.
     """
 
     p_value: float
@@ -87,12 +93,22 @@ class EffectTest:
     statistic: float
     degrees_of_freedom: tuple[float, float]
     design_effect: float
-    shape_unknown: bool = False
+    only_at: tuple[str, int] | None = None
 
     @property
     def significant(self) -> bool:
         """Whether chance does not do that."""
         return self.p_value < EFFECT_TEST.significant
+
+    def on_shape(self, effect: Effect) -> str:
+        """Return that the effect tested is only known at the positions of its joint; empty where its shape is."""
+        if self.only_at is None:
+            return ""
+        joint, positions = self.only_at
+        return (
+            f"{capitalized(effect.title)} is known at the {positions} positions of {joint}: they show what kind of "
+            "motion it is, but not what it does between them. More positions would tell."
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -164,7 +180,8 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
     log10 = walks / float(np.log(10)) if np.isfinite(walks) else log10_f_tail(statistic, *dof)
     log10 += float(np.log10(_tried(smaller, larger)))
     log10 = min(max(log10, by_position / float(np.log(10))), 0.0)
-    return EffectTest(p_of_log10(log10), log10, statistic, dof, effect, of_kind)
+    only_at = few_positions(pair.added[0], larger.observations) if of_kind else None
+    return EffectTest(p_of_log10(log10), log10, statistic, dof, effect, only_at)
 
 
 def nested(smaller: FittedModel, larger: FittedModel) -> tuple[FittedModel, FittedModel]:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rodgen.calibration.checks.effect_test import EffectTest, worth_of
 from rodgen.calibration.checks.held_out import HeldOut
-from rodgen.calibration.checks.positions import few_positions
 from rodgen.calibration.diagnose.aliases import Equal
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.detectable import Detectable, detectable
@@ -39,7 +37,6 @@ from rodgen.calibration.diagnose.verdict import (
 from rodgen.calibration.noise.correlation import Correlation
 from rodgen.calibration.summary import contradictions
 from rodgen.calibration.words import capitalized, uncapitalized
-from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, joined
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
@@ -174,7 +171,8 @@ def assemble_diagnosis(
     if reason is None:
         notes += [*moved, correlation.text]
     notes += map(_lifted, steps, found.explanation.kept)
-    notes += map(partial(_of_unknown_shape, last.observations), steps, confirmed.tests)
+    tests = confirmed.tests[: len(steps)]  # those of forms follow
+    notes += [test.on_shape(step.effect) for step, test in zip(steps, tests, strict=True) if test]
     notes += [
         _stated(last.machine, steps),
         displaced(subject.observations, evidence.base.outliers),
@@ -279,17 +277,6 @@ def _stated(machine: Machine, steps: Sequence[DiagnosedEffect]) -> str:
     found = list(dict.fromkeys(e.title for e in listed if {e.key(""), e.name} & machine.plausible.keys()))
     are = "is" if len(found) == 1 else "are"
     return f"[plausibility] of the machine file says how likely {joined(found)} {are}." if found else ""
-
-
-def _of_unknown_shape(o: Observations, step: DiagnosedEffect, test: EffectTest | None) -> str:
-    """Return that an effect is only known at the positions of its joint; empty where its shape is."""
-    few = few_positions(step.effect, o)
-    if few is None or test is None or not test.shape_unknown:
-        return ""
-    return (
-        f"{capitalized(step.effect.title)} is known at the {few[1]} positions of {few[0]}: they show what kind of "
-        "motion it is, but not what it does between them. More positions would tell."
-    )
 
 
 def _lifted(step: DiagnosedEffect, candidate: Candidate) -> str:
