@@ -35,6 +35,8 @@ def test_a_windup_per_lever_arm_is_compared_with_usual_sizes_at_the_machine_s_re
     step = found(arm(), "gravity_windup", k=(0.0345, 0.0005, "arcsec/mm"), k2=(-0.0002, 0.0009, "arcsec/mm"))
     assert at_reach(step, arm()) == "At a lever arm of 800 mm, the machine's reach: k 28 arcsec."
     assert far_from_usual(step, arm()) == ""
+    large = replace(arm(), targets=(Target("ball", (2110.0, 0.0, 0.0)),))
+    assert at_reach(step, large) == "At a lever arm of 2110 mm, the machine's reach: k 73 arcsec."
     # nothing is per lever arm
     assert at_reach(found(arm(), "encoder_eccentricity", a=(30.0, 1.0, "arcsec")), arm()) == ""
 

@@ -31,14 +31,31 @@ def diagnosed(tmp_path, az, el, u, runs=None):
 
 def stars(tmp_path, shift, *, noted=False):
     """Diagnose stars of which eleven, one after the other, are off by `shift` arcsec."""
+    off = np.zeros(STARS)
+    off[FIRST : FIRST + COUNT] = shift
+    return stars_off_by(tmp_path, off, noted=noted)
+
+
+def stars_off_by(tmp_path, off, *, noted=False):
+    """Diagnose stars of a mount that is turned by so many arcsec while each is seen."""
     rng = np.random.default_rng(1)
     az, el = np.radians(rng.uniform(0, 360, STARS)), np.radians(rng.uniform(20, 85, STARS))
-    away = np.zeros((STARS, 3))
-    away[FIRST : FIRST + COUNT] = shift * ARCSEC * np.array([0.6, -0.5, 0.62])
+    away = off[:, None] * ARCSEC * np.array([0.6, -0.5, 0.62])
     u = np.stack([np.cos(el) * np.sin(az), np.cos(el) * np.cos(az), np.sin(el)], axis=1)
     u += np.cross(away, u) + 0.8 * ARCSEC * rng.standard_normal(u.shape)
     runs = ["B" if FIRST <= i < FIRST + COUNT else "A" for i in range(STARS)] if noted else None
     return diagnosed(tmp_path, az, el, u, runs)
+
+
+@pytest.mark.parametrize("first", [20, 40])
+def test_a_mount_that_was_pushed_jumps_and_one_that_turns_to_and_fro_over_a_day_does_not(first, tmp_path):
+    order = np.arange(STARS)
+    jumps = f"The readings jump after line {first + 1}"  # under the header
+    pushed = stars_off_by(tmp_path, 4.0 * (order >= first))
+    assert any(note.startswith(jumps) for note in pushed.notes)
+    day = stars_off_by(tmp_path, 2.0 * np.sin(2 * np.pi * (order - first + 40) / STARS))
+    assert not any("The readings jump" in note for note in day.notes)
+    assert any("The set-up wanders" in note for note in day.notes)
 
 
 @pytest.mark.parametrize("shift", [3.0, 60.0])

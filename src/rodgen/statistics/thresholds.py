@@ -370,9 +370,9 @@ class VerdictPolicy(NamedTuple):
     one_way: float = 0.9
     """Net over total travel from which on a joint moved one way: its slow effects look like a wandering set-up."""
     jump: float = 0.3
-    """Share of the sum of squares that a single jump of the set-up must explain to be named, ..."""
+    """Share of the sum of squares that a jump of the set-up, or a displaced stretch, must explain to be named."""
     sudden: float = 1.5
-    """... and how many times as much as a steady drift does."""
+    """How many times as much as a single jump or a smooth drift does a displaced stretch must explain."""
     together: float = 0.7
     """Share of the poses of a stretch that must be outliers for the stretch to be called displaced."""
 

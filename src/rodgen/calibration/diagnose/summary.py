@@ -239,7 +239,11 @@ def at_reach(step: DiagnosedEffect, machine: Machine) -> str:
         for name, e in step.parameters.items()
         if e.unit == f"arcsec/{length}" and e.std and abs(e.value) > DETERMINACY.certain * e.std
     ]
-    return f"At a lever arm of {arm:.3g} {length}, the machine's reach: {joined(sizes)}." if sizes else ""
+    return (
+        f"At a lever arm of {three_digits(arm)} {length}, the machine's reach: {joined(sizes)}."
+        if sizes
+        else ""
+    )
 
 
 def far_from_usual(step: DiagnosedEffect, machine: Machine) -> str:

@@ -199,8 +199,9 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
     Notes
     -----
     The two motions of the frame before and after each row that lower the sum of squares most (a change point), and
-    those within and outside of each stretch of rows (two of them). A steady drift must do less than a jump, and one
-    that turns, as over a day, less than a stretch. The fall must be beyond chance, over all places that are tried.
+    those within and outside of each stretch of rows (two of them). A smooth drift, which may turn as over a day, must
+    do less than a jump, and clearly less than a stretch. The fall must be beyond chance, over all places that are
+    tried.
     """
     H = sensitivities.frame
     scale = np.sqrt(np.sum(H**2, axis=(0, 1)))
@@ -249,9 +250,7 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
             f"The readings from {place(int(begin))} to {place(int(end))} lie displaced against the others: the set-up "
             f"may have been another there. {NOTE_RUNS}"
         )
-    if falls[best] < max(VERDICT.jump * total, VERDICT.sudden * drift(1)) or by_chance(
-        falls[best], len(ends)
-    ):
+    if falls[best] < max(VERDICT.jump * total, drift(3)) or by_chance(float(falls[best]), len(ends)):
         return ""
     row = int(sensitivities.rows[ends[best]])
     return f"The readings jump after {place(row)}: the set-up may have been moved there. {NOTE_RUNS}"

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.noise.frame_motion import frame_motion
 from rodgen.calibration.noise.sampled_rows import sample_of
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.calibration.words import capitalized
+from rodgen.calibration.words import capitalized, two_digits
 from rodgen.errors import joined
 from rodgen.statistics.columns import orthonormal_basis, project_out, unit_columns
 from rodgen.statistics.thresholds import VARIANCES
@@ -425,24 +425,24 @@ def _text(sizes: Sequence[float], unit: str, time: float, poses: Poses) -> str:
     shared, wander = float(np.linalg.norm(sizes[1:3])), float(np.linalg.norm(sizes[3:5]))
     parts = []
     if shared:
-        parts.append(f"readings of one pose share an error of {shared:.2g} {unit}")
+        parts.append(f"readings of one pose share an error of {two_digits(shared)} {unit}")
     if wander:
         over = _time(time, poses)
-        parts.append(f"the set-up wanders by {wander:.2g} {unit} {over}")
+        parts.append(f"the set-up wanders by {two_digits(wander)} {unit} {over}")
     if not parts:
         return ""
     text = ", and ".join(parts)
     if sizes[0] < NO_ERROR * math.hypot(shared, wander):  # markers of a body whose pose was measured
         return f"{capitalized(text)}; single readings have no error of their own compared with that."
-    return f"{capitalized(text)}, in addition to an independent error of {sizes[0]:.2g} {unit} per reading."
+    return f"{capitalized(text)}, in addition to an independent error of {two_digits(sizes[0])} {unit} per reading."
 
 
 def _time(time: float, poses: Poses) -> str:
     if time > 2 * poses.duration:
         return "from beginning to end, as a random walk does"
     if not poses.timed:
-        return f"within some {time:.2g} poses" if time < 100 else f"within some {time:.0f} poses"
+        return f"within some {two_digits(time)} poses"
     for size, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if time >= 2 * size:
-            return f"within some {time / size:.2g} {name}"
-    return f"within some {time:.2g} seconds"
+            return f"within some {two_digits(time / size)} {name}"
+    return f"within some {two_digits(time)} seconds"
