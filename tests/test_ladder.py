@@ -278,7 +278,9 @@ def test_an_effect_that_weights_at_later_joints_imitate_is_held_against_the_mode
     assert found.degrees_of_freedom[0] == 1  # the scale, not the scale less the weights
     assert found.p_value < 1e-6
     assert found.degrees_of_freedom == alike.degrees_of_freedom
-    assert found.log10_p == pytest.approx(alike.log10_p, rel=1e-9)  # the fits ended elsewhere within their tolerance
+    assert found.log10_p == pytest.approx(
+        alike.log10_p, rel=1e-9
+    )  # the fits ended elsewhere within their tolerance
 
 
 def test_an_effect_of_any_size_that_readings_show_is_not_pulled_to_usual_ones():

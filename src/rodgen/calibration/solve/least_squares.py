@@ -425,10 +425,6 @@ class NearFile:
         scaled += seen.T @ seen
         downhill -= seen.T @ (seen @ (scale * self.away(theta)))
 
-    def may_run_away(self, step: Array) -> bool:
-        """Return whether a step, (k,), moves the geometry so far that the readings may not hold it."""
-        return bool((np.abs(step) > self.far).any())
-
     def largest(self, square: Array) -> Array:
         """Return the largest deviation of each parameter from the file, (k,)."""
         return self.file.largest_deviations(square.diagonal(), self.problem.total_weight)[self.index]
