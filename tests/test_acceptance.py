@@ -53,9 +53,15 @@ def why(
         ({"stds": (None, None), "held": True}, ""),
         ({"p": 0.95}, "chance explains as much (p = 0.95)"),
         ({"p": 0.95, "positions": 6}, "(p = 0.95) with 6 positions of A: it may be there all the same"),
-        ({"p": 0.002, "tests": 1.0}, "chance explains as much (p = 0.002)"),
+        (
+            {"p": 0.002, "tests": 1.0},
+            "some effect explains as much by chance in one of 500 data sets (p = 0.002)",
+        ),
         ({"p": 5e-4, "tests": 1.0}, ""),
-        ({"p": 5e-4, "tests": 30.0}, "chance explains as much"),
+        (
+            {"p": 5e-4, "tests": 30.0},
+            "some effect explains as much by chance in one of 67 data sets (p = 0.0005)",
+        ),
         ({"p": None}, "do not determine its size"),
     ],
 )

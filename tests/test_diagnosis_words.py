@@ -64,11 +64,11 @@ def test_what_is_improbable_with_the_data_is_not_said_to_be_indistinguishable():
     both = with_aliases(likely, improbable)
     text = " ".join(both.summary().split())
     assert "or effects that do the same to these data" in text
-    before, _, after = text.partition("The same, but improbable with these data:")
+    before, _, after = text.partition("Similar, but improbable with these data:")
     assert "cannot distinguish it from: - scale at EL" in before
     assert "- backlash at EL does the same." in after
     assert "- backlash" not in before
-    assert "<h4>The same, but improbable with these data</h4>" in report_page(both)
+    assert "<h4>Similar, but improbable with these data</h4>" in report_page(both)
     alone = with_aliases(improbable)
     assert "These are missing: gravity_windup at EL and refraction" in alone.summary()
     assert "cannot distinguish" not in alone.summary()

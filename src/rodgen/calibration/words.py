@@ -138,6 +138,17 @@ def probability(p: float) -> str:
     return f"< 1e-{min(math.floor(-math.log10(max(p, SMALLEST_P))), LEAST_P)}"
 
 
+def how_rarely(p: float) -> str:
+    """Return what a p-value of all effects together says.
+
+    Examples
+    --------
+    >>> how_rarely(0.0385)
+    'some effect explains as much by chance in one of 26 data sets'
+    """
+    return f"some effect explains as much by chance in one of {1 / p:.0f} data sets"
+
+
 def capitalized(sentence: str) -> str:
     """Return a sentence with its first letter in upper case; the others, as of names, stay."""
     return sentence[:1].upper() + sentence[1:]

@@ -26,7 +26,7 @@ from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_forms
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.subject import Subject
 from rodgen.calibration.fitted import Estimate
-from rodgen.calibration.words import chance
+from rodgen.calibration.words import chance, how_rarely
 from rodgen.data.observations import Observations
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
@@ -263,5 +263,7 @@ def why_not_earned(
     if not worth.significant or worth.p_value * tests >= VERDICT.rare:
         few = few_positions(effect, after.observations)
         with_few = f" with {few[1]} positions of {few[0]}: {MORE}" if few else ""
-        return f"chance explains as much ({chance(worth.p_value)}){with_few}"
+        of_all = worth.p_value * tests
+        rarely = f"{how_rarely(of_all)} ({chance(worth.p_value)})"
+        return (rarely if of_all < 0.5 else f"chance explains as much ({chance(worth.p_value)})") + with_few
     return ""

@@ -36,7 +36,7 @@ from rodgen.calibration.diagnose.verdict import (
 )
 from rodgen.calibration.noise.correlation import Correlation
 from rodgen.calibration.summary import contradictions
-from rodgen.calibration.words import capitalized, uncapitalized
+from rodgen.calibration.words import capitalized, how_rarely, uncapitalized
 from rodgen.errors import InputFileError, joined
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
@@ -225,10 +225,8 @@ def _suspected(subject: Subject, found: FittedExplanation) -> str:
     if not (fit.solution.converged and p_of_all < SELECTION.suspected):
         return ""
     too = ", too" if explanation.kept else ""
-    return (
-        f"{capitalized(candidate.effect.title)} may be there{too}: some effect explains as much by chance in one of "
-        f"{1 / max(p_of_all, SELECTION.family_wise):.0f} data sets."
-    )
+    rarely = how_rarely(max(p_of_all, SELECTION.family_wise))
+    return f"{capitalized(candidate.effect.title)} may be there{too}: {rarely}."
 
 
 @stage("what could hide")

@@ -222,7 +222,7 @@ def alias_lists(step: DiagnosedEffect) -> Iterator[tuple[str, list[Alias]]]:
     """Yield the titles of the lists of an effect's aliases, and these: those that may be there, and improbable ones."""
     for title, improbable in (
         ("These data cannot distinguish it from", False),
-        ("The same, but improbable with these data", True),
+        ("Similar, but improbable with these data", True),
     ):
         every = (*step.indistinguishable_from, *step.indistinguishable_pairs)
         aliases = [alias for alias in every if alias.improbable == improbable]
