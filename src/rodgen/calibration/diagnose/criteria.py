@@ -125,7 +125,8 @@ class Criteria:
 
     def is_needed(self, others: Sequence[Candidate], candidate: Candidate) -> bool:
         """Return whether a candidate, given others, explains more than chance does, on poses left out, too."""
-        return self.is_beyond_chance(others, candidate) and self.lowers_error(others, candidate)
+        # more sets fail by the error, and the number of tests takes longer
+        return self.lowers_error(others, candidate) and self.is_beyond_chance(others, candidate)
 
     def is_beyond_chance(self, others: Sequence[Candidate], candidate: Candidate) -> bool:
         """Return whether chance hardly explains as much as a candidate, given others: `log_doubt`."""
@@ -174,11 +175,20 @@ class Criteria:
 
     def _log_p(self, others: Sequence[Candidate], candidate: Candidate) -> float:
         """Return the logarithm of the probability that chance explains as much as this one effect, given others."""
-        score = self.space.score(others, self.residual, self.left(others), candidate)
-        if not score.dof:
-            return 0.0
-        log = score.log_p + self.clusters.penalty([c.columns for c in others], candidate.columns)
-        return max(log, self._log_p_with_wander(others, candidate))
+        key = frozenset(others), candidate
+        if key not in self._logs:
+            score = self.space.score(others, self.residual, self.left(others), candidate)
+            penalty = (
+                self.clusters.penalty([c.columns for c in others], candidate.columns) if score.dof else 0.0
+            )
+            wander = self._log_p_with_wander(others, candidate) if score.dof else 0.0
+            self._logs[key] = max(score.log_p + penalty, wander)
+        return self._logs[key]
+
+    @cached_property
+    def _logs(self) -> dict[tuple[frozenset[Candidate], Candidate], float]:
+        """What `_log_p` found: rounds of exchanges ask for the same again."""
+        return {}
 
     def _log_p_with_wander(self, included: Sequence[Candidate], candidate: Candidate) -> float:
         """Return the logarithm of the probability that chance explains as much, where the wander counts as noise.

@@ -54,6 +54,8 @@ class Blocks:
         self.model = model.reshape(len(fold), -1)
         self.residual = residual.ravel()
         self._by_position: dict[str, Blocks | None] = {}
+        self._held_out: dict[frozenset[int], tuple[Sequence[Array], float]] = {}
+        """Errors of sets of columns by their ids, and the columns, so that no others get these ids."""
 
     def by_position(self, joint: str) -> Blocks | None:
         """Return blocks of whole positions of a joint, on which an error of its coordinate is predicted from others.
@@ -82,7 +84,10 @@ class Blocks:
         ----------
         further : sequence of ndarray, each of shape (n, m, k)
         """
-        return float(np.sqrt(np.mean(self.errors(further) ** 2)))
+        key = frozenset(map(id, further))
+        if key not in self._held_out:
+            self._held_out[key] = further, float(np.sqrt(np.mean(self.errors(further) ** 2)))
+        return self._held_out[key][1]
 
     def errors(self, further: Sequence[Array]) -> Array:
         """Return the weighted residuals with each block left out, in the order of blocks, (n m,)."""
