@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -46,11 +48,11 @@ def effective_tests(bases: Sequence[Array], residual_dof: int, base: Array | Non
 
     if not bases:
         return 1.0
-    random = np.random.default_rng(0)
-    residuals = random.normal(size=(len(bases[0]), SIMULATIONS))
+    residuals, random = _drawn(len(bases[0]))
+    random = deepcopy(random)  # the kept one draws the same next time
     rest = residual_dof - len(residuals)
     if base is not None:
-        residuals -= base @ (base.T @ residuals)
+        residuals = residuals - base @ (base.T @ residuals)
         rest += base.shape[1]
     total = np.sum(residuals**2, axis=0) + (random.chisquare(rest, SIMULATIONS) if rest > 0 else 0.0)
     largest = _largest_falls(bases, residuals)
@@ -60,6 +62,13 @@ def effective_tests(bases: Sequence[Array], residual_dof: int, base: Array | Non
         least = np.minimum(least, special.betainc(max(residual_dof - k, 1) / 2, k / 2, x))
     quantile = float(np.quantile(least, RATE))
     return max(-np.log1p(-RATE) / quantile, 1.0) if quantile > 0 else float(len(bases))
+
+
+@lru_cache(maxsize=1)
+def _drawn(count: int) -> tuple[Array, np.random.Generator]:
+    """Return normal residuals, (count, SIMULATIONS), and what drew them: a selection asks for as many each time."""
+    random = np.random.default_rng(0)
+    return random.normal(size=(count, SIMULATIONS)), random
 
 
 def _largest_falls(bases: Sequence[Array], residuals: Array) -> dict[int, Array]:

@@ -455,6 +455,17 @@ class Criteria:
         -------
         list of (ndarray, ndarray), each of shape (k,)
         """
+        key = variance, tuple(included)
+        if key not in self._estimates:
+            self._estimates[key] = self._estimated(variance, included)
+        return self._estimates[key]
+
+    @cached_property
+    def _estimates(self) -> dict[tuple[float, tuple[Candidate, ...]], list[tuple[Array, Array]]]:
+        """What `estimates` found: what sizes, widths and odds cost is asked for one after the other."""
+        return {}
+
+    def _estimated(self, variance: float, included: Sequence[Candidate]) -> list[tuple[Array, Array]]:
         if not included:
             return []
         products, pull = self._normal_equations(variance, included)
