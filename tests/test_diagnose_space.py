@@ -719,10 +719,9 @@ def test_why_names_the_parameters_and_the_forms_that_the_model_has_by_now(parts,
         for c, k in ((own, "own"), (rival, "rival"))
     )
     parameters = [SimpleNamespace(key="X.a"), SimpleNamespace(key="X.b")]
-    sensitivities = SimpleNamespace(
-        residual=-own[:, :, 0], fit=SimpleNamespace(parameters=parameters, free=(0, 1))
-    )
-    selection = SimpleNamespace(space=CandidateSpace(model, [one, other], lambda columns: columns))
+    sensitivities = SimpleNamespace(fit=SimpleNamespace(parameters=parameters, free=(0, 1)))
+    space = CandidateSpace(model, [one, other], lambda columns: columns)
+    selection = SimpleNamespace(space=space, residual=space.residual(-own[:, :, 0])[0])
     assert _aliases._why(selection, sensitivities, one, [], [other])[0] == text
 
 
