@@ -26,7 +26,7 @@ from rodgen.machines.effects.plausibility import BALANCED, Plausibility
 from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["SHARED", "Criteria"]
+__all__ = ["SHARED", "Criteria", "Found"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -34,6 +34,34 @@ KEPT_SCORES = 512
 """Sets of candidates whose scores are kept."""
 SHARED = OFFSETS | SCALES | WINDUPS
 """Effects that a machine has at several joints if it has them at one: further ones need no evidence of their kind."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was found of sets of candidates: rounds of exchanges ask for the same again.
+
+    Attributes
+    ----------
+    tests : dict
+        Numbers of independent tests, by the keys of what is included.
+    scores : dict
+        Scores of all others, by what is included; those asked for last.
+    logs : dict
+        Logarithms of the probability of each candidate by chance, by the others and itself.
+    estimates : dict
+        Linear estimates, by the variance of a reading and what is included.
+    """
+
+    tests: dict[frozenset[tuple[str, str | None]], float] = field(default_factory=dict)
+    scores: dict[tuple[Candidate, ...], list[Score]] = field(default_factory=dict)
+    logs: dict[tuple[frozenset[Candidate], Candidate], float] = field(default_factory=dict)
+    estimates: dict[tuple[float, tuple[Candidate, ...]], list[tuple[Array, Array]]] = field(
+        default_factory=dict
+    )
+
+    def for_other_candidates(self) -> Found:
+        """Return what holds whichever other candidates there are."""
+        return Found(logs=self.logs, estimates=self.estimates)
 
 
 @dataclass(frozen=True)
@@ -63,7 +91,7 @@ class Criteria:
     stretches: Blocks | None = None
     level: float = SELECTION.family_wise
     balanced: bool = False
-    _tests: dict[frozenset[tuple[str, str | None]], float] = field(default_factory=dict, repr=False)
+    _found: Found = field(default_factory=Found, repr=False)
 
     # what candidates explain -------------------------------------------------------------------------------
 
@@ -91,18 +119,13 @@ class Criteria:
     def scores(self, included: Sequence[Candidate]) -> list[Score]:
         """Return the scores of all other candidates, given some, the best first; those asked for last are kept."""
         key = tuple(included)
-        found = self._scores.pop(key, None)
+        found = self._found.scores.pop(key, None)
         if found is None:
             found = self.space.scores(self.residual, self.left(included), included)
-        self._scores[key] = found
-        if len(self._scores) > KEPT_SCORES:
-            del self._scores[next(iter(self._scores))]
+        self._found.scores[key] = found
+        if len(self._found.scores) > KEPT_SCORES:
+            del self._found.scores[next(iter(self._found.scores))]
         return found
-
-    @cached_property
-    def _scores(self) -> dict[tuple[Candidate, ...], list[Score]]:
-        """Scores by what is included: rounds of exchanges ask for many of the same."""
-        return {}
 
     def variance(self, included: Sequence[Candidate], left: float | None = None) -> float:
         """Return the variance of a reading that candidates leave together."""
@@ -176,19 +199,14 @@ class Criteria:
     def _log_p(self, others: Sequence[Candidate], candidate: Candidate) -> float:
         """Return the logarithm of the probability that chance explains as much as this one effect, given others."""
         key = frozenset(others), candidate
-        if key not in self._logs:
+        if key not in self._found.logs:
             score = self.space.score(others, self.residual, self.left(others), candidate)
             penalty = (
                 self.clusters.penalty([c.columns for c in others], candidate.columns) if score.dof else 0.0
             )
             wander = self._log_p_with_wander(others, candidate) if score.dof else 0.0
-            self._logs[key] = max(score.log_p + penalty, wander)
-        return self._logs[key]
-
-    @cached_property
-    def _logs(self) -> dict[tuple[frozenset[Candidate], Candidate], float]:
-        """What `_log_p` found: rounds of exchanges ask for the same again."""
-        return {}
+            self._found.logs[key] = max(score.log_p + penalty, wander)
+        return self._found.logs[key]
 
     def _log_p_with_wander(self, included: Sequence[Candidate], candidate: Candidate) -> float:
         """Return the logarithm of the probability that chance explains as much, where the wander counts as noise.
@@ -216,10 +234,10 @@ class Criteria:
     def tests(self, included: Sequence[Candidate]) -> float:
         """Return the number of independent tests that all candidates amount to, given those included."""
         key = frozenset(c.key for c in included)
-        if key not in self._tests:
+        if key not in self._found.tests:
             scores = self.space.scores(np.zeros(len(self.space.model)), 1.0, included)
-            self._tests[key] = self.space.tests(scores, included)
-        return self._tests[key]
+            self._found.tests[key] = self.space.tests(scores, included)
+        return self._found.tests[key]
 
     def log_weight(self, candidate: Candidate) -> float:
         """Return the logarithm of a candidate's share of the false alarms, compared with that of all alike.
@@ -456,14 +474,9 @@ class Criteria:
         list of (ndarray, ndarray), each of shape (k,)
         """
         key = variance, tuple(included)
-        if key not in self._estimates:
-            self._estimates[key] = self._estimated(variance, included)
-        return self._estimates[key]
-
-    @cached_property
-    def _estimates(self) -> dict[tuple[float, tuple[Candidate, ...]], list[tuple[Array, Array]]]:
-        """What `estimates` found: what sizes, widths and odds cost is asked for one after the other."""
-        return {}
+        if key not in self._found.estimates:
+            self._found.estimates[key] = self._estimated(variance, included)
+        return self._found.estimates[key]
 
     def _estimated(self, variance: float, included: Sequence[Candidate]) -> list[tuple[Array, Array]]:
         if not included:

@@ -273,11 +273,13 @@ class Selection(Criteria):
 
     def without(self, candidate: Candidate) -> Selection:
         """Return the selection without an effect."""
-        return replace(self, space=self.space.without({candidate.key}), _tests={})
+        return replace(
+            self, space=self.space.without({candidate.key}), _found=self._found.for_other_candidates()
+        )
 
     def including(self, some: Sequence[Candidate]) -> Selection:
         """Return the selection with candidates that were left out before."""
-        return replace(self, space=self.space.including(some), _tests={})
+        return replace(self, space=self.space.including(some), _found=self._found.for_other_candidates())
 
     def or_balanced(self, chosen: list[Candidate]) -> tuple[Selection, list[Candidate]]:
         """Return the selection and what it chose, or one in which weight may turn joints upwards, if much likelier."""

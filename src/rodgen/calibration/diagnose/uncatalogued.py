@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate
+from rodgen.calibration.diagnose.criteria import Found
 from rodgen.calibration.diagnose.forms import Form, find_forms
 from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
 from rodgen.calibration.diagnose.selection import Selection
@@ -264,7 +265,11 @@ class Contest:
             stretches = Blocks(o, model, residual, stretches_of_time(o))
         space = CandidateSpace(model, self.selection.space.candidates, self.whiten)
         return replace(
-            self.selection, space=space, blocks=Blocks(o, model, residual), stretches=stretches, _tests={}
+            self.selection,
+            space=space,
+            blocks=Blocks(o, model, residual),
+            stretches=stretches,
+            _found=Found(),
         )
 
     def _without_small(
