@@ -3,15 +3,11 @@
 Replicates there average the noise, but they add no position, and some function always goes through the few errors that
 there are. So such a function is tested against what any function of that coordinate would explain (a lack of fit at the
 positions), and needs as many positions beyond its freedoms as it has freedoms.
-
-Of fewer positions the readings still show what kind of motion the joint makes: a translation along its axis, say,
-whatever its size at each position. That is tested against all other motions of what the joint carries, after all that
-other effects of this joint could do by a motion of the same kind: only then does no shape need to tell them apart.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -26,12 +22,15 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Effect
 
 __all__ = [
+    "ExplainedWithin",
+    "bases_by_rows",
     "distinct_positions",
+    "explained_within",
     "few_positions",
     "log_p_by_position",
-    "log_p_of_kind",
     "position_of",
     "positions",
+    "rows_by_position",
 ]
 
 Array: TypeAlias = NDArray[np.float64]
@@ -153,76 +152,25 @@ def log_p_by_position(
         0 where positions are too few; minus infinity where they are nearly as many as poses, or the errors at the
         positions scatter no more than noise does: then readings are what counts.
     """
-    rows = _rows_by_position(o, driver)
+    rows = rows_by_position(o, driver)
     if rows is None:
         return -np.inf, True
-    every = [columns, _by_rows(columns, rows)]
-    found = _within(model, columns, every, residual, whiten, searched)
+    every = [columns, bases_by_rows(columns, rows)]
+    found = explained_within(model, columns, every, residual, whiten, searched)
     if found.few < found.freedoms:
         return 0.0, False
     log_p = -np.inf if found.by_noise else min(found.log_p + float(np.log(tries)), 0.0)
     return log_p, found.few >= (EVIDENCE.positions_a_freedom - 1) * found.freedoms
 
 
-def log_p_of_kind(
-    o: Observations,
-    model: Array,
-    columns: Array,
-    residual: Array,
-    whiten_given: Callable[[Array], Whiten],
-    joint: str,
-    motions: Array,
-    rivals: Sequence[Array],
-    searched_rivals: Sequence[Array],
-) -> float:
-    """Return the logarithm of the probability that chance makes a joint move as an effect does, by whatever amounts.
-
-    Parameters
-    ----------
-    o, model, columns, residual
-        As of :func:`log_p_by_position`, of an effect that is a function of its joint's coordinate.
-    whiten_given : callable
-        Returns how readings are whitened if further columns, (n, m, k), are there: what repeats at the positions is no
-        wander.
-    joint : str
-        In few positions.
-    motions : ndarray, shape (n, m, 6)
-        Derivatives by each motion of what the joint carries; (n, m, 3) of directions.
-    rivals, searched_rivals : sequence of ndarray, each of shape (n, m, k)
-        Columns of other effects of this joint; of the latter some value is searched, so that their shape is anything.
-
-    Returns
-    -------
-    float
-        0 where the positions are too few for that, too, or other effects are motions of this kind of any shape; minus
-        infinity where positions are nearly as many as poses.
-    """
-    rows = _rows_by_position(o, joint)
-    if rows is None:
-        return -np.inf
-    at = _by_rows(columns, rows)
-    base = ColumnSpace.of(model.reshape(len(at), -1))
-    kind = base.visible_part(unit_columns(at), SELECTION.visible)
-    alike = []
-    for rival in (*rivals, *(_by_rows(c, rows).reshape(*c.shape[:2], -1) for c in searched_rivals)):
-        seen = base.visible_part(unit_columns(rival.reshape(len(at), -1)), SELECTION.visible)
-        if np.sum((kind.T @ seen) ** 2) > SELECTION.same * seen.shape[1]:
-            alike.append(rival)
-    own = at.reshape(*residual.shape, -1)
-    every = np.concatenate([at, _by_rows(motions, rows)], axis=1)
-    whiten = whiten_given(every.reshape(*residual.shape, -1))
-    found = _within(np.concatenate([model, *alike], axis=2), own, [every], residual, whiten, 0)
-    return 0.0 if found.few < found.freedoms else found.log_p
-
-
-def _rows_by_position(o: Observations, driver: str) -> list[NDArray[np.bool_]] | None:
+def rows_by_position(o: Observations, driver: str) -> list[NDArray[np.bool_]] | None:
     """Return the rows of each position of a joint or a column; None where poses are as good as positions."""
     values = [d.values for d in o.drivers() if d.name == driver]
     number = distinct_positions(np.asarray(values[0], float), len(np.unique(o.pose))) if values else None
     return None if number is None else [number == i for i in range(int(number.max()) + 1)]
 
 
-class _Within(NamedTuple):
+class ExplainedWithin(NamedTuple):
     """What columns explain of what a larger set does.
 
     Attributes
@@ -241,9 +189,9 @@ class _Within(NamedTuple):
     freedoms: int
 
 
-def _within(
+def explained_within(
     model: Array, columns: Array, every: Sequence[Array], residual: Array, whiten: Whiten, searched: int
-) -> _Within:
+) -> ExplainedWithin:
     """Return what columns explain of what a larger set does.
 
     Parameters
@@ -266,19 +214,19 @@ def _within(
     own = base.score_test(r, base.visible_part(further[:, :k], SELECTION.visible))
     whole = base.score_test_of_many(r, further, SELECTION.visible)
     if own is None or whole is None:
-        return _Within(0.0, False, 0, k + searched)
+        return ExplainedWithin(0.0, False, 0, k + searched)
     freedoms = own.dof + searched
     few = whole.dof - freedoms
     if few < 1:
-        return _Within(0.0, False, few, freedoms)
+        return ExplainedWithin(0.0, False, few, freedoms)
     scatter = max(own.left - whole.left, 0.0) / few
     if f_tail(scatter / (whole.left / whole.residual_dof), few, whole.residual_dof) > VERDICT.rare:
         log_p = log_p_of_fall(own.fall, whole.left, own.dof, whole.residual_dof)
-        return _Within(log_p, True, few, freedoms)
-    return _Within(log_p_of_fall(own.fall / scatter, few, own.dof, few), False, few, freedoms)
+        return ExplainedWithin(log_p, True, few, freedoms)
+    return ExplainedWithin(log_p_of_fall(own.fall / scatter, few, own.dof, few), False, few, freedoms)
 
 
-def _by_rows(columns: Array, parts: Sequence[NDArray[np.bool_]]) -> Array:
+def bases_by_rows(columns: Array, parts: Sequence[NDArray[np.bool_]]) -> Array:
     """Return orthonormal bases of what columns span in each part of the rows, (n m, r), zero in the other parts."""
     n, m, k = columns.shape
     bases = [orthonormal_basis(columns[rows].reshape(-1, k)) for rows in parts]

@@ -66,8 +66,6 @@ PROBE = 0.1
 """Part of the step at which the curvature is measured."""
 LARGEST_BEND = 0.75
 """The acceleration may be so large a part of the step; beyond, the damping grows (Transtrum and Sethna 2012)."""
-FAR = 0.05
-"""A step by less than this part of a parameter's largest deviation from the file does not run away."""
 LARGE = 0.1
 """Part of the largest size of a machine that effects have before their sizes count at all: most never get there."""
 TOWARDS_FILE, FARTHEST, ARRIVING = 20, 4.0, 1e-4
@@ -375,7 +373,7 @@ class NearFile:
 
     def __init__(self, problem: Problem, index: NDArray[np.int_]) -> None:
         self.problem, self.index, self.file = problem, index, problem.file_values
-        self.far, self.centre = FAR * self.file.largest[index], self.file.centre[index]
+        self.farthest, self.centre = FARTHEST * self.file.largest[index], self.file.centre[index]
         self.is_bounded = self.file.is_bounded
 
     def away(self, theta: Array) -> Array:
@@ -401,7 +399,10 @@ class NearFile:
         """Return the rows of the priors that the file states, (q, k), where readings have that variance."""
         if not self.file.is_prior:
             return np.zeros((0, len(self.index)))
-        precision = self.file.precision[self.index]
+        return self._rows(self.file.precision[self.index], variance)
+
+    def _rows(self, precision: Array, variance: float) -> Array:
+        """Return the rows of a prior, (q, k), from the reciprocals of its standard deviations; 0 is no prior."""
         known = self.problem.observations.sigma is not None
         return np.asarray(np.diag(precision)[precision > 0] * (1.0 if known else np.sqrt(variance)))
 
@@ -415,8 +416,7 @@ class NearFile:
         possible = self.file.possible[self.index]
         if not np.any(np.abs(values) * possible > LARGE):
             return np.zeros((0, len(self.index)))
-        known = self.problem.observations.sigma is not None
-        return np.asarray(np.diag(possible)[possible > 0] * (1.0 if known else np.sqrt(variance)))
+        return self._rows(possible, variance)
 
     @np.errstate(over="ignore", invalid="ignore")  # of a step that goes far too far
     def add(self, rows: Array, scaled: Array, downhill: Array, theta: Array, scale: Array) -> None:
@@ -432,7 +432,7 @@ class NearFile:
     def ran_away(self, solution: Solution) -> bool:
         """Return whether a solution is far from the file along directions that the readings hardly determine."""
         away = self.away(solution.theta)
-        if not (np.isfinite(solution.cost) and np.any(np.abs(away) * FAR > FARTHEST * self.far)):
+        if not (np.isfinite(solution.cost) and np.any(np.abs(away) > self.farthest)):
             return False
         _, square, _ = self.problem.normal_equations(solution.theta, solution.frame)
         pull = self.pull(square, solution.cost / self.problem.freedom(len(self.index)))
