@@ -389,7 +389,7 @@ def test_a_drift_is_not_taken_for_an_effect(error: str, draws: int) -> None:
     for _ in range(draws):
         drawn = b.white(random) + (b.wander(random, 0.2) if error == "wander" else b.shared(random))
         how, left = b.estimate(drawn, list(b.effects.values()))
-        alone = replace(how, _motion=None, _deviations=None)
+        alone = replace(how, _motion=None, deviations=None)
         claims += min(b.p_value(how, left, c) for c in b.effects.values()) * len(b.effects) < 0.01
         naive += min(b.p_value(alone, left, c) for c in b.effects.values()) * len(b.effects) < 0.01
     assert claims <= 1
@@ -459,7 +459,7 @@ def test_the_covariance_of_a_fit_is_that_of_least_squares_under_the_dense_covari
     freedom = np.maximum(2 / np.sum([((one - other) / 2) ** 2 for one, other in logs], axis=0), 3)
     larger = np.sqrt(freedom / (freedom - 2))
     assert np.ptp(larger) > 0.05
-    expected = of(how._deviations) * np.outer(larger, larger)
+    expected = of(how.deviations) * np.outer(larger, larger)
     np.testing.assert_allclose(fitted.covariance, expected, rtol=1e-5, atol=1e-16)
     std = {p.key: np.sqrt(v) / p.factor for p, v in zip(fitted.parameters, np.diag(expected), strict=True)}
     assert {key: e.std for key, e in fitted.estimates.items()} == pytest.approx(std, rel=1e-5)

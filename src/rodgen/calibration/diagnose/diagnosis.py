@@ -76,7 +76,8 @@ class Alias:
     why : str
         A sentence: with which other parameters it reproduces the effect, and how well.
     chi_square : float
-        Difference of chi-square, after a full refit: positive where it fits worse. In variances of a reading.
+        Difference of chi-square, positive where it fits worse, in variances of a reading: after a full refit; of two
+        together, and where readings depend on each other, by their whitened columns.
     odds : float
         How much likelier than the effect found it is before these data, by its kind and size; below 1 where it is less
         likely. See :mod:`rodgen.machines.effects.plausibility`.

@@ -70,6 +70,8 @@ class Correlation:
         The same as a sentence; empty where readings are independent, or their dependence is too slight to be claimed.
     gain : float
         By how much twice the log restricted likelihood exceeds that of independent readings.
+    deviations : MotionDeviations or None
+        Standard deviations of what readings share, relative to `white`; None where they are independent.
     """
 
     white: float
@@ -81,7 +83,7 @@ class Correlation:
     text: str
     gain: float = 0.0
     _motion: SharedMotion | None = field(default=None, repr=False, compare=False)
-    _deviations: MotionDeviations | None = field(default=None, repr=False, compare=False)
+    deviations: MotionDeviations | None = field(default=None, repr=False, compare=False)
     _within_error: Sequence[tuple[MotionDeviations, MotionDeviations]] = field(
         default=(), repr=False, compare=False
     )
@@ -89,12 +91,7 @@ class Correlation:
     @property
     def independent(self) -> bool:
         """Whether readings are treated as independent."""
-        return self._deviations is None
-
-    @property
-    def deviations(self) -> MotionDeviations | None:
-        """Standard deviations of what readings share, relative to `white`; None where they are independent."""
-        return self._deviations
+        return self.deviations is None
 
     @property
     def wanders(self) -> bool:
@@ -136,9 +133,9 @@ class Correlation:
 
     @cached_property
     def _whitener(self) -> Whitener | None:
-        if self._motion is None or self._deviations is None:
+        if self._motion is None or self.deviations is None:
             return None
-        return Whitener(self._motion, self._deviations)
+        return Whitener(self._motion, self.deviations)
 
 
 INDEPENDENT = Correlation(0.0, 0.0, 0.0, 0.0, 0.0, np.inf, "")
@@ -280,12 +277,12 @@ def dependence(fit: FittedModel) -> Dependence:
         return Dependence(INDEPENDENT, None)
     rows = FitRows.of(fit)
     found = estimate_correlation(rows, ())
-    if found._motion is None or found._deviations is None or found.gain < VARIANCES.claimed:
+    if found._motion is None or found.deviations is None or found.gain < VARIANCES.claimed:
         return Dependence(found, None)
     single = fit.determinacy.covariance
     with one_thread_in_blas():
         columns, motion = rows.jacobian @ single, found._motion
-        spread = motion.covariance_of(found._deviations, columns)
+        spread = motion.covariance_of(found.deviations, columns)
         error = np.zeros(len(spread))  # variance of log v
         for pair in found._within_error:
             one, other = (np.diag(motion.covariance_of(end, columns)) for end in pair)
