@@ -253,10 +253,6 @@ class AtomicFile:
                 os.close(self._descriptor)
         self._descriptor = -1
 
-    def error(self, error: BaseException) -> Exception:
-        """Return the error that gives the reason why the file cannot be written."""
-        return unwritable(self.file, error)
-
 
 def _synchronise(descriptor: int) -> None:
     """Wait until a file is on the disk, where the disk says so."""

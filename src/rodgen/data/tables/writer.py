@@ -64,7 +64,7 @@ class Sink(abc.ABC):
         """Create the temporary file."""
         self._streams = [self._place.open()]
         try:
-            with self._located():
+            with self._place.located():
                 self._begin()
         except BaseException:
             self._finish(False)
@@ -76,29 +76,20 @@ class Sink(abc.ABC):
         complete = False
         try:
             if kind is None:
-                with self._located():
+                with self._place.located():
                     self._end()
                 complete = True
         finally:
             self._finish(complete)
 
-    @contextlib.contextmanager
-    def _located(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise self._place.error(error) from None
-
     def _finish(self, complete: bool) -> None:
         try:
-            with contextlib.ExitStack() as closing:
-                for stream in reversed(self._streams):
-                    closing.callback(stream.close)
-            if complete:
-                self._place.commit()
-        except OSError as error:
-            if complete:
-                raise self._place.error(error) from None
+            with self._place.located() if complete else contextlib.suppress(OSError):
+                with contextlib.ExitStack() as closing:
+                    for stream in reversed(self._streams):
+                        closing.callback(stream.close)
+                if complete:
+                    self._place.commit()
         finally:
             # After a commit there is nothing under the temporary name any more.
             self._place.discard()
@@ -187,10 +178,14 @@ class _Stdout:
     def discard(self) -> None:
         self._spool.close()
 
-    def error(self, error: BaseException) -> Exception:
-        if isinstance(error, BrokenPipeError):  # the reader has seen enough: no fault of any file
-            return error
-        return unwritable(self.file, error)
+    @contextlib.contextmanager
+    def located(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:  # the reader has seen enough: no fault of any file
+            raise
+        except OSError as error:
+            raise unwritable(self.file, error) from None
 
 
 class _Unclosed:
@@ -230,7 +225,7 @@ class _CsvSink(Sink):
         raise AssertionError("unreachable")
 
     def write(self, encoded: Any) -> None:
-        with self._located():
+        with self._place.located():
             self._streams[0].write(encoded)
 
     def _end(self) -> None:
@@ -255,7 +250,7 @@ class _ParquetSink(Sink):
         self._held.append(encoded)
         self._held_rows += len(encoded)
         if self._held_rows >= _ROW_GROUP:
-            with self._located():
+            with self._place.located():
                 self._end()
 
     def _end(self) -> None:
