@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from made_diagnoses import mount, table
 
+from rodgen.calibration.diagnose.assemble import _sharper_than_estimates
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
 from rodgen.calibration.diagnose.summary import at_reach, far_from_usual, odds
 from rodgen.calibration.fitted import Estimate
@@ -90,3 +92,16 @@ def test_the_columns_of_errors_are_below_their_titles_where_names_are_short():
     at = next(i for i, line in enumerate(lines) if line.startswith("rms in "))
     assert lines[at + 1].startswith("as it is")
     assert lines[at].index("held out") + len("held out") == len(lines[at + 1])
+
+
+@pytest.mark.parametrize(
+    ("p", "by_estimates", "said"),
+    [(1e-9, 8e-4, True), (1e-4, 8e-4, False), (1e-15, 1e-9, False)],  # both are beyond doubt
+)
+def test_a_p_that_is_smaller_than_an_estimate_and_its_standard_deviation_say_is_explained(
+    p, by_estimates, said
+):
+    step = replace(found(arm(), "scale", k=(1.4e-5, 4.3e-6, "")), p_value=p)
+    note = _sharper_than_estimates([step], SimpleNamespace(significance=lambda effect: by_estimates))
+    assert note.startswith("p of scale at J1 is far smaller than the standard deviations say") == said
+    assert bool(note) == said

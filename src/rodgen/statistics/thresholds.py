@@ -349,6 +349,10 @@ class VerdictPolicy(NamedTuple):
 
     rare: float = 0.01
     """Probability by chance of residuals, or of an effect's parameters, as large, below which they are real."""
+    sharper: float = 100
+    """How many times as probable by chance the estimates of an effect must be as its p for that to be explained, ..."""
+    beyond_doubt: float = 1e-6
+    """... and how probable: below, both say the same."""
     power: float = 0.95
     """Probability with which an effect of the stated size would have been found where nothing is missing."""
     uneven: float = 1.7

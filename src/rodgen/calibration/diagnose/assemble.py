@@ -41,7 +41,7 @@ from rodgen.errors import InputFileError, joined
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
 from rodgen.statistics.f_tests import p_of_log10
-from rodgen.statistics.thresholds import DETERMINACY, SELECTION
+from rodgen.statistics.thresholds import DETERMINACY, SELECTION, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -179,7 +179,8 @@ def assemble_diagnosis(
         unknown_approach(subject.observations),
     ]
     notes += [_suspected(subject, found), *contradictions(final)]
-    notes.append("" if last.dependence.independent else last.dependence.text)
+    if not last.dependence.independent:
+        notes += [last.dependence.text, _sharper_than_estimates(steps, estimates)]
     if subject.unread:
         notes.append(f"No row has the target{'s' * (len(subject.unread) > 1)} {joined(subject.unread)}.")
     if steps and rest:
@@ -275,6 +276,21 @@ def _stated(machine: Machine, steps: Sequence[DiagnosedEffect]) -> str:
     found = list(dict.fromkeys(e.title for e in listed if {e.key(""), e.name} & machine.plausible.keys()))
     are = "is" if len(found) == 1 else "are"
     return f"[plausibility] of the machine file says how likely {joined(found)} {are}." if found else ""
+
+
+def _sharper_than_estimates(steps: Sequence[DiagnosedEffect], estimates: EffectEstimates) -> str:
+    """Return why effects have a p far smaller than their standard deviations say; empty where none has."""
+    titles = [
+        step.effect.title
+        for step in steps
+        if estimates.significance(step.effect) > max(VERDICT.sharper * step.p_value, VERDICT.beyond_doubt)
+    ]
+    if not titles:
+        return ""
+    return (
+        f"p of {joined(titles)} is far smaller than the standard deviations say: it compares readings that share "
+        "errors, such as those of successive poses, with each other; the fit weighs all readings alike."
+    )
 
 
 def _lifted(step: DiagnosedEffect, candidate: Candidate) -> str:
