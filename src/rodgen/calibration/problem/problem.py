@@ -281,7 +281,12 @@ class Problem:
         return some
 
     def _blocks(self, step: int = 0) -> Iterator[tuple[int, _Group, int, int]]:
-        """Yield the parts of the groups, of so many rows that their Jacobian stays in the cache, or of `step` rows."""
+        """Yield the parts of the groups, of so many rows that their Jacobian stays in the cache, or of `step` rows.
+
+        On NumPy calls cost more than that saves.
+        """
+        if not step and self._on_numpy:
+            step = BLOCK
         if not step:
             structure = self.model.structure
             a_row = self.components * max(1, len(structure.slots) + len(structure.parameters))
@@ -353,7 +358,11 @@ class Problem:
     @property
     def _few(self) -> bool:
         """Whether all rows are evaluated at once, on NumPy."""
-        return self.rows <= TOGETHER and self.model.kernels["residual"].target == "numpy"
+        return self.rows <= TOGETHER and self._on_numpy
+
+    @property
+    def _on_numpy(self) -> bool:
+        return bool(self.model.kernels["residual"].target == "numpy")
 
     def _evaluation(self, name: str, theta: Array, frame: Frame) -> Callable[[int, _Group, int, int], Any]:
         """Return a function from a block of a group to what a kernel gives for it.
