@@ -108,4 +108,4 @@ def test_residuals_that_repeat_at_few_positions_are_said_to(repeats):
     said = disagreement(fit_to(file, data), independent)
     assert said.startswith("The residuals are ")
     assert ("repeat at the 10 positions of C" in said) is repeats
-    assert ("follow nothing that was recorded" in said) is not repeats
+    assert ("several effects act that are too small to be found" in said) is not repeats

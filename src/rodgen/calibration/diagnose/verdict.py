@@ -59,13 +59,13 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
         if where:
             return f"{larger} and repeat at {where}, but follow no function that the data could show."
         return (
-            f"{larger}, but follow nothing that was recorded: either the noise is larger than that, or something acts "
-            "that was not recorded."
+            f"{larger}, but no effect explains that beyond chance: the noise is larger than that, or several effects "
+            "act that are too small to be found, or something that was not recorded."
         )
     if lack.ratio > VERDICT.wander:
         return (
-            f"The residuals are {lack.ratio:.3g} times {noise}. {correlation.text} This dependence follows "
-            "nothing that was recorded."
+            f"The residuals are {lack.ratio:.3g} times {noise}. {correlation.text} No effect explains this dependence "
+            "beyond chance."
         )
     if lack.against == "stated" and correlation.white > VERDICT.independent_error:
         independent = f"The independent error of a reading is {correlation.white:.3g} times {noise}"
