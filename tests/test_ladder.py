@@ -12,7 +12,7 @@ import pytest
 from scipy import stats
 
 import rodgen
-from rodgen.calibration.checks.effect_test import effect_test
+from rodgen.calibration.checks.effect_test import effect_test, further_combinations, nested
 from rodgen.calibration.checks.held_out import _poses_to_deal, held_out
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.ladder import ladder, ladder_of
@@ -388,3 +388,20 @@ def test_held_out_of_nothing_to_adjust_is_the_error_itself():
     machine, data = example("mount")
     fixed = fit(replace(machine, estimate=()), data)
     assert held_out(fixed).rms == pytest.approx(fixed.rms, rel=1e-12)
+
+
+def test_an_effect_that_is_determined_is_tested_though_a_combination_of_others_is_at_the_edge_of_it(tmp_path):
+    """Backlash lowers the error of an arm from 0.042 to 0.025 mm, and one combination of weights is no longer seen."""
+    from real_machines import real
+
+    machine, data = real("6R", 120).write(tmp_path)
+    machine, data = rodgen.Machine.load(machine), rodgen.Measurements.load(data)
+    for joint_name in ("J2", "J3"):
+        machine = machine.with_effect(machine.effect("gravity_windup", joint_name))
+    smaller = fit(machine, data)
+    larger = fit(machine.with_effect(machine.effect("backlash", "J2")), data)
+    assert larger.estimates["J2.backlash.b"].determined
+    assert further_combinations(*nested(smaller, larger)) == 1
+    test = effect_test(smaller, larger)
+    assert test is not None
+    assert test.p_value < 1e-16

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.checks.nested_models import further_combinations
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.statistics.columns import unit_columns
 from rodgen.statistics.decompositions import svd
@@ -74,4 +75,4 @@ def _further(smaller: FittedModel, larger: FittedModel, whitened: Whitened) -> A
     inside = {smaller.parameters[i].key for i in smaller.moving}
     index = [i for i in larger.free if larger.parameters[i].key in inside]
     basis, _, _ = svd(unit_columns(whitened.inverse[:, index]), full_matrices=True)
-    return np.asarray(basis[:, smaller.determinacy.rank :])
+    return np.asarray(basis[:, len(basis) - further_combinations(smaller, larger) :])

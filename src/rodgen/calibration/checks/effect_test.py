@@ -20,7 +20,7 @@ import numpy as np
 
 from rodgen.calibration.checks.design_effect import design_effect_of_fits
 from rodgen.calibration.checks.kind_of_motion import log_p_of_kind
-from rodgen.calibration.checks.nested_models import NestedModels, with_the_same_weights
+from rodgen.calibration.checks.nested_models import NestedModels, further_combinations, with_the_same_weights
 from rodgen.calibration.checks.positions import few_positions, log_p_by_position, position_of
 from rodgen.calibration.checks.shared_errors import (
     generalised_f,
@@ -129,7 +129,7 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
         None where the larger model has nothing more that the data determine, or no degree of freedom is left.
     """
     smaller, larger = with_the_same_weights(smaller, larger)
-    further = larger.determinacy.rank - smaller.determinacy.rank
+    further = further_combinations(smaller, larger)
     residual_dof = larger.degrees_of_freedom
     if further < 1 or residual_dof < 1:
         return None

@@ -14,7 +14,7 @@ from rodgen.calibration.solve.least_squares import Solution, minimise
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["NestedModels", "with_the_same_weights"]
+__all__ = ["NestedModels", "further_combinations", "with_the_same_weights"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -27,6 +27,20 @@ def with_the_same_weights(smaller: FittedModel, larger: FittedModel) -> tuple[Fi
     """
     weights = smaller.later_weights | larger.later_weights
     return smaller.with_weights(weights), larger.with_weights(weights)
+
+
+def further_combinations(smaller: FittedModel, larger: FittedModel) -> int:
+    """Return how many combinations of parameters the data determine that a larger model has in addition.
+
+    A combination of old parameters may be at the edge of being determined, and be so in one of the fits only: the ranks
+    then differ by less than what is new. A new parameter that is determined by itself counts all the same.
+    """
+    inside, fixed = {smaller.parameters[i].key for i in smaller.free}, larger.determinacy
+    known = [
+        i for i in larger.free if not fixed.undetermined[i] and larger.parameters[i].key not in fixed.held
+    ]
+    alone = sum(larger.parameters[i].key not in inside for i in known)
+    return max(fixed.rank - smaller.determinacy.rank, alone)
 
 
 class NestedModels:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from rodgen.calibration.checks.effect_test import EffectTest, effect_test, worth_of
 from rodgen.calibration.checks.held_out import HeldOut
-from rodgen.calibration.checks.nested_models import with_the_same_weights
+from rodgen.calibration.checks.nested_models import further_combinations, with_the_same_weights
 from rodgen.calibration.checks.positions import few_positions
 from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP, Candidate
 from rodgen.calibration.diagnose.estimates import EffectEstimates
@@ -174,7 +174,7 @@ def _chance_does(without: Fit, final: Fit) -> bool:
 
 def _fits_as_well(without: Fit, final: Fit) -> bool:
     lesser, whole = with_the_same_weights(without, final)
-    further = whole.determinacy.rank - lesser.determinacy.rank
+    further = further_combinations(lesser, whole)
     fall = lesser.least_sum - whole.least_sum
     if further < 1 or not fall > 0:
         return True
