@@ -12,7 +12,8 @@ import pytest
 from scipy import stats
 
 import rodgen
-from rodgen.calibration.checks.effect_test import effect_test, further_combinations, nested
+from rodgen.calibration.checks.effect_test import effect_test
+from rodgen.calibration.checks.nested_models import further_combinations, with_the_same_weights
 from rodgen.calibration.checks.held_out import _poses_to_deal, held_out
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.ladder import ladder, ladder_of
@@ -401,7 +402,7 @@ def test_an_effect_that_is_determined_is_tested_though_a_combination_of_others_i
     smaller = fit(machine, data)
     larger = fit(machine.with_effect(machine.effect("backlash", "J2")), data)
     assert larger.estimates["J2.backlash.b"].determined
-    assert further_combinations(*nested(smaller, larger)) == 1
+    assert further_combinations(*with_the_same_weights(smaller, larger)) == 1
     test = effect_test(smaller, larger)
     assert test is not None
     assert test.p_value < 1e-16
