@@ -36,7 +36,7 @@ from rodgen.calibration.diagnose.verdict import (
 )
 from rodgen.calibration.noise.correlation import Correlation
 from rodgen.calibration.summary import contradictions
-from rodgen.calibration.words import capitalized, how_rarely, uncapitalized
+from rodgen.calibration.words import capitalized, how_rarely, some, uncapitalized
 from rodgen.errors import InputFileError, joined
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
@@ -160,7 +160,7 @@ def assemble_diagnosis(
     open_ = [c.effect.title for c in evidence.undecided]
     if open_ and not (rest or steps or forms):
         are = "are" if open_[1:] else "is"
-        rest = f"More positions of a joint would tell whether {joined(open_)} {are} there."
+        rest = f"More positions of a joint would tell whether {some(open_)} {are} there."
     if not (rest or steps or forms):
         rest = _impossible(found.explanation.selection.too_large(found.explanation.kept))
     verdict, reason = "nothing_missing", None
