@@ -188,7 +188,13 @@ def test_units_of_parameters_follow_the_machine() -> None:
     assert windup == {"k": "arcsec/mm", "k2": "arcsec/mm"}
     windup = mount.effect("gravity_windup", "AZ").units(mount)
     # A direction has no arm of its own; a later joint has a point, whose weight does.
-    assert windup == {"k": "arcsec", "k2": "arcsec", "k_EL": "arcsec/m", "k_focus": "arcsec/m"}
+    assert windup == {
+        "k": "arcsec",
+        "k2": "arcsec",
+        "k_EL": "arcsec/m",
+        "k2_EL": "arcsec/m",
+        "k_focus": "arcsec/m",
+    }
     assert mount.effect("target_offset", "boresight").units(mount) == {"a": "arcsec", "b": "arcsec"}
     assert mount.effect("frame_shift").units(mount) == {"x": "arcsec", "y": "arcsec", "z": "arcsec"}
 

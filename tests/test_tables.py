@@ -632,7 +632,7 @@ def test_parquet_without_checksums_is_read(scratch):
 def test_numbers_come_back_bit_for_bit(rows, scratch):
     names = [f"{c.name} [{'mm' if c.quantity == 'length' else 'rad'}]" for c in PAIR_COLUMNS]
     lines = [",".join(names), *(",".join(map(repr, row)) for row in rows)]
-    scratch.write_text("\n".join(lines))
+    scratch.write_text("\n".join([*lines, ""]))
     pairs = read_pairs(scratch)
     values = np.column_stack([pairs.rho, pairs.rho_prime, pairs.angle])
     np.testing.assert_array_equal(values, np.array(rows))

@@ -41,7 +41,9 @@ class _Problem:
         self.is_closed_chain, self.starts = False, None  # no pose to solve for
         free = np.full(parameters, np.inf)
         none = np.zeros(parameters)
-        self.file_values = FileValues(free, free, none > 0, none, none, -free, free)  # no file holds anything
+        self.file_values = FileValues(
+            free, free, none > 0, none, none, -free, free, none
+        )  # no file holds any
         self.total_weight, self.at_bounds = 1.0, lambda theta: {}
         self.freedom = lambda adjusted: max(rows * components - adjusted, 1)
         self.parameters = parameters

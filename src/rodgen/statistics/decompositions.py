@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["eigh", "lstsq", "singular_values", "svd"]
+__all__ = ["eigh", "lstsq", "singular_values", "solve", "svd"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -93,6 +93,20 @@ def lstsq(columns: Array, right: Array, *, relative: float | None) -> Array:
         u, s, vt = svd(columns)
         kept = s > relative * s.max(initial=0.0)
         return np.asarray((vt[kept].T / s[kept]) @ (u[:, kept].T @ right))
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """Return the solution x of matrix x = right, (k,); the shortest least-squares one where rounding decides.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        When an entry is not finite.
+    """
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return lstsq(matrix, right, relative=float(np.finfo(float).eps))
 
 
 def _each(matrix: Array, decompose: Callable[[Array], tuple[Array, ...]]) -> tuple[Array, ...]:

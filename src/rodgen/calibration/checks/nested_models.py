@@ -35,9 +35,9 @@ def further_combinations(smaller: FittedModel, larger: FittedModel) -> int:
     A combination of old parameters may be at the edge of being determined, and be so in one of the fits only: the ranks
     then differ by less than what is new. A new parameter that is determined by itself counts all the same.
     """
-    inside, fixed = {smaller.parameters[i].key for i in smaller.free}, larger.determinacy
+    inside, fixed = {smaller.parameters[i].key for i in smaller.moving}, larger.determinacy
     known = [
-        i for i in larger.free if not fixed.undetermined[i] and larger.parameters[i].key not in fixed.held
+        i for i in larger.moving if not fixed.undetermined[i] and larger.parameters[i].key not in fixed.held
     ]
     alone = sum(larger.parameters[i].key not in inside for i in known)
     return max(fixed.rank - smaller.determinacy.rank, alone)

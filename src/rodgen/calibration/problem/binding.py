@@ -28,9 +28,10 @@ if TYPE_CHECKING:
 
 __all__ = ["bind", "bind_once"]
 
-SMALLEST, LARGEST = 1e-100, 1e70
-"""Readings and uncertainties outside this range overflow or underflow: squares of both are summed, and the correlation
-of readings takes fourth powers."""
+SMALLEST, LARGEST = 1e-100, 1e100
+"""Numbers and uncertainties outside this range overflow or underflow: squares of both are summed."""
+LARGEST_READING = 1e70
+"""The correlation of readings takes fourth powers."""
 UNIT_LENGTH_TOLERANCE = 1e-3
 """Largest deviation of a measured direction's length from 1: components rounded to three decimals pass, an azimuth in
 the wrong column does not."""
@@ -240,11 +241,13 @@ class _Binder:
                 raise self._wrong_column(column, f"a unit, {shown(column.unit)}", f"none: {what}")
         return column.values  # type: ignore[no-any-return]
 
-    def _scaled(self, column: Numbers, out: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-        """Return a column in internal units, in `out` where it is given."""
+    def _scaled(
+        self, column: Numbers, out: NDArray[np.float64] | None = None, most: float = LARGEST
+    ) -> NDArray[np.float64]:
+        """Return a column in internal units, in `out` where it is given; no number of it is above `most`."""
         factor = parse_unit(column.unit).factor(self.machine.length_unit) if column.unit else 1.0
         largest = max(column.values.max(initial=0.0), -column.values.min(initial=0.0))
-        if largest > LARGEST / factor:
+        if largest > most / factor:
             row = int(np.argmax(np.abs(column.values)))
             found = f"{_number(column, row)}, too large in {self.machine.length_unit}, rad, s, K and N"
             raise self._wrong_cell(column, row, found, "a number of a usual size")
@@ -356,7 +359,7 @@ class _Binder:
                 reading[:, i] = self._unitless(column, f"{joined(self.readings)} are a vector of length 1")
             return self._normalized(reading)
         for i, name in enumerate(self.readings):
-            self._scaled(self.column(name, LENGTH), reading[:, i])
+            self._scaled(self.column(name, LENGTH), reading[:, i], LARGEST_READING)
         if measurand.has_origin and reading.min(initial=0.0) < 0.0:
             column, row = columns["d"], int(np.argmax(reading < 0.0))
             expected = "the whole distance, which is positive, not a deviation from a nominal one"

@@ -26,6 +26,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.file_values import CHANCE, Pull, pulled
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
+from rodgen.statistics.decompositions import solve
 
 __all__ = [
     "NEAR",
@@ -291,19 +292,19 @@ def _steps(
             way = across = _across(kept / scale)
             scaled, downhill = across @ scaled @ across + unit - across, across @ downhill
         damped = scaled + damping * unit
-        scaled_step = np.linalg.solve(damped, downhill)
+        scaled_step = solve(damped, downhill)
         if iteration > patience:
             promised = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
             across = near.across_idle(square, downhill, scale, max(cost - float(promised), 0.0) / left)
             way = across @ way
             scaled, downhill = across @ scaled @ across + unit - across, across @ downhill
             damped = scaled + damping * unit
-            scaled_step = np.linalg.solve(damped, downhill)
+            scaled_step = solve(damped, downhill)
         if near.is_bounded and (stopped := near.stopped(theta, downhill)).any():
             downhill[stopped] = scaled[stopped] = scaled[:, stopped] = 0.0
             scaled[stopped, stopped] = 1.0
             damped = scaled + damping * unit
-            scaled_step = np.linalg.solve(damped, downhill)
+            scaled_step = solve(damped, downhill)
         held = pulled(prior, near.away(theta)) if len(prior) else 0.0  # what the priors add to the cost
         starts = problem.starts
         while True:
@@ -349,7 +350,7 @@ def _steps(
             if damping > 1e20:
                 return Solution(theta, frame, cost, iteration, True)
             damped = scaled + damping * unit
-            scaled_step = np.linalg.solve(damped, downhill)
+            scaled_step = solve(damped, downhill)
         gain, before = (cost + held - new_cost - now_held) / predicted, predicted
         damping = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), LEAST_DAMPING)
         growth, refused = GROWTH, False
