@@ -125,9 +125,12 @@ class CandidateSpace:
         return found
 
     def including(self, some: Sequence[Candidate]) -> CandidateSpace:
-        """Return the same coordinates for these candidates, too, which were left out before."""
+        """Return the same coordinates for these candidates, too, which were left out before.
+
+        Those that had none, because they were left out when this space was made, stay out.
+        """
         found = copy(self)
-        found.candidates = [*self.candidates, *some]
+        found.candidates = [*self.candidates, *(c for c in some if id(c) in self._parts)]
         return found
 
     # coordinates ---------------------------------------------------------------------------------------------
