@@ -51,9 +51,9 @@ def unchanged(columns: Array) -> Array:
 
 
 def unit_columns(columns: Array) -> Array:
-    """Return columns of length 1, (N, k); those that are zero stay zero."""
-    size = np.sqrt(np.einsum("ij,ij->j", columns, columns))  # a third of the time of np.linalg.norm
-    return np.asarray(columns / np.where(size > 0, size, 1.0))
+    """Return columns of length 1, (..., N, k); those that are zero stay zero."""
+    size = np.sqrt(np.einsum("...ij,...ij->...j", columns, columns))  # a third of the time of np.linalg.norm
+    return np.asarray(columns / np.where(size > 0, size, 1.0)[..., None, :])
 
 
 def unit_diagonal(products: Array) -> tuple[Array, Array]:

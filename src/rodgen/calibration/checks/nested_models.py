@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -76,18 +77,42 @@ class NestedModels:
         self.larger = larger
         self.fall = max(solution.cost - larger.chi_square, 0.0)
         self.rows = FitRows.of(larger)
-        some = Problem(problem.model, self.rows.observations)
-        some.set_weight((self.rows.weight / some.base_weight)[:, 0])
-        at = solution.theta, solution.frame
-        self.residual = some.residuals(*at, weighted=True)
-        self.model = some.jacobian(*at)[:, :, list(smaller.moving)]
+        self._smaller, self._problem = smaller, problem
+        self._at = solution.theta, solution.frame
         inside = {smaller.parameters[i].key for i in smaller.moving}
-        self.further = new = [i for i in larger.moving if larger.parameters[i].key not in inside]
-        self.searched = sum(larger.parameters[i].searched is not None for i in new)
-        self.new = self.rows.jacobian[:, :, new]
-        self.own = self.rows.jacobian[:, :, [i for i in new if larger.parameters[i].searched is None]]
+        self.further = [i for i in larger.moving if larger.parameters[i].key not in inside]
+        self._own = [i for i in self.further if larger.parameters[i].searched is None]
+        self.searched = len(self.further) - len(self._own)
         there = {effect.identity for effect in smaller.machine.effects}
         self.added = [effect for effect in larger.machine.effects if effect.identity not in there]
+
+    # derivatives are found where a test asks for them: that of independent readings needs none
+
+    @cached_property
+    def _on_rows(self) -> Problem:
+        some = Problem(self._problem.model, self.rows.observations)
+        some.set_weight((self.rows.weight / some.base_weight)[:, 0])
+        return some
+
+    @cached_property
+    def residual(self) -> Array:
+        """Residuals of the smaller model, weighted."""
+        return self._on_rows.residuals(*self._at, weighted=True)
+
+    @cached_property
+    def model(self) -> Array:
+        """Derivatives by the parameters of the smaller model."""
+        return self._on_rows.jacobian(*self._at)[:, :, list(self._smaller.moving)]
+
+    @property
+    def new(self) -> Array:
+        """Derivatives by the further parameters."""
+        return self.rows.jacobian[:, :, self.further]
+
+    @property
+    def own(self) -> Array:
+        """Those of the further parameters that are not searched for."""
+        return self.rows.jacobian[:, :, self._own]
 
     @property
     def of_time(self) -> bool:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.forms.dictionary import Term, in_rows
 from rodgen.calibration.diagnose.forms.projected_rows import ProjectedRows
+from rodgen.statistics.columns import unit_columns
 
 __all__ = ["Functions", "Screen"]
 
@@ -88,10 +89,8 @@ class Functions:
         starts = np.cumsum(counts) - counts
         for numbers, made in in_rows(terms, drivers):
             if {factor.kind for factor in terms[numbers[0]].factors} & {"series", "polynomial"}:
-                size = np.linalg.norm(made, axis=1, keepdims=True)
-                made = np.linalg.qr(made / np.where(size > 0, size, 1.0))[0]  # powers are nearly one
-            size = np.sqrt(np.einsum("tnk,tnk->tk", made, made))[:, None]
-            made = (made / np.where(size > 0, size, 1.0)).swapaxes(1, 2)
+                made = np.linalg.qr(unit_columns(made))[0]  # powers are nearly one
+            made = unit_columns(made).swapaxes(1, 2)
             values[starts[numbers, None] + np.arange(made.shape[1])] = made
         of_pairs = counts * (counts - 1) // 2
         first = np.cumsum(of_pairs) - of_pairs
