@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hidden_effects import hidden
 from machine_cases import ARCSEC
+from real_machines import real
 from simulated_fits import fit_to, joint, machine_file, measure
 
 from rodgen.calibration.fit import Fit, fit
@@ -183,3 +184,14 @@ def test_the_part_of_a_wobble_that_turns_the_balls_stays_near_zero(tmp_path: Pat
             36, abs=2
         )  # 10 usual sizes of 5 arcsec, of two that turn alike
     assert found.estimates["C.tilt_error_motion.u_c2"].std < 0.5
+
+
+def test_a_time_constant_that_the_readings_hardly_determine_stays_positive(tmp_path: Path) -> None:
+    """Steps towards the file made an explosion of a warm-up, with four times the error."""
+    files = real("trunnion", 35).write(tmp_path)
+    machine, data = Machine.load(files[0]), Measurements.load(files[1])
+    machine = machine.add("thermal_axis_drift", joint="A").add("encoder_eccentricity", joint="A")
+    machine = machine.add("axial_error_motion", joint="A")
+    straight, bent = (fit(machine.add(name), data) for name in ("linear_drift", "warm_up_drift"))
+    assert bent.estimates["warm_up_drift.tau"].value > 0
+    assert bent.rms < 1.01 * straight.rms

@@ -203,13 +203,16 @@ class Contest:
     def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Explanation:
         """Return the explanation by chosen effects, and forms for the residuals of the full fit with these."""
         sensitivities = replace(self.sensitivities, residual=left)
-        model = sensitivities.model
-        further = np.concatenate([model[:, :, :0], *(c.columns for c in chosen)], axis=2)
-        real = self._real(
-            find_forms(sensitivities, self.whiten, model, further, most=UNCATALOGUED.most_forms), chosen
-        )
+        real = self._real(self._forms_given(chosen, sensitivities), chosen)
         found = self._without_small(chosen, [form for form in real if self._is_outside(form)])
         return replace(found, complete=len(found.small) == len(real))
+
+    def _forms_given(self, chosen: Sequence[Candidate], sensitivities: Sensitivities) -> list[Form]:
+        """Return the forms of what chosen effects, and those that may be there all the same, leave of residuals."""
+        model = sensitivities.model
+        there = {c.key: c for c in (*self.undecided, *chosen)}
+        further = np.concatenate([model[:, :, :0], *(c.columns for c in there.values())], axis=2)
+        return find_forms(sensitivities, self.whiten, model, further, most=UNCATALOGUED.most_forms)
 
     def _is_outside(self, form: Form) -> bool:
         """Return whether the catalogue lacks a form, and no effect of it that may be there does the same."""
@@ -245,9 +248,7 @@ class Contest:
 
     def forms_first(self) -> Explanation | None:
         """Return the explanation that begins with forms; None where none remains outside the catalogue."""
-        found = find_forms(
-            self.sensitivities, self.whiten, self.sensitivities.model, most=UNCATALOGUED.most_forms
-        )
+        found = self._forms_given((), self.sensitivities)
         forms = [form for form in self._real(found, ()) if self._is_outside(form)]
         if not forms:
             return None

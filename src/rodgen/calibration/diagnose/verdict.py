@@ -201,7 +201,7 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
     The two motions of the frame before and after each row that lower the sum of squares most (a change point), and
     those within and outside of each stretch of rows (two of them). A smooth drift, which may turn as over a day, must
     do less than a jump, and clearly less than a stretch. The fall must be beyond chance, over all places that are
-    tried.
+    tried. Where a joint stood at other positions there than elsewhere, these may be what displaces the readings.
     """
     H = sensitivities.frame
     scale = np.sqrt(np.sum(H**2, axis=(0, 1)))
@@ -245,15 +245,29 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
         and stretches[at] > max(VERDICT.jump * total, VERDICT.sudden * max(drift(3), float(falls[best])))
         and not by_chance(float(stretches[at]), len(stretches))
     ):
-        begin, end = sensitivities.rows[first[at] + 1], sensitivities.rows[last[at]]
+        rows = slice(first[at] + 1, last[at] + 1)
+        if _has_own_positions(sensitivities.observations, rows):
+            return ""
+        begin, end = sensitivities.rows[rows][[0, -1]]
         return (
             f"The readings from {place(int(begin))} to {place(int(end))} lie displaced against the others: the set-up "
             f"may have been another there. {NOTE_RUNS}"
         )
     if falls[best] < max(VERDICT.jump * total, drift(3)) or by_chance(float(falls[best]), len(ends)):
         return ""
+    if _has_own_positions(sensitivities.observations, slice(0, ends[best] + 1)):
+        return ""
     row = int(sensitivities.rows[ends[best]])
     return f"The readings jump after {place(row)}: the set-up may have been moved there. {NOTE_RUNS}"
+
+
+def _has_own_positions(o: Observations, rows: slice) -> bool:
+    """Return whether some joint, of few positions, stood at none of those of some rows in any other row."""
+    inside = np.zeros(o.n, bool)
+    inside[rows] = True
+    poses = len(np.unique(o.pose))
+    numbers = [distinct_positions(q, poses) for q in o.q.T]
+    return any(n is not None and not np.intersect1d(n[inside], n[~inside]).size for n in numbers)
 
 
 def _falls(pull: Array, gram: Array) -> Array:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.file_values import CHANCE, Pull, pulled
+from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import solve
@@ -67,6 +68,8 @@ PROBE = 0.1
 """Part of the step at which the curvature is measured."""
 LARGEST_BEND = 0.75
 """The acceleration may be so large a part of the step; beyond, the damping grows (Transtrum and Sethna 2012)."""
+SHRINKS = 0.1
+"""Part that a step leaves of a time constant at least."""
 LARGE = 0.1
 """Part of the largest size of a machine that effects have before their sizes count at all: most never get there."""
 TOWARDS_FILE, FARTHEST, ARRIVING = 20, 4.0, 1e-4
@@ -325,7 +328,7 @@ def _steps(
                 if not straight:
                     step[index] += scaled_bend / scale
             new_theta, new_frame = moved(problem, theta, frame, step)
-            new_theta = near.within(new_theta)
+            new_theta = near.within(new_theta, theta)
             last = straight and growth == GROWTH and damping <= LIGHTLY and predicted <= close * cost
             if last and not near.is_bounded and predicted**2 <= small * cost * before:
                 carried = _carried((cost, square, gradient), step)
@@ -376,16 +379,23 @@ class NearFile:
         self.problem, self.index, self.file = problem, index, problem.file_values
         self.farthest, self.centre = FARTHEST * self.file.largest[index], self.file.centre[index]
         self.is_bounded = self.file.is_bounded
+        parameters = problem.model.parameters
+        self.times = [i for i in index if parameters[i].searched is StartSearch.TIME_CONSTANT]
 
     def away(self, theta: Array) -> Array:
         """Return how far the parameters are from the file, or from the means of their priors, (k,)."""
         return np.asarray(theta[self.index] - self.centre)
 
-    def within(self, theta: Array) -> Array:
-        """Return values within their bounds, (parameters,)."""
-        if not self.is_bounded:
+    def within(self, theta: Array, before: Array | None = None) -> Array:
+        """Return values within their bounds, (parameters,); time constants shrink to a part of those before at most.
+
+        One that passed zero would be the rate of an explosion, from where no step leads back.
+        """
+        if not self.is_bounded and (before is None or not self.times):
             return theta
         found = theta.copy()
+        if before is not None:
+            found[self.times] = np.maximum(theta[self.times], SHRINKS * before[self.times])
         found[self.index] = np.clip(
             theta[self.index], self.file.lowest[self.index], self.file.highest[self.index]
         )
@@ -519,7 +529,7 @@ def _towards_file(problem: Problem, solution: Solution, free: Sequence[int]) -> 
             break
         pull = near.pull(square, cost / left)
         if pull is None:
-            return found
+            return found if found.cost <= started * (1 + AS_GOOD) else None
         sizes = near.sizes(found.theta[index], cost / left)
         prior = np.concatenate([near.stated(cost / left), sizes, pull.prior])
         if number == 0:
@@ -534,7 +544,7 @@ def _towards_file(problem: Problem, solution: Solution, free: Sequence[int]) -> 
             break
         length = float(np.max(np.abs(step[index]) / near.largest(square)))
         theta, frame = moved(problem, found.theta, found.frame, FARTHEST / max(length, FARTHEST) * step)
-        theta = near.within(theta)
+        theta = near.within(theta, found.theta)
         if length < ARRIVING:  # it ends so near that the equations are as good as those made again
             carried = _carried((cost, square, gradient), step)
             if not carried[0] + pulled(prior, near.away(theta)) <= started * (1 + AS_GOOD):
