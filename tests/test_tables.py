@@ -559,6 +559,8 @@ CUT = {
     "of many digits": (repr, "0.123"),
     "in an exponent": (lambda x: f"{x:.6e}", "1.234567e-0"),
     "before an exponent": (lambda x: f"{x:.6e}", "1.234567"),
+    "before the digits of an exponent": (lambda x: f"{1e16 * x:.0e}", "-1"),
+    "before a zero's decimals": (lambda x: f"{x:.4f}", "0.0"),
 }
 
 
@@ -583,6 +585,8 @@ WHOLE = {
     "few lines": (lambda x: f"{x:.4f}", "1.2", 5),
     "whole numbers": (lambda x: str(round(100 * x)), "7", 30),
     "mixed": (lambda x: f"{1e-4 * x:.3g}", "0.5", 30),
+    "zero after exponents": (lambda x: f"{1e16 * x:.0e}", "0.0", 30),
+    "zero of many digits": (lambda x: repr(1e-9 * x), "0", 30),
 }
 
 

@@ -6,7 +6,12 @@ table in docs/command_line.md; and no temporary file is left.
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import gzip
+import io
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -16,13 +21,17 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
 import pytest
 import sympy as sp
 from faults import Fault, Operations, Torture
 
+from rodgen.cli.axis import solve_table
 from rodgen.codegen import KernelBuilder
 from rodgen.codegen.compile import compile_kernel
-from rodgen.files import AtomicFile, write_file
+from rodgen.errors import InputFileError
+from rodgen.files import AtomicFile, commit_all, write_file
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/fd").exists(), reason="files are found by their descriptors"
@@ -44,10 +53,18 @@ def rows(text: bytes, number: int) -> bytes:
     return b"".join(text.splitlines(keepends=True)[: number + 1])
 
 
+def parquet(text: bytes) -> bytes:
+    """Return a CSV file as Parquet."""
+    out = io.BytesIO()
+    pq.write_table(pa_csv.read_csv(io.BytesIO(text)), out)
+    return out.getvalue()
+
+
 TABLE = files_of("machines/rotary_table", m="machine.toml", d="data.csv")
 FEW = {**TABLE, "d.csv": rows(TABLE["d.csv"], 48)}
 MOUNT = files_of("machines/mount", m="machine.toml", d="mmt_2021.csv")
 PAIRS = files_of("", p="pairs.csv")
+IN_PARQUET = {"p.parquet": parquet(PAIRS["p.csv"])}
 POINTS = {"p.csv": b"Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"}
 ATTITUDES = {"a.csv": b"alpha [deg],beta [deg],gamma [deg]\n0,10,20\n5,-8,3\n"}
 EFFECT = b'\n[[effect]]\nname = "gravity_windup"\njoint = "C"\n'
@@ -63,6 +80,7 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     "solve to standard output": (PAIRS, "solve p.csv", ""),
     "simulate to standard output": (FEW, "simulate m.toml d.csv --truth t.json --seed 1", "t.json"),
     "solve": (PAIRS, "solve p.csv -o s.parquet", "s.parquet"),
+    "solve Parquet": (IN_PARQUET, "solve p.parquet -o s.csv", ""),
     "fit": (FEW, "fit m.toml d.csv -o f.toml --residuals r.csv.gz", "f.toml r.csv.gz"),
     "fit --json": (FEW, "fit m.toml d.csv -o f.toml --residuals r.parquet --json", "r.parquet"),
     "check": (WRONG, "check m.toml d.csv -o mended.toml", "mended.toml"),
@@ -238,6 +256,74 @@ def test_what_others_write_and_call_alike_stays(tmp_path):
     other.discard()
     assert (tmp_path / "x.toml").read_bytes() == b"other"
     assert set(os.listdir(tmp_path)) == {*there, "x.toml"}
+
+
+@contextlib.contextmanager
+def files_of_at_most(size):
+    """As on a full disk the system itself refuses to write, to whatever library."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "solve",
+        *(
+            pytest.param(each, marks=pytest.mark.slow)
+            for each in ("fit", "fit --json", "predict", "simulate")
+        ),
+    ],
+)
+def test_a_disk_that_becomes_full_at_any_byte_leaves_the_old_output(name, tortured):
+    torture = tortured(name)
+    good = torture.run()
+    largest = max(len(content) for file, content in good.files.items() if torture.before.get(file) != content)
+    for size in np.linspace(0, largest - 1, 8 if name == "solve" else 12).astype(int).tolist():
+        with files_of_at_most(size):
+            found = torture.run_again()
+        assert (found.code, found.files, found.strays) == (2, good.files, []), size
+        assert len(found.err.splitlines()) == 1
+        assert "cannot be written (File too large); expected a writable place with room" in found.err
+
+
+@pytest.mark.parametrize("pack", ["Parquet", "gzip"])
+def test_a_disk_that_cannot_be_read_is_not_called_damaged_data(pack, tmp_path):
+    """Each read fails in turn."""
+    path = tmp_path / "p"
+    path.write_bytes(IN_PARQUET["p.parquet"] if pack == "Parquet" else gzip.compress(PAIRS["p.csv"]))
+    solve_table(path, tmp_path / "s.csv")
+    with Operations(tmp_path).watched() as operations:
+        solve_table(path, tmp_path / "s.csv")
+    reads = [n for n, what in enumerate(operations.done) if what.startswith("read")]
+    assert len(reads) > 1
+    for at in reads:
+        with (
+            Operations(tmp_path, Fault(at)).watched(),
+            pytest.raises(InputFileError, match=re.escape("p: file: cannot be read (Input/output error)")),
+        ):
+            solve_table(path, tmp_path / "s.csv")
+
+
+def test_what_was_complete_is_undone_on_a_disk_without_hard_links(tmp_path, monkeypatch):
+    def refused(*_, **__):
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", refused)
+    first, second = (AtomicFile(str(tmp_path / name)) for name in ("a", "b"))
+    for file in (first, second):
+        Path(file.file).write_bytes(b"old")
+        file.write(b"new")
+    monkeypatch.setattr(second, "commit", refused)
+    with pytest.raises(OSError, match="not permitted"):
+        commit_all([first, second])
+    for file in (first, second):
+        file.discard()
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"old", "b": b"old"}
 
 
 def test_a_disk_that_is_full_is_one_line(tmp_path):

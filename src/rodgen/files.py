@@ -207,8 +207,10 @@ class AtomicFile:
                 self._was_there = os.path.exists(self._final)
                 if undoable and self._was_there:
                     self._before = f"{self._part}-before"
-                    with contextlib.suppress(OSError):  # a disk without hard links
+                    try:
                         os.link(self._final, self._before)
+                    except OSError:  # a disk without hard links
+                        shutil.copy2(self._final, self._before)
                 if sys.platform == "win32":  # where an open file keeps its name
                     self._close()
                 os.replace(self._part, self._final)

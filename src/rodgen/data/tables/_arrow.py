@@ -11,8 +11,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from rodgen.data.tables.columns import Column, EveryColumn
-from rodgen.data.tables.table import Block, Rows, Table, plain
+from rodgen.data.tables.table import READABLE, Block, Rows, Table, plain
 from rodgen.errors import InputFileError, shown
+from rodgen.files import unreadable
 
 __all__ = ["FrameTable", "ParquetTable"]
 
@@ -114,6 +115,8 @@ class ParquetTable(_ArrowTable):
             raise self._damaged(error) from None
 
     def _damaged(self, error: BaseException) -> InputFileError:
+        if getattr(error, "errno", None) is not None:  # of the disk, not of what it holds
+            return unreadable(self.file, error, READABLE)
         reason = shown(str(error).partition("\n")[0].rstrip("."), 120)[1:-1]
         if isinstance(error, MemoryError):
             found, expected = f"needs more memory than there is ({reason})", "a smaller table, or more memory"

@@ -25,11 +25,11 @@ import pyarrow.csv as pa_csv
 from numpy.typing import NDArray
 
 from rodgen.data.tables.columns import Column, EveryColumn
-from rodgen.data.tables.table import Block, NoNumberError, Rows, Table
+from rodgen.data.tables.table import READABLE, Block, NoNumberError, Rows, Table
 from rodgen.errors import InputFileError, shown
 from rodgen.files import unreadable
 
-__all__ = ["READABLE", "CsvTable"]
+__all__ = ["CsvTable"]
 
 # Large enough that the fixed cost of a block (about 1 ms) vanishes, small enough that the few blocks in
 # flight, each some six times its text, stay below 100 MB.
@@ -39,7 +39,6 @@ TAIL_BYTES = 1 << 16
 FEWEST_LINES = 10
 """The last line, without a line end, is compared with those in so many bytes before it, which are so many at least."""
 
-READABLE = "a CSV or Parquet file"
 _MAGIC = (
     (b"PK\x03\x04", "an Excel workbook or a ZIP archive", "CSV or Parquet (in Excel: save as CSV UTF-8)"),
     (b"\xd0\xcf\x11\xe0", "an Excel workbook", "CSV or Parquet (in Excel: save as CSV UTF-8)"),
@@ -150,7 +149,7 @@ class CsvTable(Table):
             try:
                 chunk = _read(self._stream, BLOCK_BYTES)
             except (OSError, EOFError, zlib.error) as error:
-                if self._stream is self._raw:
+                if self._stream is self._raw or getattr(error, "errno", None) is not None:
                     raise unreadable(self.file, error, READABLE) from None
                 raise InputFileError(
                     self.file, "file", f"damaged gzip data ({str(error).rstrip('.')})", "a complete gzip file"
@@ -205,6 +204,10 @@ class CsvTable(Table):
         digits = [_last_digits(line.rpartition(b",")[2].strip()) for line in lines]
         fewest, most = min(digits), max(digits)
         if fewest < 0 or fewest - _last_digits(cell) <= most - fewest:
+            return
+        if fewest >= _WITH_EXPONENT and re.fullmatch(
+            rb"[+-]?0+\.?0*", cell
+        ):  # 1.2e-5, wherever it is cut, is not 0
             return
         raise InputFileError(
             self.file,
@@ -353,12 +356,15 @@ def _cells(line: bytes) -> list[str]:
         return text.split(",")
 
 
+_WITH_EXPONENT = 100
+
+
 def _last_digits(cell: bytes) -> int:
     """Return how many digits are after the decimal point, or 100 and those of the exponent; -1 of what is no number."""
     found = re.fullmatch(rb"[+-]?\d*\.?(\d*)(?:[eE]([+-]?\d*))?", cell)
     if not found or not cell:
         return -1
-    return len(found[1]) if found[2] is None else 100 + len(found[2])
+    return len(found[1]) if found[2] is None else _WITH_EXPONENT + len(found[2])
 
 
 def _numbered_lines(data: bytes, first: int) -> Iterator[tuple[int, bytes]]:

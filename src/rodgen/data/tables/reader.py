@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from rodgen.data.tables._arrow import FrameTable, ParquetTable
-from rodgen.data.tables._csv import READABLE, CsvTable
+from rodgen.data.tables._csv import CsvTable
 from rodgen.data.tables.columns import Column, EveryColumn
-from rodgen.data.tables.table import Rows, Table
+from rodgen.data.tables.table import READABLE, Rows, Table
 from rodgen.errors import InputFileError
 from rodgen.files import open_input, unreadable
 

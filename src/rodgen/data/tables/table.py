@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from rodgen.data.tables.columns import Column, EveryColumn, Match, match_columns
 from rodgen.errors import InputFileError, joined, shown
 
-__all__ = ["Block", "NoNumberError", "Rows", "Table", "places_of", "plain", "row_place"]
+__all__ = ["READABLE", "Block", "NoNumberError", "Rows", "Table", "places_of", "plain", "row_place"]
 
+READABLE = "a CSV or Parquet file"
 MOST_PLACES = 8
 """Rows that a sentence names at most."""
 

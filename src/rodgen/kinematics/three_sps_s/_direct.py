@@ -271,8 +271,9 @@ def _miss(quaternions: Any, legs: Any, geometry: Geometry) -> Any:
     """Return the error of half the squares of the legs, over the squares of the machine's dimensions."""
     R, r, h = geometry.lengths
     found = kernels.sps_legs_from_quaternion(quaternions, R, r, h)
-    wrong = np.linalg.norm((found - legs) * (found + legs), axis=-1) / 2
-    return wrong / (R * R + r * r + h * h + np.square(legs).max(axis=-1))
+    size = R * R + r * r + h * h + np.square(legs).max(axis=-1)
+    # divided first: the norm squares what it gets
+    return np.linalg.norm((found - legs) * (found + legs) / size[..., None], axis=-1) / 2
 
 
 def _polished(quaternions: Any, legs: Any, geometry: Geometry) -> tuple[Any, Any]:
