@@ -393,6 +393,11 @@ fixed_joints = "10um"
 "A0, A1" = 0.3
 """
 JOINTS = b"R1 [deg],R2 [deg],R3 [deg],R4 [deg],R5 [deg],R6 [deg]\n1,2,3,4,5,6\n"
+URDF = b"""<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1"/></joint>
+<joint name="k" type="prismatic"><parent link="b"/><child link="c"/><origin xyz="0 1 0" rpy="1 2 3"/></joint></robot>
+"""
 FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ("simulate --open t.json", {"t.json": (CORPUS / "truth.json").read_bytes()}),
     ("tricept inverse p.csv -o o.csv", {"p.csv": b"Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"}),
@@ -430,6 +435,7 @@ FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ),
     ("mechanism toolkit 4", {}),
     ("effects scale", {}),
+    ("import r.urdf -o m.toml", {"r.urdf": URDF}),
 ]
 
 

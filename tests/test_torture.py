@@ -70,6 +70,10 @@ ATTITUDES = {"a.csv": b"alpha [deg],beta [deg],gamma [deg]\n0,10,20\n5,-8,3\n"}
 EFFECT = b'\n[[effect]]\nname = "gravity_windup"\njoint = "C"\n'
 WITH_EFFECT = {**FEW, "m.toml": FEW["m.toml"] + EFFECT}
 WRONG = {**FEW, "m.toml": FEW["m.toml"].replace(b"[0, 0, 1]", b"[0, 0, -1]", 1)}
+URDF = {
+    "r.urdf": b'<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous"><parent link="a"/>'
+    b'<child link="b"/><axis xyz="0 0 1"/></joint></robot>'
+}
 ROBOT = files_of("mechanisms", l="puma_560.csv")
 
 COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
@@ -114,6 +118,7 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     "kernels": ({}, "kernels axis -o generated", ""),
     "derive": ({}, "derive rodrigues", ""),
     "errata": ({}, "errata rodrigues", ""),
+    "import": (URDF, "import r.urdf -o m.toml", "m.toml"),
     "effects": ({}, "effects", ""),
     "completion": ({}, "completion bash", ""),
 }

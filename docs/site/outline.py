@@ -50,6 +50,7 @@ OUTLINE = (
         "Machines of your own, measurements, code for controllers, robots, your own equations.",
         {
             "telescope": "examples/corrected_machine.py",
+            "import": "docs/import.md",
             "similar_effects": "docs/similar_effects.md",
             "plan": "docs/plan.md",
             "own_effect": "docs/own_effect.md",

@@ -56,6 +56,7 @@ _COMMANDS = {
     "emit": ("emit",),
     "simulate": ("simulate",),
     "effects": ("effects",),
+    "imports": ("import",),
     "axis": ("solve", "fit-axis"),
     "tricept": ("tricept",),
     "euler": ("euler",),
@@ -68,6 +69,7 @@ _COMMANDS = {
 
 _GROUPS = {
     "from measurements to a corrected machine": ("fit", "compare", "diagnose", "add", "emit", "report"),
+    "a machine file to begin with": ("import",),
     "more about a machine": ("check", "plan", "predict", "remove", "simulate", "effects"),
     "the axis of one rotation": ("fit-axis", "solve"),
     "legs, orientation, robots": ("tricept", "euler", "mechanism"),

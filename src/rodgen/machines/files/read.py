@@ -60,7 +60,7 @@ from rodgen.machines.parts import (
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["effect_of", "machine_of", "read_machine"]
+__all__ = ["JOINT_NAME", "MOST_JOINTS", "PLACE_NAME", "effect_of", "machine_of", "read_machine"]
 
 MOST_JOINTS, MOST_TARGETS, MOST_EFFECTS = 64, 1000, 200
 PLATFORM = "platform"
@@ -305,8 +305,10 @@ def _yes_or_no(value: Any) -> bool:
 
 _TITLE = TEXT.then(_title)
 _RULE = "a name of letters, digits, '_', '-' and '+', at most 60"
-_PLACE_NAME = TEXT.then(_name, _RULE)
-_JOINT_NAME = TEXT.then(_column_name, _RULE)
+PLACE_NAME = TEXT.then(_name, _RULE)
+"""What may be the name of a target."""
+JOINT_NAME = TEXT.then(_column_name, _RULE)
+"""What may be the name of a joint, which is that of its column, too."""
 
 
 def _point(numbers: tuple[float, ...]) -> tuple[float, ...]:
@@ -341,8 +343,8 @@ def _measured(top: Table, per_radian: float) -> Measured:
 
 def _joints(top: Table, per_radian: float) -> list[Joint]:
     joints = []
-    for table in _named_blocks(top, "joint", MOST_JOINTS, _JOINT_NAME):
-        name = table.get("name", _JOINT_NAME)
+    for table in _named_blocks(top, "joint", MOST_JOINTS, JOINT_NAME):
+        name = table.get("name", JOINT_NAME)
         kind = table.get("type", one_of(("prismatic", "revolute")))
         scale = _scaled(per_radian if coordinate_dimension(kind) == ANGLE else 1.0)
         travel = PAIR.then(scale).then(_rising)
@@ -399,8 +401,8 @@ def _targets(top: Table, measurand: Measurand, *, closed: bool) -> tuple[Target,
         return (Target(PLATFORM, _ORIGIN),)
     point = _POINT if measurand.moving else _DIRECTION
     return tuple(
-        Target(table.get("name", _PLACE_NAME), table.get("point", point))
-        for table in _named_blocks(top, "target", MOST_TARGETS, _PLACE_NAME)
+        Target(table.get("name", PLACE_NAME), table.get("point", point))
+        for table in _named_blocks(top, "target", MOST_TARGETS, PLACE_NAME)
     )
 
 

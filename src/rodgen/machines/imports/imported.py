@@ -1,0 +1,62 @@
+"""What an import has made of a file, and the names that joints and targets get in a machine file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from rodgen.machines.files.read import JOINT_NAME, PLACE_NAME
+from rodgen.machines.files.toml import UnfitError
+from rodgen.machines.files.write import machine_text
+from rodgen.machines.machine import Machine
+
+__all__ = ["Imported", "machine_name"]
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A machine that was made of another file.
+
+    Attributes
+    ----------
+    machine : Machine
+    notes : tuple of str
+        What was taken for what, and what was not taken: a sentence each.
+    """
+
+    machine: Machine
+    notes: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The machine file, with the notes as comments above."""
+        return "".join(f"# {note}\n" for note in self.notes) + machine_text(self.machine)
+
+
+def machine_name(text: str, others: Collection[str] = (), *, joint: bool = False) -> str:
+    """Return the name, as a machine file may have it, of what is called `text` elsewhere.
+
+    Parameters
+    ----------
+    text : str
+    others : collection of str
+        Names that are given already.
+    joint : bool
+        Whether it is a joint's, which is the name of a column of measurements, too.
+
+    Examples
+    --------
+    >>> machine_name("arm/elbow.1"), machine_name("load", joint=True), machine_name("J1", ["J1"])
+    ('arm_elbow_1', 'load_joint', 'J1_2')
+    """
+    kind = JOINT_NAME if joint else PLACE_NAME
+    plain = re.sub(r"[^\w+-]", "_", text).lstrip("_+-")[:50] or "unnamed"
+    try:
+        name = kind.read(plain)
+    except UnfitError:  # the name of an effect or of a column
+        name = f"{plain}_{'joint' if joint else 'target'}"
+    number = 2
+    while name in others:
+        name, number = f"{plain}_{number}", number + 1
+    return str(name)

@@ -1,0 +1,295 @@
+"""A machine from a robot's description in URDF: the chain of joints from one link to another.
+
+Python's own reader of XML is enough: of a URDF a machine needs five elements of its joints. A package that reads all
+of it (yourdfpy 0.0.60) brings thirty others for meshes, takes half a second to import, and gives no axes of the chain.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.errors import InputFileError, listed, nearest_name, shown
+from rodgen.files import read_input
+from rodgen.machines.files.read import MOST_JOINTS
+from rodgen.machines.imports.imported import Imported, machine_name
+from rodgen.machines.machine import Machine
+from rodgen.machines.measured import Measured
+from rodgen.machines.parts import Joint, Target, Vector
+
+__all__ = ["is_urdf", "machine_from_urdf"]
+
+Array = NDArray[np.float64]
+
+_EXPECTED = "a robot in URDF"
+_MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+_MM = 1000.0
+
+
+def is_urdf(file: str, start: bytes) -> bool:
+    """Return whether a file is a URDF, by its name or the first bytes of its content."""
+    return file.lower().endswith((".urdf", ".xacro", ".xml")) or start.lstrip().startswith(
+        (b"<?xml", b"<robot")
+    )
+
+
+def machine_from_urdf(
+    path: str | os.PathLike[str], base: str | None = None, tip: str | None = None
+) -> Imported:
+    """Return the machine of the chain from one link of a robot to another.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A URDF.
+    base : str, optional
+        The link in whose frame axes and points are given; default: the robot's root.
+    tip : str, optional
+        The link whose origin is the target; default: the only link that carries no other.
+
+    Returns
+    -------
+    Imported
+        Lengths in mm. Fixed joints are part of what they join, limits are travels. The readings are points in a free
+        frame, and the target is estimated: where the instrument stands, and what it sees on the last link, is not known
+        to a URDF.
+
+    Raises
+    ------
+    InputFileError
+        When it is no URDF, or has no such chain.
+    """
+    file = os.fspath(path)
+    robot = _root(file)
+    joints = {joint.child: joint for joint in _joints(file, robot)}
+    links = [link.get("name", "") for link in robot.iterfind("link")]
+    base = _link(file, "--base", base, links, [link for link in links if link not in joints], "roots")
+    parents = {joint.parent for joint in joints.values()}
+    tip = _link(file, "--tip", tip, links, [link for link in links if link not in parents], "last links")
+    return _machine(file, robot.get("name") or "robot", base, tip, _chain(file, joints, base, tip))
+
+
+# reading -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _UrdfJoint:
+    """A joint as it stands in the file: metres and radians, in the frame of its parent."""
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    turn: Array
+    origin: Array
+    axis: Array
+    travel: tuple[float, float] | None
+    mimic: str
+
+
+def _root(file: str) -> ElementTree.Element:
+    content = read_input(file, _EXPECTED)
+    try:
+        root = ElementTree.fromstring(content)
+    except ElementTree.ParseError as error:
+        line, _ = error.position
+        what = str(error).partition(":")[0]
+        raise InputFileError(file, f"line {line}", f"no XML ({what})", _EXPECTED) from None
+    except (ValueError, LookupError):  # an encoding that is not known, or not that of the text
+        raise InputFileError(file, "line 1", "an encoding that cannot be read", "UTF-8 text") from None
+    if any("xacro" in element.tag for element in root.iter()):
+        made = f"what 'xacro {file} -o robot.urdf' writes"
+        raise InputFileError(file, "file", "a xacro file, from which a URDF is made first", made)
+    if root.tag != "robot":
+        raise InputFileError(
+            file, "file", f"an element {shown(root.tag)}", f"{_EXPECTED}, whose element is <robot>"
+        )
+    for element in (root, *root.iterfind("link"), *root.iterfind("joint")):
+        name = element.get("name", "unnamed")
+        if not name or not name.isprintable() or len(name) > 100:
+            raise InputFileError(
+                file, element.tag, f"the name {shown(name)}", "one line of at most 100 characters"
+            )
+    return root
+
+
+def _joints(file: str, robot: ElementTree.Element) -> Iterator[_UrdfJoint]:
+    names: set[str] = set()
+    children: dict[str, str] = {}
+    links = {link.get("name") for link in robot.iterfind("link")}
+    for number, element in enumerate(robot.iterfind("joint"), start=1):
+        joint = _joint(file, element, number)
+        place = f"joint {joint.name}"
+        if joint.name in names:
+            raise InputFileError(file, place, "a second joint of this name", "a name of its own for each")
+        if other := children.get(joint.child):
+            found = f"child {shown(joint.child)}, which is the child of joint {other}, too"
+            raise InputFileError(file, place, found, "one joint that carries a link")
+        for what, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in links:
+                raise InputFileError(
+                    file, place, f"{what} {shown(link)}, which is no link", "a link of the file"
+                )
+        names.add(joint.name)
+        children[joint.child] = joint.name
+        yield joint
+
+
+def _joint(file: str, element: ElementTree.Element, number: int) -> _UrdfJoint:
+    name = element.get("name", "")
+    if not name:
+        raise InputFileError(file, f"joint {number}", "no name", "name = and type = of a joint")
+    place = f"joint {name}"
+
+    def text(tag: str, key: str) -> str | None:
+        inner = element.find(tag)
+        return None if inner is None else inner.get(key)
+
+    def numbers(tag: str, key: str, default: tuple[float, ...]) -> Array:
+        given = text(tag, key)
+        if given is None:
+            return np.array(default)
+        try:
+            values = np.array([float(x) for x in given.split()])
+        except ValueError:
+            values = np.array([math.nan])
+        if values.shape != (len(default),) or not np.isfinite(values).all() or np.abs(values).max() > 1e9:
+            wanted = "a number" if len(default) == 1 else "three numbers"
+            raise InputFileError(file, f"{place}, {tag} {key}", shown(given), wanted)
+        return values
+
+    axis = numbers("axis", "xyz", (1.0, 0.0, 0.0))
+    length = float(np.linalg.norm(axis))
+    kind = element.get("type", "")
+    if kind in _MOVING and length == 0:
+        raise InputFileError(file, f"{place}, axis xyz", "no direction", "three numbers, not all zero")
+    low, high = (float(numbers("limit", key, (0.0,))[0]) for key in ("lower", "upper"))
+    limited = kind in ("revolute", "prismatic") and low < high
+    return _UrdfJoint(
+        name=name,
+        type=kind,
+        parent=text("parent", "link") or "",
+        child=text("child", "link") or "",
+        turn=_turn(*numbers("origin", "rpy", (0.0, 0.0, 0.0))),
+        origin=numbers("origin", "xyz", (0.0, 0.0, 0.0)),
+        axis=axis / (length or 1.0),
+        travel=(low, high) if limited else None,
+        mimic=_mimic(text("mimic", "joint"), text("mimic", "multiplier"), text("mimic", "offset")),
+    )
+
+
+def _turn(roll: float, pitch: float, yaw: float) -> Array:
+    """Return the rotation by roll, pitch and yaw about fixed x, y and z, in this order."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return np.asarray(about_z @ about_y @ about_x)
+
+
+def _mimic(joint: str | None, multiplier: str | None, offset: str | None) -> str:
+    """Return the rule by which a joint follows another, as a formula; empty where it does not."""
+    return "" if joint is None else f"{multiplier or '1'} * {joint} + {offset or '0'}"
+
+
+# the chain -----------------------------------------------------------------------------------------------------------
+
+
+def _link(file: str, option: str, given: str | None, links: list[str], natural: list[str], words: str) -> str:
+    """Return the link that is given, or the only one that it may be."""
+    if given is not None:
+        if given in links:
+            return given
+        near = nearest_name(given, links)
+        expected = f"{near!r}, perhaps" if near else listed(links)
+        raise InputFileError(file, option, f"no link {shown(given)}", expected)
+    if len(natural) != 1:
+        found = f"{len(natural)} {words}, and no {option}"
+        raise InputFileError(file, option, found, f"{option} LINK: {listed(natural or links)}")
+    return natural[0]
+
+
+def _chain(file: str, joints: Mapping[str, _UrdfJoint], base: str, tip: str) -> list[_UrdfJoint]:
+    """Return the joints from one link to another."""
+    chain: list[_UrdfJoint] = []
+    link = tip
+    while link != base:
+        joint = joints.get(link)
+        if joint is None or joint in chain:
+            above = [each.parent for each in chain]
+            found = f"no link above {shown(tip)}"
+            raise InputFileError(file, f"--base {base}", found, listed(above) if above else "another --tip")
+        if joint.type not in _MOVING and joint.type != "fixed":
+            found = f"type {shown(joint.type)}" if joint.type else "no type"
+            raise InputFileError(file, f"joint {joint.name}", found, listed([*_MOVING, "fixed"]))
+        chain.append(joint)
+        link = joint.parent
+    chain.reverse()
+    moving = sum(joint.type in _MOVING for joint in chain)
+    if not 0 < moving <= MOST_JOINTS:
+        found = f"{moving} moving joints from {shown(base)} to {shown(tip)}"
+        raise InputFileError(file, "file", found, f"1 to {MOST_JOINTS}; --base and --tip choose other links")
+    return chain
+
+
+def _machine(file: str, robot: str, base: str, tip: str, chain: list[_UrdfJoint]) -> Imported:
+    turn, place = np.eye(3), np.zeros(3)
+    joints: list[Joint] = []
+    notes = [
+        f"{os.path.basename(file)}: URDF of {shown(robot)}, from link {base} to link {tip}; m and rad there."
+    ]
+    for joint in chain:
+        place = place + turn @ joint.origin
+        turn = turn @ joint.turn
+        if joint.type == "fixed":
+            continue
+        kind = _MOVING[joint.type]
+        name = machine_name(joint.name, [each.name for each in joints], joint=True)
+        scale = 1.0 if kind == "revolute" else _MM
+        travel = None if joint.travel is None else (joint.travel[0] * scale, joint.travel[1] * scale)
+        joints.append(Joint(name, kind, _clean(turn @ joint.axis, 15), _clean(_MM * place, 9), travel))
+        if name != joint.name:
+            notes.append(f"Joint {shown(joint.name)} is called {name}, as a machine file has it.")
+        if joint.mimic:
+            notes.append(
+                f"Joint {name} is a mimic joint, {name} = {joint.mimic} (m, rad). That is not taken: it is a joint of "
+                "its own here, and needs its own column."
+            )
+    notes += _on_fixed_and_limits(chain)
+    target = Target(machine_name(tip, [joint.name for joint in joints]), _clean(_MM * place, 9))
+    machine = Machine(
+        f"{robot}, {base} to {tip}"[:200],
+        "mm",
+        "deg",
+        (0.0, 0.0, -1.0),
+        20.0,
+        tuple(joints),
+        (target,),
+        Measured("point", "free"),
+        estimate=("target",),
+    )
+    notes.append(
+        "Frame and target are estimated: where the instrument is, and what it sees there, a URDF does not say."
+    )
+    return Imported(machine, tuple(notes))
+
+
+def _on_fixed_and_limits(chain: list[_UrdfJoint]) -> Iterator[str]:
+    fixed = [joint.name for joint in chain if joint.type == "fixed"]
+    if fixed:
+        yield f"Fixed joints are part of what they join: {', '.join(fixed)}."
+    endless = [joint.name for joint in chain if joint.type in _MOVING and joint.travel is None]
+    if endless:
+        yield f"Without limits, so that the travel is that of the readings: {', '.join(endless)}."
+
+
+def _clean(vector: Array, digits: int) -> Vector:
+    """Return three numbers without the rounding errors of the products that they come from."""
+    x, y, z = (float(x) + 0.0 for x in vector.round(digits))
+    return x, y, z
