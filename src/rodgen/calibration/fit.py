@@ -15,8 +15,6 @@ from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.least_squares import Solution
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import as_dict, as_text
-from rodgen.data.measurements import Measurements
-from rodgen.data.observations import Observations
 from rodgen.errors import NotConvergedError
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
@@ -40,6 +38,11 @@ class Fit(FittedModel):
         found = super()._finished(problem, solution, free, outliers)
         return replace(found, machine=replace(found.machine, doubts=found._doubts))
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # A machine is pickled without its fit; with its fit it has it again.
+        self.__dict__.update(state)
+        self.__dict__["machine"] = replace(self.machine, doubts=self._doubts)
+
     def _doubts(self) -> str:
         """Return why the fitted machine may be wrong; empty where nothing is known to be."""
         unfinished = "" if self.solution.converged else NotConvergedError.reason
@@ -59,13 +62,13 @@ class Fit(FittedModel):
 
         return compare(self)
 
-    def predict(self, design: Measurements) -> Prediction:
+    def predict(self, design: Any) -> Prediction:
         """Return where the machine will be, with uncertainties; see :func:`rodgen.calibration.predict.predict`."""
         from rodgen.calibration.predict import predict
 
         return predict(self, design)
 
-    def diagnose(self, *, test: Measurements | None = None, progress: Progress | None = None) -> Diagnosis:
+    def diagnose(self, *, test: Any = None, progress: Progress | None = None) -> Diagnosis:
         """Return which effects the model lacks; see :func:`rodgen.calibration.diagnose.diagnose`."""
         from rodgen.calibration.diagnose import diagnose
 
@@ -82,7 +85,7 @@ class Fit(FittedModel):
 
 def fit(
     machine: Machine,
-    data: Measurements | Observations,
+    data: Any,
     *,
     loss: str = "linear",
     start: Mapping[str, float] | None = None,
@@ -96,7 +99,9 @@ def fit(
     ----------
     machine : Machine
         Its ``estimate`` and the parameters of its effects are adjusted; fitted values that it carries are the start.
-    data : Measurements or Observations
+    data : Measurements, Observations or a table in memory
+        Such as a DataFrame, whose columns are named as those of a measurement file; see
+        :meth:`rodgen.data.measurements.Measurements.from_frame`.
     loss : {"linear", "huber"}
         Sum of squares, or one that outliers do not pull: they are found, named and taken out.
     start : mapping of str to float, optional

@@ -25,7 +25,6 @@ from rodgen.calibration.solve.least_squares import Solution, minimise, nearest
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
 from rodgen.calibration.words import measured
-from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.errors import shown
 from rodgen.machines.machine import Machine
@@ -133,7 +132,7 @@ class FittedModel:
     def to(
         cls,
         machine: Machine,
-        data: Measurements | Observations,
+        data: Any,
         *,
         loss: str = "linear",
         start: Mapping[str, float] | None = None,

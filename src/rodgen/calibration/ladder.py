@@ -23,12 +23,10 @@ from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.words import chance, probability, three_digits
-from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
 from rodgen.statistics.thresholds import LACK_OF_FIT
 
 if TYPE_CHECKING:
-    from rodgen.data.measurements import Measurements
     from rodgen.machines.machine import Effect, Machine
 
 __all__ = ["Ladder", "Rung", "ladder", "ladder_of"]
@@ -184,7 +182,7 @@ class Ladder:
 
 def ladder(
     machine: Machine,
-    data: Measurements | Observations,
+    data: Any,
     steps: Sequence[Effect],
     *,
     loss: str = "linear",
@@ -196,7 +194,7 @@ def ladder(
     ----------
     machine : Machine
         The first rung.
-    data : Measurements or Observations
+    data : Measurements, Observations or a table in memory
     steps : sequence of Effect
         See :meth:`rodgen.machines.machine.Machine.effect`.
     loss : {"linear", "huber"}
@@ -241,7 +239,7 @@ def ladder(
 
 def ladder_of(
     machines: Sequence[Machine],
-    data: Measurements | Observations,
+    data: Any,
     *,
     loss: str = "linear",
 ) -> Ladder:

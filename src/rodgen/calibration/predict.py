@@ -21,7 +21,6 @@ from rodgen.errors import InputFileError, shown
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
-    from rodgen.data.measurements import Measurements
 
 __all__ = ["Prediction", "predict"]
 
@@ -74,13 +73,13 @@ class Prediction:
         return found | {"determined": self.determined.astype(np.int8)}
 
 
-def predict(fit: FittedModel, design: Measurements) -> Prediction:
+def predict(fit: FittedModel, design: Any) -> Prediction:
     """Return where a fitted machine will be, with the covariance that comes from the fit.
 
     Parameters
     ----------
     fit : FittedModel
-    design : Measurements
+    design : Measurements, or a table in memory
         What is commanded, and what else the effects depend on; readings are not needed and do not matter.
 
     Returns

@@ -170,13 +170,20 @@ class Measurements:
             return cls._read(table, stack, progress)
 
     @classmethod
+    def of(cls, data: Any) -> Measurements:
+        """Return measurements as they are, and those of a table in memory as :meth:`from_frame` does."""
+        return data if isinstance(data, cls) else cls.from_frame(data)
+
+    @classmethod
     def from_frame(cls, frame: Any, *, name: str = "data") -> Measurements:
         """Return the measurements of a table in memory; its numbers are copied.
 
         Parameters
         ----------
-        frame : mapping, DataFrame or Arrow table
-            From names with units in brackets to sequences: a dict, a pandas or Polars DataFrame, an Arrow table.
+        frame : mapping, DataFrame, Dataset, structured array or Arrow table
+            From names with units in brackets to sequences: a dict, a pandas or Polars DataFrame, an Arrow table, a
+            structured array of NumPy. The index of a pandas DataFrame counts where it has a name. A Dataset of xarray
+            has a row for each combination of its dimensions; its units may be in brackets or in ``attrs["units"]``.
         name : str
             Name of the table in messages.
 

@@ -30,8 +30,6 @@ from rodgen.machines.structure import Structure, structure_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
-    from rodgen.data.measurements import Measurements
-    from rodgen.data.observations import Observations
 
 __all__ = ["Effect", "EffectBearer", "Joint", "Machine", "Measured", "Target"]
 
@@ -342,7 +340,7 @@ class Machine:
 
     def fit(
         self,
-        data: Measurements | Observations,
+        data: Any,
         *,
         loss: str = "linear",
         progress: Callable[[str, int, int | None], object] | None = None,
@@ -351,7 +349,9 @@ class Machine:
 
         Parameters
         ----------
-        data : Measurements or Observations
+        data : Measurements, Observations or a table in memory
+            Such as a DataFrame, whose columns are named as those of a measurement file; see
+            :meth:`rodgen.data.measurements.Measurements.from_frame`.
         loss : {"linear", "huber"}
             Least squares, or a robust loss: outliers are found, named and left out.
         progress : callable, optional

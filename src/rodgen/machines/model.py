@@ -142,6 +142,10 @@ class Model:
         )
         self._constant: tuple[tuple[tuple[int, int], ...], Array] = ((), np.zeros((0, 0)))
 
+    def __getstate__(self) -> dict[str, Any]:
+        # Functions of a compiled library belong to one process; a copy in another loads them when it needs them.
+        return {name: value for name, value in self.__dict__.items() if name != "kernels"}
+
     @functools.cached_property
     def kernels(self) -> Mapping[str, Any]:
         """The compiled kernels ``place``, ``residual``, ``residual_and_jacobian``; compiled when first used."""

@@ -7,6 +7,7 @@ A cubic in each interval, whose slopes at the points are weighted harmonic means
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -41,13 +42,16 @@ def monotone_curve(x: Array, y: Array) -> Callable[[Array], Array]:
         slope[-1] = _at_end(step[-1], step[-2], chord[-1], chord[-2])
     bend = (slope[:-1] + slope[1:] - 2 * chord) / step
     square, cube = (chord - slope[:-1]) / step - bend, bend / step
+    return partial(
+        _at, x, (y[:-1], slope[:-1], square, cube)
+    )  # of a function of the module: it can be pickled
 
-    def curve(at: Array) -> Array:
-        i = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(step) - 1)
-        t = at - x[i]
-        return np.asarray(y[i] + slope[i] * t + square[i] * t**2 + cube[i] * t**3)
 
-    return curve
+def _at(x: Array, coefficients: tuple[Array, ...], at: Array) -> Array:
+    i = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
+    constant, slope, square, cube = (each[i] for each in coefficients)
+    t = at - x[i]
+    return np.asarray(constant + slope * t + square * t**2 + cube * t**3)
 
 
 def _at_end(step: float, next_step: float, chord: float, next_chord: float) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +43,6 @@ from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.robust import gross_rows
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.words import capitalized
-from rodgen.data.measurements import Measurements
-from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine
 from rodgen.stages import each, stage
 from rodgen.statistics.thresholds import EVIDENCE
@@ -59,9 +57,9 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 def diagnose(
     fitted: Fit | Machine,
-    data: Measurements | Observations | None = None,
+    data: Any = None,
     *,
-    test: Measurements | None = None,
+    test: Any = None,
     prefer: Collection[tuple[str, str | None]] = (),
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -71,9 +69,9 @@ def diagnose(
     ----------
     fitted : Fit or Machine
         The model as it is: fitted, or to be fitted to `data`.
-    data : Measurements or Observations, optional
+    data : Measurements, Observations or a table in memory, optional
         Needed with a machine.
-    test : Measurements, optional
+    test : Measurements or a table in memory, optional
         Others, of which the error is reported, too. Only the frame is fitted to them, where it is free.
     prefer : collection of (name, place), optional
         Effects that are named first among what the data cannot tell apart; place None is every place.

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import minimise
-from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["bind_validation", "validation_error"]
 
 
-def bind_validation(machine: Machine, test: Measurements) -> Observations:
+def bind_validation(machine: Machine, test: Any) -> Observations:
     """Bind further measurements to a machine, and refuse those on which its error cannot be computed.
 
     Raises

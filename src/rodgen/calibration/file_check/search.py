@@ -22,7 +22,6 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import other_mode
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.staged_fit import FitError
-from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.data.units import unit_factor
 from rodgen.errors import InputFileError
@@ -173,14 +172,14 @@ class Check:
         return self.summary()
 
 
-def check(machine: Machine | FittedModel, data: Measurements | Observations | None = None) -> Check:
+def check(machine: Machine | FittedModel, data: Any = None) -> Check:
     """Return whether a machine file and its data are plausible, and what is wrong where they are not.
 
     Parameters
     ----------
     machine : Machine or Fit
         A fit that was made already is looked at first: where it shows nothing suspicious no other is made.
-    data : Measurements or Observations, optional
+    data : Measurements, Observations or a table in memory, optional
         Needed with a machine.
 
     Returns

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem.assembly_modes import closed
-from rodgen.data.measurements import plain_name
+from rodgen.data.measurements import Measurements, plain_name
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach, poses
 from rodgen.data.spool import empty
@@ -63,13 +63,14 @@ _WORDS_OF_FORMULAS = {
 
 
 @stage("reading")
-def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool = False) -> Observations:
+def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -> Observations:
     """Return the observations of a machine: its measurements, checked and in internal units.
 
     Parameters
     ----------
     machine : Machine
-    data : Measurements
+    data : Measurements, or a table in memory
+        As of `rodgen.data.measurements.Measurements.from_frame`.
     allow_missing_readings : bool
         Whether the columns of readings may all be missing, as in a plan of what to measure.
 
@@ -98,6 +99,7 @@ def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool =
     (array([[0.        , 3.14159265]]), array([[ 120.,    0.,    0.],
            [-120.,    0.,    0.]]))
     """
+    data = Measurements.of(data)
     binder = _Binder(machine, data)
     binder.check_names()
     commands = [binder.column(joint.name, *binder.kind(joint.name)).values for joint in machine.joints]
@@ -137,7 +139,7 @@ def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool =
     return observations
 
 
-def bind_once(machine: Machine, data: Measurements | Observations) -> Observations:
+def bind_once(machine: Machine, data: Any) -> Observations:
     """Return the observations to fit a machine to, at least one and each once; bound already, they stay as they are.
 
     Raises

@@ -58,7 +58,7 @@ class Simulation:
 
 def simulate(
     machine: Machine,
-    design: Measurements,
+    design: Any,
     effects: Sequence[str | Effect] = (),
     *,
     hidden: bool = False,
@@ -72,7 +72,7 @@ def simulate(
     machine : Machine
         With its fitted values, if it has some. What it estimates and has no value for is zero, and the measuring frame
         is its own.
-    design : Measurements
+    design : Measurements or a table in memory
         As a measurement file; the columns of readings may be missing, and what stands there does not matter.
     effects : sequence of str or Effect
         Texts such as ``"encoder_eccentricity@C:a=12arcsec,b=3arcsec"``, whose numbers without a unit are in the units
@@ -110,6 +110,7 @@ def simulate(
     """
     if seed is None:
         seed = int(np.random.SeedSequence().entropy) % 2**32  # type: ignore[arg-type]
+    design = Measurements.of(design)
     bound = bind(machine, design, allow_missing_readings=True)
     if not bound.n:
         raise InputFileError(design.file, "file", "no rows", "at least one pose under the header")

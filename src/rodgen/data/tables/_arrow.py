@@ -166,6 +166,13 @@ def _as_arrow(frame: Any, name: str) -> pa.Table:
         return pa.Table.from_batches([frame])
     if isinstance(frame, pa.Table):
         return frame
+    if hasattr(frame, "data_vars"):
+        frame = _rows_of_dataset(frame)
+    elif isinstance(frame, np.ndarray) and frame.dtype.names:
+        frame = {text: frame[text] for text in frame.dtype.names}
+    index = getattr(getattr(frame, "index", None), "names", None)
+    if index and any(text is not None and text not in frame.columns for text in index):
+        frame = frame.reset_index()
     # Before Arrow's interface, through which pandas passes its index as one more column.
     if isinstance(frame, Mapping):
         texts = list(frame)
@@ -188,6 +195,17 @@ def _as_arrow(frame: Any, name: str) -> pa.Table:
             expected = f"{len(arrays[0])}, as in the column {shown(texts[0])}"
             raise InputFileError(name, f"column {shown(text)}", found, expected)
     return pa.Table.from_arrays(arrays, names=texts)
+
+
+def _rows_of_dataset(dataset: Any) -> dict[str, Any]:
+    """Return the variables and coordinates of a Dataset of xarray, each laid out over all of its dimensions."""
+    found = {}
+    for text, values in dataset.variables.items():
+        unit = values.attrs.get("units", "")
+        known = unit and isinstance(text, str) and "[" not in text and unit != "1"
+        name = f"{text} [{unit}]" if known else text
+        found[name] = values.set_dims(dict(dataset.sizes)).to_numpy().ravel()
+    return found
 
 
 def _array(values: Any, place: str, name: str) -> Any:
