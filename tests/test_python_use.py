@@ -2,12 +2,17 @@
 
 import copy
 import pickle
+import re
+import subprocess
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rodgen.calibration.simulate import simulate
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, RodgenError
+from rodgen.kinematics import instantaneous_euler, screws, spatial, tricept
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
 
@@ -119,3 +124,73 @@ def test_a_copy_can_be_used_as_the_original(results):
     (fit, _), *_ = results
     made = pickle.loads(pickle.dumps(fit))
     assert made.refit().rms == pytest.approx(fit.rms, rel=1e-9)
+
+
+def test_results_are_dataframes_on_request(fit, diagnosis, columns):
+    pandas = pytest.importorskip("pandas")
+    parameters = fit.parameters.to_pandas()
+    assert list(parameters["key"]) == list(fit.estimates)
+    assert parameters["std"].iloc[0] == fit.estimates["C.axis.a"].std
+    residuals = fit.residuals.to_pandas()
+    assert list(residuals)[:5] == list(columns)
+    np.testing.assert_array_equal(residuals["residual_y [mm]"], fit.residuals[:, 1])
+    table = fit.compare().table.to_pandas()
+    assert list(table) == ["covariate", "unit", "component", "explained", "p_value", "p_value_of_all"]
+    steps = diagnosis.steps.to_pandas()
+    assert list(steps["effect"]) == ["encoder_eccentricity"]
+    assert re.fullmatch(r"a = 3\d\.\d\d ± 0\.\d\d arcsec; b = .* arcsec", steps["parameters"][0])  # 30 are hidden
+    prediction = fit.predict({"C [deg]": [15.0], "target": ["far"]}).to_pandas()
+    assert list(prediction["determined"]) == [1]
+    back = fit.observations.data.to_pandas()
+    assert all(isinstance(frame, pandas.DataFrame) for frame in (parameters, residuals, table, steps, back))
+    np.testing.assert_array_equal(back["x [mm]"], columns["x [mm]"])
+
+
+def test_residuals_of_copied_rows_stand_in_the_rows_as_they_were_given(table, columns):
+    pytest.importorskip("pandas")
+    twice = {name: np.r_[values, values[3:5]] for name, values in columns.items()}
+    found = table.fit(twice).residuals.to_pandas()
+    assert len(found) == 26
+    np.testing.assert_array_equal(found["C [deg]"], twice["C [deg]"])
+    np.testing.assert_array_equal(found["residual_x [mm]"][24:], found["residual_x [mm]"][3:5])
+
+
+def test_residuals_are_an_array(fit):
+    pairs = [(fit.residuals * 2, "product"), (fit.residuals[:3], "part"), (np.sqrt(fit.residuals**2), "root")]
+    assert {type(made) for made, _ in pairs} == {np.ndarray}
+    assert isinstance(float(fit.residuals.mean()), float)
+    assert type(pickle.loads(pickle.dumps(fit.residuals))) is np.ndarray
+    with pytest.raises(TypeError, match="no longer the residuals of a fit"):
+        fit.residuals.reshape(-1).to_pandas()
+
+
+def test_a_dataframe_without_pandas_is_one_sentence(fit, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(RodgenError, match=r"^a DataFrame needs pandas, which is not installed; pip install pandas$"):
+        fit.parameters.to_pandas()
+
+
+def test_every_result_shows_itself_in_a_notebook(table, fit, diagnosis, results):
+    for one in (fit, diagnosis, table, *(result for result, _ in results)):
+        assert one._repr_html_().startswith("<")
+    assert "encoder_eccentricity" in diagnosis.steps._repr_html_()
+    assert "<td>C.axis.a</td>" in fit.parameters._repr_html_()
+    assert "<th>C [deg]</th>" in fit.observations._repr_html_()
+    assert "<th>residual_x [mm]</th>" in fit.residuals._repr_html_()
+    assert "<b>" not in replace(table, name="<b>")._repr_html_()
+    geometry = tricept.Geometry(300.0, 200.0, (0.0, 0.0, -100.0))
+    shown = [
+        geometry,
+        tricept.matrices([0.1, 0.2, 700.0], geometry),
+        instantaneous_euler.rotations([1.0, 1.0, 1.0]),
+        spatial.vector_and_angle(np.eye(3)),
+        screws.screw_axis(np.eye(6)[0]),
+    ]
+    for one in shown:
+        assert one._repr_html_().startswith("<table>")
+
+
+def test_nothing_of_a_notebook_is_imported_before_it_is_needed():
+    code = "import sys, rodgen, rodgen.views; print({'pandas', 'polars', 'xarray', 'plotly'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"

@@ -18,6 +18,7 @@ from rodgen.calibration.summary import as_dict, as_text
 from rodgen.errors import NotConvergedError
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare import Comparison
@@ -30,6 +31,8 @@ __all__ = ["Estimate", "Fit", "FitError", "fit"]
 
 class Fit(FittedModel):
     """A model fitted to measurements, with what can be asked of it; its attributes are those of `FittedModel`."""
+
+    _repr_html_ = html_of
 
     @classmethod
     def _finished(

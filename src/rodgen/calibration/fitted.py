@@ -21,6 +21,7 @@ from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.progress import Progress, reporting
+from rodgen.calibration.residuals import Residuals
 from rodgen.calibration.solve.least_squares import Solution, minimise, nearest
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
@@ -33,6 +34,7 @@ from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
 from rodgen.stages import stage
 from rodgen.statistics.columns import unit_diagonal
+from rodgen.views import Records
 
 __all__ = ["LOSSES", "Estimate", "FittedModel"]
 
@@ -272,9 +274,12 @@ class FittedModel:
         return self._finished(self.problem, solution, free, self.outliers)
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The model's parameters."""
-        return self.problem.model.parameters
+    def parameters(self) -> Records[Parameter]:
+        """The model's parameters; as a DataFrame with their estimates."""
+        return Records(self.problem.model.parameters, self._record)
+
+    def _record(self, parameter: Parameter) -> dict[str, Any]:
+        return {"key": parameter.key} | self.estimates[parameter.key].to_dict()
 
     @property
     def unit(self) -> str:
@@ -286,12 +291,16 @@ class FittedModel:
         """Internal value of one :attr:`unit`."""
         return np.pi / 648000 if self.unit == "arcsec" else 1.0
 
-    @cached_property
-    def residuals(self) -> Array:
-        """Measured less predicted, (n, m), in :attr:`unit`.
+    @property
+    def residuals(self) -> Residuals:
+        """Measured less predicted, (n, m), in :attr:`unit`; as a DataFrame with the measurements.
 
         Of directions: the angle on the sphere, split into a horizontal part and one towards the zenith.
         """
+        return Residuals.of(self, self._residuals)
+
+    @cached_property
+    def _residuals(self) -> Array:
         r = self.problem.residuals(self.solution.theta, self.solution.frame)
         return np.asarray(self.machine.measurand.error(r) / self.unit_factor)
 

@@ -25,6 +25,7 @@ from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.words import chance, probability, three_digits
 from rodgen.errors import RodgenError
 from rodgen.statistics.thresholds import LACK_OF_FIT
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
@@ -114,6 +115,8 @@ class Ladder:
     """
 
     rungs: tuple[Rung, ...]
+
+    _repr_html_ = html_of
 
     @property
     def noise(self) -> NoiseFloor:

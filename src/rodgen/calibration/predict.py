@@ -18,6 +18,7 @@ from rodgen.calibration.problem.assembly_modes import open_legs
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, shown
+from rodgen.views import data_frame, html_of_table
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -71,6 +72,13 @@ class Prediction:
         parts = ("horizontal", "vertical") if turns else self.names
         found |= {f"model_u_{n} [{self.unit}]": x for n, x in zip(parts, self.u.T, strict=True)}
         return found | {"determined": self.determined.astype(np.int8)}
+
+    def to_pandas(self) -> Any:
+        """Return :meth:`columns` as a DataFrame."""
+        return data_frame(self.columns())
+
+    def _repr_html_(self) -> str:
+        return html_of_table(self.columns())
 
 
 def predict(fit: FittedModel, design: Any) -> Prediction:

@@ -24,6 +24,7 @@ from rodgen.data.tables.table import places_of, row_place
 from rodgen.data.units import UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
 from rodgen.limits import check_cells
+from rodgen.views import data_frame, html_of_table
 
 if TYPE_CHECKING:
     from rodgen.data.tables.reader import Rows, Table
@@ -289,6 +290,16 @@ class Measurements:
         row_in_file = before[rows]
         count = len(row_in_file)
         return Measurements(self.file, count, columns, self.header_place, self._places, row_in_file)
+
+    def to_pandas(self) -> Any:
+        """Return the columns, named with their units, as a DataFrame."""
+        return data_frame(self._by_text())
+
+    def _by_text(self) -> dict[str, NDArray[Any]]:
+        return {column.text: column.values for column in self.columns.values()}
+
+    def _repr_html_(self) -> str:
+        return html_of_table(self.take(slice(0, 10))._by_text(), repr(self))
 
     def __repr__(self) -> str:
         names = ", ".join(column.text for column in self.columns.values())

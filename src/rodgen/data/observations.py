@@ -213,6 +213,9 @@ class Observations:
         yield from (array for array in given if array is not None)
         yield from (*self.temperature.values(), *self.covariates.values(), self.travel)
 
+    def _repr_html_(self) -> str:
+        return self.data._repr_html_()
+
     def __repr__(self) -> str:
         return f"Observations({self.machine.name!r}, {self.data!r})"
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.kinematics.arrays import real_array
+from rodgen.views import html_of
 
 __all__ = [
     "ReciprocalSystem",
@@ -58,6 +59,8 @@ class ScrewAxis(NamedTuple):
     pitch: Any
     status: Any
 
+    _repr_html_ = html_of
+
 
 class ReciprocalSystem(NamedTuple):
     """Rank of given screws, and the screws reciprocal to all of them, of :func:`reciprocal_system`."""
@@ -65,6 +68,8 @@ class ReciprocalSystem(NamedTuple):
     rank: Any
     basis: Any
     margin: Any
+
+    _repr_html_ = html_of
 
 
 def line_through(a: ArrayLike, b: ArrayLike) -> Any:

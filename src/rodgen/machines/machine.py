@@ -27,6 +27,7 @@ from rodgen.machines.known import read_known
 from rodgen.machines.measured import Measurand, Measured
 from rodgen.machines.parts import Effect, Joint, Known, StatedPlausibility, Target, Vector, belongs
 from rodgen.machines.structure import Structure, structure_of
+from rodgen.views import html_of_text
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -460,6 +461,9 @@ class Machine:
     def describe(self) -> str:
         """Return a short summary: joints, targets, what is measured and estimated, effects."""
         return description(self)
+
+    def _repr_html_(self) -> str:
+        return html_of_text(self.describe())
 
 
 _Thing = TypeVar("_Thing", Joint, Target)

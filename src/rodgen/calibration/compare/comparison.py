@@ -18,6 +18,7 @@ from rodgen.calibration.compare.serial_correlation import Drift, drift
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.drivers import Driver
 from rodgen.data.poses import stretches
+from rodgen.views import Records, html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -64,6 +65,8 @@ class Comparison:
     uneven: tuple[Uneven, ...]
     tails: tuple[Tails, ...]
     far: Far | None
+
+    _repr_html_ = html_of
 
     @property
     def exact(self) -> bool:
@@ -117,6 +120,11 @@ class Comparison:
     def p_value(self, log10_p: float, tests: int = 1) -> float:
         """Return a p-value times a number of tests, at least 1e-300 and at most 1."""
         return float(10 ** np.clip(log10_p + np.log10(max(tests, 1)), -300.0, 0.0))
+
+    @property
+    def table(self) -> Records[dict[str, Any]]:
+        """What each quantity explains alone, as dicts with the keys of :meth:`to_dict`, or as a DataFrame."""
+        return Records([row for d in self.search.table for row in self._rows(d)], dict)
 
     @property
     def claims(self) -> list[str]:
@@ -204,7 +212,7 @@ class Comparison:
             and {"covariate": s.either.dependence.driver.name, "explained": s.either.explained},
             "withheld": [driver.name for driver in s.withheld],
             "tests": tests,
-            "table": [row for d in s.table for row in self._rows(d)],
+            "table": list(self.table),
             "drift": [
                 {"component": n, "change": d.change, "p_value": self.p_value(d.log10_p, len(components))}
                 for n, d in zip(components, self.drifts, strict=True)

@@ -12,6 +12,7 @@ from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.thresholds import PLAN, SELECTION
+from rodgen.views import Records, html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.detectable import Detectable
@@ -274,9 +275,9 @@ class Diagnosis:
     outliers : tuple of int
         Rows, from 0, that were left out.
     rms : Rms
-    steps : tuple of DiagnosedEffect
-        In the order of adding.
-    unexplained : tuple of Unexplained
+    steps : Records of DiagnosedEffect
+        A tuple, in the order of adding; a DataFrame by ``to_pandas()``.
+    unexplained : Records of Unexplained
     ranking : tuple of Ranked
         Every candidate, scored on the model as it was, best first.
     fits : tuple of Fit
@@ -307,6 +308,12 @@ class Diagnosis:
     estimates: Mapping[str, Estimate] = field(default_factory=dict, repr=False)
     could_hide: tuple[Detectable, ...] = field(default=(), repr=False)
     wrong_bounds: str = ""
+
+    _repr_html_ = html_of
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "unexplained"):
+            object.__setattr__(self, name, Records(getattr(self, name), _record))
 
     @property
     def base(self) -> Fit:
@@ -397,6 +404,21 @@ class Diagnosis:
 
 def _estimates(parameters: Mapping[str, Estimate]) -> dict[str, Any]:
     return {name: {"value": e.value, "std": e.std, "unit": e.unit} for name, e in parameters.items()}
+
+
+def _record(found: DiagnosedEffect | Unexplained) -> dict[str, Any]:
+    """Return the row of a table."""
+    effect = found.effect
+    return {
+        "effect": effect.name,
+        "joint": effect.place,
+        "parameters": "; ".join(f"{name} = {e.text}" for name, e in found.parameters.items()),
+        "p_value": found.p_value,
+        "p_value_of_all": found.p_value_of_all,
+        "rms": found.rms,
+        "rms_held_out": found.rms_held_out,
+        "meaning": effect.definition.meaning,
+    }
 
 
 def _named(effect: Effect) -> dict[str, Any]:

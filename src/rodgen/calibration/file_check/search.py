@@ -29,6 +29,7 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.parameters import parameters_of
 from rodgen.stages import each
 from rodgen.statistics.thresholds import CHECK
+from rodgen.views import html_of
 
 __all__ = ["Check", "Mend", "check"]
 
@@ -108,6 +109,8 @@ class Check:
     after: float | None
     unit: str
     repairs: tuple[Mend, ...] = ()
+
+    _repr_html_ = html_of
 
     @property
     def sentence(self) -> str:

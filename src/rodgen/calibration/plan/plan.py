@@ -32,6 +32,7 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.poses import moved_one_way
 from rodgen.errors import joined, shown
 from rodgen.machines.machine import Target
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -71,6 +72,8 @@ class Plan:
     needed: int | None
     new_targets: tuple[Target, ...] = ()
     travel_missing: tuple[str, ...] = ()
+
+    _repr_html_ = html_of
 
     @property
     def count(self) -> int:

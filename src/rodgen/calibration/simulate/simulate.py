@@ -55,6 +55,9 @@ class Simulation:
     replaced: Mapping[str, str]
     truth: Mapping[str, Any]
 
+    def _repr_html_(self) -> str:
+        return self.data._repr_html_()
+
 
 def simulate(
     machine: Machine,

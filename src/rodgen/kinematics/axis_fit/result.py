@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.views import html_of
+
 __all__ = ["AxisFit", "AxisFitStatus"]
 
 Floats = NDArray[np.float64]
@@ -120,6 +122,8 @@ class AxisFit:
     point_known: bool
     loss: str
     iterations: int
+
+    _repr_html_ = html_of
 
     @property
     def pairs(self) -> int:

@@ -13,6 +13,7 @@ from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
 from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.views import html_of
 
 __all__ = [
     "Rates",
@@ -42,6 +43,8 @@ class Rates(NamedTuple):
     rate: Any
     determinant: Any
     status: Any
+
+    _repr_html_ = html_of
 
 
 def rates(matrix: ArrayLike, omega: ArrayLike) -> Rates:

@@ -14,6 +14,7 @@ from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.instantaneous_euler._ridges import ridge_normal
 from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.views import html_of
 
 __all__ = ["Choice", "ChoiceStatus", "Rotations", "choose", "rotations"]
 
@@ -43,6 +44,8 @@ class Rotations(NamedTuple):
     status: Any
     distance: Any
     nearest: Any
+
+    _repr_html_ = html_of
 
 
 class ChoiceStatus(IntEnum):
@@ -79,6 +82,8 @@ class Choice(NamedTuple):
     misfit: Any
     left: Any
     status: Any
+
+    _repr_html_ = html_of
 
 
 def rotations(chi: ArrayLike, *, tolerance: ArrayLike = 0.0) -> Rotations:

@@ -23,6 +23,7 @@ from rodgen.kinematics.instantaneous_euler._angles import angles_from_quaternion
 from rodgen.kinematics.instantaneous_euler._rates import euler_from_quaternion
 from rodgen.kinematics.instantaneous_euler._ridges import ridge_normal
 from rodgen.kinematics.instantaneous_euler.sequences import Sequence, sequence_of
+from rodgen.views import html_of
 
 __all__ = ["PathStatus", "Trajectory", "trajectory"]
 
@@ -72,6 +73,8 @@ class Trajectory(NamedTuple):
     euler: dict[str, Any]
     continuous: dict[str, Any]
     euler_status: dict[str, Any]
+
+    _repr_html_ = html_of
 
 
 def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ")) -> Trajectory:

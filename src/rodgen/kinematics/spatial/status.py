@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rodgen.views import html_of
+
 __all__ = ["PairStatus", "Reverse", "ReverseStatus", "solutions_first"]
 
 
@@ -22,6 +24,8 @@ class Reverse(NamedTuple):
 
     solutions: Any
     status: Any
+
+    _repr_html_ = html_of
 
 
 class ReverseStatus(IntEnum):

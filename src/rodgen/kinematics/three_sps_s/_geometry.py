@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 from rodgen.kinematics.dimensions import finite_number, positive_length
+from rodgen.views import html_of
 
 __all__ = ["Geometry"]
 
@@ -40,6 +41,8 @@ class Geometry:
     R: float
     r: float
     h: float
+
+    _repr_html_ = html_of
 
     def __post_init__(self) -> None:
         for name, check in (("R", positive_length), ("r", positive_length), ("h", finite_number)):

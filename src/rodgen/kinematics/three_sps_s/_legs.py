@@ -19,6 +19,7 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.gains import gains_and_condition
 from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.three_sps_s._geometry import Geometry
+from rodgen.views import html_of
 
 __all__ = [
     "SINGULAR",
@@ -73,6 +74,8 @@ class Singularity(NamedTuple):
     determinant: Any
     gains: Any
     condition: Any
+
+    _repr_html_ = html_of
 
 
 def legs(rotation: ArrayLike, geometry: Geometry) -> Any:

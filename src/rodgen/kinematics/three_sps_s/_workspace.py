@@ -21,6 +21,7 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.three_sps_s._geometry import Geometry
 from rodgen.kinematics.three_sps_s._legs import SINGULAR, nearest_proper, rotation_from_tilt_torsion
+from rodgen.views import html_of
 
 __all__ = ["OrientationStatus", "Workspace", "orientation_status", "workspace"]
 
@@ -75,6 +76,8 @@ class Workspace:
     best: tuple[float, float, float]
     share: float
     joined_share: float
+
+    _repr_html_ = html_of
 
     @property
     def greatest_determinant(self) -> float:

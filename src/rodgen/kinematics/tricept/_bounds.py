@@ -21,6 +21,7 @@ from rodgen.kinematics.tricept._kinematics import behind
 from rodgen.kinematics.tricept.branch_and_bound import Extremes, certified_extremes, halved, lattice
 from rodgen.kinematics.tricept.enclosure import enclose
 from rodgen.kinematics.tricept.interval import Jet, stack
+from rodgen.views import html_of
 
 __all__ = ["ELEMENTS", "Bounds", "bounds", "rod_bounds"]
 
@@ -64,6 +65,8 @@ class Bounds:
     base_inner: Floats
     boxes: int
     complete: bool
+
+    _repr_html_ = html_of
 
     @property
     def gap(self) -> Floats:

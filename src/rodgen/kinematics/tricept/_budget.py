@@ -16,6 +16,7 @@ from rodgen.kinematics.tricept._covariance import parameter_covariance
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._parameters import ANGLES, PARAMETERS
 from rodgen.kinematics.tricept._uncertainty import regular_place
+from rodgen.views import html_of
 
 __all__ = ["Budget", "BudgetLine", "budget"]
 
@@ -51,6 +52,8 @@ class BudgetLine(NamedTuple):
     part: float
     share: float
 
+    _repr_html_ = html_of
+
 
 class Budget(NamedTuple):
     """The uncertainty budget of a point.
@@ -77,6 +80,8 @@ class Budget(NamedTuple):
     parts: Floats
     U_y: Floats
     correlated: bool
+
+    _repr_html_ = html_of
 
     def lines(self, coordinate: int) -> list[BudgetLine]:
         """Return the parameters with an uncertainty, the greatest share first; coordinate 0, 1, 2 is Qx, Qy, Qz."""

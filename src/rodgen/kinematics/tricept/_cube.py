@@ -21,6 +21,7 @@ from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._grids import grid_points
 from rodgen.kinematics.tricept._kinematics import inverse
 from rodgen.kinematics.tricept.branch_and_bound import Extremes
+from rodgen.views import html_of
 
 __all__ = ["Cube", "largest_cube"]
 
@@ -50,6 +51,8 @@ class Cube:
     edge: float
     rods: Extremes
     limiting: tuple[tuple[str, str, Floats], ...]
+
+    _repr_html_ = html_of
 
     @property
     def low(self) -> Floats:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from rodgen.errors import RodgenError
 from rodgen.kinematics.dimensions import finite_number, positive_length
+from rodgen.views import html_of
 
 __all__ = ["LEG_LIMITS", "PAPER", "Geometry"]
 
@@ -39,6 +40,8 @@ class Geometry:
     R: float
     r: float
     q: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    _repr_html_ = html_of
 
     def __post_init__(self) -> None:
         for name in ("R", "r"):

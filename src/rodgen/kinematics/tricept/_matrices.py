@@ -20,6 +20,7 @@ from rodgen.kinematics.gains import gains_and_condition
 from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import lost_behind
+from rodgen.views import html_of
 
 __all__ = ["Matrices", "Singularity", "matrices", "propagate", "sensitivity", "singularity"]
 
@@ -47,6 +48,8 @@ class Matrices(NamedTuple):
     M35: Any
     A35: Any
 
+    _repr_html_ = html_of
+
 
 class Singularity(NamedTuple):
     """How near a pose is to a singular one.
@@ -71,6 +74,8 @@ class Singularity(NamedTuple):
     det_m33: Any
     gains: Any
     condition: Any
+
+    _repr_html_ = html_of
 
 
 def matrices(pose: ArrayLike, geometry: Geometry) -> Matrices:

@@ -22,6 +22,7 @@ from rodgen.kinematics.tricept._covariance import correlation_of, parameter_cova
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._parameters import PARAMETERS
 from rodgen.kinematics.tricept._uncertainty import regular_place
+from rodgen.views import html_of
 
 __all__ = ["MonteCarlo", "coverage_intervals", "monte_carlo", "numerical_tolerance"]
 
@@ -81,6 +82,8 @@ class MonteCarlo:
     difference: Floats
     validated: NDArray[np.bool_]
     enough: NDArray[np.bool_]
+
+    _repr_html_ = html_of
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, for JSON."""

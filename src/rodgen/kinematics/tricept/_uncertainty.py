@@ -22,6 +22,7 @@ from rodgen.kinematics.tricept._kinematics import inverse, pose
 from rodgen.kinematics.tricept._matrices import propagate
 from rodgen.kinematics.tricept._parameters import PARAMETERS, joints
 from rodgen.statistics.chi_distribution import chi3_quantile
+from rodgen.views import html_of
 
 __all__ = [
     "Ellipsoid",
@@ -181,6 +182,8 @@ class Ellipsoid(NamedTuple):
     semi_axes: Any
     directions: Any
     k: float
+
+    _repr_html_ = html_of
 
 
 def ellipsoid(U_y: ArrayLike, probability: float | None = None) -> Ellipsoid:

@@ -13,6 +13,7 @@ from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._grids import around, coordinates_of, plane_points
 from rodgen.kinematics.tricept._uncertainty import ellipsoid, place_covariance
+from rodgen.views import html_of
 
 __all__ = ["UncertaintyMap", "uncertainty_map"]
 
@@ -46,6 +47,8 @@ class UncertaintyMap:
     u: Floats
     largest: Floats
     status: NDArray[np.int8]
+
+    _repr_html_ = html_of
 
 
 def uncertainty_map(

@@ -21,6 +21,7 @@ from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._grids import coordinates_of, plane_points
 from rodgen.kinematics.tricept._kinematics import pose
 from rodgen.kinematics.tricept._matrices import singularity
+from rodgen.views import html_of
 
 __all__ = ["Beams", "Slice", "Workspace", "beams", "reachable", "workspace", "workspace_slice"]
 
@@ -47,6 +48,8 @@ class Beams:
 
     ends: Numbers
     inside: NDArray[np.bool_]
+
+    _repr_html_ = html_of
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,8 @@ class Workspace:
     tilt: float
     ratio: Numbers
     limits: tuple[float, float]
+
+    _repr_html_ = html_of
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, for JSON."""
@@ -112,6 +117,8 @@ class Slice:
     points: Numbers
     status: NDArray[np.int8]
     ratio: Numbers
+
+    _repr_html_ = html_of
 
 
 def reachable(point: ArrayLike, geometry: Geometry, limits: Sequence[float]) -> Any:

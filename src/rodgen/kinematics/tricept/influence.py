@@ -23,6 +23,7 @@ from rodgen.kinematics.tricept._grids import around, grid_points
 from rodgen.kinematics.tricept._kinematics import point, pose
 from rodgen.kinematics.tricept._parameters import PARAMETERS
 from rodgen.kinematics.tricept._workspace import assembled
+from rodgen.views import html_of
 
 __all__ = ["Influence", "influence_map", "influence_region"]
 
@@ -67,6 +68,8 @@ class Influence:
     z_greatest: Floats
     pair: tuple[str, str]
     element: str
+
+    _repr_html_ = html_of
 
 
 def influence_map(

@@ -19,6 +19,7 @@ from rodgen.generated.numpy.spatial_links import HypotheticalStatus
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
+from rodgen.views import html_of
 
 __all__ = ["HypotheticalLink", "HypotheticalStatus", "close_loop"]
 
@@ -35,6 +36,8 @@ class HypotheticalLink(NamedTuple):
     a67: Any
     alpha67: Any
     status: Any
+
+    _repr_html_ = html_of
 
     def loop(self, mechanism: Mechanism) -> Mechanism:
         """Return the closed loop that a robot and this link make.

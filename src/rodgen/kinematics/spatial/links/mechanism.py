@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
+from rodgen.views import html_of
 
 __all__ = ["FREEDOMS", "GE_P60", "PUMA_560", "T3_776", "Mechanism", "check_mechanism"]
 
@@ -87,6 +88,8 @@ class Mechanism:
     unit: str
     name: str
     names: tuple[str, ...]
+
+    _repr_html_ = html_of
 
     def __init__(
         self,

@@ -23,6 +23,7 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.spatial.links.forward import frames, screws
 from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, Mechanism
 from rodgen.kinematics.spatial.links.merged import merge
+from rodgen.views import html_of
 
 __all__ = ["Mobility", "mobility", "mobility_of"]
 
@@ -72,6 +73,8 @@ class Mobility:
     passive: int = 0
     instantaneous: int | None = None
     remarks: tuple[str, ...] = ()
+
+    _repr_html_ = html_of
 
 
 def mobility(mechanism: Mechanism, q: ArrayLike | None = None) -> Mobility:

@@ -16,6 +16,7 @@ from rodgen.errors import RodgenError
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
+from rodgen.views import html_of
 
 __all__ = [
     "VectorAngle",
@@ -38,6 +39,8 @@ class VectorAngle(NamedTuple):
     vector: Any
     angle: Any
     status: Any
+
+    _repr_html_ = html_of
 
 
 def vector_and_angle(matrix: ArrayLike) -> VectorAngle:

@@ -23,6 +23,7 @@ from rodgen.kinematics.spatial.pairs.complex_roots import complex_solutions
 from rodgen.kinematics.spatial.pairs.eigenvalues import HALF, starts
 from rodgen.kinematics.spatial.pairs.solutions import SLOTS, collected, consistent
 from rodgen.kinematics.spatial.status import PairStatus
+from rodgen.views import html_of
 
 __all__ = ["Pair", "pair_from_biquadratics", "solve_pair"]
 
@@ -39,6 +40,8 @@ class Pair(NamedTuple):
     theta1: Any
     theta2: Any
     status: Any
+
+    _repr_html_ = html_of
 
 
 def pair_from_biquadratics(E: ArrayLike) -> Any:

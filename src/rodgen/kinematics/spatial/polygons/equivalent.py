@@ -17,6 +17,7 @@ from rodgen.kinematics.angles import principal
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.merged import merge
 from rodgen.polygon_laws import POLYGONS
+from rodgen.views import html_of
 
 __all__ = ["SphericalEquivalent", "equivalent_spherical"]
 
@@ -38,6 +39,8 @@ class SphericalEquivalent:
     mechanism: Mechanism
     joints: tuple[int, ...]
     shift: NDArray[np.float64]
+
+    _repr_html_ = html_of
 
     @property
     def mobility(self) -> int:

@@ -19,6 +19,7 @@ from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.spatial.links.forward import link_transform
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.robots.placement import Placement, at_zero, mechanism_at, placed
+from rodgen.views import html_of
 
 __all__ = [
     "DenavitHartenberg",
@@ -55,6 +56,8 @@ class DenavitHartenberg(NamedTuple):
     pitch: Array
     base: Array
     end: Array
+
+    _repr_html_ = html_of
 
 
 def from_denavit_hartenberg(

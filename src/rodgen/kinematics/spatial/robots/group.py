@@ -12,6 +12,7 @@ from rodgen.kinematics.spatial.arms.plan import plan
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.mobility import mobility
 from rodgen.polygon_laws import POLYGONS
+from rodgen.views import html_of
 
 __all__ = ["Group", "group"]
 
@@ -46,6 +47,8 @@ class Group:
     polygon: str
     most_solutions: int | None
     method: str
+
+    _repr_html_ = html_of
 
 
 def group(mechanism: Mechanism) -> Group:

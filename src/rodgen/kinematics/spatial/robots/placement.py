@@ -23,6 +23,7 @@ from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import one_frame
 from rodgen.kinematics.spatial.loops.reverse import reverse_sliding
 from rodgen.kinematics.spatial.status import Reverse
+from rodgen.views import html_of
 
 __all__ = ["Placement", "at_zero", "mechanism_at", "placed", "solve_pose"]
 
@@ -60,6 +61,8 @@ class Placement:
     base: NDArray[np.float64]
     end: NDArray[np.float64]
     zero: NDArray[np.float64]
+
+    _repr_html_ = html_of
 
     def __init__(
         self,

@@ -21,6 +21,7 @@ from rodgen.kinematics.spatial.links.forward import frames, screws
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import inverse_transform, one_frame, transform
 from rodgen.kinematics.spatial.robots.placement import Placement, mechanism_at, placed
+from rodgen.views import html_of
 
 __all__ = [
     "ProductOfExponentials",
@@ -50,6 +51,8 @@ class ProductOfExponentials(NamedTuple):
 
     screws: NDArray[np.float64]
     home: NDArray[np.float64]
+
+    _repr_html_ = html_of
 
 
 def from_product_of_exponentials(

@@ -1,0 +1,130 @@
+"""How results look in a notebook, and as DataFrames; pandas is imported only when a DataFrame is asked for."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from rodgen.errors import RodgenError
+
+__all__ = ["Records", "data_frame", "html_of", "html_of_table", "html_of_text"]
+
+FEW = 12
+"""Numbers of an array that are shown; of a larger one the shape is."""
+ROWS = 60
+"""Rows of a table that are shown, as pandas does."""
+
+Item = TypeVar("Item")
+
+
+class Records(tuple[Item, ...]):
+    """A tuple of results that is a DataFrame on request.
+
+    Parameters
+    ----------
+    items : iterable
+    record : callable
+        From an item to a mapping of column names to cells; a function of a module, or a method, so that it is pickled.
+    """
+
+    _record: Callable[[Item], Mapping[str, Any]]
+
+    def __new__(cls, items: Iterable[Item], record: Callable[[Item], Mapping[str, Any]]) -> Records[Item]:
+        """Return them as a tuple."""
+        made = super().__new__(cls, items)
+        made._record = record
+        return made
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return tuple(self), self._record
+
+    def columns(self) -> dict[str, list[Any]]:
+        """Return the columns of the table."""
+        rows = [self._record(item) for item in self]
+        return {name: [row.get(name) for row in rows] for name in dict.fromkeys(n for r in rows for n in r)}
+
+    def to_pandas(self) -> Any:
+        """Return a DataFrame with a row for each.
+
+        Raises
+        ------
+        RodgenError
+            Where pandas is not installed.
+        """
+        return data_frame(self.columns())
+
+    def _repr_html_(self) -> str:
+        return html_of_table(self.columns())
+
+
+def data_frame(columns: Mapping[str, Any]) -> Any:
+    """Return columns as a DataFrame.
+
+    Raises
+    ------
+    RodgenError
+        Where pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise RodgenError("a DataFrame needs pandas, which is not installed; pip install pandas") from None
+    return pandas.DataFrame(dict(columns))
+
+
+def html_of(result: Any) -> str:
+    """Return a result as HTML: its text where it has one, else a table of its fields.
+
+    Examples
+    --------
+    >>> from typing import NamedTuple
+    >>> class Place(NamedTuple):
+    ...     "Where something is."
+    ...     x: float
+    ...     found: bool
+    >>> html_of(Place(1 / 3, True)).partition("</thead>")[2]
+    '<tbody><tr><td>x</td><td>0.333333</td></tr><tr><td>found</td><td>True</td></tr></tbody></table>'
+    """
+    if callable(getattr(result, "summary", None)):
+        return html_of_text(result.summary())
+    if type(result).__str__ is not object.__str__:
+        return html_of_text(str(result))
+    if dataclasses.is_dataclass(result):
+        names = [field.name for field in dataclasses.fields(result) if field.repr and field.name[0] != "_"]
+    else:
+        names = list(result._fields)
+    fields = {"field": names, "value": [getattr(result, name) for name in names]}
+    return html_of_table(fields, (type(result).__doc__ or "").partition("\n")[0])
+
+
+def html_of_text(text: str) -> str:
+    """Return text as HTML, its columns one below the other."""
+    return f'<pre style="white-space: pre; overflow-x: auto">{html.escape(text)}</pre>'
+
+
+def html_of_table(columns: Mapping[str, Any], caption: str = "") -> str:
+    """Return columns as an HTML table, of a long one the first and the last rows."""
+    rows = list(zip(*columns.values(), strict=True))
+    if len(rows) > ROWS:
+        gap = tuple("…" for _ in columns)
+        caption = f"{caption} {len(rows)} rows".strip()
+        rows = [*rows[:5], gap, *rows[-5:]]
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in columns)
+    lines = ("".join(f"<td>{html.escape(_cell(cell))}</td>" for cell in row) for row in rows)
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    above = f'<caption style="text-align: left">{html.escape(caption)}</caption>' if caption else ""
+    return f"<table>{above}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float | np.floating):
+        return f"{value:.6g}"
+    if isinstance(value, np.ndarray) and value.size > FEW:
+        return f"array of shape {value.shape}"
+    if isinstance(value, np.ndarray):
+        return np.array2string(value, precision=6, separator=", ")
+    return "" if value is None else str(value)
