@@ -110,6 +110,8 @@ frame = "free"
 noise = 2
 """
 
+NOISE = 'a positive number, or one with its unit, such as "2 um"'
+
 
 def load(text: str) -> Machine:
     return machine_of(text, "machine.toml", Machine)
@@ -154,6 +156,28 @@ def test_directions_are_of_length_one_and_their_noise_is_an_angle() -> None:
     assert machine.joints[0].travel == (0, pytest.approx(2 * math.pi, rel=1e-15))
     assert (machine.gravity, machine.reference_temperature) == ((0, 0, -1), 20)
     assert machine.estimate == machine.effects == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "noise", "expected"),
+    [
+        (GANTRY, '"2 um"', 0.002),
+        (GANTRY, '"0.002"', 0.002),
+        (GANTRY, '"2e-6 m"', 0.002),
+        (MOUNT, '"0.5 arcsec"', 0.5 * DEG / 3600),
+        (MOUNT, '"2"', 2 * DEG / 3600),
+    ],
+)
+def test_noise_may_be_a_text_with_its_unit(text: str, noise: str, expected: float) -> None:
+    found = load(re.sub("noise = .*", f"noise = {noise}", text)).measured.noise
+    assert found == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("noise", ["2 deg", "um", "", "-2 um", "0 um", "2 xy"])
+def test_a_noise_that_is_none_is_one_sentence(noise: str) -> None:
+    with pytest.raises(InputFileError) as caught:
+        load(GANTRY.replace("noise = 0.002", f'noise = "{noise}"'))
+    assert str(caught.value) == f"machine.toml: [measured], noise: the text '{noise}'; expected {NOISE}"
 
 
 def test_distance_has_an_origin() -> None:
@@ -431,13 +455,13 @@ FAULTS = [
     ("= 21.5", "= true",
      "[environment], reference_temperature: true; expected a number"),
     ("noise = 0.002", "noise = nan",
-     "[measured], noise: nan; expected a positive number"),
+     f"[measured], noise: nan; expected {NOISE}"),
     ("noise = 0.002", "noise = 1979-05-27",
-     "[measured], noise: a date or time; expected a positive number"),
+     f"[measured], noise: a date or time; expected {NOISE}"),
     ("noise = 0.002", f"noise = 1{'0' * 400}",
-     "[measured], noise: a number beyond floating point; expected a positive number"),
+     f"[measured], noise: a number beyond floating point; expected {NOISE}"),
     ("noise = 0.002", "noise = 0",
-     "[measured], noise: 0; expected a positive number"),
+     f"[measured], noise: 0; expected {NOISE}"),
     ("point = [120, 0, 40]", "point = [120, 0, inf]",
      "target ball_1, point: [120, 0, inf]; expected three numbers, such as [0, 0, 1]"),
     ("point = [120, 0, 40]", "",

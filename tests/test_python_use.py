@@ -138,7 +138,9 @@ def test_results_are_dataframes_on_request(fit, diagnosis, columns):
     assert list(table) == ["covariate", "unit", "component", "explained", "p_value", "p_value_of_all"]
     steps = diagnosis.steps.to_pandas()
     assert list(steps["effect"]) == ["encoder_eccentricity"]
-    assert re.fullmatch(r"a = 3\d\.\d\d ± 0\.\d\d arcsec; b = .* arcsec", steps["parameters"][0])  # 30 are hidden
+    assert re.fullmatch(
+        r"a = 3\d\.\d\d ± 0\.\d\d arcsec; b = .* arcsec", steps["parameters"][0]
+    )  # 30 are hidden
     prediction = fit.predict({"C [deg]": [15.0], "target": ["far"]}).to_pandas()
     assert list(prediction["determined"]) == [1]
     back = fit.observations.data.to_pandas()
@@ -166,7 +168,9 @@ def test_residuals_are_an_array(fit):
 
 def test_a_dataframe_without_pandas_is_one_sentence(fit, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(RodgenError, match=r"^a DataFrame needs pandas, which is not installed; pip install pandas$"):
+    with pytest.raises(
+        RodgenError, match=r"^a DataFrame needs pandas, which is not installed; pip install pandas$"
+    ):
         fit.parameters.to_pandas()
 
 
@@ -191,6 +195,8 @@ def test_every_result_shows_itself_in_a_notebook(table, fit, diagnosis, results)
 
 
 def test_nothing_of_a_notebook_is_imported_before_it_is_needed():
-    code = "import sys, rodgen, rodgen.views; print({'pandas', 'polars', 'xarray', 'plotly'} & set(sys.modules))"
+    code = (
+        "import sys, rodgen, rodgen.views; print({'pandas', 'polars', 'xarray', 'plotly'} & set(sys.modules))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

@@ -91,7 +91,8 @@ def html_of(result: Any) -> str:
     """
     if callable(getattr(result, "summary", None)):
         return html_of_text(result.summary())
-    if type(result).__str__ is not object.__str__:
+    text: Any = type(result).__str__
+    if text is not object.__str__:
         return html_of_text(str(result))
     if dataclasses.is_dataclass(result):
         names = [field.name for field in dataclasses.fields(result) if field.repr and field.name[0] != "_"]

@@ -36,9 +36,6 @@ class Residuals(np.ndarray[Any, np.dtype[np.float64]]):
     def __reduce__(self) -> Any:
         return np.asarray(self).__reduce__()
 
-    def __deepcopy__(self, memo: Any) -> NDArray[np.float64]:
-        return np.array(self)
-
     def columns(self) -> dict[str, Any]:
         """Return the columns of the measurements, then predictions, residuals, and which rows are outliers.
 

@@ -37,6 +37,7 @@ __all__ = [
     "is_unit",
     "number_and_unit",
     "parse_unit",
+    "typed_quantity",
     "unit_factor",
 ]
 
@@ -268,6 +269,44 @@ def number_and_unit(text: str) -> tuple[float, str] | None:
     if found is None or not math.isfinite(float(found[1])):
         return None
     return float(found[1]), found[2]
+
+
+def typed_quantity(text: str, dimension: Dimension, length_unit: str, own: float = 1.0) -> float:
+    """Return a number that was typed with its unit in internal units.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``"2 um"``.
+    dimension : Dimension
+        What it must measure.
+    length_unit : str
+        That of internal units.
+    own : float
+        Internal value of the unit that a number without one has.
+
+    Raises
+    ------
+    UnitError
+        When it is no number, or its unit is unknown or of another dimension.
+
+    Examples
+    --------
+    >>> typed_quantity("2 um", LENGTH, "mm")
+    0.002
+    """
+    found = number_and_unit(text)
+    if found is None:
+        raise UnitError("no such number", "a number with its unit")
+    number, typed = found
+    if not typed:
+        return number * own
+    unit = parse_unit(typed)
+    if unit.dimension != dimension:
+        raise UnitError(
+            f"the unit {shown(typed)}", f"one such as {display_unit(dimension, length_unit).text}"
+        )
+    return number * unit.factor(length_unit)
 
 
 def display_unit(dimension: Dimension, length_unit: str = "mm", angle_unit: str = "arcsec") -> Unit:

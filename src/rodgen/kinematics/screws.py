@@ -59,7 +59,8 @@ class ScrewAxis(NamedTuple):
     pitch: Any
     status: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 class ReciprocalSystem(NamedTuple):
@@ -69,7 +70,8 @@ class ReciprocalSystem(NamedTuple):
     basis: Any
     margin: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def line_through(a: ArrayLike, b: ArrayLike) -> Any:

@@ -125,7 +125,7 @@ def _sizes(final: FittedModel) -> Array:
     """Return the residuals of one reading of each pose that is believed, (poses, m); of each component the rms is 1."""
     kept = np.flatnonzero(~final.outliers)
     first = kept[np.unique(final.observations.pose[kept], return_index=True)[1]]
-    residuals = final.residuals[first] * final.problem.base_weight[first]
+    residuals: Array = final.residuals[first] * final.problem.base_weight[first]
     size = np.sqrt(np.mean(residuals**2, axis=0))
     return residuals / np.where(size > 0, size, 1.0)
 

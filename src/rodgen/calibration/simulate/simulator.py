@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import open_legs
-from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, number_and_unit, parse_unit, unit_factor
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, typed_quantity, unit_factor
+from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.model import Frame, Model
 
@@ -88,21 +88,16 @@ class Simulator:
         """Return a typed noise in internal units."""
         if not isinstance(noise, str):
             return float(noise) * self.unit_factor
-        expected = (
-            f"a number from 0 up with its unit, such as {'0.5arcsec' if self.unit == 'arcsec' else '2um'}"
-        )
-        number, text = number_and_unit(noise) or (math.nan, "")
-        if not 0 <= number < math.inf:
-            raise InputFileError("noise", noise, "no such number", expected)
-        if not text:
-            return number * self.unit_factor
+        such = "0.5arcsec" if self.unit == "arcsec" else "2um"
+        expected = f"a number from 0 up with its unit, such as {such}"
+        dimension = ANGLE if self.unit == "arcsec" else LENGTH
         try:
-            unit = parse_unit(text)
+            number = typed_quantity(noise, dimension, self.machine.length_unit, self.unit_factor)
         except UnitError as error:
-            raise InputFileError("noise", noise, error.found, error.expected) from None
-        if unit.dimension != (ANGLE if self.unit == "arcsec" else LENGTH):
-            raise InputFileError("noise", noise, f"unit {shown(text)}", expected)
-        return number * unit.factor(self.machine.length_unit)
+            raise InputFileError("noise", noise, error.found, expected) from None
+        if number < 0:
+            raise InputFileError("noise", noise, "no such number", expected)
+        return number
 
     # readings ------------------------------------------------------------------------------------------------
 

@@ -44,7 +44,8 @@ class Rates(NamedTuple):
     determinant: Any
     status: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def rates(matrix: ArrayLike, omega: ArrayLike) -> Rates:

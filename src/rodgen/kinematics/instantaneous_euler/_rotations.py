@@ -45,7 +45,8 @@ class Rotations(NamedTuple):
     distance: Any
     nearest: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 class ChoiceStatus(IntEnum):
@@ -83,7 +84,8 @@ class Choice(NamedTuple):
     left: Any
     status: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def rotations(chi: ArrayLike, *, tolerance: ArrayLike = 0.0) -> Rotations:

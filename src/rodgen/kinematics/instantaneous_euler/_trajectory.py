@@ -74,7 +74,8 @@ class Trajectory(NamedTuple):
     continuous: dict[str, Any]
     euler_status: dict[str, Any]
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ")) -> Trajectory:

@@ -25,7 +25,8 @@ class Reverse(NamedTuple):
     solutions: Any
     status: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 class ReverseStatus(IntEnum):

@@ -75,7 +75,8 @@ class Singularity(NamedTuple):
     gains: Any
     condition: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def legs(rotation: ArrayLike, geometry: Geometry) -> Any:

@@ -52,7 +52,8 @@ class BudgetLine(NamedTuple):
     part: float
     share: float
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 class Budget(NamedTuple):
@@ -81,7 +82,8 @@ class Budget(NamedTuple):
     U_y: Floats
     correlated: bool
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     def lines(self, coordinate: int) -> list[BudgetLine]:
         """Return the parameters with an uncertainty, the greatest share first; coordinate 0, 1, 2 is Qx, Qy, Qz."""

@@ -48,7 +48,8 @@ class Matrices(NamedTuple):
     M35: Any
     A35: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 class Singularity(NamedTuple):
@@ -75,7 +76,8 @@ class Singularity(NamedTuple):
     gains: Any
     condition: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def matrices(pose: ArrayLike, geometry: Geometry) -> Matrices:

@@ -183,7 +183,8 @@ class Ellipsoid(NamedTuple):
     directions: Any
     k: float
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def ellipsoid(U_y: ArrayLike, probability: float | None = None) -> Ellipsoid:

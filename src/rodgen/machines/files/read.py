@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit
+from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit, typed_quantity
 from rodgen.errors import InputFileError, listed, shown
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import OWN_COMPONENTS, own_effect
@@ -167,7 +167,7 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     length, angle = units.get("length", _unit(LENGTH, "mm")), units.get("angle", _unit(ANGLE, "deg"))
     per_radian = parse_unit(angle).factor()
     environment = top.sub("environment", _KEYS["environment"])
-    measured = _measured(top, per_radian)
+    measured = _measured(top, length, per_radian)
     kinematics = _on_legs(top, per_radian) if "family" in top else Chain()
     machine = made(
         name=name,
@@ -247,11 +247,25 @@ def _squarable(number: float) -> float:
     return number
 
 
-def _noise(number: float) -> float:
-    """Return a noise, unless its square or the inverse of its square is beyond floating point."""
-    if not 1e-100 <= number <= 1e100:
-        raise UnfitError
-    return number
+def _noise_in(dimension: Dimension, length: str, own: float) -> Kind[float]:
+    """Return the kind of a noise: a number in the file's unit, whose internal value is `own`, or a text with a unit."""
+
+    def read(value: Any) -> float:
+        if isinstance(value, str):
+            try:
+                number = typed_quantity(value, dimension, length, own)
+            except UnitError:
+                raise UnfitError from None
+        else:
+            number = NUMBER.read(value) * own
+        if not 1e-100 <= number <= 1e100:  # beyond, its square or the inverse of its square is no number
+            raise UnfitError
+        return number
+
+    return Kind(f'a positive number, or one with its unit, such as "{_SUCH_NOISE[dimension]}"', read)
+
+
+_SUCH_NOISE = {LENGTH: "2 um", ANGLE: "0.5 arcsec"}
 
 
 def _rising(pair: tuple[float, float]) -> tuple[float, float]:
@@ -328,7 +342,7 @@ _TEXTS = Kind('a list of texts, such as ["target"]', _texts)
 # blocks ------------------------------------------------------------------------------------------------------------
 
 
-def _measured(top: Table, per_radian: float) -> Measured:
+def _measured(top: Table, length: str, per_radian: float) -> Measured:
     table = top.sub("measured", _KEYS["measured"], missing=_MISSING["measured"])
     kind = table.get("kind", one_of(tuple(MEASURANDS)))
     measurand = MEASURANDS[kind]
@@ -336,8 +350,8 @@ def _measured(top: Table, per_radian: float) -> Measured:
     if "from" in table and not measurand.has_origin:
         raise table.error("from", f"given together with kind = {kind!r}", "it with kind = 'distance' only")
     origin = table.get("from", _POINT) if measurand.has_origin else None
-    scale = _scaled(per_radian if measurand.dimension == ANGLE else 1.0)
-    noise = table.get("noise", NUMBER.then(scale).then(_noise, "a positive number"), None)
+    own = per_radian if measurand.dimension == ANGLE else 1.0
+    noise = table.get("noise", _noise_in(measurand.dimension, length, own), None)
     return Measured(kind, frame, origin, noise)
 
 

@@ -37,7 +37,8 @@ class HypotheticalLink(NamedTuple):
     alpha67: Any
     status: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     def loop(self, mechanism: Mechanism) -> Mechanism:
         """Return the closed loop that a robot and this link make.

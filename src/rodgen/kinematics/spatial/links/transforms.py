@@ -40,7 +40,8 @@ class VectorAngle(NamedTuple):
     angle: Any
     status: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def vector_and_angle(matrix: ArrayLike) -> VectorAngle:

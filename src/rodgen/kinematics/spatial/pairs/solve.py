@@ -41,7 +41,8 @@ class Pair(NamedTuple):
     theta2: Any
     status: Any
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def pair_from_biquadratics(E: ArrayLike) -> Any:

@@ -57,7 +57,8 @@ class DenavitHartenberg(NamedTuple):
     base: Array
     end: Array
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def from_denavit_hartenberg(

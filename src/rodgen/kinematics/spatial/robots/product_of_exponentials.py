@@ -52,7 +52,8 @@ class ProductOfExponentials(NamedTuple):
     screws: NDArray[np.float64]
     home: NDArray[np.float64]
 
-    _repr_html_ = html_of
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
 
 def from_product_of_exponentials(
