@@ -7,6 +7,7 @@ thus needs some hundred megabytes of memory, and as much disk as its columns.
 from __future__ import annotations
 
 import contextlib
+import mmap
 import os
 import tempfile
 from collections.abc import Iterator
@@ -17,10 +18,12 @@ from numpy.typing import DTypeLike, NDArray
 
 from rodgen.errors import InputFileError
 
-__all__ = ["GrowingArray", "empty"]
+__all__ = ["BLOCK", "GrowingArray", "blocks", "empty", "release", "take"]
 
 IN_MEMORY = 16 << 20
 """Bytes up to which an array stays in memory: above that a file costs no noticeable time."""
+BLOCK = 1 << 16
+"""Rows at a time of an array that may be in a file."""
 
 
 class GrowingArray:
@@ -29,6 +32,8 @@ class GrowingArray:
     Parameters
     ----------
     dtype : data-type
+    width : tuple of int
+        Shape of one entry.
 
     Examples
     --------
@@ -39,8 +44,10 @@ class GrowingArray:
     array([1., 2., 3.])
     """
 
-    def __init__(self, dtype: DTypeLike) -> None:
+    def __init__(self, dtype: DTypeLike, width: tuple[int, ...] = ()) -> None:
         self._dtype = np.dtype(dtype)
+        self._width = width
+        self._size = 0
         self._length = 0
         self._blocks: list[NDArray[Any]] = []
         self._file: IO[bytes] | None = None
@@ -58,7 +65,8 @@ class GrowingArray:
         """Append a block; it is kept, not copied, while the column is small."""
         self._blocks.append(np.ascontiguousarray(block, self._dtype))
         self._length += len(block)
-        if self._file is None and self._length * self._dtype.itemsize <= IN_MEMORY:
+        self._size += self._blocks[-1].nbytes
+        if self._file is None and self._size <= IN_MEMORY:
             return
         with _disk_faults():
             self._file = self._file or tempfile.TemporaryFile()  # noqa: SIM115 - closed with the column
@@ -69,12 +77,13 @@ class GrowingArray:
     def array(self) -> NDArray[Any]:
         """Return all of it, read-only; nothing can be appended any more."""
         if self._file is None:
-            whole = np.concatenate([np.empty(0, self._dtype), *self._blocks])
+            whole = np.concatenate([np.empty((0, *self._width), self._dtype), *self._blocks])
             self._blocks = []
         else:
             with _disk_faults():
                 self._file.flush()
-            whole = np.memmap(self._file, self._dtype, "r", shape=(self._length,)).view(np.ndarray)
+            shape = (self._length, *self._width)
+            whole = np.memmap(self._file, self._dtype, "r", shape=shape).view(np.ndarray)
         whole.flags.writeable = False
         return whole
 
@@ -100,6 +109,42 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]
         if hasattr(os, "posix_fallocate"):
             os.posix_fallocate(file.fileno(), 0, size)
         return np.memmap(file, dtype, "w+", shape=shape).view(np.ndarray)
+
+
+def blocks(*arrays: NDArray[Any]) -> Iterator[slice]:
+    """Yield slices that cover arrays of one length; after each, what was read of those in files leaves memory.
+
+    Parameters
+    ----------
+    *arrays : ndarray, each of shape (n, ...)
+
+    Examples
+    --------
+    >>> [(rows.start, rows.stop) for rows in blocks(np.zeros(100_000))]
+    [(0, 65536), (65536, 100000)]
+    """
+    n = len(arrays[0])
+    for first in range(0, n, BLOCK):
+        yield slice(first, min(first + BLOCK, n))
+        for array in arrays:
+            release(array)
+
+
+def take(array: NDArray[Any], rows: NDArray[np.intp]) -> NDArray[Any]:
+    """Return some rows, (k,), of an array, (n, ...), in a temporary file when they are many."""
+    some = empty((len(rows), *array.shape[1:]), array.dtype)
+    for part in blocks(some):
+        some[part] = array[rows[part]]
+        release(array)
+    return some
+
+
+def release(array: Any) -> None:
+    """Let the pages of an array in a file leave memory: the file keeps them."""
+    while isinstance(array, np.ndarray):
+        array = array.base
+    if isinstance(array, mmap.mmap) and hasattr(array, "madvise"):
+        array.madvise(mmap.MADV_DONTNEED)
 
 
 @contextlib.contextmanager

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.data.spool import GrowingArray
 from rodgen.data.tables.columns import Column
 from rodgen.data.tables.reader import open_table
 from rodgen.data.tables.table import places_of
@@ -28,7 +30,7 @@ PAIR_COLUMNS = (
 
 @dataclass(frozen=True)
 class Pairs:
-    """Measured pairs.
+    """Measured pairs; the arrays of many are in temporary files.
 
     Attributes
     ----------
@@ -76,20 +78,16 @@ def read_pairs(path: str | os.PathLike[str]) -> Pairs:
     InputFileError
         When the file cannot be read or a cell in these columns is not a finite number.
     """
-    with open_table(path, PAIR_COLUMNS) as table:
-        blocks, cells = [], 0
-        for block, _ in table.map(lambda rows: (np.column_stack(rows.values), rows.numbers)):
-            blocks.append(block)
-            cells += block[0].size
+    with open_table(path, PAIR_COLUMNS) as table, ExitStack() as stack:
+        points = [stack.enter_context(GrowingArray(np.float64, (3,))) for _ in range(2)]
+        angle, numbers = (stack.enter_context(GrowingArray(kind)) for kind in (np.float64, np.int64))
+        cells = 0
+        for rows, _ in table.map(lambda rows: rows):
+            for k, point in enumerate(points):
+                point.append(np.column_stack(rows.values[3 * k : 3 * k + 3]))
+            angle.append(rows.values[6])
+            numbers.append(rows.numbers)
+            cells += 7 * len(rows.numbers)
             check_cells(table.file, cells)
-        values, numbers = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
-        unit = table.units()["rho_x"]
-    return Pairs(
-        np.ascontiguousarray(values[:, :3]),
-        np.ascontiguousarray(values[:, 3:6]),
-        np.ascontiguousarray(values[:, 6]),
-        unit,
-        table.file,
-        table.counted,
-        numbers,
-    )
+        rho, rho_prime, turn, places = (column.array() for column in (*points, angle, numbers))
+        return Pairs(rho, rho_prime, turn, table.units()["rho_x"], table.file, table.counted, places)

@@ -72,7 +72,7 @@ def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Bools] | None:
         return None
     line = best_agreement(pairs.only(used), _CAMP)
     squares = pairs.half_squares(line)
-    inside = used[np.argsort(squares[used], kind="stable")[:count]]
+    inside = np.sort(used[np.argsort(squares[used], kind="stable")[:count]])
     own = max(float(squares[inside].sum()) / (3 * count - pairs.parameters), (4 * pairs.rounding) ** 2)
     # The factor of the least median of squares, for a variance that was made small by choice.
     own *= (1 + 5 / (count - pairs.parameters / 3)) ** 2

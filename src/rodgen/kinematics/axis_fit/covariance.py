@@ -20,6 +20,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.data.spool import blocks
 from rodgen.kinematics.axis_fit.noise import Noise
 from rodgen.kinematics.axis_fit.pairs import Pairs
 from rodgen.kinematics.axis_fit.residual import Line
@@ -39,15 +40,16 @@ def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Fl
     if loss.name == "linear":
         return pairs.moments().hessian(line.axis, line.point, basis), 1.0
     good = noise.good
-    z = noise.z[noise.used]
-    weight = loss.weight(z)
     # Over the three directions: ψ′ along the residual, ψ/z across it; and E[ψ²] a direction.
-    slope = float(((loss.slope(z) + 2 * weight) / 3).sum())
-    slope /= int(good.sum())
-    square = float(((weight * z) ** 2 / 3).sum()) / int(good.sum())
+    slope = square = 0.0
+    for rows in blocks(noise.squares):
+        z = np.sqrt(noise.squares[rows][noise.used[rows]] / noise.unit)
+        weight = loss.weight(z)
+        slope += float(((loss.slope(z) + 2 * weight) / 3).sum()) / int(good.sum())
+        square += float(((weight * z) ** 2 / 3).sum()) / int(good.sum())
     H = pairs.weighted(good).moments().hessian(line.axis, line.point, basis)
     # The fit has made the residuals smaller than the errors by its own degrees of freedom.
-    count = 3 * len(z)
+    count = 3 * int(noise.used.sum())
     return slope * H, square / slope * count / max(count - len(H), 1)
 
 

@@ -90,24 +90,36 @@ class PairFacts:
     def of(cls, pairs: Pairs, good: NDArray[np.bool_], line: Line) -> PairFacts:
         """Return the facts about the good pairs at a line."""
         some = pairs.only(good)
-        points = np.concatenate([some.rho, some.rho_prime])
-        middle = points.mean(axis=0) if pairs.point is None else pairs.point
-        missed = float((some.residuals(line) ** 2).mean())
-        moved = float(((some.rho_prime - some.rho) ** 2).mean())
-        sines = np.abs(np.sin(some.angle / 2))
+        count = len(some.angle)
+        middle = pairs.point
+        if middle is None:
+            sums = [block.rho.sum(axis=0) + block.rho_prime.sum(axis=0) for _, block in some.blocks()]
+            middle = np.sum(sums, axis=0) / (2 * count)
+        missed = moved = spread = versines = largest = 0.0
+        half_turns = True
+        for _, block in some.blocks():
+            missed += float((block.residuals(line) ** 2).sum()) / (3 * count)
+            moved += float(((block.rho_prime - block.rho) ** 2).sum()) / (3 * count)
+            spread += float(sum(((x - middle) ** 2).sum() for x in (block.rho, block.rho_prime))) / (
+                2 * count
+            )
+            sines = np.abs(np.sin(block.angle / 2))
+            versines += 4 * float(block.weight @ sines**2)
+            largest = max(largest, float(sines.max()))
+            half_turns &= bool((np.abs(np.cos(block.angle / 2)) < _HALF_TURN / 2).all())
         size = max(pairs.size, 1.0)
         return cls(
-            count=len(some.angle),
+            count=count,
             free=pairs.point is None,
-            largest_half_sine=float(sines.max()),
-            half_turns=bool((np.abs(np.cos(some.angle / 2)) < _HALF_TURN / 2).all()),
+            largest_half_sine=largest,
+            half_turns=half_turns,
             moved=math.sqrt(3 * moved) * pairs.scale,
             missed=math.sqrt(3 * missed) * pairs.scale,
             displaced=moved > max(4 * missed, (16 * _EPS * size) ** 2),
             exact=missed <= (16 * _EPS * size) ** 2,
-            arm=math.sqrt(3 * float(((points - middle) ** 2).mean())),
+            arm=math.sqrt(spread),
             size=size,
-            versines=4 * float(some.weight @ sines**2),
+            versines=versines,
         )
 
     @property
@@ -156,8 +168,8 @@ def choose(pairs: Pairs, solution: Solution) -> list[Line]:
     if swap:
         best, other, here, there = other, best, there, here
 
-    used = weight > 0
-    freedoms = max(3 * int(used.sum()) - pairs.parameters, 1)
+    counted = pairs.only(weight > 0)
+    freedoms = max(3 * len(counted.angle) - pairs.parameters, 1)
     if pairs.variance is not None:
         ratio = (there - here) / pairs.variance
     else:
@@ -165,9 +177,9 @@ def choose(pairs: Pairs, solution: Solution) -> list[Line]:
     # Of two axes e, f that take the true points to the same places, noise favours one by
     # Σ n′·(R_e - R_f) n / v: this is its standard deviation.
     cosine = float(best.axis @ other.axis)
-    angle = pairs.angle[used]
-    by_versine = 2 * (2 * np.sin(angle / 2) ** 2) ** 2 * (1 - cosine**2)
-    chance = math.sqrt(max(float((by_versine + 4 * np.sin(angle) ** 2 * (1 - cosine)).sum()), 0.0))
+    by_versine = sum(float((4 * np.sin(block.angle / 2) ** 4).sum()) for _, block in counted.blocks())
+    by_sine = sum(float((np.sin(block.angle) ** 2).sum()) for _, block in counted.blocks())
+    chance = math.sqrt(max(2 * by_versine * (1 - cosine**2) + 4 * by_sine * (1 - cosine), 0.0))
     return [best, other] if ratio < _KEEP_BELOW + _KEEP_DEVIATIONS * chance else [best]
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.data.spool import blocks
 from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit.covariance import (
     condition_number,
@@ -122,10 +123,13 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
     lines = choose(pairs, solution)
     squares = pairs.half_squares(lines[0])
     noise = Noise.of(pairs, loss, squares)
-    used, good = noise.used, noise.good
-
-    counted = (pairs.weight * solution.share)[good]
-    centroid = counted @ (pairs.rho[good] + pairs.rho_prime[good]) / (2 * counted.sum())
+    good = noise.good
+    total, moment = 0.0, np.zeros(3)
+    for rows, block in pairs.blocks():
+        counted = block.weight * solution.share[rows] * good[rows]
+        total += 2 * float(counted.sum())
+        moment += counted @ (block.rho + block.rho_prime)
+    centroid = moment / total
     if free:
         lines = [line.nearest(centroid) for line in lines]
     best = lines[0]
@@ -136,7 +140,10 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
     small = np.full(information.shape, np.nan)
     determined = is_determined(axis_information(information), reference * facts.arm**2, facts)
     if determined and not math.isnan(noise.variance):
-        versines = float((solution.share[used] ** 2) @ (2 * np.sin(pairs.angle[used] / 2) ** 2))
+        versines = sum(
+            float((solution.share[rows] ** 2 * noise.used[rows]) @ (2 * np.sin(block.angle / 2) ** 2))
+            for rows, block in pairs.blocks()
+        )
         small = parameter_covariance(information, score, noise.variance, versines)
     freedoms = find_freedoms(
         axis_information(information), reference * facts.arm**2, small[:2, :2], basis, facts
@@ -148,8 +155,14 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
     def place(point: Floats) -> Floats:
         return pairs.origin + pairs.scale * point if free else pairs.origin.copy()
 
-    residuals = [pairs.residuals(line) for line in lines]
-    rms = [math.sqrt(float((d[good] ** 2).sum(axis=-1).mean())) * pairs.scale for d in residuals]
+    residuals, rms = [], []
+    for line in lines:
+        d, missed = pairs.residuals(line), 0.0
+        for rows in blocks(d):
+            missed += float((d[rows][good[rows]] ** 2).sum())
+            d[rows] *= pairs.scale
+        residuals.append(d)
+        rms.append(math.sqrt(missed / facts.count) * pairs.scale)
     return AxisFit(
         axis=best.axis,
         point=place(best.point),
@@ -159,7 +172,7 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
         dof=noise.dof,
         chi_square=noise.chi_square,
         rms=rms[0],
-        residuals=residuals[0] * pairs.scale,
+        residuals=residuals[0],
         weights=solution.share,
         outliers=noise.outliers,
         centroid=pairs.origin + pairs.scale * centroid,

@@ -21,7 +21,8 @@ the origin.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +89,15 @@ class Moments:
             centre=centre,
             free=point is None,
         )
+
+    @staticmethod
+    def total(parts: Iterable[Moments]) -> Moments:
+        """Return the sums over all parts of the pairs, each about the same centre."""
+        first, *others = parts
+        for part in others:
+            sums = {name: getattr(first, name) + getattr(part, name) for name in ("A", "b", "M", "S", "D")}
+            first = replace(first, **sums)
+        return first
 
     def quadratic(self) -> tuple[Floats, Floats]:
         """Return A and b of the quadratic in the axis, with a free point eliminated."""

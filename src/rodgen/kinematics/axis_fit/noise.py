@@ -26,8 +26,10 @@ class Noise:
         Of a coordinate at weight 1, scaled lengths; NaN where unknown.
     sigma : float
         Standard uncertainty in the user's unit; NaN where unknown.
-    z : (N,) array
-        Residuals in units of their standard deviation; 0 where that is unknown.
+    squares : (N,) array
+        w |d|²/2 of the residuals.
+    unit : float
+        What `squares` are compared with: the variance or that of rounding, infinite where unknown.
     used, outliers, good : (N,) bool arrays
         Pairs with a weight, those too far off, and the others.
     dof : int
@@ -38,7 +40,8 @@ class Noise:
 
     variance: float
     sigma: float
-    z: Floats
+    squares: Floats
+    unit: float
     used: NDArray[np.bool_]
     outliers: NDArray[np.bool_]
     good: NDArray[np.bool_]
@@ -50,31 +53,29 @@ class Noise:
         """Judge by half the weighted squares of the residuals."""
         used = pairs.weight > 0
         count, parameters = int(used.sum()), pairs.parameters
+        counted = squares if used.all() else squares[used]
         freedoms = 3 * count - parameters
         if pairs.variance is not None:
             variance = pairs.variance
         elif freedoms <= 0:
             variance = math.nan
         elif loss.name == "linear":
-            variance = float(squares[used].sum()) / freedoms
+            variance = float(counted.sum()) / freedoms
         else:
-            variance = trimmed_variance(squares[used], parameters, median_variance(squares[used], parameters))
+            variance = trimmed_variance(counted, parameters, median_variance(counted, parameters))
 
-        z, outliers = np.zeros(len(used)), np.zeros(len(used), dtype=bool)
-        if not math.isnan(variance):
-            # Exact pairs leave residuals of rounding; none of them is an outlier.
-            z = np.sqrt(squares / max(variance, (4 * pairs.rounding) ** 2))
-            # A pair that alone makes the fit cannot be off it.
-            if freedoms > 0:
-                outliers = used & (z > chi_cut(count))
+        # Exact pairs leave residuals of rounding; none of them is an outlier.
+        unit = math.inf if math.isnan(variance) else max(variance, (4 * pairs.rounding) ** 2)
+        # A pair that alone makes the fit cannot be off it.
+        outliers = used & (squares > chi_cut(count) ** 2 * unit) if freedoms > 0 else np.zeros_like(used)
         good = used & ~outliers
         if 3 * int(good.sum()) < parameters:
             good = used
         dof = 3 * int(good.sum()) - parameters
         if pairs.variance is not None:
-            chi_square = float(squares[good].sum()) / variance
-            return cls(variance, pairs.sigma, z, used, outliers, good, dof, chi_square)
+            chi_square = float(squares.sum(where=good)) / variance
+            return cls(variance, pairs.sigma, squares, unit, used, outliers, good, dof, chi_square)
         sigma = (
             math.sqrt(variance / pairs.unit_weight) * pairs.scale if not math.isnan(variance) else math.nan
         )
-        return cls(variance, sigma, z, used, outliers, good, dof, None)
+        return cls(variance, sigma, squares, unit, used, outliers, good, dof, None)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.data.spool import BLOCK, blocks, empty, release, take
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.axis_fit.moments import Moments
@@ -28,6 +31,8 @@ _WIDEST = 400
 @dataclass(frozen=True, eq=False)
 class Pairs:
     """Pairs in scaled lengths: true length = `origin` + `scale` · length here.
+
+    The arrays of many pairs are in temporary files, and all sums go over them a block at a time.
 
     Attributes
     ----------
@@ -77,8 +82,21 @@ class Pairs:
     def only(self, rows: Any) -> Pairs:
         """Return some of the pairs; `rows` (S, k) makes sets of them, for :meth:`best_line`."""
         arrays = (self.rho, self.rho_prime, self.angle, self.weight)
-        rho, rho_prime, angle, weight = (array[rows] for array in arrays)
+        if isinstance(rows, np.ndarray) and rows.dtype == bool:
+            if rows.all():
+                return self
+            rows = np.flatnonzero(rows)
+        some = (take(array, rows) if np.ndim(rows) == 1 else array[rows] for array in arrays)
+        rho, rho_prime, angle, weight = some
         return replace(self, rho=rho, rho_prime=rho_prime, angle=angle, weight=weight)
+
+    def blocks(self) -> Iterator[tuple[slice, Pairs]]:
+        """Yield all pairs, block by block, each with its place."""
+        if len(self.angle) <= BLOCK:
+            yield slice(None), self
+            return
+        for rows in blocks(self.rho, self.rho_prime, self.angle):
+            yield rows, self.only(rows)
 
     def weighted(self, share: NDArray[Any]) -> Pairs:
         """Return the pairs with their weights multiplied by `share`."""
@@ -86,7 +104,17 @@ class Pairs:
 
     def moments(self) -> Moments:
         """Return the sums on which the likelihood depends."""
-        return Moments.of(self.rho, self.rho_prime, self.angle, self.weight, self.point)
+        if self.angle.ndim > 1 or len(self.angle) <= BLOCK:
+            return self._moments_about(self.point)
+        centre = self.point
+        if centre is None:
+            rough = Moments.total(block._moments_about(np.zeros(3)) for _, block in self.blocks())
+            centre = rough.M / rough.D if rough.D > 0 else rough.M
+        sums = Moments.total(block._moments_about(centre) for _, block in self.blocks())
+        return replace(sums, free=self.point is None)
+
+    def _moments_about(self, centre: Floats | None) -> Moments:
+        return Moments.of(self.rho, self.rho_prime, self.angle, self.weight, centre)
 
     def best_line(self) -> Line:
         """Return the most likely line, of each set of pairs where these are sets."""
@@ -96,12 +124,21 @@ class Pairs:
 
     def residuals(self, line: Line) -> Floats:
         """Return the residuals (N, 3)."""
-        return residual(self.rho, self.rho_prime, self.angle, line.axis, line.point)
+        if len(self.angle) <= BLOCK:
+            return residual(self.rho, self.rho_prime, self.angle, line.axis, line.point)
+        d = empty(self.rho.shape)
+        for rows, block in self.blocks():
+            d[rows] = block.residuals(line)
+            release(d)
+        return d
 
     def half_squares(self, line: Line) -> Floats:
         """Return w |d|²/2 of every pair: three times the variance of unit weight, in the mean."""
-        d = self.residuals(line)
-        return self.weight * (d[:, 0] ** 2 + d[:, 1] ** 2 + d[:, 2] ** 2) / 2
+        squares = np.empty(len(self.angle))
+        for rows, block in self.blocks():
+            d = block.residuals(line)
+            squares[rows] = block.weight * (d[:, 0] ** 2 + d[:, 1] ** 2 + d[:, 2] ** 2) / 2
+        return squares
 
     @classmethod
     def of(
@@ -130,26 +167,26 @@ class Pairs:
             raise RodgenError("rho, rho_prime and angle hold no pairs; at least one is needed")
         for name, values in (("rho", x), ("rho_prime", y), ("angle", a)):
             _finite(name, values)
-        if (np.abs(np.sin(a / 2)) <= ZERO_TURN).all():
+        if all((np.abs(np.sin(a[rows] / 2)) <= ZERO_TURN).all() for rows in blocks(a)):
             # No turn at all, rather than a turn about a point that noise puts at infinity.
             a = np.zeros(len(a))
         known = _known_point(point)
 
-        exponent = _exponent(np.array([_largest(x), _largest(y), 0.0 if known is None else _largest(known)]))
-        x, y = np.ldexp(x, -exponent), np.ldexp(y, -exponent)
+        ends = np.concatenate([_ends(x), _ends(y)])
+        exponent = _exponent(np.abs(ends if known is None else np.concatenate([ends, known[None]])))
         # The median, not the mean: one gross error must not move the origin to where differences cancel.
         middle = (
-            np.median(x, axis=0) / 2 + np.median(y, axis=0) / 2
+            _median(x, exponent) / 2 + _median(y, exponent) / 2
             if known is None
             else np.ldexp(known, -exponent)
         )
-        size = max(_largest(x), _largest(y), _largest(middle))
-        x, y = x - middle, y - middle
-        second = _exponent(np.array([_largest(x), _largest(y)]))
+        ends = np.ldexp(ends, -exponent)
+        size = max(float(np.abs(ends).max()), float(np.abs(middle).max()))
+        second = _exponent(np.abs(ends - middle))
         if sigma is not None:
             # Lengths that are negligible against sigma must not make its square overflow.
             second = max(second, _exponent(np.abs(_numbers("sigma", sigma))) - exponent - _WIDEST)
-        x, y = np.ldexp(x, -second), np.ldexp(y, -second)
+        x, y = (_scaled(values, exponent, middle, second) for values in (x, y))
 
         w, variance, unit, rms_sigma = _weights(sigma, weights, shape, exponent + second)
         return cls(
@@ -183,15 +220,42 @@ def _points(name: str, values: ArrayLike) -> Floats:
 
 
 def _finite(name: str, values: Floats) -> None:
-    good = np.isfinite(values) if values.ndim == 1 else np.isfinite(values).all(axis=-1)
-    if not good.all():
-        row = int(np.argmin(good))
-        more = int(np.count_nonzero(~good)) - 1
+    parts = []
+    for rows in blocks(values):
+        good = np.isfinite(values[rows])
+        parts.append(rows.start + np.flatnonzero(~(good if good.ndim == 1 else good.all(axis=-1))))
+    bad = np.concatenate(parts)
+    if len(bad):
+        row, more = int(bad[0]), len(bad) - 1
         others = f" ({more} more rows are like it)" if more else ""
         raise RodgenError(
             f"{name}, row {row} (counted from 0) is {_shown(values[row])}; expected finite numbers; "
             f"leave such rows out{others}"
         )
+
+
+def _ends(points: Floats) -> Floats:
+    """Return the least and the largest coordinates, (2, 3)."""
+    parts = [(points[rows].min(axis=0), points[rows].max(axis=0)) for rows in blocks(points)]
+    low, high = zip(*parts, strict=True)
+    return np.array([np.min(low, axis=0), np.max(high, axis=0)])
+
+
+def _median(points: Floats, exponent: int) -> Floats:
+    """Return the median of each coordinate, (3,), divided by a power of two."""
+    found, column = np.empty(3), np.empty(len(points))
+    for k in range(3):
+        for rows in blocks(points):
+            column[rows] = np.ldexp(points[rows, k], -exponent)
+        found[k] = np.median(column, overwrite_input=True)
+    return found
+
+
+def _scaled(points: Floats, exponent: int, middle: Floats, second: int) -> Floats:
+    scaled = empty(points.shape)
+    for rows in blocks(points, scaled):
+        scaled[rows] = np.ldexp(np.ldexp(points[rows], -exponent) - middle, -second)
+    return scaled
 
 
 def _known_point(point: Any) -> Floats | None:
@@ -215,6 +279,10 @@ def _weights(
     sigma: ArrayLike | None, weights: ArrayLike | None, shape: tuple[int, ...], exponent: int
 ) -> tuple[Floats, float | None, float, float]:
     """Relative inverse variances (N,), variance at weight 1 if known, weight of a user's 1, rms sigma."""
+    if weights is None and (sigma is None or np.ndim(sigma) == 0):
+        # One weight for all, which needs no array of them.
+        _, variance, unit, rms = _weights(sigma, np.ones(1), (1,), exponent)
+        return np.broadcast_to(1.0, (math.prod(shape),)), variance, unit, rms
     given = np.ones(shape) if weights is None else _broadcast("weights", weights, shape)
     if (given < 0).any():
         row = int(np.argmax(given.ravel() < 0))
@@ -249,10 +317,6 @@ def _broadcast(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
         ) from None
     _finite(name, array.ravel())
     return array
-
-
-def _largest(values: Floats) -> float:
-    return float(np.abs(values).max())
 
 
 def _exponent(sizes: Floats) -> int:

@@ -33,7 +33,7 @@ def remarks_on(
 ) -> list[str]:
     """Return sentences, the most important first."""
     remarks: list[str] = []
-    largest = float(np.abs(pairs.angle).max())
+    largest = max(float(np.abs(block.angle).max()) for _, block in pairs.blocks())
     if largest > _DEGREES:
         remarks.append(f"An angle is {largest:.4g} rad: angles are taken in rad, not in degrees.")
     if math.isnan(noise.variance):
@@ -87,11 +87,11 @@ def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> li
     freedoms = 3 * int(good.sum()) - 4
     if freedoms <= 0:
         return []
-    some = replace(pairs.weighted(solution.share).only(good), point=None)
+    some = replace(pairs.weighted(solution.share * good), point=None)
     free = some.best_line().nearest(np.zeros(3))
-    left = float((some.weight[:, None] * some.residuals(free) ** 2).sum()) / 2
-    gain = float((solution.share * pairs.half_squares(line))[good].sum()) - left
-    if gain <= (64 * pairs.rounding) ** 2 * len(some.weight):
+    left = sum(float(block.half_squares(free).sum()) for _, block in some.blocks())
+    gain = sum(float(block.half_squares(line).sum()) for _, block in some.blocks()) - left
+    if gain <= (64 * pairs.rounding) ** 2 * int(good.sum()):
         return []
     # Survival functions of χ² with 2 degrees of freedom, and of F with 2 and `freedoms`, in closed form.
     if pairs.variance is not None:
@@ -110,23 +110,28 @@ def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> li
 def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
     """Return a remark when distances from the known point change more than the rest of the residuals explains."""
     good = noise.good
-    change = np.sqrt((pairs.rho_prime[good] ** 2).sum(axis=-1)) - np.sqrt((pairs.rho[good] ** 2).sum(axis=-1))
-    count = len(change)
-    if np.abs(change).max() <= 64 * pairs.rounding:
+    count = int(good.sum())
+    changes = np.empty(len(good))
+    squares = radial = 0.0
+    for rows, block in pairs.blocks():
+        before, after = (np.sqrt((x**2).sum(axis=-1)) for x in (block.rho, block.rho_prime))
+        changes[rows] = change = np.abs(after - before) * good[rows]
+        squares += float(change @ change)
+        radial += float(block.weight @ change**2) / count / 2
+    worst = int(np.argmax(changes))
+    if changes[worst] <= 64 * pairs.rounding:
         return []
-    radial = float((pairs.weight[good] * change**2).mean()) / 2
     if pairs.variance is not None:
         limit = pairs.variance * (1 + _NO_ACCIDENT * math.sqrt(2 / count))
     else:
         freedoms = 2 * count - 2
         if freedoms <= 0:
             return []
-        across = max(float(pairs.half_squares(line)[good].sum()) - count * radial, 0.0) / freedoms
+        across = max(float(pairs.half_squares(line).sum(where=good)) - count * radial, 0.0) / freedoms
         limit = across * (1 + _NO_ACCIDENT * math.sqrt(2 / count + 2 / freedoms))
     if radial <= limit:
         return []
-    worst = int(np.flatnonzero(good)[np.argmax(np.abs(change))])
-    rms = math.sqrt(float((change**2).mean())) * pairs.scale
+    rms = math.sqrt(squares / count) * pairs.scale
     return [
         f"Distances from the known point change by {rms:.3g} rms (most in pair {worst}), more than the other "
         "residuals explain."

@@ -102,7 +102,7 @@ def trimmed_variance(squares: Floats, freedoms_used: int, start: float) -> float
         freedoms = 3 * int(inside.sum()) - freedoms_used
         if freedoms <= 0:
             return variance
-        new = float(squares[inside].sum()) / (freedoms * shrink)
+        new = float(squares.sum(where=inside)) / (freedoms * shrink)
         if abs(new - variance) <= 1e-12 * variance:
             return new
         variance = new

@@ -61,7 +61,7 @@ def solve(pairs: Pairs, loss: Loss) -> Solution:
     """
     used = pairs.weight > 0
     counted = pairs if used.all() else pairs.only(used)
-    share, iterations, converged, near = np.ones(len(counted.weight)), 0, True, None
+    share, iterations, converged, near = np.broadcast_to(1.0, counted.weight.shape), 0, True, None
     if loss.name != "linear":
         needed = 4 if pairs.point is None else 3
         if len(share) < needed:
@@ -70,7 +70,8 @@ def solve(pairs: Pairs, loss: Loss) -> Solution:
                 "the good ones; use loss='linear'"
             )
         near, share, iterations, converged = _reweight(counted, loss, *robust_start(counted))
-    best, other = _optima(counted.weighted(share), near)
+        counted = counted.weighted(share)
+    best, other = _optima(counted, near)
     everyone = np.zeros(len(used))
     everyone[used] = share
     return Solution(best, other, everyone, iterations, converged)
@@ -107,7 +108,9 @@ def _reweight(pairs: Pairs, loss: Loss, line: Line, variance: float) -> tuple[Li
             variance = pairs.variance
         elif count <= MOST_REWEIGHTINGS // 2:
             variance = trimmed_variance(squares, pairs.parameters, variance)
-        share = loss.weight(np.sqrt(squares / max(variance, pairs.rounding**2)))
+        squares /= max(variance, pairs.rounding**2)
+        share = loss.weight(np.sqrt(squares, out=squares))
+        del squares
         moments = pairs.weighted(share).moments()
         axis = global_maximum(*moments.quadratic())
         if axis @ line.axis < _SAME_OPTIMUM:
@@ -121,16 +124,24 @@ def _reweight(pairs: Pairs, loss: Loss, line: Line, variance: float) -> tuple[Li
     return line, share, MOST_REWEIGHTINGS, False
 
 
+def _gradient(pairs: Pairs, line: Line) -> tuple[Floats, Floats]:
+    parts = [
+        residual_gradient(block.rho, block.rho_prime, block.angle, block.weight, line.axis, line.point)
+        for _, block in pairs.blocks()
+    ]
+    by_axis, by_point = zip(*parts, strict=True)
+    return np.sum(by_axis, axis=0), np.sum(by_point, axis=0)
+
+
 def _polish(pairs: Pairs, moments: Moments, axis: Floats) -> Line:
     """Return the line after Newton steps on the residuals, in the turns and shifts that are determined."""
     point = moments.point(axis)
-    arm = math.sqrt(3 * float(np.mean((pairs.rho - point) ** 2))) or 1.0
+    squares = sum(float(((block.rho - point) ** 2).sum()) for _, block in pairs.blocks())
+    arm = math.sqrt(squares / len(pairs.angle)) or 1.0
     last = _LONGEST_STEP
     for _ in range(_MOST_NEWTON_STEPS):
         basis = tangents(axis)
-        by_axis, by_point = residual_gradient(
-            pairs.rho, pairs.rho_prime, pairs.angle, pairs.weight, axis, point
-        )
+        by_axis, by_point = _gradient(pairs, Line(axis, point))
         gradient, units = by_axis @ basis / arm, np.repeat(1 / arm, 2)
         if moments.free:
             gradient = np.concatenate([gradient, by_point @ basis])
