@@ -76,15 +76,16 @@ sys.exit(rodgen.__main__.main())
     assert (done.returncode, done.stdout, done.stderr) == (130, "", LINE)
 
 
-def test_a_signal_that_ends_a_command_leaves_no_temporary_file(tmp_path):
-    code = """
+@pytest.mark.parametrize("ending", ["SIGTERM", "SIGHUP"])
+def test_a_signal_that_ends_a_command_leaves_no_temporary_file(ending, tmp_path):
+    code = f"""
 import os, signal, sys
 from rodgen.cli import effects, main
 from rodgen.cli._outputs import Outputs
 def run(options):
     with Outputs() as outputs:
         outputs.add("c.toml", b"1")
-        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.{ending})
 effects._run = run
 sys.argv[1:] = ["effects"]
 sys.exit(main.main())

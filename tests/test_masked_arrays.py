@@ -22,6 +22,8 @@ CALLS = {
     "axis_condition": lambda: rodgen.axis_condition(VECTOR, VECTOR, ANGLE),
     "matrix_from_axis_angle": lambda: rodgen.matrix_from_axis_angle(np.eye(3)[:2], ANGLE),
     "matrix_from_quaternion": lambda: rodgen.matrix_from_quaternion(QUATERNION),
+    "in a list": lambda: rodgen.rotate([VECTOR[1], VECTOR[0]], [0, 0, 1.0]),
+    "tricept in a tuple": lambda: tricept.pose((VECTOR[0],), tricept.PAPER),
     "screws": lambda: screws.line_through(VECTOR, np.eye(3)[:2] + 1),
     "angles_from_euler": lambda: instantaneous_euler.angles_from_euler(VECTOR, "xyz"),
     "angles_from_matrix": lambda: instantaneous_euler.angles_from_matrix(MATRIX),

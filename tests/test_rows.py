@@ -650,6 +650,25 @@ def test_a_kept_library_that_is_not_as_it_was_written_is_never_loaded(cache, how
     assert {path.stat().st_mode & 0o777 for path in cache.iterdir()} == {0o600}
 
 
+NO_FILE_OF_RODGEN = {
+    "nested note": lambda path: path.with_suffix(".json").write_text("[" * 100_000),
+    "pipe": lambda path: (path.unlink(), os.mkfifo(path, 0o600)),
+    "huge": lambda path: os.truncate(path, 1 << 40),
+}
+
+
+@needs_compiler
+@pytest.mark.parametrize("how", NO_FILE_OF_RODGEN)
+def test_a_kept_library_that_would_be_waited_for_or_fill_the_memory_is_made_again(cache, how):
+    row_kernels("one", lambda: [line()], shared=["p"])
+    (kept,) = kept_files(cache)
+    NO_FILE_OF_RODGEN[how](kept)
+    made, notices = told(lambda: row_kernels("one", lambda: [line()], shared=["p"])["line"])
+    assert (made([[2.0, 0.0]], [1.0, 1.0]).tolist(), made.target) == ([3.0], "c")
+    assert len(notices) == 1
+    assert "is not as it was written; it is deleted and made again" in notices[0]
+
+
 MADE_AGAIN = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})

@@ -6,6 +6,7 @@ import io
 import os
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pint
@@ -594,6 +595,14 @@ WHOLE = {
 def test_a_whole_last_line_needs_no_line_end(cell, last, lines, scratch):
     scratch.write_text(cut_file(cell, last, lines))
     assert Measurements.load(scratch).rows == lines + 1
+
+
+def test_millions_of_empty_lines_after_rows_take_no_time(scratch):
+    """Arrow parses 7 MB of them a second."""
+    scratch.write_bytes(gzip.compress(GOOD.encode() + b"\n" * 50_000_000 + f"{ROW}\n".encode(), 1))
+    start = time.process_time()
+    assert solve_table(scratch, scratch.with_suffix(".out.csv")).rows == 2
+    assert time.process_time() - start < 2
 
 
 def test_flipped_bits_of_a_written_parquet_file_are_found(scratch):

@@ -52,7 +52,7 @@ exit codes:
   70  an error in rodgen itself: one line on standard error; with --debug, where
   130  interrupted (Ctrl-C)
   141  the reader of the output closed it
-  143  ended by SIGTERM
+  143  ended by SIGTERM or SIGHUP
 """
 
 # control characters but tab and line feed, and those that turn the direction of writing

@@ -78,6 +78,8 @@ _GROUPS = {
 }
 """Commands by subject, as ``rodgen --help`` shows them; the first group has the steps of ``make demo``."""
 
+_ENDING = [signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else [])]
+
 _WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool")
 """Options whose value may start with a minus sign."""
 
@@ -100,8 +102,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     debug = given != all_given
     timings = Timings()
     completed: list[str] = []
-    if arguments is None and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, _terminate)
+    if arguments is None:
+        for ending in _ENDING:
+            if signal.getsignal(ending) is signal.SIG_DFL:  # nohup ignores SIGHUP
+                signal.signal(ending, _terminate)
     try:
         with noting_completed() as completed, display() as shown, _one_line_warnings(shown):
             try:
@@ -125,8 +129,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return READER_GONE
     except KeyboardInterrupt as error:
         if arguments is None:  # the process ends now; a second Ctrl-C would only show where
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            for ending in (signal.SIGINT, *_ENDING):
+                signal.signal(ending, signal.SIG_IGN)
         terminated = isinstance(error, _TerminatedError)
         how = "ended by a signal" if terminated else "interrupted"
         notify(f"rodgen: {how}; {_complete(completed) or 'no file was written'}")
@@ -154,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _TerminatedError(KeyboardInterrupt):
-    """SIGTERM, which ends a command as Ctrl-C does: temporary files are removed."""
+    """SIGTERM or a terminal that is closed, which end a command as Ctrl-C does: temporary files are removed."""
 
 
 def _terminate(*_: object) -> NoReturn:

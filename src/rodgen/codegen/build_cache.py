@@ -51,6 +51,7 @@ Command = tuple[str, ...]
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 _BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+_MOST_BYTES = 1 << 28
 
 
 ARITHMETIC_GUARD = """\
@@ -289,7 +290,7 @@ def _kept_row(path: Path) -> Array | None:
         library = _own_bytes(path)
     except FileNotFoundError:
         return None
-    with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
+    with contextlib.suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
         note = json.loads(_own_bytes(_note(path)) or "")
         if hashlib.sha256(library or b"").hexdigest() == note["sha256"]:
             return np.array(note["row"], float)
@@ -301,16 +302,18 @@ def _kept_row(path: Path) -> Array | None:
 
 
 def _own_bytes(path: Path) -> bytes | None:
-    """Return what a file of this user holds, to which no one else may write; None for any other file.
+    """Return what a file of this user holds, to which no one else may write; None for what cannot be kept here.
 
     Raises
     ------
     FileNotFoundError
     """
-    with path.open("rb") as file:
+    without_waiting = getattr(os, "O_NONBLOCK", 0)  # for who writes into a pipe
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | without_waiting)) as file:
         about = os.fstat(file.fileno())
         foreign = hasattr(os, "getuid") and about.st_uid != os.getuid()
-        return None if foreign or about.st_mode & _BY_OTHERS else file.read()
+        kept = stat.S_ISREG(about.st_mode) and about.st_size <= _MOST_BYTES
+        return file.read() if kept and not foreign and not about.st_mode & _BY_OTHERS else None
 
 
 def _note(library: Path) -> Path:

@@ -9,13 +9,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 
-__all__ = ["NotRealError", "real_array", "refuse_masked"]
+__all__ = ["NotRealError", "has_masked", "real_array", "refuse_masked"]
 
 _FLOAT64 = np.dtype(np.float64)
 
 
 class NotRealError(RodgenError, TypeError):
     """Raised for an array whose numbers are not real; caught as a TypeError, too."""
+
+
+def has_masked(given: object) -> bool:
+    """Return whether an array, or one in lists of them, has masked elements."""
+    if "numpy.ma" not in sys.modules:  # NumPy imports it when it is first used
+        return False
+    if isinstance(given, list | tuple):
+        return any(map(has_masked, given))
+    return isinstance(given, np.ma.MaskedArray) and bool(np.ma.is_masked(given))
 
 
 def refuse_masked(what: str, given: object) -> None:
@@ -31,7 +40,7 @@ def refuse_masked(what: str, given: object) -> None:
     Traceback (most recent call last):
     rodgen.errors.RodgenError: rho has masked elements; expected numbers: leave the others out, or fill them with NaN
     """
-    if "numpy.ma" in sys.modules and np.ma.is_masked(given):  # NumPy imports it when it is first used
+    if has_masked(given):
         raise RodgenError(
             f"{what} has masked elements; expected numbers: leave the others out, or fill them with NaN"
         )

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.kinematics.arrays import refuse_masked
+from rodgen.kinematics.arrays import has_masked, refuse_masked
 
 __all__ = ["call_kernel"]
 
@@ -29,7 +29,7 @@ def call_kernel(kernel: Any, arguments: tuple[Any, ...], out: Any = None) -> Any
         When the last axes of an argument have another shape than the kernel's, the other axes do not broadcast, or
         elements are masked.
     """
-    if "numpy.ma" in sys.modules and any(np.ma.is_masked(a) for a in arguments):
+    if any(map(has_masked, arguments)):
         # strict=False: the last parameter of the kernel is `out`
         for parameter, argument in zip(_parameters(kernel.__name__), arguments, strict=False):
             refuse_masked(parameter, argument)

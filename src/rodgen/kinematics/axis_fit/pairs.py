@@ -186,6 +186,7 @@ class Pairs:
         if sigma is not None:
             # Lengths that are negligible against sigma must not make its square overflow.
             second = max(second, _exponent(np.abs(_numbers("sigma", sigma))) - exponent - _WIDEST)
+        second = min(second, 1023 - exponent)  # so that the scale is a number
         x, y = (_scaled(values, exponent, middle, second) for values in (x, y))
 
         w, variance, unit, rms_sigma = _weights(sigma, weights, shape, exponent + second)
