@@ -240,7 +240,6 @@ def test_trajectory_of_many_blocks_is_one_motion(tmp_path: Path, euler) -> None:
         (["rotations", "--ridge", "z"], "chi_x [deg],chi_y [deg],chi_z [deg]", "no column 'Zr_x'"),
         (["trajectory", "--to", "ZYX,ABC"], "", "the sequence 'ABC'; expected one of"),
         (["trajectory", "--to", "ZYX,ZYX"], "", "a sequence twice"),
-        (["angles"], "alpha [deg],beta [deg],gamma [deg],chi_x [deg]", "a result of an earlier run"),
     ],
 )
 def test_one_line_for_a_fault(arguments: list[str], header: str, told: str, tmp_path, capsys) -> None:

@@ -173,12 +173,6 @@ def test_faults_are_one_line_and_exit_code_2(points, rods, capsys, monkeypatch, 
     assert words in complaint(capsys, *given)
 
 
-def test_a_result_is_not_taken_twice(points, tmp_path, capsys):
-    once = str(tmp_path / "once.csv")
-    run(capsys, "inverse", points, "-o", once)
-    assert "a result of an earlier run" in complaint(capsys, "inverse", once)
-
-
 def test_a_bad_cell_is_named(tmp_path, capsys):
     path = tmp_path / "bad.csv"
     path.write_text("Qx [mm],Qy [mm],Qz [mm]\n1,2,600\n1,x,600\n")

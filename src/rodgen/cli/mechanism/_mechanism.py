@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.cli._console import located
-from rodgen.cli._tables import Columns, add_table, map_rows
+from rodgen.cli._tables import Columns, add_table
 from rodgen.cli._values import quantity
 from rodgen.errors import InputFileError
 
@@ -26,7 +26,6 @@ __all__ = [
     "add_tool",
     "chain_of",
     "column_name",
-    "map_poses",
     "place",
     "quantity_of",
     "tool_of",
@@ -140,11 +139,6 @@ def column_name(mechanism: Mechanism, variable: int) -> str:
 def quantity_of(mechanism: Mechanism, variable: int) -> Any:
     """Return the quantity of a variable, angle or length."""
     return "angle" if mechanism.variables[variable][1] == "theta" else "length"
-
-
-def map_poses(options: argparse.Namespace, columns: Columns, prepare: Any) -> int:
-    """Add results to a table; a column of the table with the name of a result is kept as ``given NAME``."""
-    return map_rows(options, columns, prepare, given="given ")
 
 
 def place(names: Sequence[str], unit: str) -> Columns:

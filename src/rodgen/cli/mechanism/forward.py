@@ -7,13 +7,13 @@ from typing import Any
 
 from rodgen.cli._attitude import QUATERNION
 from rodgen.cli._console import Command, located
+from rodgen.cli._tables import map_rows
 from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
     add_files,
     add_tool,
     chain_of,
     column_name,
-    map_poses,
     place,
     quantity_of,
     tool_of,
@@ -66,4 +66,4 @@ def _run(options: argparse.Namespace) -> int:
         return [*place("xyz", here.mechanism.unit), *QUATERNION], function
 
     with located(chain.file, "mechanism"):
-        return map_poses(options, columns, prepare)
+        return map_rows(options, columns, prepare)

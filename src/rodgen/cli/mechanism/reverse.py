@@ -9,7 +9,7 @@ import numpy as np
 
 from rodgen.cli._attitude import ATTITUDE_TEXT, add_form, columns_of, matrices
 from rodgen.cli._console import Command, located
-from rodgen.cli._tables import Columns, named, rows_of
+from rodgen.cli._tables import Columns, map_rows, named, rows_of
 from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
     Chain,
@@ -17,7 +17,6 @@ from rodgen.cli.mechanism._mechanism import (
     add_tool,
     chain_of,
     column_name,
-    map_poses,
     quantity_of,
     tool_of,
 )
@@ -92,7 +91,7 @@ def _robot(options: argparse.Namespace, chain: Chain) -> int:
 
         return _results(here, list(range(len(here.mechanism.variables)))), function
 
-    return map_poses(options, columns, prepare)
+    return map_rows(options, columns, prepare)
 
 
 def _loop(options: argparse.Namespace, chain: Chain) -> int:
@@ -118,7 +117,7 @@ def _loop(options: argparse.Namespace, chain: Chain) -> int:
         left = [v for v in range(len(names)) if v not in wanted]
         return _results(here, left), function
 
-    return map_poses(options, columns, prepare)
+    return map_rows(options, columns, prepare)
 
 
 def _given(options: argparse.Namespace, names: list[str]) -> list[int]:

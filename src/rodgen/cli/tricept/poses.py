@@ -103,7 +103,7 @@ def _direct(options: argparse.Namespace) -> int:
                 poses, count = tricept.direct_all(rods, geometry)
                 index, slot, number = rows_of(count)
                 pose = poses[index, slot]
-                invalid = rods.min(axis=1)[index] <= 0
+                invalid = ~(rods.min(axis=1)[index] > 0)
                 status = np.where(invalid, Status.INVALID, np.where(count[index] > 0, 0, Status.UNREACHABLE))
                 first = [number]
             else:

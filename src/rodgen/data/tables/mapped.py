@@ -8,7 +8,7 @@ column, or in degrees; so are their rates of change.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Literal, TypeAlias
@@ -21,7 +21,6 @@ from rodgen.data.tables.columns import Column, bare_name
 from rodgen.data.tables.reader import Rows, open_table
 from rodgen.data.tables.writer import open_sink
 from rodgen.data.units import conversion_factor
-from rodgen.errors import InputFileError, shown
 
 __all__ = ["Answer", "MapSummary", "Progress", "Result", "map_table"]
 
@@ -73,7 +72,6 @@ def map_table(
     *,
     progress: Progress | None = None,
     whole: bool = False,
-    given: str = "",
 ) -> MapSummary:
     """Write a table again with columns of results.
 
@@ -83,9 +81,11 @@ def map_table(
         CSV (gzip or not) or Parquet; ``"-"`` is CSV on standard input.
     output : str or os.PathLike, optional
         ``.csv``, ``.csv.gz`` or ``.parquet``; CSV on standard output when left out or ``"-"``. It gets every column of
-        the input unchanged, then the results.
+        the input unchanged, then the results. A column of the table whose name is also that of a result, such as one of
+        an earlier command, is kept as ``given NAME``.
     columns : sequence of Column
-        Those that are read; every cell must hold a finite number.
+        Those that are read; every cell must hold a finite number. A table of results, which has a column ``status``,
+        may have NaN in rows without a result.
     prepare : callable
         Called once with the unit of length (``""`` where no column has one); returns the result columns, and a function
         from the values of `columns`, one array each, to their arrays. It is called in threads.
@@ -94,8 +94,6 @@ def map_table(
     whole : bool, optional
         Whether the function gets all rows at once, because a result depends on the rows before; the table must then fit
         into memory.
-    given : str, optional
-        Prefix for a column of the table whose name is also that of a result; without it, such a column is an error.
 
     Returns
     -------
@@ -114,15 +112,8 @@ def map_table(
         rate = next((units[c.name] for c in columns if c.quantity == "rate"), "deg/s")
         results, function = prepare(length)
         writers = [_Writer(result, {"length": length, "angle": angle, "rate": rate}) for result in results]
-        names = list(table.schema.names)
-        if given:
-            made = {bare_name(writer.text) for writer in writers}
-            names = [f"{given}{name}" if bare_name(name) in made else name for name in names]
-        texts = [*names, *(writer.text for writer in writers)]
-        twice = next((text for text in texts if texts.count(text) > 1), None)
-        if twice is not None:
-            where = f"column {shown(twice)}"
-            raise InputFileError(table.file, where, "a result of an earlier run", "a table without results")
+        table.gaps = any(bare_name(name) == "status" for name in table.schema.names)
+        names = _given(table.schema.names, {bare_name(writer.text) for writer in writers})
         kept = (field.with_name(name) for field, name in zip(table.schema, names, strict=True))
         schema = pa.schema([*kept, *(pa.field(writer.text, writer.kind) for writer in writers)])
         status = next((n for n, writer in enumerate(writers) if writer.names), None)
@@ -159,6 +150,23 @@ def map_table(
     names = writers[status].names if status is not None else []
     found_names = {name: int(count) for name, count in zip(names, counts, strict=False) if count}
     return MapSummary(int(counts.sum()), found_names)
+
+
+def _given(names: Sequence[str], made: Collection[str]) -> list[str]:
+    """Return the names of columns that are kept, with a "given" before those that results have, and before older ones.
+
+    Examples
+    --------
+    >>> _given(["x [mm]", "given x [mm]", "given y [mm]"], {"x", "y"})
+    ['given x [mm]', 'given given x [mm]', 'given y [mm]']
+    """
+    present = {bare_name(name) for name in names}
+    renamed = set()
+    for name in made:
+        while name in present:
+            renamed.add(name)
+            name = f"given {name}"
+    return [f"given {name}" if bare_name(name) in renamed else name for name in names]
 
 
 def _joined(parts: Sequence[Rows]) -> Rows:

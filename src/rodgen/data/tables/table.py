@@ -78,6 +78,8 @@ class Table(abc.ABC):
         How much there is to read, in `amount_unit`; None for a pipe.
     amount_unit : str
         ``"B"`` or ``" rows"``.
+    gaps : bool
+        Whether NaN may stand in a column of numbers.
     """
 
     file: str
@@ -88,6 +90,7 @@ class Table(abc.ABC):
     schema: pa.Schema
     total: int | None
     amount_unit: str
+    gaps = False
 
     def units(self) -> dict[str, str]:
         """Return the unit of each wanted column, by its name."""
@@ -220,6 +223,8 @@ class Table(abc.ABC):
                 with np.errstate(over="ignore"):
                     column = column * match.factor
             finite = np.isfinite(column)
+            if self.gaps:
+                finite |= np.isnan(column)
             if not finite.all():
                 faults.append((int(np.argmin(finite)), match.index))
             values.append(column)
