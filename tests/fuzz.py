@@ -398,6 +398,10 @@ URDF = b"""<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
 <limit lower="-1" upper="1"/></joint>
 <joint name="k" type="prismatic"><parent link="b"/><child link="c"/><origin xyz="0 1 0" rpy="1 2 3"/></joint></robot>
 """
+POINTINGS = b"Run\n:EQUAT\n31 41 19.6 2021 8 21 13 741 2608 .2\n" + b"".join(
+    b"%d 0 0 -0 30 %d 0 0 2015.5 %d 0 5 -0 31 2 3 40.2\n" % (h, h, h) for h in range(9)
+)
+MODEL = b"Mount\nT 80 0.7 0 0\n  IH 3.0 .1\n= ME -2.0\n& TF 1\n  HDSH3 1 1\nEND\n"
 FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ("simulate --open t.json", {"t.json": (CORPUS / "truth.json").read_bytes()}),
     ("tricept inverse p.csv -o o.csv", {"p.csv": b"Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"}),
@@ -436,6 +440,7 @@ FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ("mechanism toolkit 4", {}),
     ("effects scale", {}),
     ("import r.urdf -o m.toml", {"r.urdf": URDF}),
+    ("import r.dat m.mod -o m.toml -d d.csv", {"r.dat": POINTINGS, "m.mod": MODEL}),
 ]
 
 

@@ -74,6 +74,9 @@ URDF = {
     "r.urdf": b'<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous"><parent link="a"/>'
     b'<child link="b"/><axis xyz="0 0 1"/></joint></robot>'
 }
+POINTINGS = b"Run\n:ALTAZ\n31 41 19.6 2021 8 21\n" + b"".join(
+    b"%d %d %.2f %.2f\n" % (a, e, a + 0.01, e - 0.02) for a in range(-150, 180, 60) for e in (20, 50, 70)
+)
 ROBOT = files_of("mechanisms", l="puma_560.csv")
 
 COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
@@ -119,6 +122,7 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     "derive": ({}, "derive rodrigues", ""),
     "errata": ({}, "errata rodrigues", ""),
     "import": (URDF, "import r.urdf -o m.toml", "m.toml"),
+    "import with data": ({"r.dat": POINTINGS}, "import r.dat -o m.toml -d d.csv", "m.toml d.csv"),
     "effects": ({}, "effects", ""),
     "completion": ({}, "completion bash", ""),
 }

@@ -29,6 +29,7 @@ __all__ = [
     "noting_completed",
     "open_input",
     "read_input",
+    "read_start",
     "temporary_folder",
     "unreadable",
     "unwritable",
@@ -98,6 +99,21 @@ def read_input(
         raised = "" if largest else f" ({VARIABLE}=file=NUMBER raises that)"
         raise InputFileError(file, "file", f"more than {most / 1e6:g} MB", (usual or expected) + raised)
     return content
+
+
+def read_start(file: str, expected: str, size: int = 1 << 16) -> bytes:
+    """Return the first bytes of a file, by which it is known.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be read.
+    """
+    try:
+        with open_input(file, expected) as stream:
+            return stream.read(size)
+    except OSError as error:
+        raise unreadable(file, error, expected) from None
 
 
 def decoded(content: bytes, file: str) -> str:

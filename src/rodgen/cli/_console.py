@@ -69,6 +69,7 @@ EXTRAS = {
     "kaleido": "plot",
     "choreographer": "plot",
     "shtab": "completion",
+    "erfa": "import",
 }
 """Modules that only some commands need, and the extra that installs them."""
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 from rodgen.machines.files.read import JOINT_NAME, PLACE_NAME
 from rodgen.machines.files.toml import UnfitError
@@ -16,17 +17,20 @@ __all__ = ["Imported", "machine_name"]
 
 @dataclass(frozen=True)
 class Imported:
-    """A machine that was made of another file.
+    """A machine that was made of another file, and readings where it has any.
 
     Attributes
     ----------
     machine : Machine
     notes : tuple of str
         What was taken for what, and what was not taken: a sentence each.
+    columns : mapping of str to sequence
+        Of a measurement file, by names with units; empty where there are no readings.
     """
 
     machine: Machine
     notes: tuple[str, ...]
+    columns: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def text(self) -> str:

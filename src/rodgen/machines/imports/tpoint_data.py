@@ -1,0 +1,383 @@
+"""Pointing runs: TPOINT's data files, and the log of the MMT's mount control from which such files are made.
+
+A TPOINT file has a caption, options such as ``:ALTAZ``, a record of the site (latitude, date, and where there are more
+numbers temperature, pressure, height, humidity, wavelength), then a record an observation:
+
+1. mean place of the star (h m s, deg ' ", proper motions in s and " a year, equinox), the telescope's own (h m s,
+   deg ' "), and the sidereal time (h m): 17 numbers;
+2. apparent place of the star, the telescope's place, the sidereal time: 14;
+3. observed hour angle (h m s) and declination of the star, and the telescope's: 12;
+4. observed coordinates of the star and the telescope's in degrees: 4. Azimuth is from south (0) through east (90).
+
+Up to three auxiliary readings may follow. Places of stars in 1 and 2 are reduced to what is observed: precession,
+nutation and aberration, by ERFA, at 0 h of the date that the file gives; diurnal aberration, but with ``:NODA``;
+refraction, where the file gives a pressure.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.errors import InputFileError, shown
+from rodgen.files import decoded, read_input
+from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL, Mount
+
+__all__ = ["Pointings", "Site", "is_pointing_run", "read_pointings"]
+
+Array = NDArray[np.float64]
+
+_EXPECTED = "a pointing run of TPOINT"
+_OPTIONS = {"EQUAT": EQUATORIAL, "ALTAZ": ALTAZ}
+_COUNTS = {17: 1, 14: 2, 12: 3, 4: 4}
+_WORDS = {
+    1: "mean places, reduced by ERFA to apparent ones at 0 h of the date",
+    2: "apparent places",
+    3: "observed hour angles and declinations",
+    4: "observed coordinates in degrees",
+}
+_AUXILIARY = 3
+_SIDEREAL = 86164.0905 / 24
+"""Seconds of a sidereal hour."""
+_DIURNAL = 1.5497e-6
+"""Velocity of the equator over that of light."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """What a pointing run says of the place and the air.
+
+    Attributes
+    ----------
+    latitude : float
+        rad.
+    date : tuple of int
+        Year, month and day.
+    temperature : float or None
+        Degrees Celsius.
+    pressure : float or None
+        hPa.
+    height : float or None
+        m.
+    humidity : float
+        From 0 to 1.
+    wavelength : float
+        µm.
+    """
+
+    latitude: float
+    date: tuple[int, int, int]
+    temperature: float | None = None
+    pressure: float | None = None
+    height: float | None = None
+    humidity: float = 0.5
+    wavelength: float = 0.55
+
+
+@dataclass(frozen=True)
+class Pointings:
+    """A pointing run.
+
+    Attributes
+    ----------
+    caption : str
+    mount : Mount
+    site : Site or None
+    commanded : ndarray (n, 2)
+        Of the mount's axes, rad.
+    seen : ndarray (n, 3)
+        Unit vectors of the stars, in the mount's frame.
+    time : ndarray (n,) or None
+        Seconds from the first observation, by the sidereal times.
+    auxiliary : ndarray (n, m)
+    notes : tuple of str
+    """
+
+    caption: str
+    mount: Mount
+    site: Site | None
+    commanded: Array
+    seen: Array
+    time: Array | None
+    auxiliary: Array
+    notes: tuple[str, ...]
+
+
+def is_pointing_run(start: bytes) -> bool:
+    """Return whether the first bytes of a file are those of a pointing run."""
+    lines = start.decode("utf-8", "replace").splitlines()
+    return any(re.match(r"\s*:\s*(ALTAZ|EQUAT)\b", line, re.I) for line in lines) or start.startswith(b"CAT:")
+
+
+def read_pointings(path: str | os.PathLike[str]) -> Pointings:
+    """Return a pointing run.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+
+    Raises
+    ------
+    InputFileError
+        With the line that cannot be read.
+    """
+    file = os.fspath(path)
+    text = decoded(read_input(file, _EXPECTED), file)
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    if any(line.startswith("RAA:") for _, line in lines):
+        return _of_log(file, lines)
+    return _of_tpoint(file, [(number, line) for number, line in lines if line and not line.startswith("!")])
+
+
+# TPOINT's files ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Record:
+    line: int
+    form: int
+    values: tuple[float, ...]
+    auxiliary: tuple[float, ...]
+
+
+def _of_tpoint(file: str, lines: Sequence[tuple[int, str]]) -> Pointings:
+    if not lines:
+        raise InputFileError(file, "file", "no lines", _EXPECTED)
+    (_, caption), *rest = lines
+    mount: Mount | None = None
+    options: list[str] = []
+    site: Site | None = None
+    records: list[_Record] = []
+    for number, line in rest:
+        if line.upper() == "END":
+            break
+        if line.startswith(":"):
+            option = line[1:].strip().upper()
+            mount = _OPTIONS.get(option, mount)
+            options.append(option)
+        elif site is None:
+            site = _site(file, number, line)
+        else:
+            records.append(_record(file, number, line, records))
+    if mount is None:
+        raise InputFileError(file, "file", "no mount", ":ALTAZ or :EQUAT on a line below the caption")
+    if site is None or not records:
+        raise InputFileError(
+            file, "file", "no observations", "the record of the site, then a line for each star"
+        )
+    form = records[0].form
+    if mount is ALTAZ and form != 4:
+        found = f"{len(records[0].values)} numbers of a record, which are hour angles or right ascensions"
+        raise InputFileError(file, f"line {records[0].line}", found, "four numbers with :ALTAZ, or :EQUAT")
+    values = np.array([record.values for record in records])
+    notes = [f"Observations are of format {form}: {_WORDS[form]}."]
+    time = None
+    if form == 4:
+        angles = np.radians(values)
+        if mount is ALTAZ:
+            angles[:, ::2] = np.pi - angles[:, ::2]
+            notes.append("Azimuths of the file run from south through east; here from north through east.")
+        seen = mount.direction(angles[:, 0], angles[:, 1])
+        commanded = angles[:, 2:]
+    else:
+        star, telescope, sidereal = _hour_angles(file, records, site)
+        seen = EQUATORIAL.direction(*star.T)
+        commanded = telescope
+        if sidereal is not None:
+            seen = _observed(seen, site, diurnal="NODA" not in options)
+            time = _elapsed(sidereal)
+            notes += _on_reduction(site, "NODA" in options)
+    unused = sorted(set(options) - {*_OPTIONS, "NODA", "ALLSKY"})
+    notes += [f"Options that are not used: {', '.join(unused)}."] if unused else []
+    auxiliary = np.array([record.auxiliary for record in records], float).reshape(len(records), -1)
+    notes += [f"Auxiliary readings are covariates: {auxiliary.shape[1]}."] if auxiliary.shape[1] else []
+    return Pointings(_one_line(caption), mount, site, commanded, seen, time, auxiliary, tuple(notes))
+
+
+def _numbers(file: str, number: int, line: str) -> list[float]:
+    values = []
+    for text in line.partition("!")[0].replace(",", " ").split():
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or "_" in text or abs(value) > 1e9:
+            raise InputFileError(file, f"line {number}", shown(text), "numbers between blanks")
+        values.append(value)
+    return values
+
+
+def _site(file: str, number: int, line: str) -> Site:
+    values = _numbers(file, number, line)
+    if len(values) < 6:
+        expected = "latitude (deg ' \"), year, month, day, and where known °C, hPa, m, humidity"
+        raise InputFileError(file, f"line {number}", f"{len(values)} numbers of the site", expected)
+    latitude = _sexagesimal(values[:3])
+    year, month, day = (int(x) for x in values[3:6])
+    if not (abs(latitude) <= 90 and 1800 <= year <= 2300 and 1 <= month <= 12 and 1 <= day <= 31):
+        raise InputFileError(
+            file, f"line {number}", shown(line), "a latitude (deg ' \"), a year, a month and a day"
+        )
+    air: dict[str, Any] = dict(
+        zip(("temperature", "pressure", "height", "humidity", "wavelength"), values[6:], strict=False)
+    )
+    return replace(Site(math.radians(latitude), (year, month, day)), **air)
+
+
+def _record(file: str, number: int, line: str, before: Sequence[_Record]) -> _Record:
+    values = _numbers(file, number, line)
+    forms = [before[0].form] if before else list(_COUNTS.values())
+    for count, form in _COUNTS.items():
+        extra = len(values) - count
+        mean = len(values) >= 9 and values[8] > 1000  # an equinox, where an apparent place has seconds
+        if form in forms and 0 <= extra <= _AUXILIARY and (form == 1) == mean:
+            if before and extra != len(before[0].auxiliary):
+                break
+            return _Record(number, form, tuple(values[:count]), tuple(values[count:]))
+    expected = (
+        f"{len(before[0].values) + len(before[0].auxiliary)}, as above" if before else "17, 14, 12 or 4"
+    )
+    raise InputFileError(file, f"line {number}", f"{len(values)} numbers of an observation", expected)
+
+
+def _sexagesimal(values: Sequence[float]) -> float:
+    """Return degrees or hours from degrees or hours, whose sign counts, also that of -0, minutes and seconds."""
+    first, minutes, seconds = values
+    return math.copysign(abs(first) + minutes / 60 + seconds / 3600, first)
+
+
+def _hour_angles(file: str, records: Sequence[_Record], site: Site) -> tuple[Array, Array, Array | None]:
+    """Return hour angle and declination of stars and telescope, rad, and the sidereal time, h."""
+    form = records[0].form
+    stars, telescopes, sidereal = [], [], []
+    for record in records:
+        v = record.values
+        star = [15 * _sexagesimal(v[:3]), _sexagesimal(v[3:6])]
+        if form == 1:
+            star = _apparent(file, record.line, star, v[6:9], site)
+        telescope = [15 * _sexagesimal(v[-8:-5]), _sexagesimal(v[-5:-2])]
+        if form == 3:
+            telescope = [15 * _sexagesimal(v[6:9]), _sexagesimal(v[9:12])]
+        else:
+            time = v[-2] + v[-1] / 60
+            sidereal.append(time)
+            star, telescope = ([15 * time - a, d] for a, d in (star, telescope))
+        for place, angle in (("declination", star[1]), ("sidereal time", 0 if form == 3 else sidereal[-1])):
+            if abs(angle) > 90:
+                raise InputFileError(
+                    file, f"line {record.line}", f"a {place} of {angle:.6g}", "at most 90 (24 h)"
+                )
+        stars.append(star)
+        telescopes.append(telescope)
+    folded = np.radians([stars, telescopes])
+    folded[..., 0] = (folded[..., 0] + np.pi) % (2 * np.pi) - np.pi
+    return folded[0], folded[1], np.array(sidereal) if sidereal else None
+
+
+def _apparent(file: str, line: int, mean: Sequence[float], rest: Sequence[float], site: Site) -> list[float]:
+    """Return the apparent right ascension and declination, deg, of a mean place."""
+    import erfa
+
+    across, along, equinox = rest
+    if equinox < 1984:
+        raise InputFileError(
+            file,
+            f"line {line}",
+            f"the equinox {equinox:g}",
+            "one from 1984 on: places of FK4 are reduced first",
+        )
+    tt = erfa.cal2jd(*site.date)
+    place = erfa.s2c(*np.radians(mean))
+    ra, dec = erfa.c2s(erfa.pmat06(*erfa.epj2jd(equinox)).T @ place)
+    motion = math.radians(across / 240), math.radians(along / 3600)
+    seen_ra, seen_dec, origins = erfa.atci13(ra, dec, *motion, 0.0, 0.0, *tt)
+    return [math.degrees(seen_ra - origins), math.degrees(seen_dec)]
+
+
+def _observed(seen: Array, site: Site, *, diurnal: bool) -> Array:
+    """Return directions with diurnal aberration, towards the east, and lifted by refraction."""
+    if diurnal:
+        seen = seen + np.array([0.0, _DIURNAL * math.cos(site.latitude), 0.0])
+        seen /= np.linalg.norm(seen, axis=1, keepdims=True)
+    if not site.pressure:
+        return seen
+    import erfa
+
+    zenith = -np.array(EQUATORIAL.gravity(site.latitude))
+    warm = 10.0 if site.temperature is None else site.temperature
+    a, b = erfa.refco(site.pressure, warm, site.humidity, site.wavelength)
+    height = np.maximum(seen @ zenith, 0.05)  # ERFA's own limit, 3 degrees
+    level = seen - np.outer(seen @ zenith, zenith)
+    tangent = np.linalg.norm(level, axis=1) / height
+    lift = (a + b * tangent**2) * tangent / (1 + (a + 3 * b * tangent**2) / height**2)
+    across = np.cross(np.cross(seen, zenith), seen)  # towards the zenith
+    size = np.linalg.norm(across, axis=1, keepdims=True)
+    across = np.divide(across, size, out=np.zeros_like(across), where=size > 0)
+    return np.asarray(np.cos(lift)[:, None] * seen + np.sin(lift)[:, None] * across)
+
+
+def _on_reduction(site: Site, no_diurnal: bool) -> Iterator[str]:
+    done = [] if no_diurnal else ["diurnal aberration"]
+    done += ["refraction by the pressure of the file"] if site.pressure else []
+    if done:
+        yield f"Places of stars are reduced by {' and '.join(done)}."
+    if not site.pressure:
+        yield "No pressure is given: refraction is left to the model, as the effect refraction."
+
+
+def _elapsed(sidereal: Array) -> Array:
+    steps = (np.diff(sidereal, prepend=sidereal[0]) + 12) % 24 - 12
+    return np.asarray(np.cumsum(steps) * _SIDEREAL)
+
+
+def _one_line(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text)[:200].strip() or "Pointing run"
+
+
+# the MMT's log ----------------------------------------------------------------------------------------------
+
+
+def _of_log(file: str, lines: Sequence[tuple[int, str]]) -> Pointings:
+    """Return the run of a log: of each star RAA, elevation and azimuth of the encoders, TAA, of the star, and LST."""
+    found: dict[str, list[list[float]]] = {"RAA": [], "TAA": [], "LST": []}
+    for number, line in lines:
+        key, _, rest = line.partition(":")
+        if key in found:
+            values = _numbers(file, number, rest.replace(":", " "))
+            if len(values) != (3 if key == "LST" else 2):
+                raise InputFileError(
+                    file, f"line {number}", shown(line), f"{key}: elevation and azimuth in degrees"
+                )
+            if key == "RAA":
+                for other in ("TAA", "LST"):
+                    if len(found[other]) not in (0, len(found["RAA"])):
+                        raise InputFileError(
+                            file, f"line {number}", f"a star before it without {other}", "one of each"
+                        )
+            found[key].append(values)
+    if len(found["RAA"]) != len(found["TAA"]):
+        count = f"{len(found['RAA'])} lines RAA and {len(found['TAA'])} lines TAA"
+        raise InputFileError(file, "file", count, "one of each for each star")
+    raw, true = (np.radians(found[key])[:, ::-1] for key in ("RAA", "TAA"))
+    times = np.array(found["LST"])
+    time = _elapsed(times @ [1, 1 / 60, 1 / 3600]) if len(times) == len(raw) else None
+    notes = [
+        "Log of the MMT's mount: RAA is what the encoders read, TAA where the star is; elevation, then azimuth."
+    ]
+    return Pointings(
+        "MMT pointing run",
+        ALTAZ,
+        None,
+        raw,
+        ALTAZ.direction(*true.T),
+        time,
+        np.empty((len(raw), 0)),
+        tuple(notes),
+    )

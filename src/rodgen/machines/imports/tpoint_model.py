@@ -1,0 +1,360 @@
+"""Models of TPOINT as effects of a mount, and back.
+
+A model has a caption, a line of what was fitted, a line a term (its name, its value in arcsec, and unless it is fixed,
+``=``, its standard deviation), and END. A term moves what is seen by its formula: the star is where the axes say, and
+the sum of the terms.
+
+Each term is a parameter of an effect, as ``rodgen effects TERM`` says. Those that tilt the whole mount (AN, AW, ME, MA)
+tilt the first axis alone in a machine file, where what follows stays as it is given; so the second axis and its zero
+are turned with it: with w the tilt and n the second axis, its axis_tilt by the part of w across n, its zero_offset by
+w·n. Terms are formulas to first order in small angles, and so is what is made of them.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.errors import InputFileError, RodgenError, nearest_name, shown
+from rodgen.files import decoded, read_input
+from rodgen.machines.effects.catalogue import TERMS
+from rodgen.machines.effects.tpoint import own_term
+from rodgen.machines.files.read import effect_of
+from rodgen.machines.imports.mounts import MOUNTS, Mount
+from rodgen.machines.machine import Machine
+from rodgen.machines.parts import Effect
+from rodgen.machines.rigid import complete_basis
+
+__all__ = ["TpointModel", "is_model", "model_text", "read_model", "terms_of", "with_terms"]
+
+Array = NDArray[np.float64]
+
+_EXPECTED = "a model of TPOINT"
+_LINE = re.compile(r"(?P<flags>[=&]*)\s*(?P<name>[A-Z][A-Z0-9]*)\s+(?P<value>[-+.\dEe]+)(?:\s+[-+.\dEe]+)*")
+_RELATION = re.compile(
+    r"(?P<sign>-?)(?P<parameter>[ab])(?P<latitude> cos\(latitude\))?(?: \(P = 9 deg\))?"
+    r"(?: at the (?P<axis>\w+) axis)?"
+)
+_OF_MOUNT = {
+    "altaz": ("azimuth", "elevation"),
+    "equatorial": ("polar", "declination"),
+}
+_GEOMETRY = {
+    "altaz": ("IA", "IE", "CA", "NPAE", "AN", "AW"),
+    "equatorial": ("IH", "ID", "CH", "NP", "MA", "ME"),
+}
+_TILTS = {"altaz": ("AN", "AW"), "equatorial": ("MA", "ME")}
+_SUMS = {"NRX": {"ECES": 1.0, "IA": 1.0}, "NRY": {"ECEC": 1.0, "NPAE": -1.0}}
+"""Terms that are sums of others: of a Nasmyth telescope's rotator, seen along the elevation axis."""
+_ARCSEC = math.pi / 648000
+
+
+@dataclass(frozen=True)
+class TpointModel:
+    """A model of TPOINT.
+
+    Attributes
+    ----------
+    caption : str
+    terms : dict of str to float
+        Values in arcsec.
+    lines : dict of str to int
+        Where each term stands.
+    """
+
+    caption: str
+    terms: dict[str, float]
+    lines: dict[str, int]
+
+    @property
+    def mount(self) -> Mount | None:
+        """The mount whose terms these are; None where they are of both."""
+        for name, geometry in _GEOMETRY.items():
+            if any(_is_of(term, name) for term in self.terms if term not in ("TF", "TX")) or any(
+                term in self.terms for term in geometry
+            ):
+                return MOUNTS[name]
+        return None
+
+
+def _is_of(term: str, mount: str) -> bool:
+    """Return whether a term of the catalogue, or of one's own, is at an axis of a mount."""
+    if term in TERMS:
+        relation = _RELATION.fullmatch(TERMS[term].tpoint[term])
+        assert relation is not None
+        return relation["axis"] in _OF_MOUNT[mount] or term in _GEOMETRY[mount]
+    own = own_term(term)
+    return own is not None and own.joint in MOUNTS[mount].joints
+
+
+def _is_term_for(term: str, mount: Mount) -> bool:
+    """Return whether a term of the catalogue is one of this mount, or of both."""
+    return _is_of(term, mount.name) or not any(_is_of(term, other) for other in MOUNTS)
+
+
+def is_model(start: bytes) -> bool:
+    """Return whether the first bytes of a file are those of a model."""
+    lines = start.decode("utf-8", "replace").splitlines()
+    return (
+        len(lines) > 2
+        and bool(re.match(r"\s*[A-Z]\s+\d+\s+[\d.]+\s", lines[1]))
+        and bool(_LINE.match(lines[2].strip()))
+    )
+
+
+def read_model(path: str | os.PathLike[str]) -> TpointModel:
+    """Return a model of TPOINT.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+
+    Raises
+    ------
+    InputFileError
+        With the line that cannot be read.
+    """
+    file = os.fspath(path)
+    lines = decoded(read_input(file, _EXPECTED), file).splitlines()
+    terms: dict[str, float] = {}
+    where: dict[str, int] = {}
+    for number, line in enumerate(lines[2:], start=3):
+        text = line.partition("!")[0].strip()
+        if text.upper() == "END":
+            break
+        found = _LINE.fullmatch(text)
+        if not text:
+            continue
+        try:
+            value = float(found["value"]) if found else math.nan
+        except ValueError:
+            value = math.nan
+        if found is None or not abs(value) < 1e7:
+            raise InputFileError(
+                file, f"line {number}", shown(line), "a term, its value and its sigma in arcsec, or END"
+            )
+        if found["name"] in terms:
+            raise InputFileError(file, f"line {number}", f"a second {found['name']}", "each term once")
+        terms[found["name"]], where[found["name"]] = value, number
+    if not terms:
+        raise InputFileError(
+            file, "file", "no terms", f"{_EXPECTED}: a caption, a line of the fit, then a term a line"
+        )
+    caption = "".join(c if c.isprintable() else " " for c in lines[0]).strip()[:200]
+    return TpointModel(caption or "Telescope", terms, where)
+
+
+# terms to effects -------------------------------------------------------------------------------------------
+
+
+def with_terms(machine: Machine, mount: Mount, model: TpointModel, latitude: float, file: str) -> Machine:
+    """Return a mount with the terms of a model as effects, their parameters held.
+
+    Parameters
+    ----------
+    machine : Machine
+        As :meth:`Mount.machine` makes it.
+    mount : Mount
+    model : TpointModel
+    latitude : float
+        rad.
+    file : str
+        The model's, for error messages.
+
+    Raises
+    ------
+    InputFileError
+        When a term is not known, or of another mount.
+    """
+    holds: dict[tuple[str, str | None], dict[str, float]] = {}
+
+    def add(name: str, place: str | None, parameter: str, value: float) -> None:
+        held = holds.setdefault((name, place), {})
+        held[parameter] = held.get(parameter, 0.0) + value
+
+    own = [(term, value) for term, value in model.terms.items() if term not in TERMS]
+    for term in model.terms:
+        if term in TERMS and not _is_term_for(term, mount):
+            line, expected = f"line {model.lines[term]}", f"terms of an {mount.words}"
+            raise InputFileError(file, line, f"{term}, of another mount", expected)
+    parts = [
+        (part, times * value)
+        for term, value in model.terms.items()
+        for part, times in _SUMS.get(term, {term: 1.0}).items()
+        if term in TERMS
+    ]
+    for term, value in parts:
+        name, place, parameter, factor = _parameter(term, mount, latitude)
+        add(name, place, parameter, factor * value)
+        if term in ("HGES", "HGEC", "DGES", "DGEC"):
+            holds[name, place]["P"] = 9 * 3600.0
+        if term in _TILTS[mount.name]:
+            for follower in _followers(mount, parameter, factor * value):
+                add(*follower)
+    machine = replace(machine, estimate=())
+    for (effect, where), held in holds.items():
+        full = {x: held.get(x, 0.0) / 3600 for x in machine.effect(effect, where).units(machine)}
+        machine = machine.with_effect(machine.effect(effect, where, hold=full))
+    for term, value in own:
+        machine = machine.with_effect(_own(machine, term, value, f"line {model.lines[term]}", file))
+    return machine
+
+
+def _parameter(term: str, mount: Mount, latitude: float) -> tuple[str, str | None, str, float]:
+    """Return the effect of a term, its place and its parameter, and the parameter's value for each unit of the term."""
+    definition = TERMS[term]
+    relation = _RELATION.fullmatch(definition.tpoint[term])
+    assert relation is not None
+    place: str | None = None
+    if relation["axis"]:
+        place = mount.joints[_OF_MOUNT[mount.name].index(relation["axis"])]
+    elif "target" in definition.at:
+        place = "boresight"
+    factor = (-1.0 if relation["sign"] else 1.0) / (math.cos(latitude) if relation["latitude"] else 1.0)
+    return definition.name, place, relation["parameter"], factor
+
+
+def _followers(mount: Mount, parameter: str, value: float) -> Iterator[tuple[str, str, str, float]]:
+    """Yield by what the second axis follows a tilt of the first one."""
+    tilt = complete_basis(mount.axes[0])["ab".index(parameter)] * value
+    name, axis = mount.joints[1], np.array(mount.axes[1])
+    yield "zero_offset", name, "a", float(tilt @ axis)
+    for x, direction in zip("ab", complete_basis(axis), strict=True):
+        yield "axis_tilt", name, x, float(tilt @ direction)
+
+
+def _own(machine: Machine, term: str, value: float, place: str, file: str) -> Effect:
+    own = own_term(term)
+    names = [*TERMS, "FLOP", "DNP", "HDSH3", "X2HC"]
+    if own is None:
+        near = nearest_name(term, names)
+        expected = (
+            f"{near!r}, perhaps, or one that 'rodgen effects TERM' knows"
+            if near
+            else "one that 'rodgen effects TERM' knows"
+        )
+        raise InputFileError(file, place, f"the term {shown(term)}, which is not known", expected)
+    if own.joint is not None and own.joint not in {joint.name for joint in machine.joints}:
+        raise InputFileError(file, place, f"{term}, at an axis {own.joint}", "a term of this mount")
+    block = tomllib.loads(own.block)["effect"][0] | {"hold": {"a": value / 3600}}
+    return effect_of(machine, block, file, place)
+
+
+# effects to terms -------------------------------------------------------------------------------------------
+
+
+def terms_of(machine: Machine, mount: Mount, latitude: float) -> dict[str, float]:
+    """Return the terms of TPOINT, in arcsec, that the numbers of a mount's model are, held or fitted.
+
+    Parameters
+    ----------
+    machine : Machine
+        With the ideal axes of the mount; fitted or with effects whose parameters are held.
+    mount : Mount
+    latitude : float
+        rad.
+
+    Raises
+    ------
+    RodgenError
+        When it has an effect that is no term of TPOINT.
+    """
+    numbers = _numbers_of(machine)
+    found: dict[str, float] = {}
+
+    def take(term: str) -> float:
+        name, place, parameter, factor = _parameter(term, mount, latitude)
+        found[term] = numbers.pop((name, place, parameter), 0.0) / factor
+        return found[term]
+
+    first, second = mount.joints
+    for term in _TILTS[mount.name]:
+        _, _, parameter, factor = _parameter(term, mount, latitude)
+        for name, place, x, value in _followers(mount, parameter, factor * take(term)):
+            numbers[name, place, x] = numbers.get((name, place, x), 0.0) - value
+    # the second axis turned about the first: as the first one's zero, but for the boresight
+    n1, n2 = (np.array(axis) for axis in mount.axes)
+    boresight = np.array(mount.boresight)
+    directions = complete_basis(n2)
+    tilt = sum(
+        (numbers.get(("axis_tilt", second, x), 0.0) * d for x, d in zip("ab", directions, strict=True)),
+        np.zeros(3),
+    )
+    turn = float(tilt @ n1)
+    turned = -turn * n1  # the boresight, as a rotation vector
+    for x, direction in zip("ab", complete_basis(boresight), strict=True):
+        turned = turned + numbers.pop(("target_offset", "boresight", x), 0.0) * direction
+    shifts = {("zero_offset", first, "a"): turn, ("zero_offset", second, "a"): float(turned @ n2)}
+    for key, value in shifts.items():
+        numbers[key] = numbers.get(key, 0.0) + value
+    for x, direction in zip("ab", directions, strict=True):
+        numbers["axis_tilt", second, x] = float((tilt - turn * n1) @ direction)
+    turned = turned - n2 * float(turned @ n2)
+    for x, direction in zip("ab", complete_basis(boresight), strict=True):
+        numbers["target_offset", "boresight", x] = float(turned @ direction)
+    for term in _GEOMETRY[mount.name]:
+        if term not in found:
+            take(term)
+    for term in TERMS:
+        if (
+            _is_term_for(term, mount)
+            and term not in _SUMS
+            and _parameter(term, mount, latitude)[:3] in numbers
+        ):
+            take(term)
+    for effect in machine.effects:
+        if effect.definition.own and own_term(effect.name) is not None:
+            found[effect.name.upper()] = numbers.pop((effect.name, effect.place, "a"), 0.0)
+    left = {
+        f"{name} at {place}" if place else name
+        for (name, place, x), v in numbers.items()
+        if abs(v) > 1e-9 and x != "P"
+    }
+    if left:
+        raise RodgenError(
+            f"{', '.join(sorted(left))}: no term of TPOINT; expected effects that 'rodgen effects' lists with one"
+        )
+    return {term: value for term, value in found.items() if abs(value) > 1e-9}
+
+
+def _numbers_of(machine: Machine) -> dict[tuple[str, str | None, str], float]:
+    """Return the numbers of effects and of a base fit, in arcsec, by effect, place and parameter."""
+    found: dict[tuple[str, str | None, str], float] = {}
+    for effect in machine.effects:
+        for x in effect.units(machine):
+            value = effect.hold.get(x, machine.values.get(effect.key(x), 0.0))
+            found[effect.name, effect.place, x] = value / _ARCSEC
+    for joint in machine.joints:
+        for x in "ab":
+            key = ("axis_tilt", joint.name, x)
+            found[key] = found.get(key, 0.0) + machine.values.get(f"{joint.name}.axis.{x}", 0.0) / _ARCSEC
+    for target in machine.targets:
+        for x in "ab":
+            key = ("target_offset", target.name, x)
+            found[key] = found.get(key, 0.0) + machine.values.get(f"target.{target.name}.{x}", 0.0) / _ARCSEC
+    return found
+
+
+def model_text(caption: str, terms: Mapping[str, float], *, rows: int = 0, rms: float = 0.0) -> str:
+    """Return the file of a model of TPOINT.
+
+    Parameters
+    ----------
+    caption : str
+    terms : mapping of str to float
+        In arcsec.
+    rows : int
+        How many observations it was fitted to.
+    rms : float
+        What it leaves, arcsec on the sky.
+    """
+    lines = [caption.splitlines()[0], f"T {rows:4d} {rms:10.4f}    0.000    0.0000"]
+    lines += [f"  {name:<8} {value:+14.4f} {0:10.5f}" for name, value in terms.items()]
+    return "\n".join([*lines, "END"]) + "\n"
