@@ -402,6 +402,11 @@ POINTINGS = b"Run\n:EQUAT\n31 41 19.6 2021 8 21 13 741 2608 .2\n" + b"".join(
     b"%d 0 0 -0 30 %d 0 0 2015.5 %d 0 5 -0 31 2 3 40.2\n" % (h, h, h) for h in range(9)
 )
 MODEL = b"Mount\nT 80 0.7 0 0\n  IH 3.0 .1\n= ME -2.0\n& TF 1\n  HDSH3 1 1\nEND\n"
+TABLE = b"""joint,type,sign,theta [deg],d [mm],a [m],alpha [deg]
+A,R,1,0,400,.025,-90
+B,P,-1,20,0,.455,0
+C,R,1,-90,0,0.35,-90
+"""
 FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ("simulate --open t.json", {"t.json": (CORPUS / "truth.json").read_bytes()}),
     ("tricept inverse p.csv -o o.csv", {"p.csv": b"Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"}),
@@ -440,6 +445,7 @@ FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ("mechanism toolkit 4", {}),
     ("effects scale", {}),
     ("import r.urdf -o m.toml", {"r.urdf": URDF}),
+    ("import t.csv --convention modified -o m.toml", {"t.csv": TABLE}),
     ("import r.dat m.mod -o m.toml -d d.csv", {"r.dat": POINTINGS, "m.mod": MODEL}),
 ]
 

@@ -22,6 +22,7 @@ Make a machine file of a file in another form, and measurements where it has rea
 check the two files.
 
   rodgen import robot.urdf --base base_link --tip tool0 -o machine.toml
+  rodgen import table.csv --convention standard -o machine.toml
   rodgen import run.dat -o machine.toml -d data.csv
   rodgen import run.dat model.mod -o machine.toml -d data.csv
 
@@ -29,6 +30,7 @@ SOURCE is
   a robot in URDF: the chain of joints from the link --base to the link --tip. Lengths become mm, limits travels;
   fixed joints are part of what they join.
   a pointing run of TPOINT: alt-azimuth or equatorial, formats 1 to 4; or the log of the MMT's mount.
+  a Denavit-Hartenberg table, CSV with the columns theta, d, a and alpha, and --convention; or TOML.
   a model of TPOINT, alone or with a run: its terms become effects with held parameters.
 """
 
@@ -46,6 +48,11 @@ def add_to(command: Command) -> None:
     )
     made.add_argument(
         "--tip", metavar="LINK", help="of a URDF: the link that is measured; default: the only last one"
+    )
+    made.add_argument(
+        "--convention",
+        choices=("standard", "modified"),
+        help="of a Denavit-Hartenberg table: the link after each joint, or before it",
     )
     made.add_argument(
         "--latitude",
@@ -97,6 +104,7 @@ def _write(file: str, columns: Mapping[str, Any]) -> None:
 
 def _imported(options: argparse.Namespace) -> Imported:
     """Return what the sources are, by what they begin with."""
+    from rodgen.machines.imports.denavit_hartenberg import is_table, machine_from_table
     from rodgen.machines.imports.tpoint import machine_from_tpoint
     from rodgen.machines.imports.tpoint_data import is_pointing_run
     from rodgen.machines.imports.tpoint_model import is_model
@@ -105,10 +113,13 @@ def _imported(options: argparse.Namespace) -> Imported:
     kinds: dict[str, str] = {}
     for source in options.sources:
         start = read_start(source, "a file to import")
-        kind = "a URDF" if is_urdf(source, start) else ""
-        kind = kind or (
-            "a pointing run" if is_pointing_run(start) else "a model of TPOINT" if is_model(start) else ""
-        )
+        tests = {
+            "a Denavit-Hartenberg table": is_table(source, start),
+            "a URDF": is_urdf(source, start),
+            "a pointing run": is_pointing_run(start),
+            "a model of TPOINT": is_model(start),
+        }
+        kind = next((name for name, fits in tests.items() if fits), "")
         if not kind:
             raise InputFileError(
                 source, "file", "none of what can be imported", "what 'rodgen import --help' lists"
@@ -116,9 +127,12 @@ def _imported(options: argparse.Namespace) -> Imported:
         if kind in kinds:
             raise InputFileError(source, "file", f"{kind}, as is {kinds[kind]}", "one of each kind")
         kinds[kind] = source
+    for kind in ("a URDF", "a Denavit-Hartenberg table"):
+        if kind in kinds and len(kinds) > 1:
+            raise InputFileError(kinds[kind], "file", f"{kind} with other files", "it alone")
     if "a URDF" in kinds:
-        if len(kinds) > 1:
-            raise InputFileError(kinds["a URDF"], "file", "a URDF with other files", "it alone")
         return machine_from_urdf(kinds["a URDF"], options.base, options.tip)
+    if "a Denavit-Hartenberg table" in kinds:
+        return machine_from_table(kinds["a Denavit-Hartenberg table"], options.convention)
     latitude = options.latitude.to("rad")[0] if options.latitude else None
     return machine_from_tpoint(kinds.get("a pointing run"), kinds.get("a model of TPOINT"), latitude=latitude)

@@ -7,12 +7,16 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rodgen.machines.files.read import JOINT_NAME, PLACE_NAME
 from rodgen.machines.files.toml import UnfitError
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
+from rodgen.machines.parts import Vector
 
-__all__ = ["Imported", "machine_name"]
+__all__ = ["Imported", "clean", "machine_name"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,12 @@ class Imported:
     def text(self) -> str:
         """The machine file, with the notes as comments above."""
         return "".join(f"# {note}\n" for note in self.notes) + machine_text(self.machine)
+
+
+def clean(vector: NDArray[np.float64], digits: int) -> Vector:
+    """Return three numbers without the rounding errors of the products that they come from."""
+    x, y, z = (float(x) + 0.0 for x in vector.round(digits))
+    return x, y, z
 
 
 def machine_name(text: str, others: Collection[str] = (), *, joint: bool = False) -> str:

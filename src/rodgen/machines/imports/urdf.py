@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from rodgen.errors import InputFileError, listed, nearest_name, shown
 from rodgen.files import read_input
 from rodgen.machines.files.read import MOST_JOINTS
-from rodgen.machines.imports.imported import Imported, machine_name
+from rodgen.machines.imports.imported import Imported, clean, machine_name
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import Measured
-from rodgen.machines.parts import Joint, Target, Vector
+from rodgen.machines.parts import Joint, Target
 
 __all__ = ["is_urdf", "machine_from_urdf"]
 
@@ -253,7 +253,7 @@ def _machine(file: str, robot: str, base: str, tip: str, chain: list[_UrdfJoint]
         name = machine_name(joint.name, [each.name for each in joints], joint=True)
         scale = 1.0 if kind == "revolute" else _MM
         travel = None if joint.travel is None else (joint.travel[0] * scale, joint.travel[1] * scale)
-        joints.append(Joint(name, kind, _clean(turn @ joint.axis, 15), _clean(_MM * place, 9), travel))
+        joints.append(Joint(name, kind, clean(turn @ joint.axis, 15), clean(_MM * place, 9), travel))
         if name != joint.name:
             notes.append(f"Joint {shown(joint.name)} is called {name}, as a machine file has it.")
         if joint.mimic:
@@ -262,7 +262,7 @@ def _machine(file: str, robot: str, base: str, tip: str, chain: list[_UrdfJoint]
                 "its own here, and needs its own column."
             )
     notes += _on_fixed_and_limits(chain)
-    target = Target(machine_name(tip, [joint.name for joint in joints]), _clean(_MM * place, 9))
+    target = Target(machine_name(tip, [joint.name for joint in joints]), clean(_MM * place, 9))
     machine = Machine(
         f"{robot}, {base} to {tip}"[:200],
         "mm",
@@ -287,9 +287,3 @@ def _on_fixed_and_limits(chain: list[_UrdfJoint]) -> Iterator[str]:
     endless = [joint.name for joint in chain if joint.type in _MOVING and joint.travel is None]
     if endless:
         yield f"Without limits, so that the travel is that of the readings: {', '.join(endless)}."
-
-
-def _clean(vector: Array, digits: int) -> Vector:
-    """Return three numbers without the rounding errors of the products that they come from."""
-    x, y, z = (float(x) + 0.0 for x in vector.round(digits))
-    return x, y, z

@@ -1,0 +1,242 @@
+"""A machine from a Denavit-Hartenberg table, standard or modified, as CSV or TOML.
+
+Row j of a standard table is joint j and the link after it, Rz(theta) Tz(d) Tx(a) Rx(alpha); of a modified one (Craig's)
+the link before it and the joint, Tx(a) Rx(alpha) Tz(d) Rz(theta). The coordinate of a joint is added to its theta, or
+to its d where it slides; with the sign -1 it is subtracted.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rodgen.data.measurements import Measurements, Names
+from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit
+from rodgen.errors import InputFileError, listed, shown
+from rodgen.kinematics.spatial.robots.denavit_hartenberg import (
+    from_denavit_hartenberg,
+    from_modified_denavit_hartenberg,
+)
+from rodgen.machines.files.read import MOST_JOINTS
+from rodgen.machines.files.toml import NUMBER, PAIR, TEXT, VECTOR, Table, one_of, parse, read_text
+from rodgen.machines.imports.imported import Imported, clean, machine_name
+from rodgen.machines.measured import Measured
+from rodgen.machines.mechanism import from_mechanism
+
+__all__ = ["CONVENTIONS", "is_table", "machine_from_table"]
+
+CONVENTIONS = {
+    "standard": from_denavit_hartenberg,
+    "modified": from_modified_denavit_hartenberg,
+}
+_ORDER = {"standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha)", "modified": "Tx(a) Rx(alpha) Tz(d) Rz(theta)"}
+_NUMBERS: dict[str, Dimension] = {"theta": ANGLE, "d": LENGTH, "a": LENGTH, "alpha": ANGLE}
+_EXAMPLE = "theta [deg],d [mm],a [mm],alpha [deg]"
+_SIGNS = ("+1", "-1")
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A joint and a link: lengths in the table's unit, angles in rad."""
+
+    name: str
+    type: str
+    theta: float
+    d: float
+    a: float
+    alpha: float
+    sign: float
+    travel: tuple[float, float] | None
+
+
+def is_table(file: str, start: bytes) -> bool:
+    """Return whether a file is such a table, by its name and the first bytes of its content."""
+    lines = start.decode("utf-8", "replace").lstrip("\ufeff").splitlines()
+    if file.lower().endswith(".toml"):
+        return any(line.split("=")[0].strip() == "convention" for line in lines)
+    header = next((line for line in lines if line.strip()), "")
+    return {name.partition("[")[0].strip() for name in header.split(",")} >= _NUMBERS.keys()
+
+
+def machine_from_table(path: str | os.PathLike[str], convention: str | None = None) -> Imported:
+    """Return the machine of a Denavit-Hartenberg table.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        CSV with the columns theta, d, a, alpha, their units in brackets, and where wanted joint (a name), type (R or
+        P), sign (+1 or -1), low and high (the travel of joints that turn); or TOML.
+    convention : {"standard", "modified"}, optional
+        A TOML table says it itself.
+
+    Returns
+    -------
+    Imported
+        Axes and points in the frame before the first row; the target is the origin of the frame after the last.
+        Readings are points in a free frame, and the target is estimated.
+
+    Raises
+    ------
+    InputFileError
+    """
+    file = os.fspath(path)
+    if file.lower().endswith(".toml"):
+        title, convention, unit, rows, tool = _of_toml(file, convention)
+    else:
+        if convention is None:
+            expected = ", or ".join(f"{name}, {order}" for name, order in _ORDER.items())
+            raise InputFileError(file, "--convention", "not given for a Denavit-Hartenberg table", expected)
+        title, tool = os.path.splitext(os.path.basename(file))[0], (0.0, 0.0, 0.0)
+        unit, rows = _of_csv(file)
+    if not 0 < len(rows) <= MOST_JOINTS:
+        raise InputFileError(file, "file", f"{len(rows)} rows", f"1 to {MOST_JOINTS}, one for each joint")
+    names: list[str] = []
+    for row in rows:
+        names.append(machine_name(row.name, names, joint=True))
+    columns = {key: [getattr(row, key) for row in rows] for key in _NUMBERS}
+    placed = CONVENTIONS[convention](
+        [row.type for row in rows],
+        columns["a"],
+        columns["alpha"],
+        columns["d"],
+        columns["theta"],
+        unit=unit,
+        name=title,
+        names=names,
+    )
+    machine = from_mechanism(placed, {"tool": tool})
+    joints = tuple(
+        replace(
+            joint,
+            axis=clean(row.sign * np.array(joint.axis), 15),
+            point=clean(np.array(joint.point), 12),
+            travel=row.travel,
+        )
+        for joint, row in zip(machine.joints, rows, strict=True)
+    )
+    target = replace(machine.targets[0], point=clean(np.array(machine.targets[0].point), 12))
+    notes = [
+        f"{os.path.basename(file)}: a {convention} Denavit-Hartenberg table of {len(rows)} joints, a row is "
+        f"{_ORDER[convention]}; lengths in {unit}."
+    ]
+    if back := [name for name, row in zip(names, rows, strict=True) if row.sign < 0]:
+        notes.append(f"Turned the other way (sign -1): {', '.join(back)}.")
+    notes += [
+        f"Joint {shown(row.name)} is called {name}, as a machine file has it."
+        for name, row in zip(names, rows, strict=True)
+        if name != row.name
+    ]
+    notes.append(
+        "Frame and target are estimated: where the instrument is, and what it sees there, a table does not say."
+    )
+    return Imported(
+        replace(
+            machine,
+            joints=joints,
+            targets=(target,),
+            measured=Measured("point", "free"),
+            estimate=("target",),
+        ),
+        tuple(notes),
+    )
+
+
+def _of_csv(file: str) -> tuple[str, list[_Row]]:
+    table = Measurements.load(file)
+    known = {*_NUMBERS, "joint", "type", "sign", "low", "high"}
+    for name, column in table.columns.items():
+        if name not in known:
+            place = f"{table.header_place}, column {shown(column.text)}"
+            raise InputFileError(file, place, "unknown column", listed(sorted(known)))
+    unit = table.columns["a"].unit or ""
+    factors = {name: _factor(table, name, dimension, unit) for name, dimension in _NUMBERS.items()}
+    both = {"low", "high"} & table.columns.keys()
+    factors |= {name: _factor(table, name, ANGLE, unit) for name in both}
+    if len(both) == 1:
+        raise InputFileError(file, table.header_place, f"{both.pop()!r} alone", "low and high, the travel")
+
+    def text(name: str, k: int, default: str) -> str:
+        column = table.columns.get(name)
+        if column is None:
+            return default
+        return str(column.values[k]) if isinstance(column, Names) else f"{column.values[k]:g}"
+
+    rows = []
+    for k in range(table.rows):
+        numbers = {name: float(table.columns[name].values[k]) * factors[name] for name in factors}
+        kind, sign = text("type", k, "R").upper(), text("sign", k, "1").removeprefix("+")
+        for name, given, options in (("type", kind, ("R", "P")), ("sign", sign, ("1", "-1"))):
+            if given not in options:
+                raise InputFileError(file, f"{table.place(k)}, column {name}", shown(given), listed(options))
+        travel = (numbers.pop("low"), numbers.pop("high")) if both else None
+        if travel and (kind == "P" or not travel[0] < travel[1]):
+            found = (
+                "the travel of a joint that slides"
+                if kind == "P"
+                else f"from {travel[0]:g} to {travel[1]:g} rad"
+            )
+            raise InputFileError(
+                file, f"{table.place(k)}, column 'low'", found, "low and high of joints that turn"
+            )
+        rows.append(_Row(text("joint", k, f"J{k + 1}"), kind, sign=float(sign), travel=travel, **numbers))
+    return unit, rows
+
+
+def _factor(table: Measurements, name: str, dimension: Dimension, unit: str) -> float:
+    """Return the factor of a column to the table's length, or to rad."""
+    column = table.columns[name]
+    place = f"{table.header_place}, column {shown(column.text)}"
+    if isinstance(column, Names) or not column.unit:
+        raise InputFileError(table.file, place, "no numbers with a unit", f"a header such as {_EXAMPLE}")
+    given = parse_unit(column.unit)
+    if given.dimension != dimension:
+        raise InputFileError(table.file, place, f"a unit of {given.dimension}", f"one of {dimension}")
+    return given.factor() / (parse_unit(unit).factor() if dimension == LENGTH else 1.0)
+
+
+def _of_toml(file: str, convention: str | None) -> tuple[str, str, str, list[_Row], Any]:
+    top = Table(file, "", parse(read_text(file), file), ("name", "convention", "units", "joint", "tool"))
+    said = top.get("convention", one_of(tuple(CONVENTIONS)))
+    if convention not in (None, said):
+        raise InputFileError(file, "convention", shown(said), f"{convention}, as --convention says")
+    units = top.sub("units", ("length", "angle"))
+    length, angle = units.get("length", TEXT, "mm"), units.get("angle", TEXT, "deg")
+    for key, unit, dimension in (("length", length, LENGTH), ("angle", angle, ANGLE)):
+        try:
+            fits = parse_unit(unit).dimension == dimension
+        except UnitError as error:
+            raise units.error(key, error.found, error.expected) from None
+        if not fits:
+            raise units.error(key, shown(unit), f"a unit of {dimension}")
+    rows = list(_toml_rows(top, parse_unit(angle).factor()))
+    return top.get("name", TEXT, "Robot"), said, length, rows, top.get("tool", VECTOR, (0.0, 0.0, 0.0))
+
+
+def _toml_rows(top: Table, per_angle: float) -> Iterator[_Row]:
+    keys = ("name", "type", "theta", "d", "a", "alpha", "sign", "travel")
+    for number, block in enumerate(
+        top.blocks("joint", MOST_JOINTS, missing=f"a block for each: {_EXAMPLE}"), start=1
+    ):
+        table = Table(top.file, f"[[joint]] {number}", block, keys)
+        kind = table.get("type", one_of(("R", "P")), "R")
+        of_coordinate = per_angle if kind == "R" else 1.0
+        travel = table.get("travel", PAIR, None)
+        if travel and not travel[0] < travel[1]:
+            raise table.error("travel", f"{list(travel)}", "the lower number first, then a higher one")
+        sign = table.get("sign", NUMBER, 1.0)
+        if sign not in (1.0, -1.0):
+            raise table.error("sign", f"{sign:g}", listed(_SIGNS))
+        yield _Row(
+            table.get("name", TEXT, f"J{number}"),
+            kind,
+            table.get("theta", NUMBER, 0.0) * per_angle,
+            table.get("d", NUMBER, 0.0),
+            table.get("a", NUMBER, 0.0),
+            table.get("alpha", NUMBER, 0.0) * per_angle,
+            sign,
+            (travel[0] * of_coordinate, travel[1] * of_coordinate) if travel else None,
+        )

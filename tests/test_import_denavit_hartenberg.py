@@ -1,0 +1,152 @@
+"""``rodgen import`` of Denavit-Hartenberg tables, against the product of plain matrices; also of the page's."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rodgen.errors import InputFileError
+from rodgen.machines.imports.denavit_hartenberg import machine_from_table
+from rodgen.machines.machine import Machine
+from rodgen.machines.mechanism import to_mechanism
+
+Run = Callable[..., tuple[int, str, str]]
+PAGE = (Path(__file__).parent.parent / "docs" / "import.md").read_text(encoding="utf-8")
+UR, KUKA = re.findall(r"```csv\n(joint.*?)```", PAGE, re.DOTALL)[:2]
+MITSUBISHI = re.search(r"```toml\n(name = \"RV.*?)```", PAGE, re.DOTALL)[1]
+SLIDING = """type,theta [rad],d [m],a [inch],alpha [deg]
+R,0.3,0.2,4,90
+P,1.2,0.1,2,-60
+R,-0.4,0.05,-3,20
+"""
+RNG = np.random.default_rng(4)
+
+
+def product(rows, q, modified):
+    """Multiply the matrices of the rows: theta, d, a, alpha, sign, whether it slides."""
+    T = np.eye(4)
+    for (theta, d, a, alpha, sign, slides), value in zip(rows, q, strict=True):
+        theta, d = (theta, d + sign * value) if slides else (theta + sign * value, d)
+        (ct, st), (ca, sa) = ((np.cos(x), np.sin(x)) for x in (theta, alpha))
+        joint = np.array([[ct, -st, 0, 0], [st, ct, 0, 0], [0, 0, 1, d], [0, 0, 0, 1]])
+        link = np.array([[1, 0, 0, a], [0, ca, -sa, 0], [0, sa, ca, 0], [0, 0, 0, 1]])
+        T = T @ (link @ joint if modified else joint @ link)
+    return T
+
+
+def rows_of(text):
+    if "convention" in text:
+        joints = tomllib.loads(text)["joint"]
+        return [
+            (
+                *np.radians([j.get("theta", 0)]),
+                j.get("d", 0),
+                j.get("a", 0),
+                np.radians(j.get("alpha", 0)),
+                1,
+                False,
+            )
+            for j in joints
+        ]
+    header, *lines = [line.split(",") for line in text.strip().splitlines()]
+    sizes = {"deg": np.pi / 180, "rad": 1, "mm": 1, "m": 1000, "inch": 25.4}
+    found = []
+    for line in lines:
+        row = {}
+        for name, cell in zip(header, line, strict=True):
+            key, _, unit = name.partition(" [")
+            row[key] = float(cell) * sizes[unit[:-1]] if unit else cell
+        numbers = [row[key] for key in ("theta", "d", "a", "alpha")]
+        found.append((*numbers, float(row.get("sign", 1)), row.get("type") == "P"))
+    return found
+
+
+def seen(machine, q):
+    return (to_mechanism(machine).forward(q) @ [*machine.targets[0].point, 1.0])[:3]
+
+
+@pytest.mark.parametrize("modified", [False, True])
+@pytest.mark.parametrize("text", [UR, KUKA, SLIDING], ids=["UR", "KUKA", "sliding"])
+def test_a_table_is_the_product_of_its_matrices(text, modified, tmp_path):
+    (tmp_path / "t.csv").write_text(text)
+    machine = machine_from_table(tmp_path / "t.csv", "modified" if modified else "standard").machine
+    size = {"mm": 1.0, "inch": 25.4}[machine.length_unit]
+    rows = rows_of(text)
+    for _ in range(5):
+        q = RNG.uniform(-3, 3, len(rows))
+        expected = product(rows, q * [size if row[-1] else 1 for row in rows], modified)[:3, 3]
+        assert size * seen(machine, q) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_table_in_toml_has_a_tool_and_travels(tmp_path):
+    (tmp_path / "t.toml").write_text(MITSUBISHI)
+    machine = machine_from_table(tmp_path / "t.toml").machine
+    assert machine.name == "RV robot"
+    assert machine.joints[0].travel == pytest.approx((-240 * np.pi / 180, 240 * np.pi / 180))
+    q = RNG.uniform(-3, 3, 6)
+    expected = product(rows_of(MITSUBISHI), q, modified=True) @ [0, 0, 120, 1]
+    assert seen(machine, q) == pytest.approx(expected[:3], abs=1e-9)
+
+
+def test_the_command_says_what_was_taken_for_what(tmp_path, rodgen_command: Run):
+    (tmp_path / "kuka.csv").write_text(KUKA)
+    output = tmp_path / "m.toml"
+    code, out, err = rodgen_command("import", tmp_path / "kuka.csv", "--convention", "standard", "-o", output)
+    assert (code, err) == (0, "")
+    assert (
+        "kuka.csv: a standard Denavit-Hartenberg table of 6 joints, a row is Rz(theta) Tz(d) Tx(a) Rx(alpha)"
+        in out
+    )
+    assert "Turned the other way (sign -1): A1, A4, A6." in out
+    machine = Machine.load(output)
+    assert [joint.name for joint in machine.joints] == ["A1", "A2", "A3", "A4", "A5", "A6"]
+    assert machine.joints[0].axis == (0, 0, -1)
+    assert machine.joints[1].travel == pytest.approx(np.radians([-190, 45]))
+    # upper arm upright, forearm level: 25 + 420 + 80 out, 400 + 455 + 35 high; A1 turns clockwise, A5 downwards
+    assert seen(machine, np.radians([0, -90, 90, 0, 0, 0])) == pytest.approx([525, 0, 890], abs=1e-9)
+    assert seen(machine, np.radians([10, -90, 90, 0, 0, 0]))[1] < 0
+    assert seen(machine, np.radians([0, -90, 90, 0, 30, 0]))[2] < 890
+    code, _, err = rodgen_command("import", tmp_path / "kuka.csv", "-o", output)
+    assert code == 2
+    assert "--convention: not given for a Denavit-Hartenberg table; expected standard, Rz(theta)" in err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("d [mm]", "d [deg]", "line 1, column 'd [deg]': a unit of angle; expected one of length"),
+        ("d [mm]", "d", "line 1, column 'd': no numbers with a unit; expected a header such as theta [deg]"),
+        ("A2,1,0", "A2,2,0", "line 3, column sign: '2'; expected '1' or '-1'"),
+        ("low [deg]", "lowest [deg]", "line 1, column 'lowest [deg]': unknown column; expected"),
+        ("-190,45", "45,-190", "line 3, column 'low': from 0.785398 to -3.31613 rad; expected low and high"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_sentence(old, new, expected, tmp_path):
+    assert old in KUKA
+    (tmp_path / "t.csv").write_text(KUKA.replace(old, new))
+    with pytest.raises(InputFileError) as error:
+        machine_from_table(tmp_path / "t.csv", "standard")
+    assert expected in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("a = 230", "a = '230'", "[[joint]] 3, a: the text '230'; expected a number"),
+        ('"modified"', '"craig"', "convention: 'craig'; expected 'standard' or 'modified'"),
+        ("d = 295", "d = 295\nsign = 0", "[[joint]] 1, sign: 0; expected '+1' or '-1'"),
+        ("theta = -90", "beta = -90", "[[joint]] 2, beta: unknown key; expected"),
+        ('"deg"', '"mm"', "[units], angle: 'mm'; expected a unit of angle"),
+    ],
+)
+def test_what_is_wrong_in_toml_is_said_in_one_sentence(old, new, expected, tmp_path):
+    assert old in MITSUBISHI
+    (tmp_path / "t.toml").write_text(MITSUBISHI.replace(old, new, 1))
+    with pytest.raises(InputFileError) as error:
+        machine_from_table(tmp_path / "t.toml")
+    assert expected in str(error.value)
