@@ -25,7 +25,7 @@ import rodgen
 import rodgen.generated
 from rodgen.codegen import Kernel, KernelBuilder, KernelError
 from rodgen.codegen.compile import compile_kernel
-from rodgen.codegen.printers import CPrinter, NumPyPrinter, RealCPrinter, VectorCPrinter
+from rodgen.codegen.printers import ArrayPrinter, CPrinter, RealCPrinter, VectorCPrinter
 from rodgen.codegen.source_files import KernelModule, check_kernels, render, render_extension, write_kernels
 from rodgen.codegen.source_text import in_comment, in_docstring
 from rodgen.symbolic import EPS, LARGEST, Derivation, power_of_two_scale, select
@@ -464,7 +464,7 @@ def test_vector_printer_writes_every_construct(bits: int, rows: str, compiler: s
         check_constructs(module, tuple(a[block] for a in arrays[2:]), bits)
 
 
-@pytest.mark.parametrize("printer", [NumPyPrinter(), CPrinter(), RealCPrinter(), VectorCPrinter()])
+@pytest.mark.parametrize("printer", [ArrayPrinter(), CPrinter(), RealCPrinter(), VectorCPrinter()])
 def test_printers_refuse_what_they_cannot_write(printer: Any) -> None:
     with pytest.raises(KernelError, match="gamma"):
         printer.line(sp.gamma(X))

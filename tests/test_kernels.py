@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import ctypes
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -290,6 +290,48 @@ class ArrayTests(KernelTests):
 class TestNumPy(ArrayTests):
     def function(self, name: str) -> Callable[..., Any]:
         return getattr(generated_numpy.ALL, name)
+
+
+class LibraryTests(KernelTests):
+    """The generated NumPy modules on arrays of another library, through the array API standard."""
+
+    library: str
+
+    @pytest.fixture(autouse=True)
+    def _library(self) -> None:
+        self.xp = pytest.importorskip(self.library)
+
+    def call(self, name: str, *arguments: np.ndarray) -> Results:
+        given = [self.xp.asarray(a) for a in arguments]
+        with np.errstate(all="ignore"):  # array-api-strict is NumPy
+            found = as_tuple(getattr(generated_numpy.ALL, name)(*given))
+        assert {type(x) for x in found} == {type(x) for x in given}
+        return tuple(map(np.asarray, found))
+
+    call_one = call
+
+    def check_values(self, name: str, bits: int) -> None:
+        reference = expected(name, bits)
+        reference.check(self.call(name, *reference.inputs))
+        reference.check(self.call(name, *(a[:0] for a in reference.inputs)), np.arange(0))
+
+
+class TestArrayAPIStrict(LibraryTests):
+    library = "array_api_strict"
+
+
+class TestPyTorch(LibraryTests):
+    library = "torch"
+
+
+@pytest.mark.slow
+class TestJAX(LibraryTests):
+    library = "jax.numpy"
+
+    @pytest.fixture(autouse=True)
+    def _double(self) -> Iterator[None]:
+        with pytest.importorskip("jax").enable_x64(True):
+            yield
 
 
 class GufuncTests(ArrayTests):

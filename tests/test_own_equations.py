@@ -26,7 +26,7 @@ from rodgen.codegen import KernelBuilder, KernelError
 from rodgen.codegen import build_cache as _build_cache
 from rodgen.codegen import compile as run_time
 from rodgen.codegen.compile import cache_folder, compile_kernel, compile_kernels
-from rodgen.codegen.printers import CPrinter, NumPyPrinter
+from rodgen.codegen.printers import ArrayPrinter, CPrinter
 from rodgen.codegen.source_files import KernelModule, render
 from rodgen.symbolic import EPS, Vector, cross, dot, equal, power_of_two_scale, select
 
@@ -496,7 +496,7 @@ def test_errors_of_a_script_lead_to_its_line(tmp_path):
 @pytest.mark.parametrize(
     "value", [1 / (x + y), 1 / (x**2 + y**2), (x + y) ** -3, 2 / (x * y), 1 / (1 + 1 / (x + y))]
 )
-@pytest.mark.parametrize("printer", [NumPyPrinter(), CPrinter()], ids=["numpy", "c"])
+@pytest.mark.parametrize("printer", [ArrayPrinter(), CPrinter()], ids=["numpy", "c"])
 def test_reciprocal_of_a_sum_keeps_its_parentheses(printer, value):
     assert eval(printer.line(value), {"x": 3.0, "y": 5.0}) == pytest.approx(float(value.subs({x: 3, y: 5})))
 

@@ -78,14 +78,14 @@ solve_axis.signature = "(3),(3),(),()->(2,3),()"
 solve_axis.types = ["dddd->db", "ffff->fb"]
 
 
-def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
+def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
     # 52 add, 108 mul, 4 div, 4 sqrt, 39 select, 39 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
-    size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
-    size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
+    size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
+    size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
     scale_after = _power_of_two_scale(size_after)
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
-    scale = np.where(comparable, scale_before, scale_after)
+    scale = xp.where(comparable, scale_before, scale_after)
     del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
@@ -103,12 +103,12 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     total_3 = u_3 + v_3
     length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
-    length_product = np.sqrt(length_prime_squared*length_squared)
+    length_product = xp.sqrt(length_prime_squared*length_squared)
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess_divisor = length_prime_squared + length_product
     del length_prime_squared
     nonzero = excess_divisor > 0.0
-    excess = gain*np.where(nonzero, 1.0/excess_divisor, 1.0)
+    excess = gain*xp.where(nonzero, 1.0/excess_divisor, 1.0)
     del excess_divisor, gain, nonzero
     x0 = excess*v_1
     del v_1
@@ -129,13 +129,13 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     r_3 = difference_3 - x2
     del difference_3, x2
     half_angle = 0.5*angle
-    sine = np.sin(half_angle)
-    cosine = np.cos(half_angle)
-    sine_size = np.abs(sine)
+    sine = xp.sin(half_angle)
+    cosine = xp.cos(half_angle)
+    sine_size = xp.abs(sine)
     x3 = (eps*eps)
-    turn_scale = _power_of_two_scale(np.where(sine_size > x3, sine_size, x3))
+    turn_scale = _power_of_two_scale(xp.where(sine_size > x3, sine_size, x3))
     S = sine_size*turn_scale
-    C = turn_scale*np.where(sine < 0.0, -cosine, cosine)
+    C = turn_scale*xp.where(sine < 0.0, -cosine, cosine)
     del sine
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
@@ -151,13 +151,13 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     w_1 = m_2*r_3 - m_3*r_2
     w_2 = m_3*r_1 - m_1*r_3
     w_3 = m_1*r_2 - m_2*r_1
-    x5 = np.abs(half_angle)
+    x5 = xp.abs(half_angle)
     del half_angle
     x6 = 8.0*eps
-    rounding = S*length_squared*x6*(x5 + 1.0)*np.abs(C)
+    rounding = S*length_squared*x6*(x5 + 1.0)*xp.abs(C)
     x7 = 0.5*along_m
     del along_m
-    band = np.where(rounding < x7, rounding, x7)
+    band = xp.where(rounding < x7, rounding, x7)
     del rounding, x7
     both = length_product > 0.0
     del length_product
@@ -169,26 +169,26 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     del both
     crooked = area_squared < x11*(1.0 - 32.0*eps)
     del x11
-    across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
-    across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
-    across_3 = np.where(np.abs(u_1) < np.abs(u_3), u_2, 0.0)
+    across_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -u_2)
+    across_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), -u_3, u_1)
+    across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
     del u_1, u_2, u_3
-    under_root = np.where(two, root_squared, np.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3)))
+    under_root = xp.where(two, root_squared, xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3)))
     del area_squared
-    root = np.sqrt(under_root)
+    root = xp.sqrt(under_root)
     del under_root
-    divisor = np.where(two, S*m_squared, np.where(root > 0.0, root, 1.0))
+    divisor = xp.where(two, S*m_squared, xp.where(root > 0.0, root, 1.0))
     del S
     inverse = 1.0/divisor
     del divisor
-    w_factor = inverse*np.where(two, C, np.where(C < 0.0, -1.0, 1.0))
+    w_factor = inverse*xp.where(two, C, xp.where(C < 0.0, -1.0, 1.0))
     del C
-    m_factor = np.where(two, inverse*root, 0.0)
-    base_1 = np.where((plane) | (two), w_1*w_factor, np.where(root > 0.0, across_1*inverse, 0.0))
+    m_factor = xp.where(two, inverse*root, 0.0)
+    base_1 = xp.where((plane) | (two), w_1*w_factor, xp.where(root > 0.0, across_1*inverse, 0.0))
     del across_1, w_1
-    base_2 = np.where((plane) | (two), w_2*w_factor, np.where(root > 0.0, across_2*inverse, 0.0))
+    base_2 = xp.where((plane) | (two), w_2*w_factor, xp.where(root > 0.0, across_2*inverse, 0.0))
     del across_2, w_2
-    base_3 = np.where((plane) | (two), w_3*w_factor, np.where(root > 0.0, across_3*inverse, 1.0))
+    base_3 = xp.where((plane) | (two), w_3*w_factor, xp.where(root > 0.0, across_3*inverse, 1.0))
     del across_3, inverse, plane, root, w_3, w_factor
     offset_1 = m_1*m_factor
     del m_1
@@ -196,30 +196,30 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     del m_2
     offset_3 = m_3*m_factor
     del m_3, m_factor
-    valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
+    valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     plus_2 = base_2 + offset_2
     plus_3 = base_3 + offset_3
-    plus_factor = np.where(crooked, 1.0/np.sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0)
+    plus_factor = xp.where(crooked, 1.0/xp.sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0)
     minus_1 = base_1 - offset_1
     del base_1, offset_1
     minus_2 = base_2 - offset_2
     del base_2, offset_2
     minus_3 = base_3 - offset_3
     del base_3, offset_3
-    minus_factor = np.where(crooked, 1.0/np.sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0)
+    minus_factor = xp.where(crooked, 1.0/xp.sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0)
     del crooked
-    axes_1_1 = np.where(valid, plus_1*plus_factor, np.nan)
+    axes_1_1 = xp.where(valid, plus_1*plus_factor, xp.nan)
     del plus_1
-    axes_1_2 = np.where(valid, plus_2*plus_factor, np.nan)
+    axes_1_2 = xp.where(valid, plus_2*plus_factor, xp.nan)
     del plus_2
-    axes_1_3 = np.where(valid, plus_3*plus_factor, np.nan)
+    axes_1_3 = xp.where(valid, plus_3*plus_factor, xp.nan)
     del plus_3, plus_factor
-    axes_2_1 = np.where(valid, minus_1*minus_factor, np.nan)
+    axes_2_1 = xp.where(valid, minus_1*minus_factor, xp.nan)
     del minus_1
-    axes_2_2 = np.where(valid, minus_2*minus_factor, np.nan)
+    axes_2_2 = xp.where(valid, minus_2*minus_factor, xp.nan)
     del minus_2
-    axes_2_3 = np.where(valid, minus_3*minus_factor, np.nan)
+    axes_2_3 = xp.where(valid, minus_3*minus_factor, xp.nan)
     del minus_3, minus_factor
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
@@ -233,7 +233,7 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
     del r_squared
-    opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
+    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x10)
     del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
@@ -245,16 +245,16 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     del r_3, turn_scale
     parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
     del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
-    least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
+    least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
+    lengths_agree = (comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))
     del comparable, excess, least_tolerance
-    status = np.where(~(valid), 7.0, np.where(both_zero, 5.0, np.where(one_zero, 2.0, np.where(~(lengths_agree), 6.0, np.where(every, 5.0, np.where(opposite, 4.0, np.where(too_small, 2.0, np.where(~(two), 1.0, np.where(parallel, 3.0, 0.0)))))))))
+    status = xp.where(~(valid), 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~(lengths_agree), 6.0, xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~(two), 1.0, xp.where(parallel, 3.0, 0.0)))))))))
     del both_zero, every, lengths_agree, one_zero, opposite, parallel, too_small, two, valid
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status)
 
 
-def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
+def _solve_axis_usual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
     # 33 add, 53 mul, 3 div, 2 sqrt, 2 select, 13 compare, 4 abs, 1 tan
     difference_1 = rho_prime_1 - rho_1
     difference_2 = rho_prime_2 - rho_2
@@ -278,8 +278,8 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     r_3 = difference_3 - total_3*x0
     del difference_3, total_3, x0
     half_angle = 0.5*angle
-    sine = np.tan(half_angle)
-    sine_size = np.abs(sine)
+    sine = xp.tan(half_angle)
+    sine_size = xp.abs(sine)
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     x1 = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     r_squared = x1
@@ -296,12 +296,12 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     w_3 = m_1*r_2 - m_2*r_1
     del r_1, r_2
     x6 = 8.0*eps
-    root = np.sqrt(root_squared)
+    root = xp.sqrt(root_squared)
     divisor = m_squared*sine
     del sine
     inverse = 1.0/divisor
     del divisor
-    m_factor = root*np.abs(inverse)
+    m_factor = root*xp.abs(inverse)
     del root
     base_1 = inverse*w_1
     del w_1
@@ -336,15 +336,15 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     del minus_2
     axes_2_3 = minus_3
     del minus_3
-    least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
+    least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    x2 = np.abs(excess)
+    x2 = xp.abs(excess)
     del excess
     lengths_agree = x2 <= 0.375*least_tolerance
-    status = np.where(~(lengths_agree), 6.0, 0.0)
+    status = xp.where(~(lengths_agree), 6.0, 0.0)
     x3 = (eps*eps)
-    x5 = np.sqrt(eps)
-    is_usual = (x2 <= 0.000244140625) & ((lengths_agree) | (x2 >= 0.625*least_tolerance)) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0)) & (excess_divisor > 4.0*x3) & (root_squared > 2.0*along_m*x5) & (m_squared*sine_size > 16.0*excess_divisor*x5*(sine_size + 1.0)) & (excess_divisor < 4.0/x3) & (16.0*(gain*gain) < m_squared*r_squared) & (root_squared < along_m) & (np.abs(half_angle) < 8.0)
+    x5 = eps**0.5
+    is_usual = (x2 <= 0.000244140625) & ((lengths_agree) | (x2 >= 0.625*least_tolerance)) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0)) & (excess_divisor > 4.0*x3) & (root_squared > 2.0*along_m*x5) & (m_squared*sine_size > 16.0*excess_divisor*x5*(sine_size + 1.0)) & (excess_divisor < 4.0/x3) & (16.0*(gain*gain) < m_squared*r_squared) & (root_squared < along_m) & (xp.abs(half_angle) < 8.0)
     del along_m, excess_divisor, gain, half_angle, least_tolerance, lengths_agree, m_squared, r_squared, root_squared, sine_size, x2, x3, x5
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status, is_usual)
 
@@ -380,16 +380,16 @@ length_mismatch.signature = "(3),(3)->()"
 length_mismatch.types = ["dd->d", "ff->f"]
 
 
-def _length_mismatch(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, eps, largest):
+def _length_mismatch(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, eps, largest):
     # 18 add, 25 mul, 3 div, 2 sqrt, 3 select, 4 compare, 6 abs, 2 power_of_two_scale
-    size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
-    size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
+    size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
+    size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
     del size_before
     scale_after = _power_of_two_scale(size_after)
     del size_after
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
-    scale = np.where(comparable, scale_before, scale_after)
+    scale = xp.where(comparable, scale_before, scale_after)
     del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
@@ -407,9 +407,9 @@ def _length_mismatch(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del u_1, u_2, u_3
     other_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     del v_1, v_2, v_3
-    length_product = np.sqrt(length_squared*other_squared)
-    ratio = np.sqrt(other_squared/length_squared)
-    mismatch = np.where((length_squared == 0.0) & (other_squared == 0.0), 0.0, np.where(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), ratio*scale_before/scale - 1.0))
+    length_product = xp.sqrt(length_squared*other_squared)
+    ratio = xp.sqrt(other_squared/length_squared)
+    mismatch = xp.where((length_squared == 0.0) & (other_squared == 0.0), 0.0, xp.where(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), ratio*scale_before/scale - 1.0))
     del comparable, difference_1, difference_2, difference_3, length_product, length_squared, other_squared, ratio, scale, scale_before, total_1, total_2, total_3
     return (mismatch,)
 
@@ -449,16 +449,16 @@ axis_condition.signature = "(3),(3),()->()"
 axis_condition.types = ["ddd->d", "fff->f"]
 
 
-def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, eps, largest):
+def _axis_condition(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, eps, largest):
     # 28 add, 44 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin
-    size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
-    size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
+    size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
+    size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
     del size_before
     scale_after = _power_of_two_scale(size_after)
     del size_after
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
-    scale = np.where(comparable, scale_before, scale_after)
+    scale = xp.where(comparable, scale_before, scale_after)
     del comparable, scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
@@ -477,12 +477,12 @@ def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
     del u_1, u_2, u_3
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
-    length_product = np.sqrt(length_prime_squared*length_squared)
+    length_product = xp.sqrt(length_prime_squared*length_squared)
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess_divisor = length_prime_squared + length_product
     del length_prime_squared, length_product
     nonzero = excess_divisor > 0.0
-    excess = gain*np.where(nonzero, 1.0/excess_divisor, 1.0)
+    excess = gain*xp.where(nonzero, 1.0/excess_divisor, 1.0)
     del excess_divisor, gain, nonzero
     x0 = excess*v_1
     del v_1
@@ -503,16 +503,16 @@ def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     r_3 = difference_3 - x2
     del difference_3, x2
     half_angle = 0.5*angle
-    sine = np.sin(half_angle)
-    cosine = np.cos(half_angle)
+    sine = xp.sin(half_angle)
+    cosine = xp.cos(half_angle)
     del half_angle
-    sine_size = np.abs(sine)
+    sine_size = xp.abs(sine)
     x3 = (eps*eps)
-    turn_scale = _power_of_two_scale(np.where(sine_size > x3, sine_size, x3))
+    turn_scale = _power_of_two_scale(xp.where(sine_size > x3, sine_size, x3))
     del x3
     S = sine_size*turn_scale
     del sine_size
-    C = turn_scale*np.where(sine < 0.0, -cosine, cosine)
+    C = turn_scale*xp.where(sine < 0.0, -cosine, cosine)
     del cosine, sine
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     del m_1, m_2, m_3
@@ -528,11 +528,11 @@ def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     del n_1, n_2, n_3
     root_squared = along_m - along_n
     del along_m, along_n
-    positive = np.where(length_squared == 0.0, 1.0, length_squared)
+    positive = xp.where(length_squared == 0.0, 1.0, length_squared)
     del length_squared
-    under_root = np.where(root_squared > 0.0, root_squared, 0.0)
+    under_root = xp.where(root_squared > 0.0, root_squared, 0.0)
     del root_squared
-    condition = np.sqrt(positive)*turn_scale/np.sqrt(under_root)
+    condition = xp.sqrt(positive)*turn_scale/xp.sqrt(under_root)
     del positive, turn_scale, under_root
     return (condition,)
 
@@ -576,14 +576,14 @@ axis_jacobian.signature = "(3),(3),(),()->(2,3,7),()"
 axis_jacobian.types = ["dddd->db", "ffff->fb"]
 
 
-def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
+def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
     # 339 add, 626 mul, 11 div, 4 sqrt, 177 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
-    size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
-    size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
+    size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
+    size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
     scale_after = _power_of_two_scale(size_after)
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
-    scale = np.where(comparable, scale_before, scale_after)
+    scale = xp.where(comparable, scale_before, scale_after)
     del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
@@ -612,7 +612,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_length_prime_squared_d_rho_prime_2 = v_2*x14
     d_length_prime_squared_d_rho_prime_3 = v_3*x14
     del x14
-    x15 = np.sqrt(length_prime_squared*length_squared)
+    x15 = xp.sqrt(length_prime_squared*length_squared)
     length_product = x15
     x16 = 0.5*x15
     del x15
@@ -645,20 +645,20 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
     del d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
     nonzero = excess_divisor > 0.0
-    select_0 = np.where(nonzero, 1.0/excess_divisor, 1.0)
+    select_0 = xp.where(nonzero, 1.0/excess_divisor, 1.0)
     x19 = 1.0/(excess_divisor*excess_divisor)
     del excess_divisor
-    d_select_0_d_rho_1 = np.where(nonzero, -d_length_product_d_rho_1*x19, 0.0)
+    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x19, 0.0)
     del d_length_product_d_rho_1
-    d_select_0_d_rho_2 = np.where(nonzero, -d_length_product_d_rho_2*x19, 0.0)
+    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x19, 0.0)
     del d_length_product_d_rho_2
-    d_select_0_d_rho_3 = np.where(nonzero, -d_length_product_d_rho_3*x19, 0.0)
+    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x19, 0.0)
     del d_length_product_d_rho_3
-    d_select_0_d_rho_prime_1 = np.where(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0)
+    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0)
     del d_excess_divisor_d_rho_prime_1
-    d_select_0_d_rho_prime_2 = np.where(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0)
+    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0)
     del d_excess_divisor_d_rho_prime_2
-    d_select_0_d_rho_prime_3 = np.where(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0)
+    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0)
     del d_excess_divisor_d_rho_prime_3, nonzero, x19
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
@@ -776,26 +776,26 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_r_3_d_rho_prime_3 = x39
     del x39
     half_angle = 0.5*angle
-    x40 = np.sin(half_angle)
+    x40 = xp.sin(half_angle)
     sine = x40
-    x41 = np.cos(half_angle)
+    x41 = xp.cos(half_angle)
     d_sine_d_angle = 0.5*x41
     cosine = x41
     del x41
     d_cosine_d_angle = -0.5*x40
     del x40
-    sine_size = np.abs(sine)
-    d_sine_size_d_angle = d_sine_d_angle*np.sign(sine)
+    sine_size = xp.abs(sine)
+    d_sine_size_d_angle = d_sine_d_angle*xp.sign(sine)
     del d_sine_d_angle
     x3 = (eps*eps)
-    select_1 = np.where(sine_size > x3, sine_size, x3)
+    select_1 = xp.where(sine_size > x3, sine_size, x3)
     turn_scale = _power_of_two_scale(select_1)
     del select_1
     S = sine_size*turn_scale
     d_S_d_angle = d_sine_size_d_angle*turn_scale
     del d_sine_size_d_angle
-    select_2 = np.where(sine < 0.0, -cosine, cosine)
-    d_select_2_d_angle = np.where(sine < 0.0, -d_cosine_d_angle, d_cosine_d_angle)
+    select_2 = xp.where(sine < 0.0, -cosine, cosine)
+    d_select_2_d_angle = xp.where(sine < 0.0, -d_cosine_d_angle, d_cosine_d_angle)
     del d_cosine_d_angle, sine
     C = select_2*turn_scale
     del select_2
@@ -918,13 +918,13 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2
     d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2
     del d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3
-    x5 = np.abs(half_angle)
+    x5 = xp.abs(half_angle)
     del half_angle
     x6 = 8.0*eps
-    rounding = S*length_squared*x6*(x5 + 1.0)*np.abs(C)
+    rounding = S*length_squared*x6*(x5 + 1.0)*xp.abs(C)
     x7 = 0.5*along_m
     del along_m
-    band = np.where(rounding < x7, rounding, x7)
+    band = xp.where(rounding < x7, rounding, x7)
     del rounding, x7
     both = length_product > 0.0
     del length_product
@@ -946,47 +946,47 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del both
     crooked = area_squared < x11*(1.0 - 32.0*eps)
     del x11
-    across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
-    d_across_1_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -scale_before)
-    across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
-    d_across_2_d_rho_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, scale_before)
-    d_across_2_d_rho_3 = np.where(np.abs(u_1) < np.abs(u_3), -scale_before, 0.0)
-    across_3 = np.where(np.abs(u_1) < np.abs(u_3), u_2, 0.0)
+    across_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -u_2)
+    d_across_1_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -scale_before)
+    across_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), -u_3, u_1)
+    d_across_2_d_rho_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, scale_before)
+    d_across_2_d_rho_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), -scale_before, 0.0)
+    across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
     del u_2
-    d_across_3_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), scale_before, 0.0)
+    d_across_3_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), scale_before, 0.0)
     del scale_before, u_1, u_3
-    select_3 = np.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
+    select_3 = xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
     del area_squared
     x51 = 2.0*across_2
-    d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x51)
+    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x51)
     del d_area_squared_d_rho_1
-    d_select_3_d_rho_2 = np.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
+    d_select_3_d_rho_2 = xp.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
     del d_area_squared_d_rho_2
-    d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x51)
+    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x51)
     del d_area_squared_d_rho_3, x51
-    d_select_3_d_rho_prime_1 = np.where(plane, d_area_squared_d_rho_prime_1, 0.0)
+    d_select_3_d_rho_prime_1 = xp.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     del d_area_squared_d_rho_prime_1
-    d_select_3_d_rho_prime_2 = np.where(plane, d_area_squared_d_rho_prime_2, 0.0)
+    d_select_3_d_rho_prime_2 = xp.where(plane, d_area_squared_d_rho_prime_2, 0.0)
     del d_area_squared_d_rho_prime_2
-    d_select_3_d_rho_prime_3 = np.where(plane, d_area_squared_d_rho_prime_3, 0.0)
+    d_select_3_d_rho_prime_3 = xp.where(plane, d_area_squared_d_rho_prime_3, 0.0)
     del d_area_squared_d_rho_prime_3
-    under_root = np.where(two, root_squared, select_3)
+    under_root = xp.where(two, root_squared, select_3)
     del select_3
-    d_under_root_d_rho_1 = np.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
+    d_under_root_d_rho_1 = xp.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
     del d_root_squared_d_rho_1, d_select_3_d_rho_1
-    d_under_root_d_rho_2 = np.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
+    d_under_root_d_rho_2 = xp.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
     del d_root_squared_d_rho_2, d_select_3_d_rho_2
-    d_under_root_d_rho_3 = np.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
+    d_under_root_d_rho_3 = xp.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
     del d_root_squared_d_rho_3, d_select_3_d_rho_3
-    d_under_root_d_rho_prime_1 = np.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
+    d_under_root_d_rho_prime_1 = xp.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
     del d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1
-    d_under_root_d_rho_prime_2 = np.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
+    d_under_root_d_rho_prime_2 = xp.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
     del d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2
-    d_under_root_d_rho_prime_3 = np.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
+    d_under_root_d_rho_prime_3 = xp.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
     del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
-    d_under_root_d_angle = np.where(two, d_root_squared_d_angle, 0.0)
+    d_under_root_d_angle = xp.where(two, d_root_squared_d_angle, 0.0)
     del d_root_squared_d_angle
-    x52 = np.sqrt(under_root)
+    x52 = xp.sqrt(under_root)
     del under_root
     root = x52
     x53 = 0.5/x52
@@ -1005,29 +1005,29 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_under_root_d_rho_prime_3
     d_root_d_angle = d_under_root_d_angle*x53
     del d_under_root_d_angle, x53
-    select_4 = np.where(root > 0.0, root, 1.0)
-    d_select_4_d_rho_1 = np.where(root > 0.0, d_root_d_rho_1, 0.0)
-    d_select_4_d_rho_2 = np.where(root > 0.0, d_root_d_rho_2, 0.0)
-    d_select_4_d_rho_3 = np.where(root > 0.0, d_root_d_rho_3, 0.0)
-    d_select_4_d_rho_prime_1 = np.where(root > 0.0, d_root_d_rho_prime_1, 0.0)
-    d_select_4_d_rho_prime_2 = np.where(root > 0.0, d_root_d_rho_prime_2, 0.0)
-    d_select_4_d_rho_prime_3 = np.where(root > 0.0, d_root_d_rho_prime_3, 0.0)
-    d_select_4_d_angle = np.where(root > 0.0, d_root_d_angle, 0.0)
-    divisor = np.where(two, S*m_squared, select_4)
+    select_4 = xp.where(root > 0.0, root, 1.0)
+    d_select_4_d_rho_1 = xp.where(root > 0.0, d_root_d_rho_1, 0.0)
+    d_select_4_d_rho_2 = xp.where(root > 0.0, d_root_d_rho_2, 0.0)
+    d_select_4_d_rho_3 = xp.where(root > 0.0, d_root_d_rho_3, 0.0)
+    d_select_4_d_rho_prime_1 = xp.where(root > 0.0, d_root_d_rho_prime_1, 0.0)
+    d_select_4_d_rho_prime_2 = xp.where(root > 0.0, d_root_d_rho_prime_2, 0.0)
+    d_select_4_d_rho_prime_3 = xp.where(root > 0.0, d_root_d_rho_prime_3, 0.0)
+    d_select_4_d_angle = xp.where(root > 0.0, d_root_d_angle, 0.0)
+    divisor = xp.where(two, S*m_squared, select_4)
     del select_4
-    d_divisor_d_rho_1 = np.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
+    d_divisor_d_rho_1 = xp.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
     del d_m_squared_d_rho_1, d_select_4_d_rho_1
-    d_divisor_d_rho_2 = np.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
+    d_divisor_d_rho_2 = xp.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
     del d_m_squared_d_rho_2, d_select_4_d_rho_2
-    d_divisor_d_rho_3 = np.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
+    d_divisor_d_rho_3 = xp.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
     del d_m_squared_d_rho_3, d_select_4_d_rho_3
-    d_divisor_d_rho_prime_1 = np.where(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1)
+    d_divisor_d_rho_prime_1 = xp.where(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1)
     del d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1
-    d_divisor_d_rho_prime_2 = np.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
+    d_divisor_d_rho_prime_2 = xp.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
     del d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2
-    d_divisor_d_rho_prime_3 = np.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
+    d_divisor_d_rho_prime_3 = xp.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
     del S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3
-    d_divisor_d_angle = np.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
+    d_divisor_d_angle = xp.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
     del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
     x54 = 1.0/(divisor*divisor)
@@ -1046,10 +1046,10 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_divisor_d_rho_prime_3
     d_inverse_d_angle = -d_divisor_d_angle*x54
     del d_divisor_d_angle, x54
-    select_5 = np.where(C < 0.0, -1.0, 1.0)
-    select_6 = np.where(two, C, select_5)
+    select_5 = xp.where(C < 0.0, -1.0, 1.0)
+    select_6 = xp.where(two, C, select_5)
     del C, select_5
-    d_select_6_d_angle = np.where(two, d_C_d_angle, 0.0)
+    d_select_6_d_angle = xp.where(two, d_C_d_angle, 0.0)
     del d_C_d_angle
     w_factor = inverse*select_6
     d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6
@@ -1060,104 +1060,104 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6
     d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse
     del d_select_6_d_angle, select_6
-    m_factor = np.where(two, inverse*root, 0.0)
-    d_m_factor_d_rho_1 = np.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
+    m_factor = xp.where(two, inverse*root, 0.0)
+    d_m_factor_d_rho_1 = xp.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
     del d_root_d_rho_1
-    d_m_factor_d_rho_2 = np.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
+    d_m_factor_d_rho_2 = xp.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
     del d_root_d_rho_2
-    d_m_factor_d_rho_3 = np.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
+    d_m_factor_d_rho_3 = xp.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
     del d_root_d_rho_3
-    d_m_factor_d_rho_prime_1 = np.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
+    d_m_factor_d_rho_prime_1 = xp.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
     del d_root_d_rho_prime_1
-    d_m_factor_d_rho_prime_2 = np.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
+    d_m_factor_d_rho_prime_2 = xp.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
     del d_root_d_rho_prime_2
-    d_m_factor_d_rho_prime_3 = np.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
+    d_m_factor_d_rho_prime_3 = xp.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
     del d_root_d_rho_prime_3
-    d_m_factor_d_angle = np.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
+    d_m_factor_d_angle = xp.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
     del d_root_d_angle
-    select_7 = np.where(root > 0.0, across_1*inverse, 0.0)
-    d_select_7_d_rho_1 = np.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
-    d_select_7_d_rho_2 = np.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
+    select_7 = xp.where(root > 0.0, across_1*inverse, 0.0)
+    d_select_7_d_rho_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
+    d_select_7_d_rho_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
     del d_across_1_d_rho_2
-    d_select_7_d_rho_3 = np.where(root > 0.0, across_1*d_inverse_d_rho_3, 0.0)
-    d_select_7_d_rho_prime_1 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_1, 0.0)
-    d_select_7_d_rho_prime_2 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_2, 0.0)
-    d_select_7_d_rho_prime_3 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
-    d_select_7_d_angle = np.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
+    d_select_7_d_rho_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_3, 0.0)
+    d_select_7_d_rho_prime_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_1, 0.0)
+    d_select_7_d_rho_prime_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_2, 0.0)
+    d_select_7_d_rho_prime_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
+    d_select_7_d_angle = xp.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
     del across_1
-    base_1 = np.where((plane) | (two), w_1*w_factor, select_7)
+    base_1 = xp.where((plane) | (two), w_1*w_factor, select_7)
     del select_7
-    d_base_1_d_rho_1 = np.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
+    d_base_1_d_rho_1 = xp.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
     del d_select_7_d_rho_1, d_w_1_d_rho_1
-    d_base_1_d_rho_2 = np.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
+    d_base_1_d_rho_2 = xp.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
     del d_select_7_d_rho_2, d_w_1_d_rho_2
-    d_base_1_d_rho_3 = np.where((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
+    d_base_1_d_rho_3 = xp.where((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
     del d_select_7_d_rho_3, d_w_1_d_rho_3
-    d_base_1_d_rho_prime_1 = np.where((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
+    d_base_1_d_rho_prime_1 = xp.where((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
     del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1
-    d_base_1_d_rho_prime_2 = np.where((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
+    d_base_1_d_rho_prime_2 = xp.where((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
     del d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2
-    d_base_1_d_rho_prime_3 = np.where((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
+    d_base_1_d_rho_prime_3 = xp.where((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
     del d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3
-    d_base_1_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
+    d_base_1_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
     del d_select_7_d_angle, w_1
-    select_8 = np.where(root > 0.0, across_2*inverse, 0.0)
-    d_select_8_d_rho_1 = np.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
+    select_8 = xp.where(root > 0.0, across_2*inverse, 0.0)
+    d_select_8_d_rho_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
     del d_across_2_d_rho_1
-    d_select_8_d_rho_2 = np.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
-    d_select_8_d_rho_3 = np.where(root > 0.0, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
+    d_select_8_d_rho_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
+    d_select_8_d_rho_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
     del d_across_2_d_rho_3
-    d_select_8_d_rho_prime_1 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_1, 0.0)
-    d_select_8_d_rho_prime_2 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_2, 0.0)
-    d_select_8_d_rho_prime_3 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
-    d_select_8_d_angle = np.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
+    d_select_8_d_rho_prime_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_1, 0.0)
+    d_select_8_d_rho_prime_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_2, 0.0)
+    d_select_8_d_rho_prime_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
+    d_select_8_d_angle = xp.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
     del across_2
-    base_2 = np.where((plane) | (two), w_2*w_factor, select_8)
+    base_2 = xp.where((plane) | (two), w_2*w_factor, select_8)
     del select_8
-    d_base_2_d_rho_1 = np.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
+    d_base_2_d_rho_1 = xp.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
     del d_select_8_d_rho_1, d_w_2_d_rho_1
-    d_base_2_d_rho_2 = np.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
+    d_base_2_d_rho_2 = xp.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
     del d_select_8_d_rho_2, d_w_2_d_rho_2
-    d_base_2_d_rho_3 = np.where((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
+    d_base_2_d_rho_3 = xp.where((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
     del d_select_8_d_rho_3, d_w_2_d_rho_3
-    d_base_2_d_rho_prime_1 = np.where((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
+    d_base_2_d_rho_prime_1 = xp.where((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
     del d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1
-    d_base_2_d_rho_prime_2 = np.where((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
+    d_base_2_d_rho_prime_2 = xp.where((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
     del d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2
-    d_base_2_d_rho_prime_3 = np.where((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
+    d_base_2_d_rho_prime_3 = xp.where((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
     del d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3
-    d_base_2_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
+    d_base_2_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
     del d_select_8_d_angle, w_2
-    select_9 = np.where(root > 0.0, across_3*inverse, 1.0)
-    d_select_9_d_rho_1 = np.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
+    select_9 = xp.where(root > 0.0, across_3*inverse, 1.0)
+    d_select_9_d_rho_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
     del d_inverse_d_rho_1
-    d_select_9_d_rho_2 = np.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
+    d_select_9_d_rho_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
     del d_across_3_d_rho_2, d_inverse_d_rho_2, inverse
-    d_select_9_d_rho_3 = np.where(root > 0.0, across_3*d_inverse_d_rho_3, 0.0)
+    d_select_9_d_rho_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_3, 0.0)
     del d_inverse_d_rho_3
-    d_select_9_d_rho_prime_1 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_1, 0.0)
+    d_select_9_d_rho_prime_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_1, 0.0)
     del d_inverse_d_rho_prime_1
-    d_select_9_d_rho_prime_2 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_2, 0.0)
+    d_select_9_d_rho_prime_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_2, 0.0)
     del d_inverse_d_rho_prime_2
-    d_select_9_d_rho_prime_3 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_3, 0.0)
+    d_select_9_d_rho_prime_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_3, 0.0)
     del d_inverse_d_rho_prime_3
-    d_select_9_d_angle = np.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
+    d_select_9_d_angle = xp.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
     del across_3, d_inverse_d_angle, root
-    base_3 = np.where((plane) | (two), w_3*w_factor, select_9)
+    base_3 = xp.where((plane) | (two), w_3*w_factor, select_9)
     del select_9
-    d_base_3_d_rho_1 = np.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
+    d_base_3_d_rho_1 = xp.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
     del d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1
-    d_base_3_d_rho_2 = np.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
+    d_base_3_d_rho_2 = xp.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
     del d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2
-    d_base_3_d_rho_3 = np.where((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
+    d_base_3_d_rho_3 = xp.where((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
     del d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3
-    d_base_3_d_rho_prime_1 = np.where((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
+    d_base_3_d_rho_prime_1 = xp.where((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
     del d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
-    d_base_3_d_rho_prime_2 = np.where((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
+    d_base_3_d_rho_prime_2 = xp.where((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
     del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2
-    d_base_3_d_rho_prime_3 = np.where((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
+    d_base_3_d_rho_prime_3 = xp.where((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
     del d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor
-    d_base_3_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
+    d_base_3_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
     del d_select_9_d_angle, d_w_factor_d_angle, plane, w_3
     offset_1 = m_1*m_factor
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
@@ -1204,7 +1204,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
     del d_m_factor_d_angle, m_3
-    valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
+    valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1
     d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2
@@ -1230,20 +1230,20 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
     x55 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
-    plus_factor = np.where(crooked, 1.0/np.sqrt(x55), 1.0)
-    x56 = 1.0/np.power(x55, 1.5)
+    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x55), 1.0)
+    x56 = 1.0/xp.pow(x55, 1.5)
     del x55
     x57 = plus_1*x56
     x58 = plus_2*x56
     x59 = plus_3*x56
     del x56
-    d_plus_factor_d_rho_1 = np.where(crooked, -d_plus_1_d_rho_1*x57 - d_plus_2_d_rho_1*x58 - d_plus_3_d_rho_1*x59, 0.0)
-    d_plus_factor_d_rho_2 = np.where(crooked, -d_plus_1_d_rho_2*x57 - d_plus_2_d_rho_2*x58 - d_plus_3_d_rho_2*x59, 0.0)
-    d_plus_factor_d_rho_3 = np.where(crooked, -d_plus_1_d_rho_3*x57 - d_plus_2_d_rho_3*x58 - d_plus_3_d_rho_3*x59, 0.0)
-    d_plus_factor_d_rho_prime_1 = np.where(crooked, -d_plus_1_d_rho_prime_1*x57 - d_plus_2_d_rho_prime_1*x58 - d_plus_3_d_rho_prime_1*x59, 0.0)
-    d_plus_factor_d_rho_prime_2 = np.where(crooked, -d_plus_1_d_rho_prime_2*x57 - d_plus_2_d_rho_prime_2*x58 - d_plus_3_d_rho_prime_2*x59, 0.0)
-    d_plus_factor_d_rho_prime_3 = np.where(crooked, -d_plus_1_d_rho_prime_3*x57 - d_plus_2_d_rho_prime_3*x58 - d_plus_3_d_rho_prime_3*x59, 0.0)
-    d_plus_factor_d_angle = np.where(crooked, -d_plus_1_d_angle*x57 - d_plus_2_d_angle*x58 - d_plus_3_d_angle*x59, 0.0)
+    d_plus_factor_d_rho_1 = xp.where(crooked, -d_plus_1_d_rho_1*x57 - d_plus_2_d_rho_1*x58 - d_plus_3_d_rho_1*x59, 0.0)
+    d_plus_factor_d_rho_2 = xp.where(crooked, -d_plus_1_d_rho_2*x57 - d_plus_2_d_rho_2*x58 - d_plus_3_d_rho_2*x59, 0.0)
+    d_plus_factor_d_rho_3 = xp.where(crooked, -d_plus_1_d_rho_3*x57 - d_plus_2_d_rho_3*x58 - d_plus_3_d_rho_3*x59, 0.0)
+    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -d_plus_1_d_rho_prime_1*x57 - d_plus_2_d_rho_prime_1*x58 - d_plus_3_d_rho_prime_1*x59, 0.0)
+    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -d_plus_1_d_rho_prime_2*x57 - d_plus_2_d_rho_prime_2*x58 - d_plus_3_d_rho_prime_2*x59, 0.0)
+    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -d_plus_1_d_rho_prime_3*x57 - d_plus_2_d_rho_prime_3*x58 - d_plus_3_d_rho_prime_3*x59, 0.0)
+    d_plus_factor_d_angle = xp.where(crooked, -d_plus_1_d_angle*x57 - d_plus_2_d_angle*x58 - d_plus_3_d_angle*x59, 0.0)
     del x57, x58, x59
     minus_1 = base_1 - offset_1
     del base_1, offset_1
@@ -1294,104 +1294,104 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
     del d_base_3_d_angle, d_offset_3_d_angle
     x60 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
-    minus_factor = np.where(crooked, 1.0/np.sqrt(x60), 1.0)
-    x61 = 1.0/np.power(x60, 1.5)
+    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x60), 1.0)
+    x61 = 1.0/xp.pow(x60, 1.5)
     del x60
     x62 = minus_1*x61
     x63 = minus_2*x61
     x64 = minus_3*x61
     del x61
-    d_minus_factor_d_rho_1 = np.where(crooked, -d_minus_1_d_rho_1*x62 - d_minus_2_d_rho_1*x63 - d_minus_3_d_rho_1*x64, 0.0)
-    d_minus_factor_d_rho_2 = np.where(crooked, -d_minus_1_d_rho_2*x62 - d_minus_2_d_rho_2*x63 - d_minus_3_d_rho_2*x64, 0.0)
-    d_minus_factor_d_rho_3 = np.where(crooked, -d_minus_1_d_rho_3*x62 - d_minus_2_d_rho_3*x63 - d_minus_3_d_rho_3*x64, 0.0)
-    d_minus_factor_d_rho_prime_1 = np.where(crooked, -d_minus_1_d_rho_prime_1*x62 - d_minus_2_d_rho_prime_1*x63 - d_minus_3_d_rho_prime_1*x64, 0.0)
-    d_minus_factor_d_rho_prime_2 = np.where(crooked, -d_minus_1_d_rho_prime_2*x62 - d_minus_2_d_rho_prime_2*x63 - d_minus_3_d_rho_prime_2*x64, 0.0)
-    d_minus_factor_d_rho_prime_3 = np.where(crooked, -d_minus_1_d_rho_prime_3*x62 - d_minus_2_d_rho_prime_3*x63 - d_minus_3_d_rho_prime_3*x64, 0.0)
-    d_minus_factor_d_angle = np.where(crooked, -d_minus_1_d_angle*x62 - d_minus_2_d_angle*x63 - d_minus_3_d_angle*x64, 0.0)
+    d_minus_factor_d_rho_1 = xp.where(crooked, -d_minus_1_d_rho_1*x62 - d_minus_2_d_rho_1*x63 - d_minus_3_d_rho_1*x64, 0.0)
+    d_minus_factor_d_rho_2 = xp.where(crooked, -d_minus_1_d_rho_2*x62 - d_minus_2_d_rho_2*x63 - d_minus_3_d_rho_2*x64, 0.0)
+    d_minus_factor_d_rho_3 = xp.where(crooked, -d_minus_1_d_rho_3*x62 - d_minus_2_d_rho_3*x63 - d_minus_3_d_rho_3*x64, 0.0)
+    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -d_minus_1_d_rho_prime_1*x62 - d_minus_2_d_rho_prime_1*x63 - d_minus_3_d_rho_prime_1*x64, 0.0)
+    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -d_minus_1_d_rho_prime_2*x62 - d_minus_2_d_rho_prime_2*x63 - d_minus_3_d_rho_prime_2*x64, 0.0)
+    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -d_minus_1_d_rho_prime_3*x62 - d_minus_2_d_rho_prime_3*x63 - d_minus_3_d_rho_prime_3*x64, 0.0)
+    d_minus_factor_d_angle = xp.where(crooked, -d_minus_1_d_angle*x62 - d_minus_2_d_angle*x63 - d_minus_3_d_angle*x64, 0.0)
     del crooked, x62, x63, x64
-    d_axes_1_1_d_rho_1 = np.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, np.nan)
+    d_axes_1_1_d_rho_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
     del d_plus_1_d_rho_1
-    d_axes_1_1_d_rho_2 = np.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, np.nan)
+    d_axes_1_1_d_rho_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
     del d_plus_1_d_rho_2
-    d_axes_1_1_d_rho_3 = np.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, np.nan)
+    d_axes_1_1_d_rho_3 = xp.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, xp.nan)
     del d_plus_1_d_rho_3
-    d_axes_1_1_d_rho_prime_1 = np.where(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, np.nan)
+    d_axes_1_1_d_rho_prime_1 = xp.where(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, xp.nan)
     del d_plus_1_d_rho_prime_1
-    d_axes_1_1_d_rho_prime_2 = np.where(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, np.nan)
+    d_axes_1_1_d_rho_prime_2 = xp.where(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, xp.nan)
     del d_plus_1_d_rho_prime_2
-    d_axes_1_1_d_rho_prime_3 = np.where(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, np.nan)
+    d_axes_1_1_d_rho_prime_3 = xp.where(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, xp.nan)
     del d_plus_1_d_rho_prime_3
-    d_axes_1_1_d_angle = np.where(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, np.nan)
+    d_axes_1_1_d_angle = xp.where(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, xp.nan)
     del d_plus_1_d_angle, plus_1
-    d_axes_1_2_d_rho_1 = np.where(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, np.nan)
+    d_axes_1_2_d_rho_1 = xp.where(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, xp.nan)
     del d_plus_2_d_rho_1
-    d_axes_1_2_d_rho_2 = np.where(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, np.nan)
+    d_axes_1_2_d_rho_2 = xp.where(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, xp.nan)
     del d_plus_2_d_rho_2
-    d_axes_1_2_d_rho_3 = np.where(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, np.nan)
+    d_axes_1_2_d_rho_3 = xp.where(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, xp.nan)
     del d_plus_2_d_rho_3
-    d_axes_1_2_d_rho_prime_1 = np.where(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, np.nan)
+    d_axes_1_2_d_rho_prime_1 = xp.where(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, xp.nan)
     del d_plus_2_d_rho_prime_1
-    d_axes_1_2_d_rho_prime_2 = np.where(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, np.nan)
+    d_axes_1_2_d_rho_prime_2 = xp.where(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, xp.nan)
     del d_plus_2_d_rho_prime_2
-    d_axes_1_2_d_rho_prime_3 = np.where(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, np.nan)
+    d_axes_1_2_d_rho_prime_3 = xp.where(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, xp.nan)
     del d_plus_2_d_rho_prime_3
-    d_axes_1_2_d_angle = np.where(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, np.nan)
+    d_axes_1_2_d_angle = xp.where(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, xp.nan)
     del d_plus_2_d_angle, plus_2
-    d_axes_1_3_d_rho_1 = np.where(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, np.nan)
+    d_axes_1_3_d_rho_1 = xp.where(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, xp.nan)
     del d_plus_3_d_rho_1, d_plus_factor_d_rho_1
-    d_axes_1_3_d_rho_2 = np.where(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, np.nan)
+    d_axes_1_3_d_rho_2 = xp.where(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, xp.nan)
     del d_plus_3_d_rho_2, d_plus_factor_d_rho_2
-    d_axes_1_3_d_rho_3 = np.where(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, np.nan)
+    d_axes_1_3_d_rho_3 = xp.where(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, xp.nan)
     del d_plus_3_d_rho_3, d_plus_factor_d_rho_3
-    d_axes_1_3_d_rho_prime_1 = np.where(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, np.nan)
+    d_axes_1_3_d_rho_prime_1 = xp.where(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, xp.nan)
     del d_plus_3_d_rho_prime_1, d_plus_factor_d_rho_prime_1
-    d_axes_1_3_d_rho_prime_2 = np.where(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, np.nan)
+    d_axes_1_3_d_rho_prime_2 = xp.where(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, xp.nan)
     del d_plus_3_d_rho_prime_2, d_plus_factor_d_rho_prime_2
-    d_axes_1_3_d_rho_prime_3 = np.where(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, np.nan)
+    d_axes_1_3_d_rho_prime_3 = xp.where(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, xp.nan)
     del d_plus_3_d_rho_prime_3, d_plus_factor_d_rho_prime_3
-    d_axes_1_3_d_angle = np.where(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, np.nan)
+    d_axes_1_3_d_angle = xp.where(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, xp.nan)
     del d_plus_3_d_angle, d_plus_factor_d_angle, plus_3, plus_factor
-    d_axes_2_1_d_rho_1 = np.where(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, np.nan)
+    d_axes_2_1_d_rho_1 = xp.where(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, xp.nan)
     del d_minus_1_d_rho_1
-    d_axes_2_1_d_rho_2 = np.where(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, np.nan)
+    d_axes_2_1_d_rho_2 = xp.where(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, xp.nan)
     del d_minus_1_d_rho_2
-    d_axes_2_1_d_rho_3 = np.where(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, np.nan)
+    d_axes_2_1_d_rho_3 = xp.where(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, xp.nan)
     del d_minus_1_d_rho_3
-    d_axes_2_1_d_rho_prime_1 = np.where(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, np.nan)
+    d_axes_2_1_d_rho_prime_1 = xp.where(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, xp.nan)
     del d_minus_1_d_rho_prime_1
-    d_axes_2_1_d_rho_prime_2 = np.where(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, np.nan)
+    d_axes_2_1_d_rho_prime_2 = xp.where(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, xp.nan)
     del d_minus_1_d_rho_prime_2
-    d_axes_2_1_d_rho_prime_3 = np.where(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, np.nan)
+    d_axes_2_1_d_rho_prime_3 = xp.where(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, xp.nan)
     del d_minus_1_d_rho_prime_3
-    d_axes_2_1_d_angle = np.where(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, np.nan)
+    d_axes_2_1_d_angle = xp.where(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, xp.nan)
     del d_minus_1_d_angle, minus_1
-    d_axes_2_2_d_rho_1 = np.where(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, np.nan)
+    d_axes_2_2_d_rho_1 = xp.where(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, xp.nan)
     del d_minus_2_d_rho_1
-    d_axes_2_2_d_rho_2 = np.where(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, np.nan)
+    d_axes_2_2_d_rho_2 = xp.where(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, xp.nan)
     del d_minus_2_d_rho_2
-    d_axes_2_2_d_rho_3 = np.where(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, np.nan)
+    d_axes_2_2_d_rho_3 = xp.where(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, xp.nan)
     del d_minus_2_d_rho_3
-    d_axes_2_2_d_rho_prime_1 = np.where(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, np.nan)
+    d_axes_2_2_d_rho_prime_1 = xp.where(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, xp.nan)
     del d_minus_2_d_rho_prime_1
-    d_axes_2_2_d_rho_prime_2 = np.where(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, np.nan)
+    d_axes_2_2_d_rho_prime_2 = xp.where(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, xp.nan)
     del d_minus_2_d_rho_prime_2
-    d_axes_2_2_d_rho_prime_3 = np.where(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, np.nan)
+    d_axes_2_2_d_rho_prime_3 = xp.where(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, xp.nan)
     del d_minus_2_d_rho_prime_3
-    d_axes_2_2_d_angle = np.where(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, np.nan)
+    d_axes_2_2_d_angle = xp.where(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, xp.nan)
     del d_minus_2_d_angle, minus_2
-    d_axes_2_3_d_rho_1 = np.where(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, np.nan)
+    d_axes_2_3_d_rho_1 = xp.where(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, xp.nan)
     del d_minus_3_d_rho_1, d_minus_factor_d_rho_1
-    d_axes_2_3_d_rho_2 = np.where(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, np.nan)
+    d_axes_2_3_d_rho_2 = xp.where(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, xp.nan)
     del d_minus_3_d_rho_2, d_minus_factor_d_rho_2
-    d_axes_2_3_d_rho_3 = np.where(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, np.nan)
+    d_axes_2_3_d_rho_3 = xp.where(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, xp.nan)
     del d_minus_3_d_rho_3, d_minus_factor_d_rho_3
-    d_axes_2_3_d_rho_prime_1 = np.where(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, np.nan)
+    d_axes_2_3_d_rho_prime_1 = xp.where(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, xp.nan)
     del d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1
-    d_axes_2_3_d_rho_prime_2 = np.where(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, np.nan)
+    d_axes_2_3_d_rho_prime_2 = xp.where(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, xp.nan)
     del d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2
-    d_axes_2_3_d_rho_prime_3 = np.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, np.nan)
+    d_axes_2_3_d_rho_prime_3 = xp.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, xp.nan)
     del d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3
-    d_axes_2_3_d_angle = np.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, np.nan)
+    d_axes_2_3_d_angle = xp.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, xp.nan)
     del d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
@@ -1405,7 +1405,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
     del r_squared
-    opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
+    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x10)
     del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
@@ -1417,27 +1417,27 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del r_3, turn_scale
     parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
     del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
-    least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
+    least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
+    lengths_agree = (comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))
     del comparable, excess, least_tolerance
-    select_10 = np.where(parallel, 3.0, 0.0)
+    select_10 = xp.where(parallel, 3.0, 0.0)
     del parallel
-    select_11 = np.where(~(two), 1.0, select_10)
+    select_11 = xp.where(~(two), 1.0, select_10)
     del select_10, two
-    select_12 = np.where(too_small, 2.0, select_11)
+    select_12 = xp.where(too_small, 2.0, select_11)
     del select_11, too_small
-    select_13 = np.where(opposite, 4.0, select_12)
+    select_13 = xp.where(opposite, 4.0, select_12)
     del opposite, select_12
-    select_14 = np.where(every, 5.0, select_13)
+    select_14 = xp.where(every, 5.0, select_13)
     del every, select_13
-    select_15 = np.where(~(lengths_agree), 6.0, select_14)
+    select_15 = xp.where(~(lengths_agree), 6.0, select_14)
     del lengths_agree, select_14
-    select_16 = np.where(one_zero, 2.0, select_15)
+    select_16 = xp.where(one_zero, 2.0, select_15)
     del one_zero, select_15
-    select_17 = np.where(both_zero, 5.0, select_16)
+    select_17 = xp.where(both_zero, 5.0, select_16)
     del both_zero, select_16
-    status = np.where(~(valid), 7.0, select_17)
+    status = xp.where(~(valid), 7.0, select_17)
     del select_17, valid
     axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1
     del d_axes_1_1_d_rho_1
@@ -1569,14 +1569,14 @@ axis_covariance.signature = "(3),(3),(),(),(3,3),(3,3),()->(2,3,3),()"
 axis_covariance.types = ["ddddddd->db", "fffffff->fb"]
 
 
-def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
+def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
     # 519 add, 864 mul, 11 div, 4 sqrt, 195 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
-    size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
-    size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
+    size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
+    size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
     scale_after = _power_of_two_scale(size_after)
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
-    scale = np.where(comparable, scale_before, scale_after)
+    scale = xp.where(comparable, scale_before, scale_after)
     del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
@@ -1605,7 +1605,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_length_prime_squared_d_rho_prime_2 = v_2*x14
     d_length_prime_squared_d_rho_prime_3 = v_3*x14
     del x14
-    x15 = np.sqrt(length_prime_squared*length_squared)
+    x15 = xp.sqrt(length_prime_squared*length_squared)
     length_product = x15
     x16 = 0.5*x15
     del x15
@@ -1638,20 +1638,20 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
     del d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
     nonzero = excess_divisor > 0.0
-    select_0 = np.where(nonzero, 1.0/excess_divisor, 1.0)
+    select_0 = xp.where(nonzero, 1.0/excess_divisor, 1.0)
     x19 = 1.0/(excess_divisor*excess_divisor)
     del excess_divisor
-    d_select_0_d_rho_1 = np.where(nonzero, -d_length_product_d_rho_1*x19, 0.0)
+    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x19, 0.0)
     del d_length_product_d_rho_1
-    d_select_0_d_rho_2 = np.where(nonzero, -d_length_product_d_rho_2*x19, 0.0)
+    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x19, 0.0)
     del d_length_product_d_rho_2
-    d_select_0_d_rho_3 = np.where(nonzero, -d_length_product_d_rho_3*x19, 0.0)
+    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x19, 0.0)
     del d_length_product_d_rho_3
-    d_select_0_d_rho_prime_1 = np.where(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0)
+    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0)
     del d_excess_divisor_d_rho_prime_1
-    d_select_0_d_rho_prime_2 = np.where(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0)
+    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0)
     del d_excess_divisor_d_rho_prime_2
-    d_select_0_d_rho_prime_3 = np.where(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0)
+    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0)
     del d_excess_divisor_d_rho_prime_3, nonzero, x19
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
@@ -1769,26 +1769,26 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_r_3_d_rho_prime_3 = x39
     del x39
     half_angle = 0.5*angle
-    x40 = np.sin(half_angle)
+    x40 = xp.sin(half_angle)
     sine = x40
-    x41 = np.cos(half_angle)
+    x41 = xp.cos(half_angle)
     d_sine_d_angle = 0.5*x41
     cosine = x41
     del x41
     d_cosine_d_angle = -0.5*x40
     del x40
-    sine_size = np.abs(sine)
-    d_sine_size_d_angle = d_sine_d_angle*np.sign(sine)
+    sine_size = xp.abs(sine)
+    d_sine_size_d_angle = d_sine_d_angle*xp.sign(sine)
     del d_sine_d_angle
     x3 = (eps*eps)
-    select_1 = np.where(sine_size > x3, sine_size, x3)
+    select_1 = xp.where(sine_size > x3, sine_size, x3)
     turn_scale = _power_of_two_scale(select_1)
     del select_1
     S = sine_size*turn_scale
     d_S_d_angle = d_sine_size_d_angle*turn_scale
     del d_sine_size_d_angle
-    select_2 = np.where(sine < 0.0, -cosine, cosine)
-    d_select_2_d_angle = np.where(sine < 0.0, -d_cosine_d_angle, d_cosine_d_angle)
+    select_2 = xp.where(sine < 0.0, -cosine, cosine)
+    d_select_2_d_angle = xp.where(sine < 0.0, -d_cosine_d_angle, d_cosine_d_angle)
     del d_cosine_d_angle, sine
     C = select_2*turn_scale
     del select_2
@@ -1911,13 +1911,13 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2
     d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2
     del d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3
-    x5 = np.abs(half_angle)
+    x5 = xp.abs(half_angle)
     del half_angle
     x6 = 8.0*eps
-    rounding = S*length_squared*x6*(x5 + 1.0)*np.abs(C)
+    rounding = S*length_squared*x6*(x5 + 1.0)*xp.abs(C)
     x7 = 0.5*along_m
     del along_m
-    band = np.where(rounding < x7, rounding, x7)
+    band = xp.where(rounding < x7, rounding, x7)
     del rounding, x7
     both = length_product > 0.0
     del length_product
@@ -1939,47 +1939,47 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del both
     crooked = area_squared < x11*(1.0 - 32.0*eps)
     del x11
-    across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
-    d_across_1_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -scale_before)
-    across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
-    d_across_2_d_rho_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, scale_before)
-    d_across_2_d_rho_3 = np.where(np.abs(u_1) < np.abs(u_3), -scale_before, 0.0)
-    across_3 = np.where(np.abs(u_1) < np.abs(u_3), u_2, 0.0)
+    across_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -u_2)
+    d_across_1_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -scale_before)
+    across_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), -u_3, u_1)
+    d_across_2_d_rho_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, scale_before)
+    d_across_2_d_rho_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), -scale_before, 0.0)
+    across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
     del u_2
-    d_across_3_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), scale_before, 0.0)
+    d_across_3_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), scale_before, 0.0)
     del scale_before, u_1, u_3
-    select_3 = np.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
+    select_3 = xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
     del area_squared
     x51 = 2.0*across_2
-    d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x51)
+    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x51)
     del d_area_squared_d_rho_1
-    d_select_3_d_rho_2 = np.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
+    d_select_3_d_rho_2 = xp.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
     del d_area_squared_d_rho_2
-    d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x51)
+    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x51)
     del d_area_squared_d_rho_3, x51
-    d_select_3_d_rho_prime_1 = np.where(plane, d_area_squared_d_rho_prime_1, 0.0)
+    d_select_3_d_rho_prime_1 = xp.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     del d_area_squared_d_rho_prime_1
-    d_select_3_d_rho_prime_2 = np.where(plane, d_area_squared_d_rho_prime_2, 0.0)
+    d_select_3_d_rho_prime_2 = xp.where(plane, d_area_squared_d_rho_prime_2, 0.0)
     del d_area_squared_d_rho_prime_2
-    d_select_3_d_rho_prime_3 = np.where(plane, d_area_squared_d_rho_prime_3, 0.0)
+    d_select_3_d_rho_prime_3 = xp.where(plane, d_area_squared_d_rho_prime_3, 0.0)
     del d_area_squared_d_rho_prime_3
-    under_root = np.where(two, root_squared, select_3)
+    under_root = xp.where(two, root_squared, select_3)
     del select_3
-    d_under_root_d_rho_1 = np.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
+    d_under_root_d_rho_1 = xp.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
     del d_root_squared_d_rho_1, d_select_3_d_rho_1
-    d_under_root_d_rho_2 = np.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
+    d_under_root_d_rho_2 = xp.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
     del d_root_squared_d_rho_2, d_select_3_d_rho_2
-    d_under_root_d_rho_3 = np.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
+    d_under_root_d_rho_3 = xp.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
     del d_root_squared_d_rho_3, d_select_3_d_rho_3
-    d_under_root_d_rho_prime_1 = np.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
+    d_under_root_d_rho_prime_1 = xp.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
     del d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1
-    d_under_root_d_rho_prime_2 = np.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
+    d_under_root_d_rho_prime_2 = xp.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
     del d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2
-    d_under_root_d_rho_prime_3 = np.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
+    d_under_root_d_rho_prime_3 = xp.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
     del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
-    d_under_root_d_angle = np.where(two, d_root_squared_d_angle, 0.0)
+    d_under_root_d_angle = xp.where(two, d_root_squared_d_angle, 0.0)
     del d_root_squared_d_angle
-    x52 = np.sqrt(under_root)
+    x52 = xp.sqrt(under_root)
     del under_root
     root = x52
     x53 = 0.5/x52
@@ -1998,29 +1998,29 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_under_root_d_rho_prime_3
     d_root_d_angle = d_under_root_d_angle*x53
     del d_under_root_d_angle, x53
-    select_4 = np.where(root > 0.0, root, 1.0)
-    d_select_4_d_rho_1 = np.where(root > 0.0, d_root_d_rho_1, 0.0)
-    d_select_4_d_rho_2 = np.where(root > 0.0, d_root_d_rho_2, 0.0)
-    d_select_4_d_rho_3 = np.where(root > 0.0, d_root_d_rho_3, 0.0)
-    d_select_4_d_rho_prime_1 = np.where(root > 0.0, d_root_d_rho_prime_1, 0.0)
-    d_select_4_d_rho_prime_2 = np.where(root > 0.0, d_root_d_rho_prime_2, 0.0)
-    d_select_4_d_rho_prime_3 = np.where(root > 0.0, d_root_d_rho_prime_3, 0.0)
-    d_select_4_d_angle = np.where(root > 0.0, d_root_d_angle, 0.0)
-    divisor = np.where(two, S*m_squared, select_4)
+    select_4 = xp.where(root > 0.0, root, 1.0)
+    d_select_4_d_rho_1 = xp.where(root > 0.0, d_root_d_rho_1, 0.0)
+    d_select_4_d_rho_2 = xp.where(root > 0.0, d_root_d_rho_2, 0.0)
+    d_select_4_d_rho_3 = xp.where(root > 0.0, d_root_d_rho_3, 0.0)
+    d_select_4_d_rho_prime_1 = xp.where(root > 0.0, d_root_d_rho_prime_1, 0.0)
+    d_select_4_d_rho_prime_2 = xp.where(root > 0.0, d_root_d_rho_prime_2, 0.0)
+    d_select_4_d_rho_prime_3 = xp.where(root > 0.0, d_root_d_rho_prime_3, 0.0)
+    d_select_4_d_angle = xp.where(root > 0.0, d_root_d_angle, 0.0)
+    divisor = xp.where(two, S*m_squared, select_4)
     del select_4
-    d_divisor_d_rho_1 = np.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
+    d_divisor_d_rho_1 = xp.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
     del d_m_squared_d_rho_1, d_select_4_d_rho_1
-    d_divisor_d_rho_2 = np.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
+    d_divisor_d_rho_2 = xp.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
     del d_m_squared_d_rho_2, d_select_4_d_rho_2
-    d_divisor_d_rho_3 = np.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
+    d_divisor_d_rho_3 = xp.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
     del d_m_squared_d_rho_3, d_select_4_d_rho_3
-    d_divisor_d_rho_prime_1 = np.where(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1)
+    d_divisor_d_rho_prime_1 = xp.where(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1)
     del d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1
-    d_divisor_d_rho_prime_2 = np.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
+    d_divisor_d_rho_prime_2 = xp.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
     del d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2
-    d_divisor_d_rho_prime_3 = np.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
+    d_divisor_d_rho_prime_3 = xp.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
     del S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3
-    d_divisor_d_angle = np.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
+    d_divisor_d_angle = xp.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
     del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
     x54 = 1.0/(divisor*divisor)
@@ -2039,10 +2039,10 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_divisor_d_rho_prime_3
     d_inverse_d_angle = -d_divisor_d_angle*x54
     del d_divisor_d_angle, x54
-    select_5 = np.where(C < 0.0, -1.0, 1.0)
-    select_6 = np.where(two, C, select_5)
+    select_5 = xp.where(C < 0.0, -1.0, 1.0)
+    select_6 = xp.where(two, C, select_5)
     del C, select_5
-    d_select_6_d_angle = np.where(two, d_C_d_angle, 0.0)
+    d_select_6_d_angle = xp.where(two, d_C_d_angle, 0.0)
     del d_C_d_angle
     w_factor = inverse*select_6
     d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6
@@ -2053,104 +2053,104 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6
     d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse
     del d_select_6_d_angle, select_6
-    m_factor = np.where(two, inverse*root, 0.0)
-    d_m_factor_d_rho_1 = np.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
+    m_factor = xp.where(two, inverse*root, 0.0)
+    d_m_factor_d_rho_1 = xp.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
     del d_root_d_rho_1
-    d_m_factor_d_rho_2 = np.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
+    d_m_factor_d_rho_2 = xp.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
     del d_root_d_rho_2
-    d_m_factor_d_rho_3 = np.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
+    d_m_factor_d_rho_3 = xp.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
     del d_root_d_rho_3
-    d_m_factor_d_rho_prime_1 = np.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
+    d_m_factor_d_rho_prime_1 = xp.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
     del d_root_d_rho_prime_1
-    d_m_factor_d_rho_prime_2 = np.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
+    d_m_factor_d_rho_prime_2 = xp.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
     del d_root_d_rho_prime_2
-    d_m_factor_d_rho_prime_3 = np.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
+    d_m_factor_d_rho_prime_3 = xp.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
     del d_root_d_rho_prime_3
-    d_m_factor_d_angle = np.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
+    d_m_factor_d_angle = xp.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
     del d_root_d_angle
-    select_7 = np.where(root > 0.0, across_1*inverse, 0.0)
-    d_select_7_d_rho_1 = np.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
-    d_select_7_d_rho_2 = np.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
+    select_7 = xp.where(root > 0.0, across_1*inverse, 0.0)
+    d_select_7_d_rho_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
+    d_select_7_d_rho_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
     del d_across_1_d_rho_2
-    d_select_7_d_rho_3 = np.where(root > 0.0, across_1*d_inverse_d_rho_3, 0.0)
-    d_select_7_d_rho_prime_1 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_1, 0.0)
-    d_select_7_d_rho_prime_2 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_2, 0.0)
-    d_select_7_d_rho_prime_3 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
-    d_select_7_d_angle = np.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
+    d_select_7_d_rho_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_3, 0.0)
+    d_select_7_d_rho_prime_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_1, 0.0)
+    d_select_7_d_rho_prime_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_2, 0.0)
+    d_select_7_d_rho_prime_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
+    d_select_7_d_angle = xp.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
     del across_1
-    base_1 = np.where((plane) | (two), w_1*w_factor, select_7)
+    base_1 = xp.where((plane) | (two), w_1*w_factor, select_7)
     del select_7
-    d_base_1_d_rho_1 = np.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
+    d_base_1_d_rho_1 = xp.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
     del d_select_7_d_rho_1, d_w_1_d_rho_1
-    d_base_1_d_rho_2 = np.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
+    d_base_1_d_rho_2 = xp.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
     del d_select_7_d_rho_2, d_w_1_d_rho_2
-    d_base_1_d_rho_3 = np.where((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
+    d_base_1_d_rho_3 = xp.where((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
     del d_select_7_d_rho_3, d_w_1_d_rho_3
-    d_base_1_d_rho_prime_1 = np.where((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
+    d_base_1_d_rho_prime_1 = xp.where((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
     del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1
-    d_base_1_d_rho_prime_2 = np.where((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
+    d_base_1_d_rho_prime_2 = xp.where((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
     del d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2
-    d_base_1_d_rho_prime_3 = np.where((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
+    d_base_1_d_rho_prime_3 = xp.where((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
     del d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3
-    d_base_1_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
+    d_base_1_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
     del d_select_7_d_angle, w_1
-    select_8 = np.where(root > 0.0, across_2*inverse, 0.0)
-    d_select_8_d_rho_1 = np.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
+    select_8 = xp.where(root > 0.0, across_2*inverse, 0.0)
+    d_select_8_d_rho_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
     del d_across_2_d_rho_1
-    d_select_8_d_rho_2 = np.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
-    d_select_8_d_rho_3 = np.where(root > 0.0, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
+    d_select_8_d_rho_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
+    d_select_8_d_rho_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
     del d_across_2_d_rho_3
-    d_select_8_d_rho_prime_1 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_1, 0.0)
-    d_select_8_d_rho_prime_2 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_2, 0.0)
-    d_select_8_d_rho_prime_3 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
-    d_select_8_d_angle = np.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
+    d_select_8_d_rho_prime_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_1, 0.0)
+    d_select_8_d_rho_prime_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_2, 0.0)
+    d_select_8_d_rho_prime_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
+    d_select_8_d_angle = xp.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
     del across_2
-    base_2 = np.where((plane) | (two), w_2*w_factor, select_8)
+    base_2 = xp.where((plane) | (two), w_2*w_factor, select_8)
     del select_8
-    d_base_2_d_rho_1 = np.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
+    d_base_2_d_rho_1 = xp.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
     del d_select_8_d_rho_1, d_w_2_d_rho_1
-    d_base_2_d_rho_2 = np.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
+    d_base_2_d_rho_2 = xp.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
     del d_select_8_d_rho_2, d_w_2_d_rho_2
-    d_base_2_d_rho_3 = np.where((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
+    d_base_2_d_rho_3 = xp.where((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
     del d_select_8_d_rho_3, d_w_2_d_rho_3
-    d_base_2_d_rho_prime_1 = np.where((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
+    d_base_2_d_rho_prime_1 = xp.where((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
     del d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1
-    d_base_2_d_rho_prime_2 = np.where((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
+    d_base_2_d_rho_prime_2 = xp.where((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
     del d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2
-    d_base_2_d_rho_prime_3 = np.where((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
+    d_base_2_d_rho_prime_3 = xp.where((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
     del d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3
-    d_base_2_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
+    d_base_2_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
     del d_select_8_d_angle, w_2
-    select_9 = np.where(root > 0.0, across_3*inverse, 1.0)
-    d_select_9_d_rho_1 = np.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
+    select_9 = xp.where(root > 0.0, across_3*inverse, 1.0)
+    d_select_9_d_rho_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
     del d_inverse_d_rho_1
-    d_select_9_d_rho_2 = np.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
+    d_select_9_d_rho_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
     del d_across_3_d_rho_2, d_inverse_d_rho_2, inverse
-    d_select_9_d_rho_3 = np.where(root > 0.0, across_3*d_inverse_d_rho_3, 0.0)
+    d_select_9_d_rho_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_3, 0.0)
     del d_inverse_d_rho_3
-    d_select_9_d_rho_prime_1 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_1, 0.0)
+    d_select_9_d_rho_prime_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_1, 0.0)
     del d_inverse_d_rho_prime_1
-    d_select_9_d_rho_prime_2 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_2, 0.0)
+    d_select_9_d_rho_prime_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_2, 0.0)
     del d_inverse_d_rho_prime_2
-    d_select_9_d_rho_prime_3 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_3, 0.0)
+    d_select_9_d_rho_prime_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_3, 0.0)
     del d_inverse_d_rho_prime_3
-    d_select_9_d_angle = np.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
+    d_select_9_d_angle = xp.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
     del across_3, d_inverse_d_angle, root
-    base_3 = np.where((plane) | (two), w_3*w_factor, select_9)
+    base_3 = xp.where((plane) | (two), w_3*w_factor, select_9)
     del select_9
-    d_base_3_d_rho_1 = np.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
+    d_base_3_d_rho_1 = xp.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
     del d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1
-    d_base_3_d_rho_2 = np.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
+    d_base_3_d_rho_2 = xp.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
     del d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2
-    d_base_3_d_rho_3 = np.where((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
+    d_base_3_d_rho_3 = xp.where((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
     del d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3
-    d_base_3_d_rho_prime_1 = np.where((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
+    d_base_3_d_rho_prime_1 = xp.where((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
     del d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
-    d_base_3_d_rho_prime_2 = np.where((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
+    d_base_3_d_rho_prime_2 = xp.where((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
     del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2
-    d_base_3_d_rho_prime_3 = np.where((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
+    d_base_3_d_rho_prime_3 = xp.where((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
     del d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor
-    d_base_3_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
+    d_base_3_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
     del d_select_9_d_angle, d_w_factor_d_angle, plane, w_3
     offset_1 = m_1*m_factor
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
@@ -2197,7 +2197,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
     del d_m_factor_d_angle, m_3
-    valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
+    valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1
     d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2
@@ -2223,20 +2223,20 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
     x55 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
-    plus_factor = np.where(crooked, 1.0/np.sqrt(x55), 1.0)
-    x56 = 1.0/np.power(x55, 1.5)
+    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x55), 1.0)
+    x56 = 1.0/xp.pow(x55, 1.5)
     del x55
     x57 = plus_1*x56
     x58 = plus_2*x56
     x59 = plus_3*x56
     del x56
-    d_plus_factor_d_rho_1 = np.where(crooked, -d_plus_1_d_rho_1*x57 - d_plus_2_d_rho_1*x58 - d_plus_3_d_rho_1*x59, 0.0)
-    d_plus_factor_d_rho_2 = np.where(crooked, -d_plus_1_d_rho_2*x57 - d_plus_2_d_rho_2*x58 - d_plus_3_d_rho_2*x59, 0.0)
-    d_plus_factor_d_rho_3 = np.where(crooked, -d_plus_1_d_rho_3*x57 - d_plus_2_d_rho_3*x58 - d_plus_3_d_rho_3*x59, 0.0)
-    d_plus_factor_d_rho_prime_1 = np.where(crooked, -d_plus_1_d_rho_prime_1*x57 - d_plus_2_d_rho_prime_1*x58 - d_plus_3_d_rho_prime_1*x59, 0.0)
-    d_plus_factor_d_rho_prime_2 = np.where(crooked, -d_plus_1_d_rho_prime_2*x57 - d_plus_2_d_rho_prime_2*x58 - d_plus_3_d_rho_prime_2*x59, 0.0)
-    d_plus_factor_d_rho_prime_3 = np.where(crooked, -d_plus_1_d_rho_prime_3*x57 - d_plus_2_d_rho_prime_3*x58 - d_plus_3_d_rho_prime_3*x59, 0.0)
-    d_plus_factor_d_angle = np.where(crooked, -d_plus_1_d_angle*x57 - d_plus_2_d_angle*x58 - d_plus_3_d_angle*x59, 0.0)
+    d_plus_factor_d_rho_1 = xp.where(crooked, -d_plus_1_d_rho_1*x57 - d_plus_2_d_rho_1*x58 - d_plus_3_d_rho_1*x59, 0.0)
+    d_plus_factor_d_rho_2 = xp.where(crooked, -d_plus_1_d_rho_2*x57 - d_plus_2_d_rho_2*x58 - d_plus_3_d_rho_2*x59, 0.0)
+    d_plus_factor_d_rho_3 = xp.where(crooked, -d_plus_1_d_rho_3*x57 - d_plus_2_d_rho_3*x58 - d_plus_3_d_rho_3*x59, 0.0)
+    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -d_plus_1_d_rho_prime_1*x57 - d_plus_2_d_rho_prime_1*x58 - d_plus_3_d_rho_prime_1*x59, 0.0)
+    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -d_plus_1_d_rho_prime_2*x57 - d_plus_2_d_rho_prime_2*x58 - d_plus_3_d_rho_prime_2*x59, 0.0)
+    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -d_plus_1_d_rho_prime_3*x57 - d_plus_2_d_rho_prime_3*x58 - d_plus_3_d_rho_prime_3*x59, 0.0)
+    d_plus_factor_d_angle = xp.where(crooked, -d_plus_1_d_angle*x57 - d_plus_2_d_angle*x58 - d_plus_3_d_angle*x59, 0.0)
     del x57, x58, x59
     minus_1 = base_1 - offset_1
     del base_1, offset_1
@@ -2287,104 +2287,104 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
     del d_base_3_d_angle, d_offset_3_d_angle
     x60 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
-    minus_factor = np.where(crooked, 1.0/np.sqrt(x60), 1.0)
-    x61 = 1.0/np.power(x60, 1.5)
+    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x60), 1.0)
+    x61 = 1.0/xp.pow(x60, 1.5)
     del x60
     x62 = minus_1*x61
     x63 = minus_2*x61
     x64 = minus_3*x61
     del x61
-    d_minus_factor_d_rho_1 = np.where(crooked, -d_minus_1_d_rho_1*x62 - d_minus_2_d_rho_1*x63 - d_minus_3_d_rho_1*x64, 0.0)
-    d_minus_factor_d_rho_2 = np.where(crooked, -d_minus_1_d_rho_2*x62 - d_minus_2_d_rho_2*x63 - d_minus_3_d_rho_2*x64, 0.0)
-    d_minus_factor_d_rho_3 = np.where(crooked, -d_minus_1_d_rho_3*x62 - d_minus_2_d_rho_3*x63 - d_minus_3_d_rho_3*x64, 0.0)
-    d_minus_factor_d_rho_prime_1 = np.where(crooked, -d_minus_1_d_rho_prime_1*x62 - d_minus_2_d_rho_prime_1*x63 - d_minus_3_d_rho_prime_1*x64, 0.0)
-    d_minus_factor_d_rho_prime_2 = np.where(crooked, -d_minus_1_d_rho_prime_2*x62 - d_minus_2_d_rho_prime_2*x63 - d_minus_3_d_rho_prime_2*x64, 0.0)
-    d_minus_factor_d_rho_prime_3 = np.where(crooked, -d_minus_1_d_rho_prime_3*x62 - d_minus_2_d_rho_prime_3*x63 - d_minus_3_d_rho_prime_3*x64, 0.0)
-    d_minus_factor_d_angle = np.where(crooked, -d_minus_1_d_angle*x62 - d_minus_2_d_angle*x63 - d_minus_3_d_angle*x64, 0.0)
+    d_minus_factor_d_rho_1 = xp.where(crooked, -d_minus_1_d_rho_1*x62 - d_minus_2_d_rho_1*x63 - d_minus_3_d_rho_1*x64, 0.0)
+    d_minus_factor_d_rho_2 = xp.where(crooked, -d_minus_1_d_rho_2*x62 - d_minus_2_d_rho_2*x63 - d_minus_3_d_rho_2*x64, 0.0)
+    d_minus_factor_d_rho_3 = xp.where(crooked, -d_minus_1_d_rho_3*x62 - d_minus_2_d_rho_3*x63 - d_minus_3_d_rho_3*x64, 0.0)
+    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -d_minus_1_d_rho_prime_1*x62 - d_minus_2_d_rho_prime_1*x63 - d_minus_3_d_rho_prime_1*x64, 0.0)
+    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -d_minus_1_d_rho_prime_2*x62 - d_minus_2_d_rho_prime_2*x63 - d_minus_3_d_rho_prime_2*x64, 0.0)
+    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -d_minus_1_d_rho_prime_3*x62 - d_minus_2_d_rho_prime_3*x63 - d_minus_3_d_rho_prime_3*x64, 0.0)
+    d_minus_factor_d_angle = xp.where(crooked, -d_minus_1_d_angle*x62 - d_minus_2_d_angle*x63 - d_minus_3_d_angle*x64, 0.0)
     del crooked, x62, x63, x64
-    d_axes_1_1_d_rho_1 = np.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, np.nan)
+    d_axes_1_1_d_rho_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
     del d_plus_1_d_rho_1
-    d_axes_1_1_d_rho_2 = np.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, np.nan)
+    d_axes_1_1_d_rho_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
     del d_plus_1_d_rho_2
-    d_axes_1_1_d_rho_3 = np.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, np.nan)
+    d_axes_1_1_d_rho_3 = xp.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, xp.nan)
     del d_plus_1_d_rho_3
-    d_axes_1_1_d_rho_prime_1 = np.where(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, np.nan)
+    d_axes_1_1_d_rho_prime_1 = xp.where(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, xp.nan)
     del d_plus_1_d_rho_prime_1
-    d_axes_1_1_d_rho_prime_2 = np.where(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, np.nan)
+    d_axes_1_1_d_rho_prime_2 = xp.where(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, xp.nan)
     del d_plus_1_d_rho_prime_2
-    d_axes_1_1_d_rho_prime_3 = np.where(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, np.nan)
+    d_axes_1_1_d_rho_prime_3 = xp.where(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, xp.nan)
     del d_plus_1_d_rho_prime_3
-    d_axes_1_1_d_angle = np.where(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, np.nan)
+    d_axes_1_1_d_angle = xp.where(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, xp.nan)
     del d_plus_1_d_angle, plus_1
-    d_axes_1_2_d_rho_1 = np.where(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, np.nan)
+    d_axes_1_2_d_rho_1 = xp.where(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, xp.nan)
     del d_plus_2_d_rho_1
-    d_axes_1_2_d_rho_2 = np.where(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, np.nan)
+    d_axes_1_2_d_rho_2 = xp.where(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, xp.nan)
     del d_plus_2_d_rho_2
-    d_axes_1_2_d_rho_3 = np.where(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, np.nan)
+    d_axes_1_2_d_rho_3 = xp.where(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, xp.nan)
     del d_plus_2_d_rho_3
-    d_axes_1_2_d_rho_prime_1 = np.where(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, np.nan)
+    d_axes_1_2_d_rho_prime_1 = xp.where(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, xp.nan)
     del d_plus_2_d_rho_prime_1
-    d_axes_1_2_d_rho_prime_2 = np.where(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, np.nan)
+    d_axes_1_2_d_rho_prime_2 = xp.where(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, xp.nan)
     del d_plus_2_d_rho_prime_2
-    d_axes_1_2_d_rho_prime_3 = np.where(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, np.nan)
+    d_axes_1_2_d_rho_prime_3 = xp.where(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, xp.nan)
     del d_plus_2_d_rho_prime_3
-    d_axes_1_2_d_angle = np.where(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, np.nan)
+    d_axes_1_2_d_angle = xp.where(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, xp.nan)
     del d_plus_2_d_angle, plus_2
-    d_axes_1_3_d_rho_1 = np.where(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, np.nan)
+    d_axes_1_3_d_rho_1 = xp.where(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, xp.nan)
     del d_plus_3_d_rho_1, d_plus_factor_d_rho_1
-    d_axes_1_3_d_rho_2 = np.where(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, np.nan)
+    d_axes_1_3_d_rho_2 = xp.where(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, xp.nan)
     del d_plus_3_d_rho_2, d_plus_factor_d_rho_2
-    d_axes_1_3_d_rho_3 = np.where(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, np.nan)
+    d_axes_1_3_d_rho_3 = xp.where(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, xp.nan)
     del d_plus_3_d_rho_3, d_plus_factor_d_rho_3
-    d_axes_1_3_d_rho_prime_1 = np.where(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, np.nan)
+    d_axes_1_3_d_rho_prime_1 = xp.where(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, xp.nan)
     del d_plus_3_d_rho_prime_1, d_plus_factor_d_rho_prime_1
-    d_axes_1_3_d_rho_prime_2 = np.where(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, np.nan)
+    d_axes_1_3_d_rho_prime_2 = xp.where(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, xp.nan)
     del d_plus_3_d_rho_prime_2, d_plus_factor_d_rho_prime_2
-    d_axes_1_3_d_rho_prime_3 = np.where(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, np.nan)
+    d_axes_1_3_d_rho_prime_3 = xp.where(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, xp.nan)
     del d_plus_3_d_rho_prime_3, d_plus_factor_d_rho_prime_3
-    d_axes_1_3_d_angle = np.where(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, np.nan)
+    d_axes_1_3_d_angle = xp.where(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, xp.nan)
     del d_plus_3_d_angle, d_plus_factor_d_angle, plus_3, plus_factor
-    d_axes_2_1_d_rho_1 = np.where(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, np.nan)
+    d_axes_2_1_d_rho_1 = xp.where(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, xp.nan)
     del d_minus_1_d_rho_1
-    d_axes_2_1_d_rho_2 = np.where(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, np.nan)
+    d_axes_2_1_d_rho_2 = xp.where(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, xp.nan)
     del d_minus_1_d_rho_2
-    d_axes_2_1_d_rho_3 = np.where(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, np.nan)
+    d_axes_2_1_d_rho_3 = xp.where(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, xp.nan)
     del d_minus_1_d_rho_3
-    d_axes_2_1_d_rho_prime_1 = np.where(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, np.nan)
+    d_axes_2_1_d_rho_prime_1 = xp.where(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, xp.nan)
     del d_minus_1_d_rho_prime_1
-    d_axes_2_1_d_rho_prime_2 = np.where(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, np.nan)
+    d_axes_2_1_d_rho_prime_2 = xp.where(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, xp.nan)
     del d_minus_1_d_rho_prime_2
-    d_axes_2_1_d_rho_prime_3 = np.where(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, np.nan)
+    d_axes_2_1_d_rho_prime_3 = xp.where(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, xp.nan)
     del d_minus_1_d_rho_prime_3
-    d_axes_2_1_d_angle = np.where(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, np.nan)
+    d_axes_2_1_d_angle = xp.where(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, xp.nan)
     del d_minus_1_d_angle, minus_1
-    d_axes_2_2_d_rho_1 = np.where(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, np.nan)
+    d_axes_2_2_d_rho_1 = xp.where(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, xp.nan)
     del d_minus_2_d_rho_1
-    d_axes_2_2_d_rho_2 = np.where(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, np.nan)
+    d_axes_2_2_d_rho_2 = xp.where(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, xp.nan)
     del d_minus_2_d_rho_2
-    d_axes_2_2_d_rho_3 = np.where(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, np.nan)
+    d_axes_2_2_d_rho_3 = xp.where(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, xp.nan)
     del d_minus_2_d_rho_3
-    d_axes_2_2_d_rho_prime_1 = np.where(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, np.nan)
+    d_axes_2_2_d_rho_prime_1 = xp.where(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, xp.nan)
     del d_minus_2_d_rho_prime_1
-    d_axes_2_2_d_rho_prime_2 = np.where(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, np.nan)
+    d_axes_2_2_d_rho_prime_2 = xp.where(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, xp.nan)
     del d_minus_2_d_rho_prime_2
-    d_axes_2_2_d_rho_prime_3 = np.where(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, np.nan)
+    d_axes_2_2_d_rho_prime_3 = xp.where(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, xp.nan)
     del d_minus_2_d_rho_prime_3
-    d_axes_2_2_d_angle = np.where(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, np.nan)
+    d_axes_2_2_d_angle = xp.where(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, xp.nan)
     del d_minus_2_d_angle, minus_2
-    d_axes_2_3_d_rho_1 = np.where(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, np.nan)
+    d_axes_2_3_d_rho_1 = xp.where(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, xp.nan)
     del d_minus_3_d_rho_1, d_minus_factor_d_rho_1
-    d_axes_2_3_d_rho_2 = np.where(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, np.nan)
+    d_axes_2_3_d_rho_2 = xp.where(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, xp.nan)
     del d_minus_3_d_rho_2, d_minus_factor_d_rho_2
-    d_axes_2_3_d_rho_3 = np.where(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, np.nan)
+    d_axes_2_3_d_rho_3 = xp.where(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, xp.nan)
     del d_minus_3_d_rho_3, d_minus_factor_d_rho_3
-    d_axes_2_3_d_rho_prime_1 = np.where(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, np.nan)
+    d_axes_2_3_d_rho_prime_1 = xp.where(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, xp.nan)
     del d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1
-    d_axes_2_3_d_rho_prime_2 = np.where(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, np.nan)
+    d_axes_2_3_d_rho_prime_2 = xp.where(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, xp.nan)
     del d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2
-    d_axes_2_3_d_rho_prime_3 = np.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, np.nan)
+    d_axes_2_3_d_rho_prime_3 = xp.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, xp.nan)
     del d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3
-    d_axes_2_3_d_angle = np.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, np.nan)
+    d_axes_2_3_d_angle = xp.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, xp.nan)
     del d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
@@ -2398,7 +2398,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
     del r_squared
-    opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
+    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x10)
     del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
@@ -2410,27 +2410,27 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del r_3, turn_scale
     parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
     del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
-    least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
+    least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
+    lengths_agree = (comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))
     del comparable, excess, least_tolerance
-    select_10 = np.where(parallel, 3.0, 0.0)
+    select_10 = xp.where(parallel, 3.0, 0.0)
     del parallel
-    select_11 = np.where(~(two), 1.0, select_10)
+    select_11 = xp.where(~(two), 1.0, select_10)
     del select_10
-    select_12 = np.where(too_small, 2.0, select_11)
+    select_12 = xp.where(too_small, 2.0, select_11)
     del select_11, too_small
-    select_13 = np.where(opposite, 4.0, select_12)
+    select_13 = xp.where(opposite, 4.0, select_12)
     del opposite, select_12
-    select_14 = np.where(every, 5.0, select_13)
+    select_14 = xp.where(every, 5.0, select_13)
     del every, select_13
-    select_15 = np.where(~(lengths_agree), 6.0, select_14)
+    select_15 = xp.where(~(lengths_agree), 6.0, select_14)
     del lengths_agree, select_14
-    select_16 = np.where(one_zero, 2.0, select_15)
+    select_16 = xp.where(one_zero, 2.0, select_15)
     del one_zero, select_15
-    select_17 = np.where(both_zero, 5.0, select_16)
+    select_17 = xp.where(both_zero, 5.0, select_16)
     del both_zero, select_16
-    status = np.where(~(valid), 7.0, select_17)
+    status = xp.where(~(valid), 7.0, select_17)
     del select_17, valid
     axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1
     del d_axes_1_1_d_rho_1
@@ -2552,49 +2552,49 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     half_prime_b_3_1 = axes_jacobian_2_3_4*cov_rho_prime_1_1 + axes_jacobian_2_3_5*cov_rho_prime_2_1 + axes_jacobian_2_3_6*cov_rho_prime_3_1
     half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2
     half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3
-    covariance_1_1_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, np.nan)
+    covariance_1_1_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, xp.nan)
     x65 = axes_jacobian_1_1_7*var_angle
     del axes_jacobian_1_1_7
     x66 = axes_jacobian_1_2_7*x65
-    covariance_1_1_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x66, np.nan)
+    covariance_1_1_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x66, xp.nan)
     x67 = axes_jacobian_1_3_7*x65
     del x65
-    covariance_1_1_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x67, np.nan)
+    covariance_1_1_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x67, xp.nan)
     del half_prime_a_1_1, half_prime_a_1_2, half_prime_a_1_3, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3
-    covariance_1_2_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x66, np.nan)
+    covariance_1_2_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x66, xp.nan)
     del x66
-    covariance_1_2_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, np.nan)
+    covariance_1_2_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, xp.nan)
     x68 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
     del axes_jacobian_1_2_7
-    covariance_1_2_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x68, np.nan)
+    covariance_1_2_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x68, xp.nan)
     del half_prime_a_2_1, half_prime_a_2_2, half_prime_a_2_3, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3
-    covariance_1_3_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x67, np.nan)
+    covariance_1_3_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x67, xp.nan)
     del axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x67
-    covariance_1_3_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x68, np.nan)
+    covariance_1_3_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x68, xp.nan)
     del axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x68
-    covariance_1_3_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, np.nan)
+    covariance_1_3_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, xp.nan)
     del axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3
-    covariance_2_1_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, np.nan)
+    covariance_2_1_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, xp.nan)
     x69 = axes_jacobian_2_1_7*var_angle
     del axes_jacobian_2_1_7
     x70 = axes_jacobian_2_2_7*x69
-    covariance_2_1_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x70, np.nan)
+    covariance_2_1_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x70, xp.nan)
     x71 = axes_jacobian_2_3_7*x69
     del x69
-    covariance_2_1_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x71, np.nan)
+    covariance_2_1_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x71, xp.nan)
     del half_prime_b_1_1, half_prime_b_1_2, half_prime_b_1_3, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3
-    covariance_2_2_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x70, np.nan)
+    covariance_2_2_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x70, xp.nan)
     del x70
-    covariance_2_2_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, np.nan)
+    covariance_2_2_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, xp.nan)
     x72 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
     del axes_jacobian_2_2_7
-    covariance_2_2_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x72, np.nan)
+    covariance_2_2_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x72, xp.nan)
     del half_prime_b_2_1, half_prime_b_2_2, half_prime_b_2_3, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3
-    covariance_2_3_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x71, np.nan)
+    covariance_2_3_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x71, xp.nan)
     del axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x71
-    covariance_2_3_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x72, np.nan)
+    covariance_2_3_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x72, xp.nan)
     del axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x72
-    covariance_2_3_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, np.nan)
+    covariance_2_3_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, xp.nan)
     del axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3, two
     axis_status = status
     del status
@@ -2642,11 +2642,11 @@ axis_residual.signature = "(3),(3),(),(3),(3)->(3),(3,6)"
 axis_residual.types = ["ddddd->dd", "fffff->ff"]
 
 
-def _axis_residual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, axis_1, axis_2, axis_3, point_1, point_2, point_3, eps, largest):
+def _axis_residual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, axis_1, axis_2, axis_3, point_1, point_2, point_3, eps, largest):
     # 36 add, 73 mul, 1 cos, 1 sin
     half_angle = 0.5*angle
-    sine = np.sin(half_angle)
-    cosine = np.cos(half_angle)
+    sine = xp.sin(half_angle)
+    cosine = xp.cos(half_angle)
     del half_angle
     arm_1 = rho_1 - point_1
     arm_2 = rho_2 - point_2
@@ -2774,12 +2774,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -2860,6 +2883,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -2881,7 +2909,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -2890,7 +2918,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -2900,3 +2928,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

@@ -63,9 +63,9 @@ pair_prepared.signature = "(3,3),(3,3)->(3,3),(3,3),()"
 pair_prepared.types = ["dd->ddd", "ff->fff"]
 
 
-def _pair_prepared(first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, first_2_3, first_3_1, first_3_2, first_3_3, second_1_1, second_1_2, second_1_3, second_2_1, second_2_2, second_2_3, second_3_1, second_3_2, second_3_3, eps, largest):
+def _pair_prepared(xp, first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, first_2_3, first_3_1, first_3_2, first_3_3, second_1_1, second_1_2, second_1_3, second_2_1, second_2_2, second_2_3, second_3_1, second_3_2, second_3_3, eps, largest):
     # 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale
-    size_a = 0.125*np.abs(first_1_1) + 0.125*np.abs(first_1_2) + 0.125*np.abs(first_1_3) + 0.125*np.abs(first_2_1) + 0.125*np.abs(first_2_2) + 0.125*np.abs(first_2_3) + 0.125*np.abs(first_3_1) + 0.125*np.abs(first_3_2) + 0.125*np.abs(first_3_3)
+    size_a = 0.125*xp.abs(first_1_1) + 0.125*xp.abs(first_1_2) + 0.125*xp.abs(first_1_3) + 0.125*xp.abs(first_2_1) + 0.125*xp.abs(first_2_2) + 0.125*xp.abs(first_2_3) + 0.125*xp.abs(first_3_1) + 0.125*xp.abs(first_3_2) + 0.125*xp.abs(first_3_3)
     good_a = size_a <= largest
     x0 = 0.25*_power_of_two_scale(size_a)
     del size_a
@@ -79,7 +79,7 @@ def _pair_prepared(first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, first_
     scaled_a_3_2 = first_3_2*x0
     scaled_a_3_3 = first_3_3*x0
     del x0
-    size_b = 0.125*np.abs(second_1_1) + 0.125*np.abs(second_1_2) + 0.125*np.abs(second_1_3) + 0.125*np.abs(second_2_1) + 0.125*np.abs(second_2_2) + 0.125*np.abs(second_2_3) + 0.125*np.abs(second_3_1) + 0.125*np.abs(second_3_2) + 0.125*np.abs(second_3_3)
+    size_b = 0.125*xp.abs(second_1_1) + 0.125*xp.abs(second_1_2) + 0.125*xp.abs(second_1_3) + 0.125*xp.abs(second_2_1) + 0.125*xp.abs(second_2_2) + 0.125*xp.abs(second_2_3) + 0.125*xp.abs(second_3_1) + 0.125*xp.abs(second_3_2) + 0.125*xp.abs(second_3_3)
     good_b = (good_a) & (size_b <= largest)
     del good_a
     x1 = 0.25*_power_of_two_scale(size_b)
@@ -95,7 +95,7 @@ def _pair_prepared(first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, first_
     scaled_b_3_3 = second_3_3*x1
     del x1
     square = (scaled_a_1_1*scaled_a_1_1) + (scaled_a_1_2*scaled_a_1_2) + (scaled_a_1_3*scaled_a_1_3) + (scaled_a_2_1*scaled_a_2_1) + (scaled_a_2_2*scaled_a_2_2) + (scaled_a_2_3*scaled_a_2_3) + (scaled_a_3_1*scaled_a_3_1) + (scaled_a_3_2*scaled_a_3_2) + (scaled_a_3_3*scaled_a_3_3)
-    share = (scaled_a_1_1*scaled_b_1_1 + scaled_a_1_2*scaled_b_1_2 + scaled_a_1_3*scaled_b_1_3 + scaled_a_2_1*scaled_b_2_1 + scaled_a_2_2*scaled_b_2_2 + scaled_a_2_3*scaled_b_2_3 + scaled_a_3_1*scaled_b_3_1 + scaled_a_3_2*scaled_b_3_2 + scaled_a_3_3*scaled_b_3_3)*np.where(square > 0.0, 1.0/square, 1.0)
+    share = (scaled_a_1_1*scaled_b_1_1 + scaled_a_1_2*scaled_b_1_2 + scaled_a_1_3*scaled_b_1_3 + scaled_a_2_1*scaled_b_2_1 + scaled_a_2_2*scaled_b_2_2 + scaled_a_2_3*scaled_b_2_3 + scaled_a_3_1*scaled_b_3_1 + scaled_a_3_2*scaled_b_3_2 + scaled_a_3_3*scaled_b_3_3)*xp.where(square > 0.0, 1.0/square, 1.0)
     rest_1_1 = scaled_b_1_1 - scaled_a_1_1*share
     rest_1_2 = scaled_b_1_2 - scaled_a_1_2*share
     rest_1_3 = scaled_b_1_3 - scaled_a_1_3*share
@@ -105,51 +105,51 @@ def _pair_prepared(first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, first_
     rest_3_1 = scaled_b_3_1 - scaled_a_3_1*share
     rest_3_2 = scaled_b_3_2 - scaled_a_3_2*share
     rest_3_3 = scaled_b_3_3 - scaled_a_3_3*share
-    before = (np.abs(scaled_a_1_1) + np.abs(scaled_a_1_2) + np.abs(scaled_a_1_3) + np.abs(scaled_a_2_1) + np.abs(scaled_a_2_2) + np.abs(scaled_a_2_3) + np.abs(scaled_a_3_1) + np.abs(scaled_a_3_2) + np.abs(scaled_a_3_3))*np.abs(share) + np.abs(scaled_b_1_1) + np.abs(scaled_b_1_2) + np.abs(scaled_b_1_3) + np.abs(scaled_b_2_1) + np.abs(scaled_b_2_2) + np.abs(scaled_b_2_3) + np.abs(scaled_b_3_1) + np.abs(scaled_b_3_2) + np.abs(scaled_b_3_3)
+    before = (xp.abs(scaled_a_1_1) + xp.abs(scaled_a_1_2) + xp.abs(scaled_a_1_3) + xp.abs(scaled_a_2_1) + xp.abs(scaled_a_2_2) + xp.abs(scaled_a_2_3) + xp.abs(scaled_a_3_1) + xp.abs(scaled_a_3_2) + xp.abs(scaled_a_3_3))*xp.abs(share) + xp.abs(scaled_b_1_1) + xp.abs(scaled_b_1_2) + xp.abs(scaled_b_1_3) + xp.abs(scaled_b_2_1) + xp.abs(scaled_b_2_2) + xp.abs(scaled_b_2_3) + xp.abs(scaled_b_3_1) + xp.abs(scaled_b_3_2) + xp.abs(scaled_b_3_3)
     del scaled_b_1_1, scaled_b_1_2, scaled_b_1_3, scaled_b_2_1, scaled_b_2_2, scaled_b_2_3, scaled_b_3_1, scaled_b_3_2, scaled_b_3_3, share
-    left = np.abs(rest_1_1) + np.abs(rest_1_2) + np.abs(rest_1_3) + np.abs(rest_2_1) + np.abs(rest_2_2) + np.abs(rest_2_3) + np.abs(rest_3_1) + np.abs(rest_3_2) + np.abs(rest_3_3)
+    left = xp.abs(rest_1_1) + xp.abs(rest_1_2) + xp.abs(rest_1_3) + xp.abs(rest_2_1) + xp.abs(rest_2_2) + xp.abs(rest_2_3) + xp.abs(rest_3_1) + xp.abs(rest_3_2) + xp.abs(rest_3_3)
     rest_scale = _power_of_two_scale(left)
     there = (good_b) & (left > 0.0) & (square > 0.0)
     del square
-    one_1_1 = np.where(good_b, scaled_a_1_1, np.nan)
+    one_1_1 = xp.where(good_b, scaled_a_1_1, xp.nan)
     del scaled_a_1_1
-    one_1_2 = np.where(good_b, scaled_a_1_2, np.nan)
+    one_1_2 = xp.where(good_b, scaled_a_1_2, xp.nan)
     del scaled_a_1_2
-    one_1_3 = np.where(good_b, scaled_a_1_3, np.nan)
+    one_1_3 = xp.where(good_b, scaled_a_1_3, xp.nan)
     del scaled_a_1_3
-    one_2_1 = np.where(good_b, scaled_a_2_1, np.nan)
+    one_2_1 = xp.where(good_b, scaled_a_2_1, xp.nan)
     del scaled_a_2_1
-    one_2_2 = np.where(good_b, scaled_a_2_2, np.nan)
+    one_2_2 = xp.where(good_b, scaled_a_2_2, xp.nan)
     del scaled_a_2_2
-    one_2_3 = np.where(good_b, scaled_a_2_3, np.nan)
+    one_2_3 = xp.where(good_b, scaled_a_2_3, xp.nan)
     del scaled_a_2_3
-    one_3_1 = np.where(good_b, scaled_a_3_1, np.nan)
+    one_3_1 = xp.where(good_b, scaled_a_3_1, xp.nan)
     del scaled_a_3_1
-    one_3_2 = np.where(good_b, scaled_a_3_2, np.nan)
+    one_3_2 = xp.where(good_b, scaled_a_3_2, xp.nan)
     del scaled_a_3_2
-    one_3_3 = np.where(good_b, scaled_a_3_3, np.nan)
+    one_3_3 = xp.where(good_b, scaled_a_3_3, xp.nan)
     del scaled_a_3_3
     x2 = 0.5*rest_scale
     del rest_scale
-    two_1_1 = np.where(good_b, rest_1_1*x2, np.nan)
+    two_1_1 = xp.where(good_b, rest_1_1*x2, xp.nan)
     del rest_1_1
-    two_1_2 = np.where(good_b, rest_1_2*x2, np.nan)
+    two_1_2 = xp.where(good_b, rest_1_2*x2, xp.nan)
     del rest_1_2
-    two_1_3 = np.where(good_b, rest_1_3*x2, np.nan)
+    two_1_3 = xp.where(good_b, rest_1_3*x2, xp.nan)
     del rest_1_3
-    two_2_1 = np.where(good_b, rest_2_1*x2, np.nan)
+    two_2_1 = xp.where(good_b, rest_2_1*x2, xp.nan)
     del rest_2_1
-    two_2_2 = np.where(good_b, rest_2_2*x2, np.nan)
+    two_2_2 = xp.where(good_b, rest_2_2*x2, xp.nan)
     del rest_2_2
-    two_2_3 = np.where(good_b, rest_2_3*x2, np.nan)
+    two_2_3 = xp.where(good_b, rest_2_3*x2, xp.nan)
     del rest_2_3
-    two_3_1 = np.where(good_b, rest_3_1*x2, np.nan)
+    two_3_1 = xp.where(good_b, rest_3_1*x2, xp.nan)
     del rest_3_1
-    two_3_2 = np.where(good_b, rest_3_2*x2, np.nan)
+    two_3_2 = xp.where(good_b, rest_3_2*x2, xp.nan)
     del rest_3_2
-    two_3_3 = np.where(good_b, rest_3_3*x2, np.nan)
+    two_3_3 = xp.where(good_b, rest_3_3*x2, xp.nan)
     del good_b, rest_3_3, x2
-    loss = np.where(there, before*np.where(there, 1.0/left, 1.0), largest)
+    loss = xp.where(there, before*xp.where(there, 1.0/left, 1.0), largest)
     del before, left, there
     return (one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, loss)
 
@@ -191,7 +191,7 @@ pair_octic.signature = "(3,3),(3,3)->(9),(2),()"
 pair_octic.types = ["dd->ddd", "ff->fff"]
 
 
-def _pair_octic(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, eps, largest):
+def _pair_octic(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, eps, largest):
     # 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs
     x0 = 0.5*two_3_3
     x1 = one_3_2*x0
@@ -237,8 +237,8 @@ def _pair_octic(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, o
     x22 = x20 + x21
     x25 = k0_1 - k0_2
     x26 = k3_1 + x25 - k3_2
-    value0 = np.abs(((x17 - k1_3)*(x17 - k1_3)) + (x22 - k1_1 - k1_2)*(k1_1 - k1_2 - x26))
-    x27 = 0.5*np.sqrt(2.0)
+    value0 = xp.abs(((x17 - k1_3)*(x17 - k1_3)) + (x22 - k1_1 - k1_2)*(k1_1 - k1_2 - x26))
+    x27 = 0.5*1.4142135623730951
     x28 = k1_3*x27
     x30 = k2_3*x27
     x31 = k0_3 - x30
@@ -251,43 +251,43 @@ def _pair_octic(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, o
     x42 = k4_2 - x40
     x44 = x40 - k4_2
     x45 = x25 + x37
-    value1 = np.abs(((k4_3 + x31 - x28)*(k4_3 + x31 - x28)) + (-x36 - x44 - x45)*(x36 + x39 + x42))
+    value1 = xp.abs(((k4_3 + x31 - x28)*(k4_3 + x31 - x28)) + (-x36 - x44 - x45)*(x36 + x39 + x42))
     del x36
     better1 = value1 > value0
-    best1 = np.where(better1, value1, value0)
+    best1 = xp.where(better1, value1, value0)
     del value0, value1
-    cosine1 = np.where(better1, x27, 1.0)
-    sine1 = np.where(better1, x27, 0.0)
+    cosine1 = xp.where(better1, x27, 1.0)
+    sine1 = xp.where(better1, x27, 0.0)
     del better1
     x47 = k3_2 + x25 - k3_1
     x48 = k2_1 + k2_2
-    value2 = np.abs(((k0_3 - k2_3 - k3_3)*(k0_3 - k2_3 - k3_3)) + (k2_1 - k2_2 - x47)*(k0_1 + k0_2 - x20 - x48))
+    value2 = xp.abs(((k0_3 - k2_3 - k3_3)*(k0_3 - k2_3 - k3_3)) + (k2_1 - k2_2 - x47)*(k0_1 + k0_2 - x20 - x48))
     del x20
     better2 = value2 > best1
-    best2 = np.where(better2, value2, best1)
+    best2 = xp.where(better2, value2, best1)
     del best1, value2
-    cosine2 = np.where(better2, 0.0, cosine1)
+    cosine2 = xp.where(better2, 0.0, cosine1)
     del cosine1
-    sine2 = np.where(better2, 1.0, sine1)
+    sine2 = xp.where(better2, 1.0, sine1)
     del better2, sine1
     x51 = x32 - k4_1 - x34
-    value3 = np.abs(((x28 + x31 - k4_3)*(x28 + x31 - k4_3)) + (x39 + x44 + x51)*(-x42 - x45 - x51))
+    value3 = xp.abs(((x28 + x31 - k4_3)*(x28 + x31 - k4_3)) + (x39 + x44 + x51)*(-x42 - x45 - x51))
     del x31, x39, x42, x44, x45, x51
     better3 = value3 > best2
-    best3 = np.where(better3, value3, best2)
+    best3 = xp.where(better3, value3, best2)
     del best2, value3
-    cosine3 = np.where(better3, -x27, cosine2)
+    cosine3 = xp.where(better3, -x27, cosine2)
     del cosine2
-    sine3 = np.where(better3, x27, sine2)
+    sine3 = xp.where(better3, x27, sine2)
     del better3, sine2
-    value4 = np.abs(((k1_3 + x17)*(k1_3 + x17)) + (k1_2 - k1_1 - x26)*(k1_1 + k1_2 + x22))
+    value4 = xp.abs(((k1_3 + x17)*(k1_3 + x17)) + (k1_2 - k1_1 - x26)*(k1_1 + k1_2 + x22))
     del x17, x22, x26
     better4 = value4 > best3
-    best4 = np.where(better4, value4, best3)
+    best4 = xp.where(better4, value4, best3)
     del best3, value4
-    cosine4 = np.where(better4, -1.0, cosine3)
+    cosine4 = xp.where(better4, -1.0, cosine3)
     del cosine3
-    sine4 = np.where(better4, 0.0, sine3)
+    sine4 = xp.where(better4, 0.0, sine3)
     del better4, sine3
     x53 = k0_3 + x30
     del x30
@@ -298,33 +298,33 @@ def _pair_octic(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, o
     del x40
     x58 = x25 - x37
     del x25, x37
-    value5 = np.abs(((k4_3 + x28 + x53)*(k4_3 + x28 + x53)) + (-x54 - x57 - x58)*(x54 + x55 + x56))
+    value5 = xp.abs(((k4_3 + x28 + x53)*(k4_3 + x28 + x53)) + (-x54 - x57 - x58)*(x54 + x55 + x56))
     del x54
     better5 = value5 > best4
-    best5 = np.where(better5, value5, best4)
+    best5 = xp.where(better5, value5, best4)
     del best4, value5
-    cosine5 = np.where(better5, -x27, cosine4)
+    cosine5 = xp.where(better5, -x27, cosine4)
     del cosine4
-    sine5 = np.where(better5, -x27, sine4)
+    sine5 = xp.where(better5, -x27, sine4)
     del better5, sine4
-    value6 = np.abs(((k0_3 + k2_3 - k3_3)*(k0_3 + k2_3 - k3_3)) + (k2_2 - k2_1 - x47)*(x21 + x48 - k3_1 - k3_2))
+    value6 = xp.abs(((k0_3 + k2_3 - k3_3)*(k0_3 + k2_3 - k3_3)) + (k2_2 - k2_1 - x47)*(x21 + x48 - k3_1 - k3_2))
     del x21, x47, x48
     better6 = value6 > best5
-    best6 = np.where(better6, value6, best5)
+    best6 = xp.where(better6, value6, best5)
     del best5, value6
-    cosine6 = np.where(better6, 0.0, cosine5)
+    cosine6 = xp.where(better6, 0.0, cosine5)
     del cosine5
-    sine6 = np.where(better6, -1.0, sine5)
+    sine6 = xp.where(better6, -1.0, sine5)
     del better6, sine5
     x59 = x34 - k4_1 - x32
     del x32, x34
-    value7 = np.abs(((x53 - k4_3 - x28)*(x53 - k4_3 - x28)) + (x55 + x57 + x59)*(-x56 - x58 - x59))
+    value7 = xp.abs(((x53 - k4_3 - x28)*(x53 - k4_3 - x28)) + (x55 + x57 + x59)*(-x56 - x58 - x59))
     del x28, x53, x55, x56, x57, x58, x59
     better7 = value7 > best6
     del best6, value7
-    cosine7 = np.where(better7, x27, cosine6)
+    cosine7 = xp.where(better7, x27, cosine6)
     del cosine6
-    sine7 = np.where(better7, -x27, sine6)
+    sine7 = xp.where(better7, -x27, sine6)
     del better7, sine6, x27
     t0_1 = k0_1
     del k0_1
@@ -430,7 +430,7 @@ def _pair_octic(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, o
     del cosine7
     turn_2 = sine7
     del sine7
-    size = ((np.sqrt((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + np.sqrt((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + np.sqrt((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3)))*(np.sqrt((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + np.sqrt((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + np.sqrt((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3))))*((np.sqrt((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + np.sqrt((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + np.sqrt((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3)))*(np.sqrt((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + np.sqrt((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + np.sqrt((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3))))
+    size = ((xp.sqrt((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + xp.sqrt((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + xp.sqrt((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3)))*(xp.sqrt((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + xp.sqrt((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + xp.sqrt((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3))))*((xp.sqrt((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + xp.sqrt((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + xp.sqrt((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3)))*(xp.sqrt((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + xp.sqrt((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + xp.sqrt((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3))))
     return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, turn_1, turn_2, size)
 
 
@@ -469,7 +469,7 @@ pair_aberth.signature = "(9),(8,2)->(8,2),()"
 pair_aberth.types = ["dd->dd", "ff->ff"]
 
 
-def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, roots_1_1, roots_1_2, roots_2_1, roots_2_2, roots_3_1, roots_3_2, roots_4_1, roots_4_2, roots_5_1, roots_5_2, roots_6_1, roots_6_2, roots_7_1, roots_7_2, roots_8_1, roots_8_2, eps, largest):
+def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, roots_1_1, roots_1_2, roots_2_1, roots_2_2, roots_3_1, roots_3_2, roots_4_1, roots_4_2, roots_5_1, roots_5_2, roots_6_1, roots_6_2, roots_7_1, roots_7_2, roots_8_1, roots_8_2, eps, largest):
     # 492 add, 488 mul, 44 div, 43 select, 43 compare
     s0 = 2.0*roots_1_1
     x0 = (roots_1_2*roots_1_2)
@@ -706,142 +706,142 @@ def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, 
     dx10 = roots_2_1 - roots_1_1
     dy10 = roots_2_2 - roots_1_2
     x32 = (dx10*dx10) + (dy10*dy10)
-    by10 = np.where(x32 > 0.0, 1.0/x32, 0.0)
+    by10 = xp.where(x32 > 0.0, 1.0/x32, 0.0)
     del x32
     dx20 = roots_3_1 - roots_1_1
     dy20 = roots_3_2 - roots_1_2
     x35 = (dx20*dx20) + (dy20*dy20)
-    by20 = np.where(x35 > 0.0, 1.0/x35, 0.0)
+    by20 = xp.where(x35 > 0.0, 1.0/x35, 0.0)
     del x35
     dx21 = roots_3_1 - roots_2_1
     dy21 = roots_3_2 - roots_2_2
     x36 = (dx21*dx21) + (dy21*dy21)
-    by21 = np.where(x36 > 0.0, 1.0/x36, 0.0)
+    by21 = xp.where(x36 > 0.0, 1.0/x36, 0.0)
     del x36
     dx30 = roots_4_1 - roots_1_1
     dy30 = roots_4_2 - roots_1_2
     x39 = (dx30*dx30) + (dy30*dy30)
-    by30 = np.where(x39 > 0.0, 1.0/x39, 0.0)
+    by30 = xp.where(x39 > 0.0, 1.0/x39, 0.0)
     del x39
     dx31 = roots_4_1 - roots_2_1
     dy31 = roots_4_2 - roots_2_2
     x40 = (dx31*dx31) + (dy31*dy31)
-    by31 = np.where(x40 > 0.0, 1.0/x40, 0.0)
+    by31 = xp.where(x40 > 0.0, 1.0/x40, 0.0)
     del x40
     dx32 = roots_4_1 - roots_3_1
     dy32 = roots_4_2 - roots_3_2
     x41 = (dx32*dx32) + (dy32*dy32)
-    by32 = np.where(x41 > 0.0, 1.0/x41, 0.0)
+    by32 = xp.where(x41 > 0.0, 1.0/x41, 0.0)
     del x41
     dx40 = roots_5_1 - roots_1_1
     dy40 = roots_5_2 - roots_1_2
     x44 = (dx40*dx40) + (dy40*dy40)
-    by40 = np.where(x44 > 0.0, 1.0/x44, 0.0)
+    by40 = xp.where(x44 > 0.0, 1.0/x44, 0.0)
     del x44
     dx41 = roots_5_1 - roots_2_1
     dy41 = roots_5_2 - roots_2_2
     x45 = (dx41*dx41) + (dy41*dy41)
-    by41 = np.where(x45 > 0.0, 1.0/x45, 0.0)
+    by41 = xp.where(x45 > 0.0, 1.0/x45, 0.0)
     del x45
     dx42 = roots_5_1 - roots_3_1
     dy42 = roots_5_2 - roots_3_2
     x46 = (dx42*dx42) + (dy42*dy42)
-    by42 = np.where(x46 > 0.0, 1.0/x46, 0.0)
+    by42 = xp.where(x46 > 0.0, 1.0/x46, 0.0)
     del x46
     dx43 = roots_5_1 - roots_4_1
     dy43 = roots_5_2 - roots_4_2
     x47 = (dx43*dx43) + (dy43*dy43)
-    by43 = np.where(x47 > 0.0, 1.0/x47, 0.0)
+    by43 = xp.where(x47 > 0.0, 1.0/x47, 0.0)
     del x47
     dx50 = roots_6_1 - roots_1_1
     dy50 = roots_6_2 - roots_1_2
     x50 = (dx50*dx50) + (dy50*dy50)
-    by50 = np.where(x50 > 0.0, 1.0/x50, 0.0)
+    by50 = xp.where(x50 > 0.0, 1.0/x50, 0.0)
     del x50
     dx51 = roots_6_1 - roots_2_1
     dy51 = roots_6_2 - roots_2_2
     x51 = (dx51*dx51) + (dy51*dy51)
-    by51 = np.where(x51 > 0.0, 1.0/x51, 0.0)
+    by51 = xp.where(x51 > 0.0, 1.0/x51, 0.0)
     del x51
     dx52 = roots_6_1 - roots_3_1
     dy52 = roots_6_2 - roots_3_2
     x52 = (dx52*dx52) + (dy52*dy52)
-    by52 = np.where(x52 > 0.0, 1.0/x52, 0.0)
+    by52 = xp.where(x52 > 0.0, 1.0/x52, 0.0)
     del x52
     dx53 = roots_6_1 - roots_4_1
     dy53 = roots_6_2 - roots_4_2
     x53 = (dx53*dx53) + (dy53*dy53)
-    by53 = np.where(x53 > 0.0, 1.0/x53, 0.0)
+    by53 = xp.where(x53 > 0.0, 1.0/x53, 0.0)
     del x53
     dx54 = roots_6_1 - roots_5_1
     dy54 = roots_6_2 - roots_5_2
     x54 = (dx54*dx54) + (dy54*dy54)
-    by54 = np.where(x54 > 0.0, 1.0/x54, 0.0)
+    by54 = xp.where(x54 > 0.0, 1.0/x54, 0.0)
     del x54
     dx60 = roots_7_1 - roots_1_1
     dy60 = roots_7_2 - roots_1_2
     x57 = (dx60*dx60) + (dy60*dy60)
-    by60 = np.where(x57 > 0.0, 1.0/x57, 0.0)
+    by60 = xp.where(x57 > 0.0, 1.0/x57, 0.0)
     del x57
     dx61 = roots_7_1 - roots_2_1
     dy61 = roots_7_2 - roots_2_2
     x58 = (dx61*dx61) + (dy61*dy61)
-    by61 = np.where(x58 > 0.0, 1.0/x58, 0.0)
+    by61 = xp.where(x58 > 0.0, 1.0/x58, 0.0)
     del x58
     dx62 = roots_7_1 - roots_3_1
     dy62 = roots_7_2 - roots_3_2
     x59 = (dx62*dx62) + (dy62*dy62)
-    by62 = np.where(x59 > 0.0, 1.0/x59, 0.0)
+    by62 = xp.where(x59 > 0.0, 1.0/x59, 0.0)
     del x59
     dx63 = roots_7_1 - roots_4_1
     dy63 = roots_7_2 - roots_4_2
     x60 = (dx63*dx63) + (dy63*dy63)
-    by63 = np.where(x60 > 0.0, 1.0/x60, 0.0)
+    by63 = xp.where(x60 > 0.0, 1.0/x60, 0.0)
     del x60
     dx64 = roots_7_1 - roots_5_1
     dy64 = roots_7_2 - roots_5_2
     x61 = (dx64*dx64) + (dy64*dy64)
-    by64 = np.where(x61 > 0.0, 1.0/x61, 0.0)
+    by64 = xp.where(x61 > 0.0, 1.0/x61, 0.0)
     del x61
     dx65 = roots_7_1 - roots_6_1
     dy65 = roots_7_2 - roots_6_2
     x62 = (dx65*dx65) + (dy65*dy65)
-    by65 = np.where(x62 > 0.0, 1.0/x62, 0.0)
+    by65 = xp.where(x62 > 0.0, 1.0/x62, 0.0)
     del x62
     dx70 = roots_8_1 - roots_1_1
     dy70 = roots_8_2 - roots_1_2
     x65 = (dx70*dx70) + (dy70*dy70)
-    by70 = np.where(x65 > 0.0, 1.0/x65, 0.0)
+    by70 = xp.where(x65 > 0.0, 1.0/x65, 0.0)
     del x65
     dx71 = roots_8_1 - roots_2_1
     dy71 = roots_8_2 - roots_2_2
     x66 = (dx71*dx71) + (dy71*dy71)
-    by71 = np.where(x66 > 0.0, 1.0/x66, 0.0)
+    by71 = xp.where(x66 > 0.0, 1.0/x66, 0.0)
     del x66
     dx72 = roots_8_1 - roots_3_1
     dy72 = roots_8_2 - roots_3_2
     x67 = (dx72*dx72) + (dy72*dy72)
-    by72 = np.where(x67 > 0.0, 1.0/x67, 0.0)
+    by72 = xp.where(x67 > 0.0, 1.0/x67, 0.0)
     del x67
     dx73 = roots_8_1 - roots_4_1
     dy73 = roots_8_2 - roots_4_2
     x68 = (dx73*dx73) + (dy73*dy73)
-    by73 = np.where(x68 > 0.0, 1.0/x68, 0.0)
+    by73 = xp.where(x68 > 0.0, 1.0/x68, 0.0)
     del x68
     dx74 = roots_8_1 - roots_5_1
     dy74 = roots_8_2 - roots_5_2
     x69 = (dx74*dx74) + (dy74*dy74)
-    by74 = np.where(x69 > 0.0, 1.0/x69, 0.0)
+    by74 = xp.where(x69 > 0.0, 1.0/x69, 0.0)
     del x69
     dx75 = roots_8_1 - roots_6_1
     dy75 = roots_8_2 - roots_6_2
     x70 = (dx75*dx75) + (dy75*dy75)
-    by75 = np.where(x70 > 0.0, 1.0/x70, 0.0)
+    by75 = xp.where(x70 > 0.0, 1.0/x70, 0.0)
     del x70
     dx76 = roots_8_1 - roots_7_1
     dy76 = roots_8_2 - roots_7_2
     x71 = (dx76*dx76) + (dy76*dy76)
-    by76 = np.where(x71 > 0.0, 1.0/x71, 0.0)
+    by76 = xp.where(x71 > 0.0, 1.0/x71, 0.0)
     del x71
     x72 = by10*dx10
     del dx10
@@ -878,7 +878,7 @@ def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, 
     below_im0 = slope_im0 - im0*sum_re0 - re0*sum_im0
     del slope_im0, sum_im0, sum_re0
     x86 = (below_im0*below_im0) + (below_re0*below_re0)
-    inverse0 = np.where(x86 > 0.0, 1.0/x86, 0.0)
+    inverse0 = xp.where(x86 > 0.0, 1.0/x86, 0.0)
     del x86
     step_re0 = inverse0*(below_im0*im0 + below_re0*re0)
     step_im0 = inverse0*(below_re0*im0 - below_im0*re0)
@@ -918,14 +918,14 @@ def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, 
     below_im1 = slope_im1 - im1*sum_re1 - re1*sum_im1
     del slope_im1, sum_im1, sum_re1
     x99 = (below_im1*below_im1) + (below_re1*below_re1)
-    inverse1 = np.where(x99 > 0.0, 1.0/x99, 0.0)
+    inverse1 = xp.where(x99 > 0.0, 1.0/x99, 0.0)
     del x99
     step_re1 = inverse1*(below_im1*im1 + below_re1*re1)
     step_im1 = inverse1*(below_re1*im1 - below_im1*re1)
     del below_im1, below_re1, im1, inverse1, re1
     share1 = ((step_im1*step_im1) + (step_re1*step_re1))/((x5 + 1.0)*(x5 + 1.0))
     del x5
-    largest1 = np.where(share0 < share1, share1, share0)
+    largest1 = xp.where(share0 < share1, share1, share0)
     del share0, share1
     x100 = by32*dx32
     del dx32
@@ -956,14 +956,14 @@ def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, 
     below_im2 = slope_im2 - im2*sum_re2 - re2*sum_im2
     del slope_im2, sum_im2, sum_re2
     x110 = (below_im2*below_im2) + (below_re2*below_re2)
-    inverse2 = np.where(x110 > 0.0, 1.0/x110, 0.0)
+    inverse2 = xp.where(x110 > 0.0, 1.0/x110, 0.0)
     del x110
     step_re2 = inverse2*(below_im2*im2 + below_re2*re2)
     step_im2 = inverse2*(below_re2*im2 - below_im2*re2)
     del below_im2, below_re2, im2, inverse2, re2
     share2 = ((step_im2*step_im2) + (step_re2*step_re2))/((x9 + 1.0)*(x9 + 1.0))
     del x9
-    largest2 = np.where(largest1 < share2, share2, largest1)
+    largest2 = xp.where(largest1 < share2, share2, largest1)
     del largest1, share2
     x111 = by43*dx43
     del dx43
@@ -990,14 +990,14 @@ def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, 
     below_im3 = slope_im3 - im3*sum_re3 - re3*sum_im3
     del slope_im3, sum_im3, sum_re3
     x119 = (below_im3*below_im3) + (below_re3*below_re3)
-    inverse3 = np.where(x119 > 0.0, 1.0/x119, 0.0)
+    inverse3 = xp.where(x119 > 0.0, 1.0/x119, 0.0)
     del x119
     step_re3 = inverse3*(below_im3*im3 + below_re3*re3)
     step_im3 = inverse3*(below_re3*im3 - below_im3*re3)
     del below_im3, below_re3, im3, inverse3, re3
     share3 = ((step_im3*step_im3) + (step_re3*step_re3))/((x13 + 1.0)*(x13 + 1.0))
     del x13
-    largest3 = np.where(largest2 < share3, share3, largest2)
+    largest3 = xp.where(largest2 < share3, share3, largest2)
     del largest2, share3
     x120 = by54*dx54
     del dx54
@@ -1020,14 +1020,14 @@ def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, 
     below_im4 = slope_im4 - im4*sum_re4 - re4*sum_im4
     del slope_im4, sum_im4, sum_re4
     x126 = (below_im4*below_im4) + (below_re4*below_re4)
-    inverse4 = np.where(x126 > 0.0, 1.0/x126, 0.0)
+    inverse4 = xp.where(x126 > 0.0, 1.0/x126, 0.0)
     del x126
     step_re4 = inverse4*(below_im4*im4 + below_re4*re4)
     step_im4 = inverse4*(below_re4*im4 - below_im4*re4)
     del below_im4, below_re4, im4, inverse4, re4
     share4 = ((step_im4*step_im4) + (step_re4*step_re4))/((x17 + 1.0)*(x17 + 1.0))
     del x17
-    largest4 = np.where(largest3 < share4, share4, largest3)
+    largest4 = xp.where(largest3 < share4, share4, largest3)
     del largest3, share4
     x127 = by65*dx65
     del dx65
@@ -1046,14 +1046,14 @@ def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, 
     below_im5 = slope_im5 - im5*sum_re5 - re5*sum_im5
     del slope_im5, sum_im5, sum_re5
     x131 = (below_im5*below_im5) + (below_re5*below_re5)
-    inverse5 = np.where(x131 > 0.0, 1.0/x131, 0.0)
+    inverse5 = xp.where(x131 > 0.0, 1.0/x131, 0.0)
     del x131
     step_re5 = inverse5*(below_im5*im5 + below_re5*re5)
     step_im5 = inverse5*(below_re5*im5 - below_im5*re5)
     del below_im5, below_re5, im5, inverse5, re5
     share5 = ((step_im5*step_im5) + (step_re5*step_re5))/((x21 + 1.0)*(x21 + 1.0))
     del x21
-    largest5 = np.where(largest4 < share5, share5, largest4)
+    largest5 = xp.where(largest4 < share5, share5, largest4)
     del largest4, share5
     x132 = by76*dx76
     del dx76
@@ -1068,14 +1068,14 @@ def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, 
     below_im6 = slope_im6 - im6*sum_re6 - re6*sum_im6
     del slope_im6, sum_im6, sum_re6
     x134 = (below_im6*below_im6) + (below_re6*below_re6)
-    inverse6 = np.where(x134 > 0.0, 1.0/x134, 0.0)
+    inverse6 = xp.where(x134 > 0.0, 1.0/x134, 0.0)
     del x134
     step_re6 = inverse6*(below_im6*im6 + below_re6*re6)
     step_im6 = inverse6*(below_re6*im6 - below_im6*re6)
     del below_im6, below_re6, im6, inverse6, re6
     share6 = ((step_im6*step_im6) + (step_re6*step_re6))/((x25 + 1.0)*(x25 + 1.0))
     del x25
-    largest6 = np.where(largest5 < share6, share6, largest5)
+    largest6 = xp.where(largest5 < share6, share6, largest5)
     del largest5, share6
     sum_re7 = x104 + x114 + x122 + x128 + x132 + x78 + x92
     del x104, x114, x122, x128, x132, x78, x92
@@ -1086,14 +1086,14 @@ def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, 
     below_im7 = slope_im7 - im7*sum_re7 - re7*sum_im7
     del slope_im7, sum_im7, sum_re7
     x135 = (below_im7*below_im7) + (below_re7*below_re7)
-    inverse7 = np.where(x135 > 0.0, 1.0/x135, 0.0)
+    inverse7 = xp.where(x135 > 0.0, 1.0/x135, 0.0)
     del x135
     step_re7 = inverse7*(below_im7*im7 + below_re7*re7)
     step_im7 = inverse7*(below_re7*im7 - below_im7*re7)
     del below_im7, below_re7, im7, inverse7, re7
     share7 = ((step_im7*step_im7) + (step_re7*step_re7))/((x29 + 1.0)*(x29 + 1.0))
     del x29
-    largest7 = np.where(largest6 < share7, share7, largest6)
+    largest7 = xp.where(largest6 < share7, share7, largest6)
     del largest6, share7
     moved_1_1 = roots_1_1 - step_re0
     del step_re0
@@ -1169,13 +1169,13 @@ pair_real_roots.signature = "(9),(),(8,2)->(8),(8),()"
 pair_real_roots.types = ["ddd->ddb", "fff->ffb"]
 
 
-def _pair_real_roots(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, size, roots_1_1, roots_1_2, roots_2_1, roots_2_2, roots_3_1, roots_3_2, roots_4_1, roots_4_2, roots_5_1, roots_5_2, roots_6_1, roots_6_2, roots_7_1, roots_7_2, roots_8_1, roots_8_2, eps, largest):
+def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, size, roots_1_1, roots_1_2, roots_2_1, roots_2_2, roots_3_1, roots_3_2, roots_4_1, roots_4_2, roots_5_1, roots_5_2, roots_6_1, roots_6_2, roots_7_1, roots_7_2, roots_8_1, roots_8_2, eps, largest):
     # 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs
     noise = 256.0*eps*size
     x0 = (roots_1_1*roots_1_1)
     whole0 = (roots_1_2*roots_1_2) + x0 + 1.0
-    is_real0 = np.abs(roots_1_2) <= 5.960464477539063e-08*whole0
-    y0 = np.where(is_real0, 0.0, roots_1_2)
+    is_real0 = xp.abs(roots_1_2) <= 5.960464477539063e-08*whole0
+    y0 = xp.where(is_real0, 0.0, roots_1_2)
     s0 = 2.0*roots_1_1
     t0 = x0 + (y0*y0)
     del x0
@@ -1195,12 +1195,12 @@ def _pair_real_roots(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     del b0_2, t0
     im0 = b0_1*y0
     del b0_1
-    above0 = noise*(whole0*whole0*whole0*whole0) + np.abs(im0) + np.abs(re0)
+    above0 = noise*(whole0*whole0*whole0*whole0) + xp.abs(im0) + xp.abs(re0)
     del im0, re0, whole0
     x1 = (roots_2_1*roots_2_1)
     whole1 = (roots_2_2*roots_2_2) + x1 + 1.0
-    is_real1 = np.abs(roots_2_2) <= 5.960464477539063e-08*whole1
-    y1 = np.where(is_real1, 0.0, roots_2_2)
+    is_real1 = xp.abs(roots_2_2) <= 5.960464477539063e-08*whole1
+    y1 = xp.where(is_real1, 0.0, roots_2_2)
     s1 = 2.0*roots_2_1
     t1 = x1 + (y1*y1)
     del x1
@@ -1220,12 +1220,12 @@ def _pair_real_roots(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     del b1_2, t1
     im1 = b1_1*y1
     del b1_1
-    above1 = noise*(whole1*whole1*whole1*whole1) + np.abs(im1) + np.abs(re1)
+    above1 = noise*(whole1*whole1*whole1*whole1) + xp.abs(im1) + xp.abs(re1)
     del im1, re1, whole1
     x2 = (roots_3_1*roots_3_1)
     whole2 = (roots_3_2*roots_3_2) + x2 + 1.0
-    is_real2 = np.abs(roots_3_2) <= 5.960464477539063e-08*whole2
-    y2 = np.where(is_real2, 0.0, roots_3_2)
+    is_real2 = xp.abs(roots_3_2) <= 5.960464477539063e-08*whole2
+    y2 = xp.where(is_real2, 0.0, roots_3_2)
     s2 = 2.0*roots_3_1
     t2 = x2 + (y2*y2)
     del x2
@@ -1245,12 +1245,12 @@ def _pair_real_roots(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     del b2_2, t2
     im2 = b2_1*y2
     del b2_1
-    above2 = noise*(whole2*whole2*whole2*whole2) + np.abs(im2) + np.abs(re2)
+    above2 = noise*(whole2*whole2*whole2*whole2) + xp.abs(im2) + xp.abs(re2)
     del im2, re2, whole2
     x3 = (roots_4_1*roots_4_1)
     whole3 = (roots_4_2*roots_4_2) + x3 + 1.0
-    is_real3 = np.abs(roots_4_2) <= 5.960464477539063e-08*whole3
-    y3 = np.where(is_real3, 0.0, roots_4_2)
+    is_real3 = xp.abs(roots_4_2) <= 5.960464477539063e-08*whole3
+    y3 = xp.where(is_real3, 0.0, roots_4_2)
     s3 = 2.0*roots_4_1
     t3 = x3 + (y3*y3)
     del x3
@@ -1270,12 +1270,12 @@ def _pair_real_roots(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     del b3_2, t3
     im3 = b3_1*y3
     del b3_1
-    above3 = noise*(whole3*whole3*whole3*whole3) + np.abs(im3) + np.abs(re3)
+    above3 = noise*(whole3*whole3*whole3*whole3) + xp.abs(im3) + xp.abs(re3)
     del im3, re3, whole3
     x4 = (roots_5_1*roots_5_1)
     whole4 = (roots_5_2*roots_5_2) + x4 + 1.0
-    is_real4 = np.abs(roots_5_2) <= 5.960464477539063e-08*whole4
-    y4 = np.where(is_real4, 0.0, roots_5_2)
+    is_real4 = xp.abs(roots_5_2) <= 5.960464477539063e-08*whole4
+    y4 = xp.where(is_real4, 0.0, roots_5_2)
     s4 = 2.0*roots_5_1
     t4 = x4 + (y4*y4)
     del x4
@@ -1295,12 +1295,12 @@ def _pair_real_roots(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     del b4_2, t4
     im4 = b4_1*y4
     del b4_1
-    above4 = noise*(whole4*whole4*whole4*whole4) + np.abs(im4) + np.abs(re4)
+    above4 = noise*(whole4*whole4*whole4*whole4) + xp.abs(im4) + xp.abs(re4)
     del im4, re4, whole4
     x5 = (roots_6_1*roots_6_1)
     whole5 = (roots_6_2*roots_6_2) + x5 + 1.0
-    is_real5 = np.abs(roots_6_2) <= 5.960464477539063e-08*whole5
-    y5 = np.where(is_real5, 0.0, roots_6_2)
+    is_real5 = xp.abs(roots_6_2) <= 5.960464477539063e-08*whole5
+    y5 = xp.where(is_real5, 0.0, roots_6_2)
     s5 = 2.0*roots_6_1
     t5 = x5 + (y5*y5)
     del x5
@@ -1320,12 +1320,12 @@ def _pair_real_roots(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     del b5_2, t5
     im5 = b5_1*y5
     del b5_1
-    above5 = noise*(whole5*whole5*whole5*whole5) + np.abs(im5) + np.abs(re5)
+    above5 = noise*(whole5*whole5*whole5*whole5) + xp.abs(im5) + xp.abs(re5)
     del im5, re5, whole5
     x6 = (roots_7_1*roots_7_1)
     whole6 = (roots_7_2*roots_7_2) + x6 + 1.0
-    is_real6 = np.abs(roots_7_2) <= 5.960464477539063e-08*whole6
-    y6 = np.where(is_real6, 0.0, roots_7_2)
+    is_real6 = xp.abs(roots_7_2) <= 5.960464477539063e-08*whole6
+    y6 = xp.where(is_real6, 0.0, roots_7_2)
     s6 = 2.0*roots_7_1
     t6 = x6 + (y6*y6)
     del x6
@@ -1345,12 +1345,12 @@ def _pair_real_roots(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     del b6_2, t6
     im6 = b6_1*y6
     del b6_1
-    above6 = noise*(whole6*whole6*whole6*whole6) + np.abs(im6) + np.abs(re6)
+    above6 = noise*(whole6*whole6*whole6*whole6) + xp.abs(im6) + xp.abs(re6)
     del im6, re6, whole6
     x7 = (roots_8_1*roots_8_1)
     whole7 = (roots_8_2*roots_8_2) + x7 + 1.0
-    is_real7 = np.abs(roots_8_2) <= 5.960464477539063e-08*whole7
-    y7 = np.where(is_real7, 0.0, roots_8_2)
+    is_real7 = xp.abs(roots_8_2) <= 5.960464477539063e-08*whole7
+    y7 = xp.where(is_real7, 0.0, roots_8_2)
     s7 = 2.0*roots_8_1
     t7 = x7 + (y7*y7)
     del x7
@@ -1370,7 +1370,7 @@ def _pair_real_roots(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     del b7_2, t7
     im7 = b7_1*y7
     del b7_1
-    above7 = noise*(whole7*whole7*whole7*whole7) + np.abs(im7) + np.abs(re7)
+    above7 = noise*(whole7*whole7*whole7*whole7) + xp.abs(im7) + xp.abs(re7)
     del im7, noise, re7, whole7
     square10 = ((roots_2_1 - roots_1_1)*(roots_2_1 - roots_1_1)) + ((y1 - y0)*(y1 - y0))
     square20 = ((roots_3_1 - roots_1_1)*(roots_3_1 - roots_1_1)) + ((y2 - y0)*(y2 - y0))
@@ -1400,104 +1400,104 @@ def _pair_real_roots(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     square74 = ((roots_8_1 - roots_5_1)*(roots_8_1 - roots_5_1)) + ((y7 - y4)*(y7 - y4))
     square75 = ((roots_8_1 - roots_6_1)*(roots_8_1 - roots_6_1)) + ((y7 - y5)*(y7 - y5))
     square76 = ((roots_8_1 - roots_7_1)*(roots_8_1 - roots_7_1)) + ((y7 - y6)*(y7 - y6))
-    leading = np.abs(octic_9)
-    around0 = leading*np.sqrt(square10*square20*square30*square40*square50*square60*square70)
+    leading = xp.abs(octic_9)
+    around0 = leading*xp.sqrt(square10*square20*square30*square40*square50*square60*square70)
     radius0 = 8.0*above0/around0
     del above0, around0
-    around1 = leading*np.sqrt(square10*square21*square31*square41*square51*square61*square71)
+    around1 = leading*xp.sqrt(square10*square21*square31*square41*square51*square61*square71)
     radius1 = 8.0*above1/around1
     del above1, around1
-    around2 = leading*np.sqrt(square20*square21*square32*square42*square52*square62*square72)
+    around2 = leading*xp.sqrt(square20*square21*square32*square42*square52*square62*square72)
     radius2 = 8.0*above2/around2
     del above2, around2
-    around3 = leading*np.sqrt(square30*square31*square32*square43*square53*square63*square73)
+    around3 = leading*xp.sqrt(square30*square31*square32*square43*square53*square63*square73)
     radius3 = 8.0*above3/around3
     del above3, around3
-    around4 = leading*np.sqrt(square40*square41*square42*square43*square54*square64*square74)
+    around4 = leading*xp.sqrt(square40*square41*square42*square43*square54*square64*square74)
     radius4 = 8.0*above4/around4
     del above4, around4
-    around5 = leading*np.sqrt(square50*square51*square52*square53*square54*square65*square75)
+    around5 = leading*xp.sqrt(square50*square51*square52*square53*square54*square65*square75)
     radius5 = 8.0*above5/around5
     del above5, around5
-    around6 = leading*np.sqrt(square60*square61*square62*square63*square64*square65*square76)
+    around6 = leading*xp.sqrt(square60*square61*square62*square63*square64*square65*square76)
     radius6 = 8.0*above6/around6
     del above6, around6
-    around7 = leading*np.sqrt(square70*square71*square72*square73*square74*square75*square76)
+    around7 = leading*xp.sqrt(square70*square71*square72*square73*square74*square75*square76)
     del leading
     radius7 = 8.0*above7/around7
     del above7, around7
     alone0 = (is_real0) & (((radius0 + radius1)*(radius0 + radius1)) < square10) & (((radius0 + radius2)*(radius0 + radius2)) < square20) & (((radius0 + radius3)*(radius0 + radius3)) < square30) & (((radius0 + radius4)*(radius0 + radius4)) < square40) & (((radius0 + radius5)*(radius0 + radius5)) < square50) & (((radius0 + radius6)*(radius0 + radius6)) < square60) & (((radius0 + radius7)*(radius0 + radius7)) < square70)
-    off0 = np.abs(y0) > radius0
+    off0 = xp.abs(y0) > radius0
     del y0
     certain0 = (alone0) | (off0)
     del alone0, off0
     alone1 = (is_real1) & (((radius0 + radius1)*(radius0 + radius1)) < square10) & (((radius1 + radius2)*(radius1 + radius2)) < square21) & (((radius1 + radius3)*(radius1 + radius3)) < square31) & (((radius1 + radius4)*(radius1 + radius4)) < square41) & (((radius1 + radius5)*(radius1 + radius5)) < square51) & (((radius1 + radius6)*(radius1 + radius6)) < square61) & (((radius1 + radius7)*(radius1 + radius7)) < square71)
     del square10
-    off1 = np.abs(y1) > radius1
+    off1 = xp.abs(y1) > radius1
     del y1
     certain1 = (certain0) & ((alone1) | (off1))
     del alone1, certain0, off1
     alone2 = (is_real2) & (((radius0 + radius2)*(radius0 + radius2)) < square20) & (((radius1 + radius2)*(radius1 + radius2)) < square21) & (((radius2 + radius3)*(radius2 + radius3)) < square32) & (((radius2 + radius4)*(radius2 + radius4)) < square42) & (((radius2 + radius5)*(radius2 + radius5)) < square52) & (((radius2 + radius6)*(radius2 + radius6)) < square62) & (((radius2 + radius7)*(radius2 + radius7)) < square72)
     del square20, square21
-    off2 = np.abs(y2) > radius2
+    off2 = xp.abs(y2) > radius2
     del y2
     certain2 = (certain1) & ((alone2) | (off2))
     del alone2, certain1, off2
     alone3 = (is_real3) & (((radius0 + radius3)*(radius0 + radius3)) < square30) & (((radius1 + radius3)*(radius1 + radius3)) < square31) & (((radius2 + radius3)*(radius2 + radius3)) < square32) & (((radius3 + radius4)*(radius3 + radius4)) < square43) & (((radius3 + radius5)*(radius3 + radius5)) < square53) & (((radius3 + radius6)*(radius3 + radius6)) < square63) & (((radius3 + radius7)*(radius3 + radius7)) < square73)
     del square30, square31, square32
-    off3 = np.abs(y3) > radius3
+    off3 = xp.abs(y3) > radius3
     del y3
     certain3 = (certain2) & ((alone3) | (off3))
     del alone3, certain2, off3
     alone4 = (is_real4) & (((radius0 + radius4)*(radius0 + radius4)) < square40) & (((radius1 + radius4)*(radius1 + radius4)) < square41) & (((radius2 + radius4)*(radius2 + radius4)) < square42) & (((radius3 + radius4)*(radius3 + radius4)) < square43) & (((radius4 + radius5)*(radius4 + radius5)) < square54) & (((radius4 + radius6)*(radius4 + radius6)) < square64) & (((radius4 + radius7)*(radius4 + radius7)) < square74)
     del square40, square41, square42, square43
-    off4 = np.abs(y4) > radius4
+    off4 = xp.abs(y4) > radius4
     del y4
     certain4 = (certain3) & ((alone4) | (off4))
     del alone4, certain3, off4
     alone5 = (is_real5) & (((radius0 + radius5)*(radius0 + radius5)) < square50) & (((radius1 + radius5)*(radius1 + radius5)) < square51) & (((radius2 + radius5)*(radius2 + radius5)) < square52) & (((radius3 + radius5)*(radius3 + radius5)) < square53) & (((radius4 + radius5)*(radius4 + radius5)) < square54) & (((radius5 + radius6)*(radius5 + radius6)) < square65) & (((radius5 + radius7)*(radius5 + radius7)) < square75)
     del square50, square51, square52, square53, square54
-    off5 = np.abs(y5) > radius5
+    off5 = xp.abs(y5) > radius5
     del y5
     certain5 = (certain4) & ((alone5) | (off5))
     del alone5, certain4, off5
     alone6 = (is_real6) & (((radius0 + radius6)*(radius0 + radius6)) < square60) & (((radius1 + radius6)*(radius1 + radius6)) < square61) & (((radius2 + radius6)*(radius2 + radius6)) < square62) & (((radius3 + radius6)*(radius3 + radius6)) < square63) & (((radius4 + radius6)*(radius4 + radius6)) < square64) & (((radius5 + radius6)*(radius5 + radius6)) < square65) & (((radius6 + radius7)*(radius6 + radius7)) < square76)
     del square60, square61, square62, square63, square64, square65
-    off6 = np.abs(y6) > radius6
+    off6 = xp.abs(y6) > radius6
     del y6
     certain6 = (certain5) & ((alone6) | (off6))
     del alone6, certain5, off6
     alone7 = (is_real7) & (((radius0 + radius7)*(radius0 + radius7)) < square70) & (((radius1 + radius7)*(radius1 + radius7)) < square71) & (((radius2 + radius7)*(radius2 + radius7)) < square72) & (((radius3 + radius7)*(radius3 + radius7)) < square73) & (((radius4 + radius7)*(radius4 + radius7)) < square74) & (((radius5 + radius7)*(radius5 + radius7)) < square75) & (((radius6 + radius7)*(radius6 + radius7)) < square76)
     del square70, square71, square72, square73, square74, square75, square76
-    off7 = np.abs(y7) > radius7
+    off7 = xp.abs(y7) > radius7
     del y7
     certain7 = (certain6) & ((alone7) | (off7))
     del alone7, certain6, off7
-    tangents_1 = np.where((certain7) & (is_real0), roots_1_1, np.nan)
-    tangents_2 = np.where((certain7) & (is_real1), roots_2_1, np.nan)
-    tangents_3 = np.where((certain7) & (is_real2), roots_3_1, np.nan)
-    tangents_4 = np.where((certain7) & (is_real3), roots_4_1, np.nan)
-    tangents_5 = np.where((certain7) & (is_real4), roots_5_1, np.nan)
-    tangents_6 = np.where((certain7) & (is_real5), roots_6_1, np.nan)
-    tangents_7 = np.where((certain7) & (is_real6), roots_7_1, np.nan)
-    tangents_8 = np.where((certain7) & (is_real7), roots_8_1, np.nan)
-    radii_1 = np.where(is_real0, radius0, 0.0)
+    tangents_1 = xp.where((certain7) & (is_real0), roots_1_1, xp.nan)
+    tangents_2 = xp.where((certain7) & (is_real1), roots_2_1, xp.nan)
+    tangents_3 = xp.where((certain7) & (is_real2), roots_3_1, xp.nan)
+    tangents_4 = xp.where((certain7) & (is_real3), roots_4_1, xp.nan)
+    tangents_5 = xp.where((certain7) & (is_real4), roots_5_1, xp.nan)
+    tangents_6 = xp.where((certain7) & (is_real5), roots_6_1, xp.nan)
+    tangents_7 = xp.where((certain7) & (is_real6), roots_7_1, xp.nan)
+    tangents_8 = xp.where((certain7) & (is_real7), roots_8_1, xp.nan)
+    radii_1 = xp.where(is_real0, radius0, 0.0)
     del is_real0, radius0
-    radii_2 = np.where(is_real1, radius1, 0.0)
+    radii_2 = xp.where(is_real1, radius1, 0.0)
     del is_real1, radius1
-    radii_3 = np.where(is_real2, radius2, 0.0)
+    radii_3 = xp.where(is_real2, radius2, 0.0)
     del is_real2, radius2
-    radii_4 = np.where(is_real3, radius3, 0.0)
+    radii_4 = xp.where(is_real3, radius3, 0.0)
     del is_real3, radius3
-    radii_5 = np.where(is_real4, radius4, 0.0)
+    radii_5 = xp.where(is_real4, radius4, 0.0)
     del is_real4, radius4
-    radii_6 = np.where(is_real5, radius5, 0.0)
+    radii_6 = xp.where(is_real5, radius5, 0.0)
     del is_real5, radius5
-    radii_7 = np.where(is_real6, radius6, 0.0)
+    radii_7 = xp.where(is_real6, radius6, 0.0)
     del is_real6, radius6
-    radii_8 = np.where(is_real7, radius7, 0.0)
+    radii_8 = xp.where(is_real7, radius7, 0.0)
     del is_real7, radius7
-    status = np.where(certain7, 0.0, 1.0)
+    status = xp.where(certain7, 0.0, 1.0)
     del certain7
     return (tangents_1, tangents_2, tangents_3, tangents_4, tangents_5, tangents_6, tangents_7, tangents_8, radii_1, radii_2, radii_3, radii_4, radii_5, radii_6, radii_7, radii_8, status)
 
@@ -1537,7 +1537,7 @@ pair_angles.signature = "(3,3),(3,3),(2),()->(2)"
 pair_angles.types = ["dddd->d", "ffff->f"]
 
 
-def _pair_angles(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, turn_1, turn_2, tangent, eps, largest):
+def _pair_angles(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, turn_1, turn_2, tangent, eps, largest):
     # 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2
     by = 1.0/((tangent*tangent) + 1.0)
     c = by*(1.0 - tangent)*(tangent + 1.0)
@@ -1557,11 +1557,11 @@ def _pair_angles(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
     del row0_3, row1_3
     normal_3 = row0_1*row1_2 - row0_2*row1_1
     del row0_1, row0_2, row1_1, row1_2
-    sign = np.where(normal_1 < 0.0, -1.0, 1.0)
+    sign = xp.where(normal_1 < 0.0, -1.0, 1.0)
     del normal_1
-    angles_1 = np.arctan2(sine, cosine)
+    angles_1 = xp.atan2(sine, cosine)
     del cosine, sine
-    angles_2 = np.arctan2(normal_3*sign, normal_2*sign)
+    angles_2 = xp.atan2(normal_3*sign, normal_2*sign)
     del normal_2, normal_3, sign
     return (angles_1, angles_2)
 
@@ -1607,14 +1607,14 @@ pair_polish.signature = "(3,3),(3,3),(2)->(2),(),(),()"
 pair_polish.types = ["ddd->dddd", "fff->ffff"]
 
 
-def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, angles_1, angles_2, eps, largest):
+def _pair_polish(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, angles_1, angles_2, eps, largest):
     # 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin
-    size0 = np.abs(one_1_1) + np.abs(one_1_2) + np.abs(one_1_3) + np.abs(one_2_1) + np.abs(one_2_2) + np.abs(one_2_3) + np.abs(one_3_1) + np.abs(one_3_2) + np.abs(one_3_3)
-    size1 = np.abs(two_1_1) + np.abs(two_1_2) + np.abs(two_1_3) + np.abs(two_2_1) + np.abs(two_2_2) + np.abs(two_2_3) + np.abs(two_3_1) + np.abs(two_3_2) + np.abs(two_3_3)
-    cu0 = np.cos(angles_1)
-    su0 = np.sin(angles_1)
-    cv0 = np.cos(angles_2)
-    sv0 = np.sin(angles_2)
+    size0 = xp.abs(one_1_1) + xp.abs(one_1_2) + xp.abs(one_1_3) + xp.abs(one_2_1) + xp.abs(one_2_2) + xp.abs(one_2_3) + xp.abs(one_3_1) + xp.abs(one_3_2) + xp.abs(one_3_3)
+    size1 = xp.abs(two_1_1) + xp.abs(two_1_2) + xp.abs(two_1_3) + xp.abs(two_2_1) + xp.abs(two_2_2) + xp.abs(two_2_3) + xp.abs(two_3_1) + xp.abs(two_3_2) + xp.abs(two_3_3)
+    cu0 = xp.cos(angles_1)
+    su0 = xp.sin(angles_1)
+    cv0 = xp.cos(angles_2)
+    sv0 = xp.sin(angles_2)
     row0_0_1 = cu0*one_2_1 + one_1_1 + one_3_1*su0
     row0_0_2 = cu0*one_2_2 + one_1_2 + one_3_2*su0
     row0_0_3 = cu0*one_2_3 + one_1_3 + one_3_3*su0
@@ -1643,7 +1643,7 @@ def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
     trace0 = x0 + x1
     x2 = eps*trace0
     del trace0
-    regular0 = np.abs(det0) > 64.0*x2
+    regular0 = xp.abs(det0) > 64.0*x2
     damping0 = x2
     del x2
     ab0 = i0_0*j0_0 + i1_0*j1_0
@@ -1653,28 +1653,28 @@ def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
     del damping0, x1
     ra0 = f0_0*j0_0 + f1_0*j1_0
     rb0 = f0_0*i0_0 + f1_0*i1_0
-    below0 = np.where(regular0, det0, aa0*bb0 - (ab0*ab0))
+    below0 = xp.where(regular0, det0, aa0*bb0 - (ab0*ab0))
     del det0
-    by0 = np.where(below0 != 0.0, 1.0/below0, 0.0)
+    by0 = xp.where(below0 != 0.0, 1.0/below0, 0.0)
     del below0
-    step_a0 = by0*np.where(regular0, f0_0*i1_0 - f1_0*i0_0, bb0*ra0 - ab0*rb0)
+    step_a0 = by0*xp.where(regular0, f0_0*i1_0 - f1_0*i0_0, bb0*ra0 - ab0*rb0)
     del bb0, i0_0, i1_0
-    step_b0 = by0*np.where(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0)
+    step_b0 = by0*xp.where(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0)
     del aa0, ab0, by0, f0_0, f1_0, j0_0, j1_0, ra0, rb0, regular0
-    x3 = np.abs(step_a0)
-    x4 = np.abs(step_b0)
-    longest0 = np.where(x3 > x4, x3, x4)
+    x3 = xp.abs(step_a0)
+    x4 = xp.abs(step_b0)
+    longest0 = xp.where(x3 > x4, x3, x4)
     del x3, x4
-    short0 = np.where(longest0 > 0.5, 0.5*np.where(longest0 > 0.0, 1.0/longest0, 1.0), 1.0)
+    short0 = xp.where(longest0 > 0.5, 0.5*xp.where(longest0 > 0.0, 1.0/longest0, 1.0), 1.0)
     del longest0
     first0 = angles_1 - short0*step_a0
     del step_a0
     second0 = angles_2 - short0*step_b0
     del short0, step_b0
-    cu1 = np.cos(first0)
-    su1 = np.sin(first0)
-    cv1 = np.cos(second0)
-    sv1 = np.sin(second0)
+    cu1 = xp.cos(first0)
+    su1 = xp.sin(first0)
+    cv1 = xp.cos(second0)
+    sv1 = xp.sin(second0)
     row0_1_1 = cu1*one_2_1 + one_1_1 + one_3_1*su1
     row0_1_2 = cu1*one_2_2 + one_1_2 + one_3_2*su1
     row0_1_3 = cu1*one_2_3 + one_1_3 + one_3_3*su1
@@ -1703,7 +1703,7 @@ def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
     trace1 = x5 + x6
     x7 = eps*trace1
     del trace1
-    regular1 = np.abs(det1) > 64.0*x7
+    regular1 = xp.abs(det1) > 64.0*x7
     damping1 = x7
     del x7
     ab1 = i0_1*j0_1 + i1_1*j1_1
@@ -1713,28 +1713,28 @@ def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
     del damping1, x6
     ra1 = f0_1*j0_1 + f1_1*j1_1
     rb1 = f0_1*i0_1 + f1_1*i1_1
-    below1 = np.where(regular1, det1, aa1*bb1 - (ab1*ab1))
+    below1 = xp.where(regular1, det1, aa1*bb1 - (ab1*ab1))
     del det1
-    by1 = np.where(below1 != 0.0, 1.0/below1, 0.0)
+    by1 = xp.where(below1 != 0.0, 1.0/below1, 0.0)
     del below1
-    step_a1 = by1*np.where(regular1, f0_1*i1_1 - f1_1*i0_1, bb1*ra1 - ab1*rb1)
+    step_a1 = by1*xp.where(regular1, f0_1*i1_1 - f1_1*i0_1, bb1*ra1 - ab1*rb1)
     del bb1, i0_1, i1_1
-    step_b1 = by1*np.where(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1)
+    step_b1 = by1*xp.where(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1)
     del aa1, ab1, by1, f0_1, f1_1, j0_1, j1_1, ra1, rb1, regular1
-    x8 = np.abs(step_a1)
-    x9 = np.abs(step_b1)
-    longest1 = np.where(x8 > x9, x8, x9)
+    x8 = xp.abs(step_a1)
+    x9 = xp.abs(step_b1)
+    longest1 = xp.where(x8 > x9, x8, x9)
     del x8, x9
-    short1 = np.where(longest1 > 0.5, 0.5*np.where(longest1 > 0.0, 1.0/longest1, 1.0), 1.0)
+    short1 = xp.where(longest1 > 0.5, 0.5*xp.where(longest1 > 0.0, 1.0/longest1, 1.0), 1.0)
     del longest1
     first1 = first0 - short1*step_a1
     del first0, step_a1
     second1 = second0 - short1*step_b1
     del second0, short1, step_b1
-    cuend = np.cos(first1)
-    suend = np.sin(first1)
-    cvend = np.cos(second1)
-    svend = np.sin(second1)
+    cuend = xp.cos(first1)
+    suend = xp.sin(first1)
+    cvend = xp.cos(second1)
+    svend = xp.sin(second1)
     row0_end_1 = cuend*one_2_1 + one_1_1 + one_3_1*suend
     row0_end_2 = cuend*one_2_2 + one_1_2 + one_3_2*suend
     row0_end_3 = cuend*one_2_3 + one_1_3 + one_3_3*suend
@@ -1758,23 +1758,23 @@ def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
     i1_end = cvend*row1_end_3 - row1_end_2*svend
     del cvend, row1_end_2, row1_end_3, svend
     determinant_end = i1_end*j0_end - i0_end*j1_end
-    miss0 = np.abs(f0_end)/size0
+    miss0 = xp.abs(f0_end)/size0
     del f0_end
-    miss1 = np.abs(f1_end)/size1
+    miss1 = xp.abs(f1_end)/size1
     del f1_end
-    condition0 = size0*np.abs(i1_end) + size1*np.abs(i0_end)
+    condition0 = size0*xp.abs(i1_end) + size1*xp.abs(i0_end)
     del i0_end, i1_end
-    condition1 = size0*np.abs(j1_end) + size1*np.abs(j0_end)
+    condition1 = size0*xp.abs(j1_end) + size1*xp.abs(j0_end)
     del j0_end, j1_end, size0, size1
-    worst = np.where(condition0 > condition1, condition0, condition1)
+    worst = xp.where(condition0 > condition1, condition0, condition1)
     del condition0, condition1
     polished_1 = first1
     del first1
     polished_2 = second1
     del second1
-    residual = np.where(miss0 > miss1, miss0, miss1)
+    residual = xp.where(miss0 > miss1, miss0, miss1)
     del miss0, miss1
-    condition = np.where(determinant_end != 0.0, worst*np.where(determinant_end != 0.0, 1.0/np.abs(determinant_end), 1.0), largest)
+    condition = xp.where(determinant_end != 0.0, worst*xp.where(determinant_end != 0.0, 1.0/xp.abs(determinant_end), 1.0), largest)
     del worst
     determinant = determinant_end
     del determinant_end
@@ -1787,12 +1787,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -1873,6 +1896,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -1894,7 +1922,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -1903,7 +1931,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -1913,3 +1941,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

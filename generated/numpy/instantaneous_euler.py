@@ -63,17 +63,17 @@ chi_from_quaternion.signature = "(4)->(3),()"
 chi_from_quaternion.types = ["d->db", "f->fb"]
 
 
-def _chi_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
+def _chi_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
     # 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale
-    quaternion_size = 0.25*np.abs(quaternion_1) + 0.25*np.abs(quaternion_2) + 0.25*np.abs(quaternion_3) + 0.25*np.abs(quaternion_4)
+    quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
     x0 = _power_of_two_scale(quaternion_size)
     quaternion_scaled_1 = quaternion_1*x0
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
     del x0
-    quaternion_length = np.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = np.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
+    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
+    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
     del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
     del quaternion_scaled_1
@@ -83,32 +83,32 @@ def _chi_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4,
     del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
     del quaternion_scaled_4, x1
-    quaternion_deviation = np.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
+    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
     del quaternion_size
-    x2 = np.abs(quaternion_unit_3)
-    x3 = np.abs(quaternion_unit_4)
+    x2 = xp.abs(quaternion_unit_3)
+    x3 = xp.abs(quaternion_unit_4)
     sine_x_scale = _power_of_two_scale(x2 + x3)
     sine_x_scaled_1 = quaternion_unit_3*sine_x_scale
     sine_x_scaled_2 = quaternion_unit_4*sine_x_scale
-    sine_x = np.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
+    sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
     del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
-    x4 = np.abs(quaternion_unit_1)
-    x5 = np.abs(quaternion_unit_2)
+    x4 = xp.abs(quaternion_unit_1)
+    x5 = xp.abs(quaternion_unit_2)
     cosine_x_scale = _power_of_two_scale(x4 + x5)
     cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1
     cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2
-    cosine_x = np.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
+    cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
     del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
     sine_y_scale = _power_of_two_scale(x3 + x5)
     sine_y_scaled_1 = quaternion_unit_4*sine_y_scale
     sine_y_scaled_2 = quaternion_unit_2*sine_y_scale
-    sine_y = np.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
+    sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
     del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
     cosine_y_scale = _power_of_two_scale(x2 + x4)
     cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1
     cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3
-    cosine_y = np.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
+    cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
     del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
     sine_z_scale = _power_of_two_scale(x2 + x5)
     del x2, x5
@@ -116,7 +116,7 @@ def _chi_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4,
     del quaternion_unit_2
     sine_z_scaled_2 = quaternion_unit_3*sine_z_scale
     del quaternion_unit_3
-    sine_z = np.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
+    sine_z = xp.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
     del sine_z_scale, sine_z_scaled_1, sine_z_scaled_2
     cosine_z_scale = _power_of_two_scale(x3 + x4)
     del x3, x4
@@ -124,12 +124,12 @@ def _chi_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4,
     del quaternion_unit_1
     cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4
     del quaternion_unit_4
-    cosine_z = np.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
+    cosine_z = xp.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
     del cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
-    chi_1 = np.where(good, 2.0*np.arctan2(sine_x, cosine_x), np.nan)
-    chi_2 = np.where(good, 2.0*np.arctan2(sine_y, cosine_y), np.nan)
-    chi_3 = np.where(good, 2.0*np.arctan2(sine_z, cosine_z), np.nan)
-    status = np.where(~(good), 4.0, np.where(quaternion_deviation > 16.0*eps, 3.0, np.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, np.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0))))
+    chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
+    chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
+    chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
+    status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0))))
     del cosine_x, cosine_y, cosine_z, good, quaternion_deviation, sine_x, sine_y, sine_z
     return (chi_1, chi_2, chi_3, status)
 
@@ -165,7 +165,7 @@ chi_from_matrix.signature = "(3,3)->(3),()"
 chi_from_matrix.types = ["d->db", "f->fb"]
 
 
-def _chi_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
+def _chi_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
     # 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale
     x0 = matrix_1_1 + 1.0
     products_1_1 = matrix_2_2 + matrix_3_3 + x0
@@ -199,35 +199,35 @@ def _chi_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2,
     del x9
     products_4_4 = matrix_3_3 - matrix_2_2 - x8
     del x8
-    column_a_1 = np.where(products_1_1 < products_2_2, products_1_2, products_1_1)
+    column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
     del products_1_2
-    column_a_2 = np.where(products_1_1 < products_2_2, products_2_2, products_2_1)
+    column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
     del products_2_1
-    column_a_3 = np.where(products_1_1 < products_2_2, products_3_2, products_3_1)
+    column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
     del products_3_1, products_3_2
-    column_a_4 = np.where(products_1_1 < products_2_2, products_4_2, products_4_1)
+    column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
     del products_4_1, products_4_2
-    largest_a = np.where(products_1_1 < products_2_2, products_2_2, products_1_1)
+    largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
     del products_1_1, products_2_2
-    column_b_1 = np.where(largest_a < products_3_3, products_1_3, column_a_1)
+    column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
     del column_a_1, products_1_3
-    column_b_2 = np.where(largest_a < products_3_3, products_2_3, column_a_2)
+    column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
     del column_a_2, products_2_3
-    column_b_3 = np.where(largest_a < products_3_3, products_3_3, column_a_3)
+    column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
     del column_a_3
-    column_b_4 = np.where(largest_a < products_3_3, products_4_3, column_a_4)
+    column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
     del column_a_4, products_4_3
-    largest_b = np.where(largest_a < products_3_3, products_3_3, largest_a)
+    largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
     del largest_a, products_3_3
-    column_c_1 = np.where(largest_b < products_4_4, products_1_4, column_b_1)
+    column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
     del column_b_1, products_1_4
-    column_c_2 = np.where(largest_b < products_4_4, products_2_4, column_b_2)
+    column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
     del column_b_2, products_2_4
-    column_c_3 = np.where(largest_b < products_4_4, products_3_4, column_b_3)
+    column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
     del column_b_3, products_3_4
-    column_c_4 = np.where(largest_b < products_4_4, products_4_4, column_b_4)
+    column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
     del column_b_4, largest_b, products_4_4
-    length = np.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
+    length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
     del length
     unit_1 = column_c_1*x10
@@ -238,33 +238,33 @@ def _chi_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2,
     del column_c_3
     unit_4 = column_c_4*x10
     del column_c_4, x10
-    deviation = 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + np.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + np.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + np.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
     del determinant
-    x11 = np.abs(unit_3)
-    x12 = np.abs(unit_4)
+    x11 = xp.abs(unit_3)
+    x12 = xp.abs(unit_4)
     sine_x_scale = _power_of_two_scale(x11 + x12)
     sine_x_scaled_1 = sine_x_scale*unit_3
     sine_x_scaled_2 = sine_x_scale*unit_4
-    sine_x = np.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
+    sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
     del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
-    x13 = np.abs(unit_1)
-    x14 = np.abs(unit_2)
+    x13 = xp.abs(unit_1)
+    x14 = xp.abs(unit_2)
     cosine_x_scale = _power_of_two_scale(x13 + x14)
     cosine_x_scaled_1 = cosine_x_scale*unit_1
     cosine_x_scaled_2 = cosine_x_scale*unit_2
-    cosine_x = np.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
+    cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
     del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
     sine_y_scale = _power_of_two_scale(x12 + x14)
     sine_y_scaled_1 = sine_y_scale*unit_4
     sine_y_scaled_2 = sine_y_scale*unit_2
-    sine_y = np.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
+    sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
     del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
     cosine_y_scale = _power_of_two_scale(x11 + x13)
     cosine_y_scaled_1 = cosine_y_scale*unit_1
     cosine_y_scaled_2 = cosine_y_scale*unit_3
-    cosine_y = np.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
+    cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
     del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
     sine_z_scale = _power_of_two_scale(x11 + x14)
     del x11, x14
@@ -272,7 +272,7 @@ def _chi_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2,
     del unit_2
     sine_z_scaled_2 = sine_z_scale*unit_3
     del unit_3
-    sine_z = np.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
+    sine_z = xp.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
     del sine_z_scale, sine_z_scaled_1, sine_z_scaled_2
     cosine_z_scale = _power_of_two_scale(x12 + x13)
     del x12, x13
@@ -280,12 +280,12 @@ def _chi_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2,
     del unit_1
     cosine_z_scaled_2 = cosine_z_scale*unit_4
     del unit_4
-    cosine_z = np.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
+    cosine_z = xp.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
     del cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
-    chi_1 = np.where(good, 2.0*np.arctan2(sine_x, cosine_x), np.nan)
-    chi_2 = np.where(good, 2.0*np.arctan2(sine_y, cosine_y), np.nan)
-    chi_3 = np.where(good, 2.0*np.arctan2(sine_z, cosine_z), np.nan)
-    status = np.where(~(good), 4.0, np.where(deviation > 64.0*eps, 3.0, np.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, np.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0))))
+    chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
+    chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
+    chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
+    status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0))))
     del cosine_x, cosine_y, cosine_z, deviation, good, sine_x, sine_y, sine_z
     return (chi_1, chi_2, chi_3, status)
 
@@ -321,21 +321,21 @@ chi_from_zyx.signature = "(3)->(3),()"
 chi_from_zyx.types = ["d->db", "f->fb"]
 
 
-def _chi_from_zyx(angles_1, angles_2, angles_3, eps, largest):
+def _chi_from_zyx(xp, angles_1, angles_2, angles_3, eps, largest):
     # 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin
     half_1 = 0.5*angles_1
     half_2 = 0.5*angles_2
     half_3 = 0.5*angles_3
-    sin_1 = np.sin(half_1)
-    sin_2 = np.sin(half_2)
-    sin_3 = np.sin(half_3)
-    cos_1 = np.cos(half_1)
+    sin_1 = xp.sin(half_1)
+    sin_2 = xp.sin(half_2)
+    sin_3 = xp.sin(half_3)
+    cos_1 = xp.cos(half_1)
     del half_1
-    cos_2 = np.cos(half_2)
+    cos_2 = xp.cos(half_2)
     del half_2
-    cos_3 = np.cos(half_3)
+    cos_3 = xp.cos(half_3)
     del half_3
-    good = 0.25*np.abs(angles_1) + 0.25*np.abs(angles_2) + 0.25*np.abs(angles_3) <= largest
+    good = 0.25*xp.abs(angles_1) + 0.25*xp.abs(angles_2) + 0.25*xp.abs(angles_3) <= largest
     x0 = cos_1*cos_2
     x1 = sin_1*sin_2
     w = cos_3*x0 + sin_3*x1
@@ -348,56 +348,56 @@ def _chi_from_zyx(angles_1, angles_2, angles_3, eps, largest):
     y = cos_3*x4 + sin_3*x5
     z = cos_2*cos_3*sin_1 - sin_3*x4
     del sin_1
-    sine_x_scale = _power_of_two_scale(np.abs(x4) + np.abs(x5))
+    sine_x_scale = _power_of_two_scale(xp.abs(x4) + xp.abs(x5))
     sine_x_scaled_1 = sine_x_scale*x5
     del x5
     sine_x_scaled_2 = sine_x_scale*x4
     del x4
-    sine_x = np.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
+    sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
     del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
-    sine_y_scale = _power_of_two_scale(np.abs(x) + np.abs(z))
+    sine_y_scale = _power_of_two_scale(xp.abs(x) + xp.abs(z))
     sine_y_scaled_1 = sine_y_scale*x
     del x
     sine_y_scaled_2 = sine_y_scale*z
     del z
-    sine_y = np.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
+    sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
     del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
-    sine_z_scale = _power_of_two_scale(np.abs(x2) + np.abs(x3))
+    sine_z_scale = _power_of_two_scale(xp.abs(x2) + xp.abs(x3))
     sine_z_scaled_1 = sine_z_scale*x3
     del x3
     sine_z_scaled_2 = sine_z_scale*x2
     del x2
-    sine_z = np.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
+    sine_z = xp.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
     del sine_z_scale, sine_z_scaled_1, sine_z_scaled_2
-    cosine_x_scale = _power_of_two_scale(np.abs(x0) + np.abs(x1))
+    cosine_x_scale = _power_of_two_scale(xp.abs(x0) + xp.abs(x1))
     cosine_x_scaled_1 = cosine_x_scale*x0
     del x0
     cosine_x_scaled_2 = cosine_x_scale*x1
     del x1
-    cosine_x = np.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
+    cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
     del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
-    cosine_y_scale = _power_of_two_scale(np.abs(w) + np.abs(y))
+    cosine_y_scale = _power_of_two_scale(xp.abs(w) + xp.abs(y))
     cosine_y_scaled_1 = cosine_y_scale*w
     del w
     cosine_y_scaled_2 = cosine_y_scale*y
     del y
-    cosine_y = np.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
+    cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
     del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
     x6 = cos_2*cos_3
     del cos_2, cos_3
     x7 = sin_2*sin_3
     del sin_2, sin_3
-    cosine_z_scale = _power_of_two_scale(np.abs(x6) + np.abs(x7))
+    cosine_z_scale = _power_of_two_scale(xp.abs(x6) + xp.abs(x7))
     cosine_z_scaled_1 = cosine_z_scale*x6
     del x6
     cosine_z_scaled_2 = cosine_z_scale*x7
     del x7
-    cosine_z = np.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
+    cosine_z = xp.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
     del cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
-    chi_1 = np.where(good, 2.0*np.arctan2(sine_x, cosine_x), np.nan)
-    chi_2 = np.where(good, 2.0*np.arctan2(sine_y, cosine_y), np.nan)
-    chi_3 = np.where(good, 2.0*np.arctan2(sine_z, cosine_z), np.nan)
-    status = np.where(~(good), 4.0, np.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, np.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0)))
+    chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
+    chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
+    chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
+    status = xp.where(~(good), 4.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0)))
     del cosine_x, cosine_y, cosine_z, good, sine_x, sine_y, sine_z
     return (chi_1, chi_2, chi_3, status)
 
@@ -433,48 +433,48 @@ chi_from_zyz.signature = "(3)->(3),()"
 chi_from_zyz.types = ["d->db", "f->fb"]
 
 
-def _chi_from_zyz(angles_1, angles_2, angles_3, eps, largest):
+def _chi_from_zyz(xp, angles_1, angles_2, angles_3, eps, largest):
     # 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin
     half_1 = 0.5*angles_1
     half_2 = 0.5*angles_2
     half_3 = 0.5*angles_3
-    sin_2 = np.sin(half_2)
-    cos_2 = np.cos(half_2)
+    sin_2 = xp.sin(half_2)
+    cos_2 = xp.cos(half_2)
     del half_2
-    good = 0.25*np.abs(angles_1) + 0.25*np.abs(angles_2) + 0.25*np.abs(angles_3) <= largest
+    good = 0.25*xp.abs(angles_1) + 0.25*xp.abs(angles_2) + 0.25*xp.abs(angles_3) <= largest
     half_sum = half_1 + half_3
     half_difference = half_1 - half_3
     del half_1, half_3
-    w = cos_2*np.cos(half_sum)
-    z = cos_2*np.sin(half_sum)
+    w = cos_2*xp.cos(half_sum)
+    z = cos_2*xp.sin(half_sum)
     del half_sum
-    x = -sin_2*np.sin(half_difference)
-    y = sin_2*np.cos(half_difference)
+    x = -sin_2*xp.sin(half_difference)
+    y = sin_2*xp.cos(half_difference)
     del half_difference
-    x0 = np.abs(y)
-    x1 = np.abs(z)
+    x0 = xp.abs(y)
+    x1 = xp.abs(z)
     sine_x_scale = _power_of_two_scale(x0 + x1)
     sine_x_scaled_1 = sine_x_scale*y
     sine_x_scaled_2 = sine_x_scale*z
-    sine_x = np.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
+    sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
     del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
-    x2 = np.abs(x)
+    x2 = xp.abs(x)
     sine_y_scale = _power_of_two_scale(x1 + x2)
     del x1
     sine_y_scaled_1 = sine_y_scale*x
     sine_y_scaled_2 = sine_y_scale*z
     del z
-    sine_y = np.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
+    sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
     del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
-    sine_z = np.abs(sin_2)
+    sine_z = xp.abs(sin_2)
     del sin_2
-    x3 = np.abs(w)
+    x3 = xp.abs(w)
     cosine_x_scale = _power_of_two_scale(x2 + x3)
     del x2
     cosine_x_scaled_1 = cosine_x_scale*w
     cosine_x_scaled_2 = cosine_x_scale*x
     del x
-    cosine_x = np.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
+    cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
     del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
     cosine_y_scale = _power_of_two_scale(x0 + x3)
     del x0, x3
@@ -482,14 +482,14 @@ def _chi_from_zyz(angles_1, angles_2, angles_3, eps, largest):
     del w
     cosine_y_scaled_2 = cosine_y_scale*y
     del y
-    cosine_y = np.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
+    cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
     del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
-    cosine_z = np.abs(cos_2)
+    cosine_z = xp.abs(cos_2)
     del cos_2
-    chi_1 = np.where(good, 2.0*np.arctan2(sine_x, cosine_x), np.nan)
-    chi_2 = np.where(good, 2.0*np.arctan2(sine_y, cosine_y), np.nan)
-    chi_3 = np.where(good, 2.0*np.arctan2(sine_z, cosine_z), np.nan)
-    status = np.where(~(good), 4.0, np.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, np.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0)))
+    chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
+    chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
+    chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
+    status = xp.where(~(good), 4.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0)))
     del cosine_x, cosine_y, cosine_z, good, sine_x, sine_y, sine_z
     return (chi_1, chi_2, chi_3, status)
 
@@ -500,12 +500,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -586,6 +609,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -607,7 +635,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -616,7 +644,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -626,3 +654,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

@@ -73,24 +73,24 @@ chi_rotations.signature = "(3),()->(8,4),(),(3),()"
 chi_rotations.types = ["dd->dddb", "ff->fffb"]
 
 
-def _chi_rotations(chi_1, chi_2, chi_3, tolerance, eps, largest):
+def _chi_rotations(xp, chi_1, chi_2, chi_3, tolerance, eps, largest):
     # 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin
     x22 = 3.141592653589793*(4.0*eps + 1.0)
     good = (chi_1 >= 0.0) & (chi_2 >= 0.0) & (chi_3 >= 0.0) & (tolerance >= 0.0) & (chi_1 <= x22) & (chi_2 <= x22) & (chi_3 <= x22)
     del x22
     x0 = 16.0*eps
-    slack = np.where(tolerance < x0, x0, tolerance)
+    slack = xp.where(tolerance < x0, x0, tolerance)
     x1 = 0.5*chi_1
-    s_1 = (np.sin(x1)*np.sin(x1))
+    s_1 = (xp.sin(x1)*xp.sin(x1))
     x2 = 0.5*chi_2
-    s_2 = (np.sin(x2)*np.sin(x2))
+    s_2 = (xp.sin(x2)*xp.sin(x2))
     x3 = 0.5*chi_3
-    s_3 = (np.sin(x3)*np.sin(x3))
-    c_1 = (np.cos(x1)*np.cos(x1))
+    s_3 = (xp.sin(x3)*xp.sin(x3))
+    c_1 = (xp.cos(x1)*xp.cos(x1))
     del x1
-    c_2 = (np.cos(x2)*np.cos(x2))
+    c_2 = (xp.cos(x2)*xp.cos(x2))
     del x2
-    c_3 = (np.cos(x3)*np.cos(x3))
+    c_3 = (xp.cos(x3)*xp.cos(x3))
     del x3
     whole = 0.5*s_1 + 0.5*s_2 + 0.5*s_3
     share_0 = 1.0 - whole
@@ -99,20 +99,20 @@ def _chi_rotations(chi_1, chi_2, chi_3, tolerance, eps, largest):
     share_3 = whole - s_3
     del whole
     above_1 = share_1 > share_0
-    largest_1 = np.where(above_1, share_1, share_0)
+    largest_1 = xp.where(above_1, share_1, share_0)
     above_2 = share_2 > largest_1
-    largest_2 = np.where(above_2, share_2, largest_1)
+    largest_2 = xp.where(above_2, share_2, largest_1)
     del largest_1
     above_3 = share_3 > largest_2
     del largest_2
     at_2 = (above_2) & (~(above_3))
     at_1 = (above_1) & (~(above_2)) & (~(above_3))
     del above_1, above_2
-    part_1 = np.where((above_3) | (at_2), c_1, s_1)
+    part_1 = xp.where((above_3) | (at_2), c_1, s_1)
     del c_1, s_1
-    part_2 = np.where((above_3) | (at_1), c_2, s_2)
+    part_2 = xp.where((above_3) | (at_1), c_2, s_2)
     del c_2, s_2
-    part_3 = np.where((at_1) | (at_2), c_3, s_3)
+    part_3 = xp.where((at_1) | (at_2), c_3, s_3)
     del c_3, s_3
     size = part_1 + part_2 + part_3
     x5 = -0.5*size
@@ -122,30 +122,30 @@ def _chi_rotations(chi_1, chi_2, chi_3, tolerance, eps, largest):
     del part_2
     raw_3 = -part_3 - x5
     del part_3, x5
-    coarse = np.where((above_3) | (at_1) | (at_2), x0*(eps + np.sqrt(size)), 0.0)
+    coarse = xp.where((above_3) | (at_1) | (at_2), x0*(eps + xp.sqrt(size)), 0.0)
     del x0
     floor = coarse + size*slack
     del coarse, size, slack
     outside = (raw_1 < -floor) | (raw_2 < -floor) | (raw_3 < -floor)
-    rest_1 = np.where(floor >= raw_1, 0.0, raw_1)
+    rest_1 = xp.where(floor >= raw_1, 0.0, raw_1)
     del raw_1
-    rest_2 = np.where(floor >= raw_2, 0.0, raw_2)
+    rest_2 = xp.where(floor >= raw_2, 0.0, raw_2)
     del raw_2
-    rest_3 = np.where(floor >= raw_3, 0.0, raw_3)
+    rest_3 = xp.where(floor >= raw_3, 0.0, raw_3)
     del floor, raw_3
     rest_0 = 1.0 - rest_1 - rest_2 - rest_3
-    x6 = np.sqrt(rest_3)
+    x6 = xp.sqrt(rest_3)
     del rest_3
-    x7 = np.sqrt(rest_2)
+    x7 = xp.sqrt(rest_2)
     del rest_2
-    x8 = np.sqrt(rest_1)
+    x8 = xp.sqrt(rest_1)
     del rest_1
-    x9 = np.sqrt(rest_0)
+    x9 = xp.sqrt(rest_0)
     del rest_0
-    component_0 = np.where(above_3, x6, np.where(at_2, x7, np.where(at_1, x8, x9)))
-    component_1 = np.where(above_3, x7, np.where(at_2, x6, np.where(at_1, x9, x8)))
-    component_2 = np.where(above_3, x8, np.where(at_2, x9, np.where(at_1, x6, x7)))
-    component_3 = np.where(above_3, x9, np.where(at_2, x8, np.where(at_1, x7, x6)))
+    component_0 = xp.where(above_3, x6, xp.where(at_2, x7, xp.where(at_1, x8, x9)))
+    component_1 = xp.where(above_3, x7, xp.where(at_2, x6, xp.where(at_1, x9, x8)))
+    component_2 = xp.where(above_3, x8, xp.where(at_2, x9, xp.where(at_1, x6, x7)))
+    component_3 = xp.where(above_3, x9, xp.where(at_2, x8, xp.where(at_1, x7, x6)))
     del above_3, at_1, at_2, x6, x7, x8, x9
     present_0 = component_0 > 0.0
     present_1 = component_1 > 0.0
@@ -155,83 +155,83 @@ def _chi_rotations(chi_1, chi_2, chi_3, tolerance, eps, largest):
     free_2 = (present_2) & ((present_0) | (present_1))
     free_3 = (present_3) & ((present_0) | (present_1) | (present_2))
     del present_0, present_1, present_2, present_3
-    x10 = np.where(free_1, 1.0, 0.0)
-    x11 = np.where(free_2, 1.0, 0.0)
-    freedom = x10 + x11 + np.where(free_3, 1.0, 0.0)
+    x10 = xp.where(free_1, 1.0, 0.0)
+    x11 = xp.where(free_2, 1.0, 0.0)
+    freedom = x10 + x11 + xp.where(free_3, 1.0, 0.0)
     before_2 = x10
     del x10
     before_3 = before_2 + x11
     del x11
     known = (good) & (~(outside))
-    quaternions_1_1 = np.where((known) & (freedom > -0.5), component_0, np.nan)
-    quaternions_1_2 = np.where((known) & (freedom > -0.5), component_1, np.nan)
-    quaternions_1_3 = np.where((known) & (freedom > -0.5), component_2, np.nan)
-    quaternions_1_4 = np.where((known) & (freedom > -0.5), component_3, np.nan)
-    quaternions_2_1 = np.where((known) & (freedom > 0.5), component_0, np.nan)
-    x12 = np.where(free_1, -component_1, component_1)
+    quaternions_1_1 = xp.where((known) & (freedom > -0.5), component_0, xp.nan)
+    quaternions_1_2 = xp.where((known) & (freedom > -0.5), component_1, xp.nan)
+    quaternions_1_3 = xp.where((known) & (freedom > -0.5), component_2, xp.nan)
+    quaternions_1_4 = xp.where((known) & (freedom > -0.5), component_3, xp.nan)
+    quaternions_2_1 = xp.where((known) & (freedom > 0.5), component_0, xp.nan)
+    x12 = xp.where(free_1, -component_1, component_1)
     del free_1
-    quaternions_2_2 = np.where((known) & (freedom > 0.5), x12, np.nan)
-    quaternions_2_3 = np.where((known) & (freedom > 0.5), np.where(free_2, component_2*np.where(before_2 < 0.5, -1.0, 1.0), component_2), np.nan)
-    quaternions_2_4 = np.where((known) & (freedom > 0.5), np.where(free_3, component_3*np.where(before_3 < 0.5, -1.0, 1.0), component_3), np.nan)
-    x13 = np.where((known) & (freedom > 1.5), component_0, np.nan)
+    quaternions_2_2 = xp.where((known) & (freedom > 0.5), x12, xp.nan)
+    quaternions_2_3 = xp.where((known) & (freedom > 0.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, -1.0, 1.0), component_2), xp.nan)
+    quaternions_2_4 = xp.where((known) & (freedom > 0.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, -1.0, 1.0), component_3), xp.nan)
+    x13 = xp.where((known) & (freedom > 1.5), component_0, xp.nan)
     quaternions_3_1 = x13
-    quaternions_3_2 = np.where((known) & (freedom > 1.5), component_1, np.nan)
-    x14 = np.where(before_2 < 1.5, -1.0, 1.0)
-    quaternions_3_3 = np.where((known) & (freedom > 1.5), np.where(free_2, component_2*np.where(before_2 < 0.5, 1.0, x14), component_2), np.nan)
-    x15 = np.where(before_3 < 1.5, -1.0, 1.0)
-    quaternions_3_4 = np.where((known) & (freedom > 1.5), np.where(free_3, component_3*np.where(before_3 < 0.5, 1.0, x15), component_3), np.nan)
+    quaternions_3_2 = xp.where((known) & (freedom > 1.5), component_1, xp.nan)
+    x14 = xp.where(before_2 < 1.5, -1.0, 1.0)
+    quaternions_3_3 = xp.where((known) & (freedom > 1.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, 1.0, x14), component_2), xp.nan)
+    x15 = xp.where(before_3 < 1.5, -1.0, 1.0)
+    quaternions_3_4 = xp.where((known) & (freedom > 1.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, 1.0, x15), component_3), xp.nan)
     quaternions_4_1 = x13
     del x13
-    quaternions_4_2 = np.where((known) & (freedom > 1.5), x12, np.nan)
-    quaternions_4_3 = np.where((known) & (freedom > 1.5), np.where(free_2, component_2*np.where(before_2 < 0.5, -1.0, x14), component_2), np.nan)
+    quaternions_4_2 = xp.where((known) & (freedom > 1.5), x12, xp.nan)
+    quaternions_4_3 = xp.where((known) & (freedom > 1.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, -1.0, x14), component_2), xp.nan)
     del x14
-    quaternions_4_4 = np.where((known) & (freedom > 1.5), np.where(free_3, component_3*np.where(before_3 < 0.5, -1.0, x15), component_3), np.nan)
+    quaternions_4_4 = xp.where((known) & (freedom > 1.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, -1.0, x15), component_3), xp.nan)
     del x15
-    x16 = np.where((known) & (freedom > 2.5), component_0, np.nan)
+    x16 = xp.where((known) & (freedom > 2.5), component_0, xp.nan)
     del component_0
     quaternions_5_1 = x16
-    x17 = np.where((known) & (freedom > 2.5), component_1, np.nan)
+    x17 = xp.where((known) & (freedom > 2.5), component_1, xp.nan)
     del component_1
     quaternions_5_2 = x17
-    x18 = np.where(before_2 < 1.5, 1.0, -1.0)
-    quaternions_5_3 = np.where((known) & (freedom > 2.5), np.where(free_2, component_2*np.where(before_2 < 0.5, 1.0, x18), component_2), np.nan)
-    x19 = np.where(before_3 < 1.5, 1.0, -1.0)
-    quaternions_5_4 = np.where((known) & (freedom > 2.5), np.where(free_3, component_3*np.where(before_3 < 0.5, 1.0, x19), component_3), np.nan)
+    x18 = xp.where(before_2 < 1.5, 1.0, -1.0)
+    quaternions_5_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, 1.0, x18), component_2), xp.nan)
+    x19 = xp.where(before_3 < 1.5, 1.0, -1.0)
+    quaternions_5_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, 1.0, x19), component_3), xp.nan)
     quaternions_6_1 = x16
-    x20 = np.where((known) & (freedom > 2.5), x12, np.nan)
+    x20 = xp.where((known) & (freedom > 2.5), x12, xp.nan)
     del x12
     quaternions_6_2 = x20
-    quaternions_6_3 = np.where((known) & (freedom > 2.5), np.where(free_2, component_2*np.where(before_2 < 0.5, -1.0, x18), component_2), np.nan)
+    quaternions_6_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, -1.0, x18), component_2), xp.nan)
     del x18
-    quaternions_6_4 = np.where((known) & (freedom > 2.5), np.where(free_3, component_3*np.where(before_3 < 0.5, -1.0, x19), component_3), np.nan)
+    quaternions_6_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, -1.0, x19), component_3), xp.nan)
     del x19
     quaternions_7_1 = x16
     quaternions_7_2 = x17
     del x17
-    quaternions_7_3 = np.where((known) & (freedom > 2.5), np.where(free_2, component_2*np.where(before_2 < 0.5, 1.0, -1.0), component_2), np.nan)
+    quaternions_7_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, 1.0, -1.0), component_2), xp.nan)
     del before_2
-    quaternions_7_4 = np.where((known) & (freedom > 2.5), np.where(free_3, component_3*np.where(before_3 < 0.5, 1.0, -1.0), component_3), np.nan)
+    quaternions_7_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, 1.0, -1.0), component_3), xp.nan)
     del before_3
     quaternions_8_1 = x16
     del x16
     quaternions_8_2 = x20
     del x20
-    quaternions_8_3 = np.where((known) & (freedom > 2.5), np.where(free_2, -component_2, component_2), np.nan)
+    quaternions_8_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, -component_2, component_2), xp.nan)
     del component_2, free_2
-    quaternions_8_4 = np.where((known) & (freedom > 2.5), np.where(free_3, -component_3, component_3), np.nan)
+    quaternions_8_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, -component_3, component_3), xp.nan)
     del component_3, free_3, known
-    upper_0 = np.where(share_0 < share_1, share_1, share_0)
-    lower_0 = np.where(share_0 < share_1, share_0, share_1)
-    upper_1 = np.where(share_2 < share_3, share_3, share_2)
-    lower_1 = np.where(share_2 < share_3, share_2, share_3)
-    upper_2 = np.where(upper_0 < upper_1, upper_1, upper_0)
-    lower_2 = np.where(upper_0 < upper_1, upper_0, upper_1)
+    upper_0 = xp.where(share_0 < share_1, share_1, share_0)
+    lower_0 = xp.where(share_0 < share_1, share_0, share_1)
+    upper_1 = xp.where(share_2 < share_3, share_3, share_2)
+    lower_1 = xp.where(share_2 < share_3, share_2, share_3)
+    upper_2 = xp.where(upper_0 < upper_1, upper_1, upper_0)
+    lower_2 = xp.where(upper_0 < upper_1, upper_0, upper_1)
     del upper_0, upper_1
-    upper_3 = np.where(lower_0 < lower_1, lower_1, lower_0)
-    lower_3 = np.where(lower_0 < lower_1, lower_0, lower_1)
+    upper_3 = xp.where(lower_0 < lower_1, lower_1, lower_0)
+    lower_3 = xp.where(lower_0 < lower_1, lower_0, lower_1)
     del lower_0, lower_1
-    upper_4 = np.where(lower_2 > upper_3, lower_2, upper_3)
-    lower_4 = np.where(lower_2 > upper_3, upper_3, lower_2)
+    upper_4 = xp.where(lower_2 > upper_3, lower_2, upper_3)
+    lower_4 = xp.where(lower_2 > upper_3, upper_3, lower_2)
     del lower_2, upper_3
     total_1 = upper_2
     del upper_2
@@ -239,31 +239,31 @@ def _chi_rotations(chi_1, chi_2, chi_3, tolerance, eps, largest):
     total_2 = total_1 + upper_4
     del total_1, upper_4
     mean_2 = 0.5*total_2 - 0.5
-    shift_2 = np.where(mean_1 < mean_2, mean_2, mean_1)
+    shift_2 = xp.where(mean_1 < mean_2, mean_2, mean_1)
     del mean_1, mean_2
     total_3 = lower_4 + total_2
     del lower_4, total_2
     mean_3 = total_3/3.0 - 1.0/3.0
-    shift_3 = np.where(mean_3 > shift_2, mean_3, shift_2)
+    shift_3 = xp.where(mean_3 > shift_2, mean_3, shift_2)
     del mean_3, shift_2
     total_4 = lower_3 + total_3
     del lower_3, total_3
     mean_4 = 0.25*total_4 - 0.25
     del total_4
-    shift_4 = np.where(mean_4 > shift_3, mean_4, shift_3)
+    shift_4 = xp.where(mean_4 > shift_3, mean_4, shift_3)
     del mean_4, shift_3
-    kept_0 = np.where(share_0 > shift_4, share_0 - shift_4, 0.0)
-    kept_1 = np.where(share_1 > shift_4, share_1 - shift_4, 0.0)
-    kept_2 = np.where(share_2 > shift_4, share_2 - shift_4, 0.0)
-    kept_3 = np.where(share_3 > shift_4, share_3 - shift_4, 0.0)
+    kept_0 = xp.where(share_0 > shift_4, share_0 - shift_4, 0.0)
+    kept_1 = xp.where(share_1 > shift_4, share_1 - shift_4, 0.0)
+    kept_2 = xp.where(share_2 > shift_4, share_2 - shift_4, 0.0)
+    kept_3 = xp.where(share_3 > shift_4, share_3 - shift_4, 0.0)
     del shift_4
-    distance = np.where(good, np.where(outside, 2.0*np.sqrt(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), 0.0), np.nan)
+    distance = xp.where(good, xp.where(outside, 2.0*xp.sqrt(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), 0.0), xp.nan)
     del share_0, share_1, share_2, share_3
-    nearest_1 = np.where(good, np.where(outside, 2.0*np.arctan2(np.sqrt(kept_2 + kept_3), np.sqrt(kept_0 + kept_1)), chi_1), np.nan)
-    nearest_2 = np.where(good, np.where(outside, 2.0*np.arctan2(np.sqrt(kept_1 + kept_3), np.sqrt(kept_0 + kept_2)), chi_2), np.nan)
-    nearest_3 = np.where(good, np.where(outside, 2.0*np.arctan2(np.sqrt(kept_1 + kept_2), np.sqrt(kept_0 + kept_3)), chi_3), np.nan)
+    nearest_1 = xp.where(good, xp.where(outside, 2.0*xp.atan2(xp.sqrt(kept_2 + kept_3), xp.sqrt(kept_0 + kept_1)), chi_1), xp.nan)
+    nearest_2 = xp.where(good, xp.where(outside, 2.0*xp.atan2(xp.sqrt(kept_1 + kept_3), xp.sqrt(kept_0 + kept_2)), chi_2), xp.nan)
+    nearest_3 = xp.where(good, xp.where(outside, 2.0*xp.atan2(xp.sqrt(kept_1 + kept_2), xp.sqrt(kept_0 + kept_3)), chi_3), xp.nan)
     del kept_0, kept_1, kept_2, kept_3
-    status = np.where(~(good), 5.0, np.where(outside, 4.0, np.where(freedom > 2.5, 0.0, np.where(freedom > 1.5, 1.0, np.where(freedom > 0.5, 2.0, 3.0)))))
+    status = xp.where(~(good), 5.0, xp.where(outside, 4.0, xp.where(freedom > 2.5, 0.0, xp.where(freedom > 1.5, 1.0, xp.where(freedom > 0.5, 2.0, 3.0)))))
     del freedom, good, outside
     return (quaternions_1_1, quaternions_1_2, quaternions_1_3, quaternions_1_4, quaternions_2_1, quaternions_2_2, quaternions_2_3, quaternions_2_4, quaternions_3_1, quaternions_3_2, quaternions_3_3, quaternions_3_4, quaternions_4_1, quaternions_4_2, quaternions_4_3, quaternions_4_4, quaternions_5_1, quaternions_5_2, quaternions_5_3, quaternions_5_4, quaternions_6_1, quaternions_6_2, quaternions_6_3, quaternions_6_4, quaternions_7_1, quaternions_7_2, quaternions_7_3, quaternions_7_4, quaternions_8_1, quaternions_8_2, quaternions_8_3, quaternions_8_4, distance, nearest_1, nearest_2, nearest_3, status)
 
@@ -274,12 +274,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -360,6 +383,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -381,7 +409,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -390,7 +418,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -400,3 +428,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

@@ -72,22 +72,22 @@ chi_rates.signature = "(3,3),(3)->(3),(),()"
 chi_rates.types = ["dd->ddb", "ff->ffb"]
 
 
-def _chi_rates(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3, eps, largest):
+def _chi_rates(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3, eps, largest):
     # 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs
     x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
     x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2)
     x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3)
-    deviation = np.abs((matrix_1_1*matrix_1_1) + x0 - 1.0) + np.abs((matrix_2_2*matrix_2_2) + x1 - 1.0) + np.abs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
+    deviation = xp.abs((matrix_1_1*matrix_1_1) + x0 - 1.0) + xp.abs((matrix_2_2*matrix_2_2) + x1 - 1.0) + xp.abs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
     handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (handed > 0.0)
     del handed
     abnormal = deviation > 64.0*eps
     del deviation
-    sine_x = np.sqrt(x0)
+    sine_x = xp.sqrt(x0)
     del x0
-    sine_y = np.sqrt(x1)
+    sine_y = xp.sqrt(x1)
     del x1
-    sine_z = np.sqrt(x2)
+    sine_z = xp.sqrt(x2)
     del x2
     x6 = 4.0*eps
     kink_x = sine_x <= x6
@@ -96,28 +96,28 @@ def _chi_rates(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matri
     del x6
     volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2)
     most = sine_x*sine_y*sine_z
-    x7 = np.abs(volume)
+    x7 = xp.abs(volume)
     flat = x7 <= 16.0*eps*most
-    near = x7 <= np.sqrt(eps)*most
+    near = x7 <= eps**0.5*most
     del most, x7
-    known = (good) & (0.25*np.abs(omega_1) + 0.25*np.abs(omega_2) + 0.25*np.abs(omega_3) <= largest)
+    known = (good) & (0.25*xp.abs(omega_1) + 0.25*xp.abs(omega_2) + 0.25*xp.abs(omega_3) <= largest)
     x3 = (omega_2*omega_2)
     x4 = (omega_3*omega_3)
-    speed_x = np.sqrt(x3 + x4)
+    speed_x = xp.sqrt(x3 + x4)
     x5 = (omega_1*omega_1)
-    speed_y = np.sqrt(x4 + x5)
+    speed_y = xp.sqrt(x4 + x5)
     del x4
-    speed_z = np.sqrt(x3 + x5)
+    speed_z = xp.sqrt(x3 + x5)
     del x3, x5
-    rate_1 = np.where(known, np.where(kink_x, np.where(matrix_1_1 > 0.0, speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*np.where(kink_x, 1.0, 1.0/sine_x)), np.nan)
+    rate_1 = xp.where(known, xp.where(kink_x, xp.where(matrix_1_1 > 0.0, speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*xp.where(kink_x, 1.0, 1.0/sine_x)), xp.nan)
     del sine_x, speed_x
-    rate_2 = np.where(known, np.where(kink_y, np.where(matrix_2_2 > 0.0, speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*np.where(kink_y, 1.0, 1.0/sine_y)), np.nan)
+    rate_2 = xp.where(known, xp.where(kink_y, xp.where(matrix_2_2 > 0.0, speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*xp.where(kink_y, 1.0, 1.0/sine_y)), xp.nan)
     del sine_y, speed_y
-    rate_3 = np.where(known, np.where(kink_z, np.where(matrix_3_3 > 0.0, speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*np.where(kink_z, 1.0, 1.0/sine_z)), np.nan)
+    rate_3 = xp.where(known, xp.where(kink_z, xp.where(matrix_3_3 > 0.0, speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*xp.where(kink_z, 1.0, 1.0/sine_z)), xp.nan)
     del sine_z, speed_z
-    determinant = np.where(good, volume, np.nan)
+    determinant = xp.where(good, volume, xp.nan)
     del good, volume
-    status = np.where(~(known), 5.0, np.where((kink_x) | (kink_y) | (kink_z), 3.0, np.where(flat, 2.0, np.where(abnormal, 4.0, np.where(near, 1.0, 0.0)))))
+    status = xp.where(~(known), 5.0, xp.where((kink_x) | (kink_y) | (kink_z), 3.0, xp.where(flat, 2.0, xp.where(abnormal, 4.0, xp.where(near, 1.0, 0.0)))))
     del abnormal, flat, kink_x, kink_y, kink_z, known, near
     return (rate_1, rate_2, rate_3, determinant, status)
 
@@ -155,7 +155,7 @@ chi_angular_velocity.signature = "(3,3),(3)->(3),()"
 chi_angular_velocity.types = ["dd->db", "ff->fb"]
 
 
-def _chi_angular_velocity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, rate_1, rate_2, rate_3, eps, largest):
+def _chi_angular_velocity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, rate_1, rate_2, rate_3, eps, largest):
     # 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs
     x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
     x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2)
@@ -163,18 +163,18 @@ def _chi_angular_velocity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix
     x3 = matrix_3_1*matrix_3_2
     x4 = matrix_2_1*matrix_2_3
     x5 = matrix_1_2*matrix_1_3
-    deviation = np.abs((matrix_1_1*matrix_1_1) + x0 - 1.0) + np.abs((matrix_2_2*matrix_2_2) + x1 - 1.0) + np.abs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + x3) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_3_1*matrix_3_3 + x4) + 2.0*np.abs(matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3 + x5)
+    deviation = xp.abs((matrix_1_1*matrix_1_1) + x0 - 1.0) + xp.abs((matrix_2_2*matrix_2_2) + x1 - 1.0) + xp.abs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + x3) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_3_1*matrix_3_3 + x4) + 2.0*xp.abs(matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3 + x5)
     x6 = matrix_1_2*matrix_2_3
     handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(x6 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (handed > 0.0)
     del handed
     abnormal = deviation > 64.0*eps
     del deviation
-    sine_x = np.sqrt(x0)
+    sine_x = xp.sqrt(x0)
     del x0
-    sine_y = np.sqrt(x1)
+    sine_y = xp.sqrt(x1)
     del x1
-    sine_z = np.sqrt(x2)
+    sine_z = xp.sqrt(x2)
     del x2
     x8 = 4.0*eps
     kink_x = sine_x <= x8
@@ -183,11 +183,11 @@ def _chi_angular_velocity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix
     del x8
     volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2)
     most = sine_x*sine_y*sine_z
-    x9 = np.abs(volume)
+    x9 = xp.abs(volume)
     flat = x9 <= 16.0*eps*most
-    near = x9 <= np.sqrt(eps)*most
+    near = x9 <= eps**0.5*most
     del most, x9
-    known = (good) & (0.25*np.abs(rate_1) + 0.25*np.abs(rate_2) + 0.25*np.abs(rate_3) <= largest)
+    known = (good) & (0.25*xp.abs(rate_1) + 0.25*xp.abs(rate_2) + 0.25*xp.abs(rate_3) <= largest)
     del good
     b_x = rate_1*sine_x
     del sine_x
@@ -196,17 +196,17 @@ def _chi_angular_velocity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix
     b_z = rate_3*sine_z
     del sine_z
     lost = (flat) | (kink_x) | (kink_y) | (kink_z)
-    divisor = np.where(lost, 1.0, volume)
+    divisor = xp.where(lost, 1.0, volume)
     del volume
     x7 = 1.0/divisor
     del divisor
-    omega_1 = np.where((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), np.nan)
+    omega_1 = xp.where((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), xp.nan)
     del x5
-    omega_2 = np.where((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), np.nan)
+    omega_2 = xp.where((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), xp.nan)
     del x4, x6
-    omega_3 = np.where((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), np.nan)
+    omega_3 = xp.where((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), xp.nan)
     del b_x, b_y, b_z, lost, x3, x7
-    status = np.where(~(known), 5.0, np.where((kink_x) | (kink_y) | (kink_z), 3.0, np.where(flat, 2.0, np.where(abnormal, 4.0, np.where(near, 1.0, 0.0)))))
+    status = xp.where(~(known), 5.0, xp.where((kink_x) | (kink_y) | (kink_z), 3.0, xp.where(flat, 2.0, xp.where(abnormal, 4.0, xp.where(near, 1.0, 0.0)))))
     del abnormal, flat, kink_x, kink_y, kink_z, known, near
     return (omega_1, omega_2, omega_3, status)
 
@@ -244,16 +244,16 @@ chi_motion_from_zyx.signature = "(3),(3)->(3,3),(3)"
 chi_motion_from_zyx.types = ["dd->dd", "ff->ff"]
 
 
-def _chi_motion_from_zyx(angles_1, angles_2, angles_3, angle_rates_1, angle_rates_2, angle_rates_3, eps, largest):
+def _chi_motion_from_zyx(xp, angles_1, angles_2, angles_3, angle_rates_1, angle_rates_2, angle_rates_3, eps, largest):
     # 7 add, 19 mul, 3 cos, 3 sin
-    x0 = np.cos(angles_1)
-    x1 = np.cos(angles_2)
+    x0 = xp.cos(angles_1)
+    x1 = xp.cos(angles_2)
     matrix_1_1 = x0*x1
-    x2 = np.sin(angles_1)
-    x3 = np.cos(angles_3)
+    x2 = xp.sin(angles_1)
+    x3 = xp.cos(angles_3)
     x4 = x2*x3
-    x5 = np.sin(angles_2)
-    x6 = np.sin(angles_3)
+    x5 = xp.sin(angles_2)
+    x6 = xp.sin(angles_3)
     matrix_1_2 = x0*x5*x6 - x4
     x7 = x2*x6
     x8 = x0*x3
@@ -311,19 +311,19 @@ chi_motion_from_zyz.signature = "(3),(3)->(3,3),(3)"
 chi_motion_from_zyz.types = ["dd->dd", "ff->ff"]
 
 
-def _chi_motion_from_zyz(angles_1, angles_2, angles_3, angle_rates_1, angle_rates_2, angle_rates_3, eps, largest):
+def _chi_motion_from_zyz(xp, angles_1, angles_2, angles_3, angle_rates_1, angle_rates_2, angle_rates_3, eps, largest):
     # 7 add, 19 mul, 3 cos, 3 sin
-    x0 = np.sin(angles_1)
-    x1 = np.sin(angles_3)
+    x0 = xp.sin(angles_1)
+    x1 = xp.sin(angles_3)
     x2 = x0*x1
-    x3 = np.cos(angles_1)
-    x4 = np.cos(angles_2)
-    x5 = np.cos(angles_3)
+    x3 = xp.cos(angles_1)
+    x4 = xp.cos(angles_2)
+    x5 = xp.cos(angles_3)
     matrix_1_1 = x3*x4*x5 - x2
     x6 = x0*x5
     x7 = x1*x3
     matrix_1_2 = -x4*x7 - x6
-    x8 = np.sin(angles_2)
+    x8 = xp.sin(angles_2)
     matrix_1_3 = x3*x8
     matrix_2_1 = x4*x6 + x7
     del x6, x7
@@ -376,17 +376,17 @@ chi_zyx_from_quaternion.signature = "(4)->(3),()"
 chi_zyx_from_quaternion.types = ["d->db", "f->fb"]
 
 
-def _chi_zyx_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
+def _chi_zyx_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
     # 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale
-    quaternion_size = 0.25*np.abs(quaternion_1) + 0.25*np.abs(quaternion_2) + 0.25*np.abs(quaternion_3) + 0.25*np.abs(quaternion_4)
+    quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
     x0 = _power_of_two_scale(quaternion_size)
     quaternion_scaled_1 = quaternion_1*x0
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
     del x0
-    quaternion_length = np.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = np.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
+    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
+    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
     del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
     del quaternion_scaled_1
@@ -396,48 +396,48 @@ def _chi_zyx_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternio
     del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
     del quaternion_scaled_4, x1
-    quaternion_deviation = np.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
+    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
     del quaternion_size
-    x2 = 0.5*np.sqrt(2.0)
+    x2 = 0.5*1.4142135623730951
     turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3)
     turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4)
     turned_3 = x2*(quaternion_unit_1 + quaternion_unit_3)
     turned_4 = x2*(quaternion_unit_2 + quaternion_unit_4)
     del x2
-    sine_scale = _power_of_two_scale(np.abs(turned_2) + np.abs(turned_3))
+    sine_scale = _power_of_two_scale(xp.abs(turned_2) + xp.abs(turned_3))
     sine_scaled_1 = sine_scale*turned_2
     sine_scaled_2 = sine_scale*turned_3
-    sine = np.sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale
+    sine = xp.sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale
     del sine_scale, sine_scaled_1, sine_scaled_2
-    cosine_scale = _power_of_two_scale(np.abs(turned_1) + np.abs(turned_4))
+    cosine_scale = _power_of_two_scale(xp.abs(turned_1) + xp.abs(turned_4))
     cosine_scaled_1 = cosine_scale*turned_1
     cosine_scaled_2 = cosine_scale*turned_4
-    cosine = np.sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale
+    cosine = xp.sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale
     del cosine_scale, cosine_scaled_1, cosine_scaled_2
     x5 = 4.0*eps
     low = sine <= x5
     high = cosine <= x5
     del x5
-    sigma = np.arctan2(turned_4, turned_1)
+    sigma = xp.atan2(turned_4, turned_1)
     del turned_1, turned_4
-    delta = np.arctan2(-turned_2, turned_3)
+    delta = xp.atan2(-turned_2, turned_3)
     del turned_2, turned_3
-    half_sum = np.where(high, delta, sigma)
-    half_difference = np.where(low, sigma, delta)
+    half_sum = xp.where(high, delta, sigma)
+    half_difference = xp.where(low, sigma, delta)
     del delta, sigma
     first = half_difference + half_sum
     third = half_sum - half_difference
     del half_difference, half_sum
     x3 = 2.0*3.141592653589793
     x6 = -3.141592653589793
-    angles_1 = np.where(good, np.where(first > 3.141592653589793, first - x3, np.where(first <= x6, first + x3, first)), np.nan)
+    angles_1 = xp.where(good, xp.where(first > 3.141592653589793, first - x3, xp.where(first <= x6, first + x3, first)), xp.nan)
     del first
-    angles_2 = np.where(good, np.arctan2(2.0*quaternion_unit_1*quaternion_unit_3 - 2.0*quaternion_unit_2*quaternion_unit_4, 2.0*cosine*sine), np.nan)
+    angles_2 = xp.where(good, xp.atan2(2.0*quaternion_unit_1*quaternion_unit_3 - 2.0*quaternion_unit_2*quaternion_unit_4, 2.0*cosine*sine), xp.nan)
     del cosine, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_unit_4, sine
-    angles_3 = np.where(good, np.where(third > 3.141592653589793, third - x3, np.where(third <= x6, third + x3, third)), np.nan)
+    angles_3 = xp.where(good, xp.where(third > 3.141592653589793, third - x3, xp.where(third <= x6, third + x3, third)), xp.nan)
     del third, x3, x6
-    status = np.where(~(good), 5.0, np.where((high) | (low), 2.0, np.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
+    status = xp.where(~(good), 5.0, xp.where((high) | (low), 2.0, xp.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
     del good, high, low, quaternion_deviation
     return (angles_1, angles_2, angles_3, status)
 
@@ -473,17 +473,17 @@ chi_zyz_from_quaternion.signature = "(4)->(3),()"
 chi_zyz_from_quaternion.types = ["d->db", "f->fb"]
 
 
-def _chi_zyz_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
+def _chi_zyz_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
     # 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale
-    quaternion_size = 0.25*np.abs(quaternion_1) + 0.25*np.abs(quaternion_2) + 0.25*np.abs(quaternion_3) + 0.25*np.abs(quaternion_4)
+    quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
     x0 = _power_of_two_scale(quaternion_size)
     quaternion_scaled_1 = quaternion_1*x0
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
     del x0
-    quaternion_length = np.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = np.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
+    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
+    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
     del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
     del quaternion_scaled_1
@@ -493,42 +493,42 @@ def _chi_zyz_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternio
     del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
     del quaternion_scaled_4, x1
-    quaternion_deviation = np.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
+    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
     del quaternion_size
-    sine_scale = _power_of_two_scale(np.abs(quaternion_unit_2) + np.abs(quaternion_unit_3))
+    sine_scale = _power_of_two_scale(xp.abs(quaternion_unit_2) + xp.abs(quaternion_unit_3))
     sine_scaled_1 = quaternion_unit_2*sine_scale
     sine_scaled_2 = quaternion_unit_3*sine_scale
-    sine = np.sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale
+    sine = xp.sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale
     del sine_scale, sine_scaled_1, sine_scaled_2
-    cosine_scale = _power_of_two_scale(np.abs(quaternion_unit_1) + np.abs(quaternion_unit_4))
+    cosine_scale = _power_of_two_scale(xp.abs(quaternion_unit_1) + xp.abs(quaternion_unit_4))
     cosine_scaled_1 = cosine_scale*quaternion_unit_1
     cosine_scaled_2 = cosine_scale*quaternion_unit_4
-    cosine = np.sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale
+    cosine = xp.sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale
     del cosine_scale, cosine_scaled_1, cosine_scaled_2
     x4 = 4.0*eps
     low = sine <= x4
     high = cosine <= x4
     del x4
-    sigma = np.arctan2(quaternion_unit_4, quaternion_unit_1)
+    sigma = xp.atan2(quaternion_unit_4, quaternion_unit_1)
     del quaternion_unit_1, quaternion_unit_4
-    delta = np.arctan2(-quaternion_unit_2, quaternion_unit_3)
+    delta = xp.atan2(-quaternion_unit_2, quaternion_unit_3)
     del quaternion_unit_2, quaternion_unit_3
-    half_sum = np.where(high, delta, sigma)
-    half_difference = np.where(low, sigma, delta)
+    half_sum = xp.where(high, delta, sigma)
+    half_difference = xp.where(low, sigma, delta)
     del delta, sigma
     first = half_difference + half_sum
     third = half_sum - half_difference
     del half_difference, half_sum
     x2 = 2.0*3.141592653589793
     x5 = -3.141592653589793
-    angles_1 = np.where(good, np.where(first > 3.141592653589793, first - x2, np.where(first <= x5, first + x2, first)), np.nan)
+    angles_1 = xp.where(good, xp.where(first > 3.141592653589793, first - x2, xp.where(first <= x5, first + x2, first)), xp.nan)
     del first
-    angles_2 = np.where(good, 2.0*np.arctan2(sine, cosine), np.nan)
+    angles_2 = xp.where(good, 2.0*xp.atan2(sine, cosine), xp.nan)
     del cosine, sine
-    angles_3 = np.where(good, np.where(third > 3.141592653589793, third - x2, np.where(third <= x5, third + x2, third)), np.nan)
+    angles_3 = xp.where(good, xp.where(third > 3.141592653589793, third - x2, xp.where(third <= x5, third + x2, third)), xp.nan)
     del third, x2, x5
-    status = np.where(~(good), 5.0, np.where((high) | (low), 2.0, np.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
+    status = xp.where(~(good), 5.0, xp.where((high) | (low), 2.0, xp.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
     del good, high, low, quaternion_deviation
     return (angles_1, angles_2, angles_3, status)
 
@@ -539,12 +539,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -625,6 +648,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -646,7 +674,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -655,7 +683,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -665,3 +693,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

@@ -71,77 +71,77 @@ chi_ridge_lines.signature = "(3,3),(3)->(3,6),(),(),()"
 chi_ridge_lines.types = ["dd->dbbb", "ff->fbbb"]
 
 
-def _chi_ridge_lines(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, point_1, point_2, point_3, eps, largest):
+def _chi_ridge_lines(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, point_1, point_2, point_3, eps, largest):
     # 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs
     x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
     x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2)
     x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3)
-    deviation = np.abs((matrix_1_1*matrix_1_1) + x0 - 1.0) + np.abs((matrix_2_2*matrix_2_2) + x1 - 1.0) + np.abs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
+    deviation = xp.abs((matrix_1_1*matrix_1_1) + x0 - 1.0) + xp.abs((matrix_2_2*matrix_2_2) + x1 - 1.0) + xp.abs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
-    size = np.abs(point_1) + np.abs(point_2) + np.abs(point_3)
+    size = xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3)
     good = (deviation <= largest) & (size <= largest) & (determinant > 0.0)
     del determinant
     abnormal = deviation > 64.0*eps
     del deviation
-    sine_x = np.sqrt(x0)
+    sine_x = xp.sqrt(x0)
     del x0
     height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3
     x9 = 4.0*eps
     flat_x = sine_x <= x9
-    length_x = np.where(flat_x, np.nan, sine_x)
+    length_x = xp.where(flat_x, xp.nan, sine_x)
     del sine_x
-    sine_y = np.sqrt(x1)
+    sine_y = xp.sqrt(x1)
     del x1
     height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3
     flat_y = sine_y <= x9
-    length_y = np.where(flat_y, np.nan, sine_y)
+    length_y = xp.where(flat_y, xp.nan, sine_y)
     del sine_y
-    sine_z = np.sqrt(x2)
+    sine_z = xp.sqrt(x2)
     del x2
     height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3
     flat_z = sine_z <= x9
-    length_z = np.where(flat_z, np.nan, sine_z)
+    length_z = xp.where(flat_z, xp.nan, sine_z)
     del sine_z
-    x3 = np.where((flat_x) | (~(good)), np.nan, 0.0)
+    x3 = xp.where((flat_x) | (~(good)), xp.nan, 0.0)
     lines_1_1 = x3
     x4 = 1.0/length_x
     del length_x
-    lines_1_2 = np.where((flat_x) | (~(good)), np.nan, -matrix_3_1*x4)
-    lines_1_3 = np.where((flat_x) | (~(good)), np.nan, matrix_2_1*x4)
-    lines_1_4 = np.where((flat_x) | (~(good)), np.nan, height_x*x4)
+    lines_1_2 = xp.where((flat_x) | (~(good)), xp.nan, -matrix_3_1*x4)
+    lines_1_3 = xp.where((flat_x) | (~(good)), xp.nan, matrix_2_1*x4)
+    lines_1_4 = xp.where((flat_x) | (~(good)), xp.nan, height_x*x4)
     del x4
     lines_1_5 = x3
     lines_1_6 = x3
     del x3
     x5 = 1.0/length_y
     del length_y
-    lines_2_1 = np.where((flat_y) | (~(good)), np.nan, matrix_3_2*x5)
-    x6 = np.where((flat_y) | (~(good)), np.nan, 0.0)
+    lines_2_1 = xp.where((flat_y) | (~(good)), xp.nan, matrix_3_2*x5)
+    x6 = xp.where((flat_y) | (~(good)), xp.nan, 0.0)
     lines_2_2 = x6
-    lines_2_3 = np.where((flat_y) | (~(good)), np.nan, -matrix_1_2*x5)
+    lines_2_3 = xp.where((flat_y) | (~(good)), xp.nan, -matrix_1_2*x5)
     lines_2_4 = x6
-    lines_2_5 = np.where((flat_y) | (~(good)), np.nan, height_y*x5)
+    lines_2_5 = xp.where((flat_y) | (~(good)), xp.nan, height_y*x5)
     del x5
     lines_2_6 = x6
     del x6
     x7 = 1.0/length_z
     del length_z
-    lines_3_1 = np.where((flat_z) | (~(good)), np.nan, -matrix_2_3*x7)
-    lines_3_2 = np.where((flat_z) | (~(good)), np.nan, matrix_1_3*x7)
-    x8 = np.where((flat_z) | (~(good)), np.nan, 0.0)
+    lines_3_1 = xp.where((flat_z) | (~(good)), xp.nan, -matrix_2_3*x7)
+    lines_3_2 = xp.where((flat_z) | (~(good)), xp.nan, matrix_1_3*x7)
+    x8 = xp.where((flat_z) | (~(good)), xp.nan, 0.0)
     lines_3_3 = x8
     lines_3_4 = x8
     lines_3_5 = x8
     del x8
-    lines_3_6 = np.where((flat_z) | (~(good)), np.nan, height_z*x7)
+    lines_3_6 = xp.where((flat_z) | (~(good)), xp.nan, height_z*x7)
     del x7
     x10 = size*x9
     del size, x9
-    status_x = np.where(~(good), 4.0, np.where(abnormal, 3.0, np.where((flat_x) & (np.abs(height_x) <= x10), 1.0, np.where(flat_x, 2.0, 0.0))))
+    status_x = xp.where(~(good), 4.0, xp.where(abnormal, 3.0, xp.where((flat_x) & (xp.abs(height_x) <= x10), 1.0, xp.where(flat_x, 2.0, 0.0))))
     del flat_x, height_x
-    status_y = np.where(~(good), 4.0, np.where(abnormal, 3.0, np.where((flat_y) & (np.abs(height_y) <= x10), 1.0, np.where(flat_y, 2.0, 0.0))))
+    status_y = xp.where(~(good), 4.0, xp.where(abnormal, 3.0, xp.where((flat_y) & (xp.abs(height_y) <= x10), 1.0, xp.where(flat_y, 2.0, 0.0))))
     del flat_y, height_y
-    status_z = np.where(~(good), 4.0, np.where(abnormal, 3.0, np.where((flat_z) & (np.abs(height_z) <= x10), 1.0, np.where(flat_z, 2.0, 0.0))))
+    status_z = xp.where(~(good), 4.0, xp.where(abnormal, 3.0, xp.where((flat_z) & (xp.abs(height_z) <= x10), 1.0, xp.where(flat_z, 2.0, 0.0))))
     del abnormal, flat_z, good, height_z, x10
     return (lines_1_1, lines_1_2, lines_1_3, lines_1_4, lines_1_5, lines_1_6, lines_2_1, lines_2_2, lines_2_3, lines_2_4, lines_2_5, lines_2_6, lines_3_1, lines_3_2, lines_3_3, lines_3_4, lines_3_5, lines_3_6, status_x, status_y, status_z)
 
@@ -152,12 +152,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -238,6 +261,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -259,7 +287,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -268,7 +296,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -278,3 +306,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

@@ -47,7 +47,7 @@ rotation_from_vector.signature = "(3)->(3,3),(3,3)"
 rotation_from_vector.types = ["d->dd", "f->ff"]
 
 
-def _rotation_from_vector(w_1, w_2, w_3, eps, largest):
+def _rotation_from_vector(xp, w_1, w_2, w_3, eps, largest):
     # 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin
     x0 = (w_1*w_1)
     x1 = (w_2*w_2)
@@ -55,17 +55,17 @@ def _rotation_from_vector(w_1, w_2, w_3, eps, largest):
     x3 = x1 + x2
     square = x0 + x3
     is_small = square < 0.25
-    safe = np.where(is_small, 1.0, square)
-    angle = np.sqrt(safe)
+    safe = xp.where(is_small, 1.0, square)
+    angle = xp.sqrt(safe)
     half_angle = 0.5*angle
-    sine = np.sin(angle)
-    half_sine = np.sin(half_angle)
+    sine = xp.sin(angle)
+    half_sine = xp.sin(half_angle)
     del half_angle
     x4 = 1.0/angle
-    S = np.where(is_small, square*(square*(square*(square*(square*(square*(1.0/6227020800.0 - square/1307674368000.0) - 1.0/39916800.0) + 1.0/362880.0) - 1.0/5040.0) + 1.0/120.0) - 1.0/6.0) + 1.0, sine*x4)
-    K = np.where(is_small, square*(square*(square*(square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - 1.0/40320.0) + 1.0/720.0) - 1.0/24.0) + 0.5, 2.0*(half_sine*half_sine)/(angle*angle))
+    S = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/6227020800.0 - square/1307674368000.0) - 1.0/39916800.0) + 1.0/362880.0) - 1.0/5040.0) + 1.0/120.0) - 1.0/6.0) + 1.0, sine*x4)
+    K = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - 1.0/40320.0) + 1.0/720.0) - 1.0/24.0) + 0.5, 2.0*(half_sine*half_sine)/(angle*angle))
     del half_sine
-    T = np.where(is_small, square*(square*(square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - 1.0/6227020800.0) + 1.0/39916800.0) - 1.0/362880.0) + 1.0/5040.0) - 1.0/120.0) + 1.0/6.0, x4*(angle - sine)/safe)
+    T = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - 1.0/6227020800.0) + 1.0/39916800.0) - 1.0/362880.0) + 1.0/5040.0) - 1.0/120.0) + 1.0/6.0, x4*(angle - sine)/safe)
     del angle, is_small, safe, sine, square, x4
     matrix_1_1 = 1.0 - K*x3
     x6 = S*w_3
@@ -152,24 +152,24 @@ tilted_axis.signature = "(3),(3),(3),(2)->(3),(3,2)"
 tilted_axis.types = ["dddd->dd", "ffff->ff"]
 
 
-def _tilted_axis(axis_1, axis_2, axis_3, u_1, u_2, u_3, v_1, v_2, v_3, tilt_1, tilt_2, eps, largest):
+def _tilted_axis(xp, axis_1, axis_2, axis_3, u_1, u_2, u_3, v_1, v_2, v_3, tilt_1, tilt_2, eps, largest):
     # 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin
     w_1 = tilt_1*u_1 + tilt_2*v_1
     w_2 = tilt_1*u_2 + tilt_2*v_2
     w_3 = tilt_1*u_3 + tilt_2*v_3
     square = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
     is_small = square < 0.25
-    safe = np.where(is_small, 1.0, square)
-    angle = np.sqrt(safe)
+    safe = xp.where(is_small, 1.0, square)
+    angle = xp.sqrt(safe)
     half_angle = 0.5*angle
-    sine = np.sin(angle)
-    half_sine = np.sin(half_angle)
+    sine = xp.sin(angle)
+    half_sine = xp.sin(half_angle)
     del half_angle
     x0 = 1.0/angle
-    S = np.where(is_small, square*(square*(square*(square*(square*(square*(1.0/6227020800.0 - square/1307674368000.0) - 1.0/39916800.0) + 1.0/362880.0) - 1.0/5040.0) + 1.0/120.0) - 1.0/6.0) + 1.0, sine*x0)
-    K = np.where(is_small, square*(square*(square*(square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - 1.0/40320.0) + 1.0/720.0) - 1.0/24.0) + 0.5, 2.0*(half_sine*half_sine)/(angle*angle))
+    S = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/6227020800.0 - square/1307674368000.0) - 1.0/39916800.0) + 1.0/362880.0) - 1.0/5040.0) + 1.0/120.0) - 1.0/6.0) + 1.0, sine*x0)
+    K = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - 1.0/40320.0) + 1.0/720.0) - 1.0/24.0) + 0.5, 2.0*(half_sine*half_sine)/(angle*angle))
     del half_sine
-    T = np.where(is_small, square*(square*(square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - 1.0/6227020800.0) + 1.0/39916800.0) - 1.0/362880.0) + 1.0/5040.0) - 1.0/120.0) + 1.0/6.0, x0*(angle - sine)/safe)
+    T = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - 1.0/6227020800.0) + 1.0/39916800.0) - 1.0/362880.0) + 1.0/5040.0) - 1.0/120.0) + 1.0/6.0, x0*(angle - sine)/safe)
     del angle, is_small, safe, sine, square, x0
     across_1 = axis_3*w_2 - axis_2*w_3
     across_2 = axis_1*w_3 - axis_3*w_1
@@ -215,12 +215,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -301,6 +324,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -322,7 +350,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -331,7 +359,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -341,3 +369,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

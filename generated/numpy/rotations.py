@@ -65,9 +65,9 @@ rotate.signature = "(3),(3)->(3)"
 rotate.types = ["dd->d", "ff->f"]
 
 
-def _rotate(rho_1, rho_2, rho_3, theta_1, theta_2, theta_3, eps, largest):
+def _rotate(xp, rho_1, rho_2, rho_3, theta_1, theta_2, theta_3, eps, largest):
     # 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale
-    factor = _power_of_two_scale(0.125*np.abs(theta_1) + 0.125*np.abs(theta_2) + 0.125*np.abs(theta_3) + 1.0)
+    factor = _power_of_two_scale(0.125*xp.abs(theta_1) + 0.125*xp.abs(theta_2) + 0.125*xp.abs(theta_3) + 1.0)
     x0 = 0.5*factor
     turn_1 = theta_1*x0
     turn_2 = theta_2*x0
@@ -123,17 +123,17 @@ rodrigues_vector_from_axis_angle.signature = "(3),()->(3),()"
 rodrigues_vector_from_axis_angle.types = ["dd->db", "ff->fb"]
 
 
-def _rodrigues_vector_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
+def _rodrigues_vector_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest):
     # 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
     half_angle = 0.5*angle
-    axis_size = 0.25*np.abs(axis_1) + 0.25*np.abs(axis_2) + 0.25*np.abs(axis_3)
+    axis_size = 0.25*xp.abs(axis_1) + 0.25*xp.abs(axis_2) + 0.25*xp.abs(axis_3)
     x0 = _power_of_two_scale(axis_size)
     axis_scaled_1 = axis_1*x0
     axis_scaled_2 = axis_2*x0
     axis_scaled_3 = axis_3*x0
     del x0
-    axis_length = np.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
-    x1 = np.where(axis_length > 0.0, 1.0/axis_length, 1.0)
+    axis_length = xp.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
+    x1 = xp.where(axis_length > 0.0, 1.0/axis_length, 1.0)
     del axis_length
     axis_unit_1 = axis_scaled_1*x1
     del axis_scaled_1
@@ -141,12 +141,12 @@ def _rodrigues_vector_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, larges
     del axis_scaled_2
     axis_unit_3 = axis_scaled_3*x1
     del axis_scaled_3, x1
-    axis_deviation = np.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
-    x2 = np.cos(half_angle)
-    quaternion_sign = np.where(x2 < 0.0, -1.0, 1.0)
+    axis_deviation = xp.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
+    x2 = xp.cos(half_angle)
+    quaternion_sign = xp.where(x2 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x2
     del x2
-    x3 = quaternion_sign*np.sin(half_angle)
+    x3 = quaternion_sign*xp.sin(half_angle)
     del half_angle, quaternion_sign
     v_1 = axis_unit_1*x3
     del axis_unit_1
@@ -154,22 +154,22 @@ def _rodrigues_vector_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, larges
     del axis_unit_2
     v_3 = axis_unit_3*x3
     del axis_unit_3, x3
-    good = (axis_size <= largest) & (np.abs(angle) <= largest) & (axis_size > 0.0)
+    good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (axis_size > 0.0)
     del axis_size
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
-    x4 = 2.0*np.where(w > 0.25*eps, 1.0/w, 4.0/eps)
-    theta_1 = np.where(good, v_1*x4, np.nan)
+    x4 = 2.0*xp.where(w > 0.25*eps, 1.0/w, 4.0/eps)
+    theta_1 = xp.where(good, v_1*x4, xp.nan)
     del v_1
-    theta_2 = np.where(good, v_2*x4, np.nan)
+    theta_2 = xp.where(good, v_2*x4, xp.nan)
     del v_2
-    theta_3 = np.where(good, v_3*x4, np.nan)
+    theta_3 = xp.where(good, v_3*x4, xp.nan)
     del v_3, x4
-    status = np.where(~(good), 4.0, np.where(axis_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    status = xp.where(~(good), 4.0, xp.where(axis_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
     del axis_deviation, good, sine, w
     return (theta_1, theta_2, theta_3, status)
 
@@ -207,17 +207,17 @@ matrix_from_axis_angle.signature = "(3),()->(3,3),()"
 matrix_from_axis_angle.types = ["dd->db", "ff->fb"]
 
 
-def _matrix_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
+def _matrix_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest):
     # 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
     half_angle = 0.5*angle
-    axis_size = 0.25*np.abs(axis_1) + 0.25*np.abs(axis_2) + 0.25*np.abs(axis_3)
+    axis_size = 0.25*xp.abs(axis_1) + 0.25*xp.abs(axis_2) + 0.25*xp.abs(axis_3)
     x0 = _power_of_two_scale(axis_size)
     axis_scaled_1 = axis_1*x0
     axis_scaled_2 = axis_2*x0
     axis_scaled_3 = axis_3*x0
     del x0
-    axis_length = np.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
-    x1 = np.where(axis_length > 0.0, 1.0/axis_length, 1.0)
+    axis_length = xp.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
+    x1 = xp.where(axis_length > 0.0, 1.0/axis_length, 1.0)
     del axis_length
     axis_unit_1 = axis_scaled_1*x1
     del axis_scaled_1
@@ -225,12 +225,12 @@ def _matrix_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
     del axis_scaled_2
     axis_unit_3 = axis_scaled_3*x1
     del axis_scaled_3, x1
-    axis_deviation = np.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
-    x2 = np.cos(half_angle)
-    quaternion_sign = np.where(x2 < 0.0, -1.0, 1.0)
+    axis_deviation = xp.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
+    x2 = xp.cos(half_angle)
+    quaternion_sign = xp.where(x2 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x2
     del x2
-    x3 = quaternion_sign*np.sin(half_angle)
+    x3 = quaternion_sign*xp.sin(half_angle)
     del half_angle, quaternion_sign
     v_1 = axis_unit_1*x3
     del axis_unit_1
@@ -238,42 +238,42 @@ def _matrix_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
     del axis_unit_2
     v_3 = axis_unit_3*x3
     del axis_unit_3, x3
-    good = (axis_size <= largest) & (np.abs(angle) <= largest) & (axis_size > 0.0)
+    good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (axis_size > 0.0)
     del axis_size
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x4 = 2.0*(v_2*v_2)
     x5 = 2.0*(v_3*v_3) - 1.0
-    matrix_1_1 = np.where(good, -x4 - x5, np.nan)
+    matrix_1_1 = xp.where(good, -x4 - x5, xp.nan)
     x6 = 2.0*v_2
     x7 = v_1*x6
     x8 = 2.0*v_3
     x9 = w*x8
-    matrix_1_2 = np.where(good, x7 - x9, np.nan)
+    matrix_1_2 = xp.where(good, x7 - x9, xp.nan)
     x10 = v_1*x8
     x11 = w*x6
     del x6
-    matrix_1_3 = np.where(good, x10 + x11, np.nan)
-    matrix_2_1 = np.where(good, x7 + x9, np.nan)
+    matrix_1_3 = xp.where(good, x10 + x11, xp.nan)
+    matrix_2_1 = xp.where(good, x7 + x9, xp.nan)
     del x7, x9
     x12 = 2.0*(v_1*v_1)
-    matrix_2_2 = np.where(good, -x12 - x5, np.nan)
+    matrix_2_2 = xp.where(good, -x12 - x5, xp.nan)
     del x5
     x13 = 2.0*v_1*w
     del v_1
-    matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x13, np.nan)
+    matrix_2_3 = xp.where(good, 2.0*v_2*v_3 - x13, xp.nan)
     del v_3
-    matrix_3_1 = np.where(good, x10 - x11, np.nan)
+    matrix_3_1 = xp.where(good, x10 - x11, xp.nan)
     del x10, x11
-    matrix_3_2 = np.where(good, v_2*x8 + x13, np.nan)
+    matrix_3_2 = xp.where(good, v_2*x8 + x13, xp.nan)
     del v_2, x13, x8
-    matrix_3_3 = np.where(good, 1.0 - x12 - x4, np.nan)
+    matrix_3_3 = xp.where(good, 1.0 - x12 - x4, xp.nan)
     del x12, x4
-    status = np.where(~(good), 4.0, np.where(axis_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    status = xp.where(~(good), 4.0, xp.where(axis_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
     del axis_deviation, good, sine, w
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
@@ -311,17 +311,17 @@ quaternion_from_axis_angle.signature = "(3),()->(4),()"
 quaternion_from_axis_angle.types = ["dd->db", "ff->fb"]
 
 
-def _quaternion_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
+def _quaternion_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest):
     # 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
     half_angle = 0.5*angle
-    axis_size = 0.25*np.abs(axis_1) + 0.25*np.abs(axis_2) + 0.25*np.abs(axis_3)
+    axis_size = 0.25*xp.abs(axis_1) + 0.25*xp.abs(axis_2) + 0.25*xp.abs(axis_3)
     x0 = _power_of_two_scale(axis_size)
     axis_scaled_1 = axis_1*x0
     axis_scaled_2 = axis_2*x0
     axis_scaled_3 = axis_3*x0
     del x0
-    axis_length = np.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
-    x1 = np.where(axis_length > 0.0, 1.0/axis_length, 1.0)
+    axis_length = xp.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
+    x1 = xp.where(axis_length > 0.0, 1.0/axis_length, 1.0)
     del axis_length
     axis_unit_1 = axis_scaled_1*x1
     del axis_scaled_1
@@ -329,12 +329,12 @@ def _quaternion_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
     del axis_scaled_2
     axis_unit_3 = axis_scaled_3*x1
     del axis_scaled_3, x1
-    axis_deviation = np.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
-    x2 = np.cos(half_angle)
-    quaternion_sign = np.where(x2 < 0.0, -1.0, 1.0)
+    axis_deviation = xp.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
+    x2 = xp.cos(half_angle)
+    quaternion_sign = xp.where(x2 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x2
     del x2
-    x3 = quaternion_sign*np.sin(half_angle)
+    x3 = quaternion_sign*xp.sin(half_angle)
     del half_angle, quaternion_sign
     v_1 = axis_unit_1*x3
     del axis_unit_1
@@ -342,22 +342,22 @@ def _quaternion_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
     del axis_unit_2
     v_3 = axis_unit_3*x3
     del axis_unit_3, x3
-    good = (axis_size <= largest) & (np.abs(angle) <= largest) & (axis_size > 0.0)
+    good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (axis_size > 0.0)
     del axis_size
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
-    quaternion_1 = np.where(good, w, np.nan)
-    quaternion_2 = np.where(good, v_1, np.nan)
+    quaternion_1 = xp.where(good, w, xp.nan)
+    quaternion_2 = xp.where(good, v_1, xp.nan)
     del v_1
-    quaternion_3 = np.where(good, v_2, np.nan)
+    quaternion_3 = xp.where(good, v_2, xp.nan)
     del v_2
-    quaternion_4 = np.where(good, v_3, np.nan)
+    quaternion_4 = xp.where(good, v_3, xp.nan)
     del v_3
-    status = np.where(~(good), 4.0, np.where(axis_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    status = xp.where(~(good), 4.0, xp.where(axis_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
     del axis_deviation, good, sine, w
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
@@ -395,16 +395,16 @@ axis_angle_from_rodrigues_vector.signature = "(3)->(3),(),()"
 axis_angle_from_rodrigues_vector.types = ["d->ddb", "f->ffb"]
 
 
-def _axis_angle_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
+def _axis_angle_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
     # 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale
-    size = 0.125*np.abs(theta_1) + 0.125*np.abs(theta_2) + 0.125*np.abs(theta_3) + 1.0
+    size = 0.125*xp.abs(theta_1) + 0.125*xp.abs(theta_2) + 0.125*xp.abs(theta_3) + 1.0
     factor = _power_of_two_scale(size)
     x0 = 0.5*factor
     theta_scaled_1 = theta_1*x0
     theta_scaled_2 = theta_2*x0
     theta_scaled_3 = theta_3*x0
     del x0
-    length = np.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
+    length = xp.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
     x1 = 1.0/length
     del length
     w = factor*x1
@@ -417,26 +417,26 @@ def _axis_angle_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
     del theta_scaled_3, x1
     good = size <= largest
     del size
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     del v_1
     v_scaled_2 = sine_scale*v_2
     del v_2
     v_scaled_3 = sine_scale*v_3
     del v_3
-    x2 = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
+    x2 = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
     sine = x2/sine_scale
     del sine_scale
-    x3 = np.where(sine > 0.0, 1.0/x2, 1.0)
+    x3 = xp.where(sine > 0.0, 1.0/x2, 1.0)
     del x2
-    axis_1 = np.where(good, np.where(sine > 0.0, v_scaled_1*x3, 0.0), np.nan)
+    axis_1 = xp.where(good, xp.where(sine > 0.0, v_scaled_1*x3, 0.0), xp.nan)
     del v_scaled_1
-    axis_2 = np.where(good, np.where(sine > 0.0, v_scaled_2*x3, 0.0), np.nan)
+    axis_2 = xp.where(good, xp.where(sine > 0.0, v_scaled_2*x3, 0.0), xp.nan)
     del v_scaled_2
-    axis_3 = np.where(good, np.where(sine > 0.0, v_scaled_3*x3, 1.0), np.nan)
+    axis_3 = xp.where(good, xp.where(sine > 0.0, v_scaled_3*x3, 1.0), xp.nan)
     del v_scaled_3, x3
-    angle = np.where(good, 2.0*np.arctan2(sine, w), np.nan)
-    status = np.where(~(good), 4.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0)))
+    angle = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
+    status = xp.where(~(good), 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
     del good, sine, w
     return (axis_1, axis_2, axis_3, angle, status)
 
@@ -472,16 +472,16 @@ matrix_from_rodrigues_vector.signature = "(3)->(3,3),()"
 matrix_from_rodrigues_vector.types = ["d->db", "f->fb"]
 
 
-def _matrix_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
+def _matrix_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
     # 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale
-    size = 0.125*np.abs(theta_1) + 0.125*np.abs(theta_2) + 0.125*np.abs(theta_3) + 1.0
+    size = 0.125*xp.abs(theta_1) + 0.125*xp.abs(theta_2) + 0.125*xp.abs(theta_3) + 1.0
     factor = _power_of_two_scale(size)
     x0 = 0.5*factor
     theta_scaled_1 = theta_1*x0
     theta_scaled_2 = theta_2*x0
     theta_scaled_3 = theta_3*x0
     del x0
-    length = np.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
+    length = xp.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
     x1 = 1.0/length
     del length
     w = factor*x1
@@ -494,40 +494,40 @@ def _matrix_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
     del theta_scaled_3, x1
     good = size <= largest
     del size
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x2 = 2.0*(v_2*v_2)
     x3 = 2.0*(v_3*v_3) - 1.0
-    matrix_1_1 = np.where(good, -x2 - x3, np.nan)
+    matrix_1_1 = xp.where(good, -x2 - x3, xp.nan)
     x4 = 2.0*v_2
     x5 = v_1*x4
     x6 = 2.0*v_3
     x7 = w*x6
-    matrix_1_2 = np.where(good, x5 - x7, np.nan)
+    matrix_1_2 = xp.where(good, x5 - x7, xp.nan)
     x8 = v_1*x6
     x9 = w*x4
     del x4
-    matrix_1_3 = np.where(good, x8 + x9, np.nan)
-    matrix_2_1 = np.where(good, x5 + x7, np.nan)
+    matrix_1_3 = xp.where(good, x8 + x9, xp.nan)
+    matrix_2_1 = xp.where(good, x5 + x7, xp.nan)
     del x5, x7
     x10 = 2.0*(v_1*v_1)
-    matrix_2_2 = np.where(good, -x10 - x3, np.nan)
+    matrix_2_2 = xp.where(good, -x10 - x3, xp.nan)
     del x3
     x11 = 2.0*v_1*w
     del v_1
-    matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x11, np.nan)
+    matrix_2_3 = xp.where(good, 2.0*v_2*v_3 - x11, xp.nan)
     del v_3
-    matrix_3_1 = np.where(good, x8 - x9, np.nan)
+    matrix_3_1 = xp.where(good, x8 - x9, xp.nan)
     del x8, x9
-    matrix_3_2 = np.where(good, v_2*x6 + x11, np.nan)
+    matrix_3_2 = xp.where(good, v_2*x6 + x11, xp.nan)
     del v_2, x11, x6
-    matrix_3_3 = np.where(good, 1.0 - x10 - x2, np.nan)
+    matrix_3_3 = xp.where(good, 1.0 - x10 - x2, xp.nan)
     del x10, x2
-    status = np.where(~(good), 4.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0)))
+    status = xp.where(~(good), 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
     del good, sine, w
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
@@ -563,16 +563,16 @@ quaternion_from_rodrigues_vector.signature = "(3)->(4),()"
 quaternion_from_rodrigues_vector.types = ["d->db", "f->fb"]
 
 
-def _quaternion_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
+def _quaternion_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
     # 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale
-    size = 0.125*np.abs(theta_1) + 0.125*np.abs(theta_2) + 0.125*np.abs(theta_3) + 1.0
+    size = 0.125*xp.abs(theta_1) + 0.125*xp.abs(theta_2) + 0.125*xp.abs(theta_3) + 1.0
     factor = _power_of_two_scale(size)
     x0 = 0.5*factor
     theta_scaled_1 = theta_1*x0
     theta_scaled_2 = theta_2*x0
     theta_scaled_3 = theta_3*x0
     del x0
-    length = np.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
+    length = xp.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
     x1 = 1.0/length
     del length
     w = factor*x1
@@ -585,20 +585,20 @@ def _quaternion_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
     del theta_scaled_3, x1
     good = size <= largest
     del size
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
-    quaternion_1 = np.where(good, w, np.nan)
-    quaternion_2 = np.where(good, v_1, np.nan)
+    quaternion_1 = xp.where(good, w, xp.nan)
+    quaternion_2 = xp.where(good, v_1, xp.nan)
     del v_1
-    quaternion_3 = np.where(good, v_2, np.nan)
+    quaternion_3 = xp.where(good, v_2, xp.nan)
     del v_2
-    quaternion_4 = np.where(good, v_3, np.nan)
+    quaternion_4 = xp.where(good, v_3, xp.nan)
     del v_3
-    status = np.where(~(good), 4.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0)))
+    status = xp.where(~(good), 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
     del good, sine, w
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
@@ -636,7 +636,7 @@ axis_angle_from_matrix.signature = "(3,3)->(3),(),()"
 axis_angle_from_matrix.types = ["d->ddb", "f->ffb"]
 
 
-def _axis_angle_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
+def _axis_angle_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
     # 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale
     x0 = matrix_1_1 + 1.0
     products_1_1 = matrix_2_2 + matrix_3_3 + x0
@@ -670,40 +670,40 @@ def _axis_angle_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matr
     del x9
     products_4_4 = matrix_3_3 - matrix_2_2 - x8
     del x8
-    column_a_1 = np.where(products_1_1 < products_2_2, products_1_2, products_1_1)
+    column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
     del products_1_2
-    column_a_2 = np.where(products_1_1 < products_2_2, products_2_2, products_2_1)
+    column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
     del products_2_1
-    column_a_3 = np.where(products_1_1 < products_2_2, products_3_2, products_3_1)
+    column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
     del products_3_1, products_3_2
-    column_a_4 = np.where(products_1_1 < products_2_2, products_4_2, products_4_1)
+    column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
     del products_4_1, products_4_2
-    largest_a = np.where(products_1_1 < products_2_2, products_2_2, products_1_1)
+    largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
     del products_1_1, products_2_2
-    column_b_1 = np.where(largest_a < products_3_3, products_1_3, column_a_1)
+    column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
     del column_a_1, products_1_3
-    column_b_2 = np.where(largest_a < products_3_3, products_2_3, column_a_2)
+    column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
     del column_a_2, products_2_3
-    column_b_3 = np.where(largest_a < products_3_3, products_3_3, column_a_3)
+    column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
     del column_a_3
-    column_b_4 = np.where(largest_a < products_3_3, products_4_3, column_a_4)
+    column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
     del column_a_4, products_4_3
-    largest_b = np.where(largest_a < products_3_3, products_3_3, largest_a)
+    largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
     del largest_a, products_3_3
-    column_c_1 = np.where(largest_b < products_4_4, products_1_4, column_b_1)
+    column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
     del column_b_1, products_1_4
-    column_c_2 = np.where(largest_b < products_4_4, products_2_4, column_b_2)
+    column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
     del column_b_2, products_2_4
-    column_c_3 = np.where(largest_b < products_4_4, products_3_4, column_b_3)
+    column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
     del column_b_3, products_3_4
-    column_c_4 = np.where(largest_b < products_4_4, products_4_4, column_b_4)
+    column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
     del column_b_4, largest_b, products_4_4
-    length = np.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
+    length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
     del length
     x11 = column_c_1*x10
     del column_c_1
-    quaternion_sign = np.where(x11 < 0.0, -1.0, 1.0)
+    quaternion_sign = xp.where(x11 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x11
     del x11
     x12 = quaternion_sign*x10
@@ -714,30 +714,30 @@ def _axis_angle_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matr
     del column_c_3
     v_3 = column_c_4*x12
     del column_c_4, x12
-    deviation = 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + np.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + np.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + np.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
     del determinant
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     del v_1
     v_scaled_2 = sine_scale*v_2
     del v_2
     v_scaled_3 = sine_scale*v_3
     del v_3
-    x13 = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
+    x13 = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
     sine = x13/sine_scale
     del sine_scale
-    x14 = np.where(sine > 0.0, 1.0/x13, 1.0)
+    x14 = xp.where(sine > 0.0, 1.0/x13, 1.0)
     del x13
-    axis_1 = np.where(good, np.where(sine > 0.0, v_scaled_1*x14, 0.0), np.nan)
+    axis_1 = xp.where(good, xp.where(sine > 0.0, v_scaled_1*x14, 0.0), xp.nan)
     del v_scaled_1
-    axis_2 = np.where(good, np.where(sine > 0.0, v_scaled_2*x14, 0.0), np.nan)
+    axis_2 = xp.where(good, xp.where(sine > 0.0, v_scaled_2*x14, 0.0), xp.nan)
     del v_scaled_2
-    axis_3 = np.where(good, np.where(sine > 0.0, v_scaled_3*x14, 1.0), np.nan)
+    axis_3 = xp.where(good, xp.where(sine > 0.0, v_scaled_3*x14, 1.0), xp.nan)
     del v_scaled_3, x14
-    angle = np.where(good, 2.0*np.arctan2(sine, w), np.nan)
-    status = np.where(~(good), 4.0, np.where(deviation > 64.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    angle = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
+    status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
     del deviation, good, sine, w
     return (axis_1, axis_2, axis_3, angle, status)
 
@@ -773,7 +773,7 @@ rodrigues_vector_from_matrix.signature = "(3,3)->(3),()"
 rodrigues_vector_from_matrix.types = ["d->db", "f->fb"]
 
 
-def _rodrigues_vector_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
+def _rodrigues_vector_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
     # 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale
     x0 = matrix_1_1 + 1.0
     products_1_1 = matrix_2_2 + matrix_3_3 + x0
@@ -807,40 +807,40 @@ def _rodrigues_vector_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1
     del x9
     products_4_4 = matrix_3_3 - matrix_2_2 - x8
     del x8
-    column_a_1 = np.where(products_1_1 < products_2_2, products_1_2, products_1_1)
+    column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
     del products_1_2
-    column_a_2 = np.where(products_1_1 < products_2_2, products_2_2, products_2_1)
+    column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
     del products_2_1
-    column_a_3 = np.where(products_1_1 < products_2_2, products_3_2, products_3_1)
+    column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
     del products_3_1, products_3_2
-    column_a_4 = np.where(products_1_1 < products_2_2, products_4_2, products_4_1)
+    column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
     del products_4_1, products_4_2
-    largest_a = np.where(products_1_1 < products_2_2, products_2_2, products_1_1)
+    largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
     del products_1_1, products_2_2
-    column_b_1 = np.where(largest_a < products_3_3, products_1_3, column_a_1)
+    column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
     del column_a_1, products_1_3
-    column_b_2 = np.where(largest_a < products_3_3, products_2_3, column_a_2)
+    column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
     del column_a_2, products_2_3
-    column_b_3 = np.where(largest_a < products_3_3, products_3_3, column_a_3)
+    column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
     del column_a_3
-    column_b_4 = np.where(largest_a < products_3_3, products_4_3, column_a_4)
+    column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
     del column_a_4, products_4_3
-    largest_b = np.where(largest_a < products_3_3, products_3_3, largest_a)
+    largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
     del largest_a, products_3_3
-    column_c_1 = np.where(largest_b < products_4_4, products_1_4, column_b_1)
+    column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
     del column_b_1, products_1_4
-    column_c_2 = np.where(largest_b < products_4_4, products_2_4, column_b_2)
+    column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
     del column_b_2, products_2_4
-    column_c_3 = np.where(largest_b < products_4_4, products_3_4, column_b_3)
+    column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
     del column_b_3, products_3_4
-    column_c_4 = np.where(largest_b < products_4_4, products_4_4, column_b_4)
+    column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
     del column_b_4, largest_b, products_4_4
-    length = np.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
+    length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
     del length
     x11 = column_c_1*x10
     del column_c_1
-    quaternion_sign = np.where(x11 < 0.0, -1.0, 1.0)
+    quaternion_sign = xp.where(x11 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x11
     del x11
     x12 = quaternion_sign*x10
@@ -851,24 +851,24 @@ def _rodrigues_vector_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1
     del column_c_3
     v_3 = column_c_4*x12
     del column_c_4, x12
-    deviation = 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + np.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + np.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + np.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
     del determinant
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
-    x13 = 2.0*np.where(w > 0.25*eps, 1.0/w, 4.0/eps)
-    theta_1 = np.where(good, v_1*x13, np.nan)
+    x13 = 2.0*xp.where(w > 0.25*eps, 1.0/w, 4.0/eps)
+    theta_1 = xp.where(good, v_1*x13, xp.nan)
     del v_1
-    theta_2 = np.where(good, v_2*x13, np.nan)
+    theta_2 = xp.where(good, v_2*x13, xp.nan)
     del v_2
-    theta_3 = np.where(good, v_3*x13, np.nan)
+    theta_3 = xp.where(good, v_3*x13, xp.nan)
     del v_3, x13
-    status = np.where(~(good), 4.0, np.where(deviation > 64.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
     del deviation, good, sine, w
     return (theta_1, theta_2, theta_3, status)
 
@@ -904,7 +904,7 @@ quaternion_from_matrix.signature = "(3,3)->(4),()"
 quaternion_from_matrix.types = ["d->db", "f->fb"]
 
 
-def _quaternion_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
+def _quaternion_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
     # 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale
     x0 = matrix_1_1 + 1.0
     products_1_1 = matrix_2_2 + matrix_3_3 + x0
@@ -938,40 +938,40 @@ def _quaternion_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matr
     del x9
     products_4_4 = matrix_3_3 - matrix_2_2 - x8
     del x8
-    column_a_1 = np.where(products_1_1 < products_2_2, products_1_2, products_1_1)
+    column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
     del products_1_2
-    column_a_2 = np.where(products_1_1 < products_2_2, products_2_2, products_2_1)
+    column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
     del products_2_1
-    column_a_3 = np.where(products_1_1 < products_2_2, products_3_2, products_3_1)
+    column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
     del products_3_1, products_3_2
-    column_a_4 = np.where(products_1_1 < products_2_2, products_4_2, products_4_1)
+    column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
     del products_4_1, products_4_2
-    largest_a = np.where(products_1_1 < products_2_2, products_2_2, products_1_1)
+    largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
     del products_1_1, products_2_2
-    column_b_1 = np.where(largest_a < products_3_3, products_1_3, column_a_1)
+    column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
     del column_a_1, products_1_3
-    column_b_2 = np.where(largest_a < products_3_3, products_2_3, column_a_2)
+    column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
     del column_a_2, products_2_3
-    column_b_3 = np.where(largest_a < products_3_3, products_3_3, column_a_3)
+    column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
     del column_a_3
-    column_b_4 = np.where(largest_a < products_3_3, products_4_3, column_a_4)
+    column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
     del column_a_4, products_4_3
-    largest_b = np.where(largest_a < products_3_3, products_3_3, largest_a)
+    largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
     del largest_a, products_3_3
-    column_c_1 = np.where(largest_b < products_4_4, products_1_4, column_b_1)
+    column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
     del column_b_1, products_1_4
-    column_c_2 = np.where(largest_b < products_4_4, products_2_4, column_b_2)
+    column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
     del column_b_2, products_2_4
-    column_c_3 = np.where(largest_b < products_4_4, products_3_4, column_b_3)
+    column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
     del column_b_3, products_3_4
-    column_c_4 = np.where(largest_b < products_4_4, products_4_4, column_b_4)
+    column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
     del column_b_4, largest_b, products_4_4
-    length = np.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
+    length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
     del length
     x11 = column_c_1*x10
     del column_c_1
-    quaternion_sign = np.where(x11 < 0.0, -1.0, 1.0)
+    quaternion_sign = xp.where(x11 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x11
     del x11
     x12 = quaternion_sign*x10
@@ -982,24 +982,24 @@ def _quaternion_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matr
     del column_c_3
     v_3 = column_c_4*x12
     del column_c_4, x12
-    deviation = 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + np.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + np.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + np.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
     del determinant
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
-    quaternion_1 = np.where(good, w, np.nan)
-    quaternion_2 = np.where(good, v_1, np.nan)
+    quaternion_1 = xp.where(good, w, xp.nan)
+    quaternion_2 = xp.where(good, v_1, xp.nan)
     del v_1
-    quaternion_3 = np.where(good, v_2, np.nan)
+    quaternion_3 = xp.where(good, v_2, xp.nan)
     del v_2
-    quaternion_4 = np.where(good, v_3, np.nan)
+    quaternion_4 = xp.where(good, v_3, xp.nan)
     del v_3
-    status = np.where(~(good), 4.0, np.where(deviation > 64.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
     del deviation, good, sine, w
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
@@ -1037,17 +1037,17 @@ axis_angle_from_quaternion.signature = "(4)->(3),(),()"
 axis_angle_from_quaternion.types = ["d->ddb", "f->ffb"]
 
 
-def _axis_angle_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
+def _axis_angle_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
     # 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale
-    quaternion_size = 0.25*np.abs(quaternion_1) + 0.25*np.abs(quaternion_2) + 0.25*np.abs(quaternion_3) + 0.25*np.abs(quaternion_4)
+    quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
     x0 = _power_of_two_scale(quaternion_size)
     quaternion_scaled_1 = quaternion_1*x0
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
     del x0
-    quaternion_length = np.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = np.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
+    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
+    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
     del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
     del quaternion_scaled_1
@@ -1057,8 +1057,8 @@ def _axis_angle_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quater
     del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
     del quaternion_scaled_4, x1
-    quaternion_deviation = np.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
-    quaternion_sign = np.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
+    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
+    quaternion_sign = xp.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
     del quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
@@ -1069,26 +1069,26 @@ def _axis_angle_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quater
     del quaternion_sign, quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
     del quaternion_size
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     del v_1
     v_scaled_2 = sine_scale*v_2
     del v_2
     v_scaled_3 = sine_scale*v_3
     del v_3
-    x2 = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
+    x2 = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
     sine = x2/sine_scale
     del sine_scale
-    x3 = np.where(sine > 0.0, 1.0/x2, 1.0)
+    x3 = xp.where(sine > 0.0, 1.0/x2, 1.0)
     del x2
-    axis_1 = np.where(good, np.where(sine > 0.0, v_scaled_1*x3, 0.0), np.nan)
+    axis_1 = xp.where(good, xp.where(sine > 0.0, v_scaled_1*x3, 0.0), xp.nan)
     del v_scaled_1
-    axis_2 = np.where(good, np.where(sine > 0.0, v_scaled_2*x3, 0.0), np.nan)
+    axis_2 = xp.where(good, xp.where(sine > 0.0, v_scaled_2*x3, 0.0), xp.nan)
     del v_scaled_2
-    axis_3 = np.where(good, np.where(sine > 0.0, v_scaled_3*x3, 1.0), np.nan)
+    axis_3 = xp.where(good, xp.where(sine > 0.0, v_scaled_3*x3, 1.0), xp.nan)
     del v_scaled_3, x3
-    angle = np.where(good, 2.0*np.arctan2(sine, w), np.nan)
-    status = np.where(~(good), 4.0, np.where(quaternion_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    angle = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
+    status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
     del good, quaternion_deviation, sine, w
     return (axis_1, axis_2, axis_3, angle, status)
 
@@ -1124,17 +1124,17 @@ rodrigues_vector_from_quaternion.signature = "(4)->(3),()"
 rodrigues_vector_from_quaternion.types = ["d->db", "f->fb"]
 
 
-def _rodrigues_vector_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
+def _rodrigues_vector_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
     # 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale
-    quaternion_size = 0.25*np.abs(quaternion_1) + 0.25*np.abs(quaternion_2) + 0.25*np.abs(quaternion_3) + 0.25*np.abs(quaternion_4)
+    quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
     x0 = _power_of_two_scale(quaternion_size)
     quaternion_scaled_1 = quaternion_1*x0
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
     del x0
-    quaternion_length = np.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = np.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
+    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
+    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
     del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
     del quaternion_scaled_1
@@ -1144,8 +1144,8 @@ def _rodrigues_vector_from_quaternion(quaternion_1, quaternion_2, quaternion_3, 
     del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
     del quaternion_scaled_4, x1
-    quaternion_deviation = np.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
-    quaternion_sign = np.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
+    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
+    quaternion_sign = xp.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
     del quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
@@ -1156,20 +1156,20 @@ def _rodrigues_vector_from_quaternion(quaternion_1, quaternion_2, quaternion_3, 
     del quaternion_sign, quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
     del quaternion_size
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
-    x2 = 2.0*np.where(w > 0.25*eps, 1.0/w, 4.0/eps)
-    theta_1 = np.where(good, v_1*x2, np.nan)
+    x2 = 2.0*xp.where(w > 0.25*eps, 1.0/w, 4.0/eps)
+    theta_1 = xp.where(good, v_1*x2, xp.nan)
     del v_1
-    theta_2 = np.where(good, v_2*x2, np.nan)
+    theta_2 = xp.where(good, v_2*x2, xp.nan)
     del v_2
-    theta_3 = np.where(good, v_3*x2, np.nan)
+    theta_3 = xp.where(good, v_3*x2, xp.nan)
     del v_3, x2
-    status = np.where(~(good), 4.0, np.where(quaternion_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
     del good, quaternion_deviation, sine, w
     return (theta_1, theta_2, theta_3, status)
 
@@ -1205,17 +1205,17 @@ matrix_from_quaternion.signature = "(4)->(3,3),()"
 matrix_from_quaternion.types = ["d->db", "f->fb"]
 
 
-def _matrix_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
+def _matrix_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
     # 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale
-    quaternion_size = 0.25*np.abs(quaternion_1) + 0.25*np.abs(quaternion_2) + 0.25*np.abs(quaternion_3) + 0.25*np.abs(quaternion_4)
+    quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
     x0 = _power_of_two_scale(quaternion_size)
     quaternion_scaled_1 = quaternion_1*x0
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
     del x0
-    quaternion_length = np.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = np.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
+    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
+    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
     del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
     del quaternion_scaled_1
@@ -1225,8 +1225,8 @@ def _matrix_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion
     del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
     del quaternion_scaled_4, x1
-    quaternion_deviation = np.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
-    quaternion_sign = np.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
+    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
+    quaternion_sign = xp.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
     del quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
@@ -1237,40 +1237,40 @@ def _matrix_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion
     del quaternion_sign, quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
     del quaternion_size
-    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x2 = 2.0*(v_2*v_2)
     x3 = 2.0*(v_3*v_3) - 1.0
-    matrix_1_1 = np.where(good, -x2 - x3, np.nan)
+    matrix_1_1 = xp.where(good, -x2 - x3, xp.nan)
     x4 = 2.0*v_2
     x5 = v_1*x4
     x6 = 2.0*v_3
     x7 = w*x6
-    matrix_1_2 = np.where(good, x5 - x7, np.nan)
+    matrix_1_2 = xp.where(good, x5 - x7, xp.nan)
     x8 = v_1*x6
     x9 = w*x4
     del x4
-    matrix_1_3 = np.where(good, x8 + x9, np.nan)
-    matrix_2_1 = np.where(good, x5 + x7, np.nan)
+    matrix_1_3 = xp.where(good, x8 + x9, xp.nan)
+    matrix_2_1 = xp.where(good, x5 + x7, xp.nan)
     del x5, x7
     x10 = 2.0*(v_1*v_1)
-    matrix_2_2 = np.where(good, -x10 - x3, np.nan)
+    matrix_2_2 = xp.where(good, -x10 - x3, xp.nan)
     del x3
     x11 = 2.0*v_1*w
     del v_1
-    matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x11, np.nan)
+    matrix_2_3 = xp.where(good, 2.0*v_2*v_3 - x11, xp.nan)
     del v_3
-    matrix_3_1 = np.where(good, x8 - x9, np.nan)
+    matrix_3_1 = xp.where(good, x8 - x9, xp.nan)
     del x8, x9
-    matrix_3_2 = np.where(good, v_2*x6 + x11, np.nan)
+    matrix_3_2 = xp.where(good, v_2*x6 + x11, xp.nan)
     del v_2, x11, x6
-    matrix_3_3 = np.where(good, 1.0 - x10 - x2, np.nan)
+    matrix_3_3 = xp.where(good, 1.0 - x10 - x2, xp.nan)
     del x10, x2
-    status = np.where(~(good), 4.0, np.where(quaternion_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
     del good, quaternion_deviation, sine, w
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
@@ -1281,12 +1281,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -1367,6 +1390,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -1388,7 +1416,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -1397,7 +1425,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -1407,3 +1435,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

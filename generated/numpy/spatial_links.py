@@ -69,10 +69,10 @@ link_step.signature = "(4,4),(),(),(),(),()->(4,4)"
 link_step.types = ["dddddd->d", "ffffff->f"]
 
 
-def _link_step(frame_1_1, frame_1_2, frame_1_3, frame_1_4, frame_2_1, frame_2_2, frame_2_3, frame_2_4, frame_3_1, frame_3_2, frame_3_3, frame_3_4, frame_4_1, frame_4_2, frame_4_3, frame_4_4, a, cos_alpha, sin_alpha, offset, angle, eps, largest):
+def _link_step(xp, frame_1_1, frame_1_2, frame_1_3, frame_1_4, frame_2_1, frame_2_2, frame_2_3, frame_2_4, frame_3_1, frame_3_2, frame_3_3, frame_3_4, frame_4_1, frame_4_2, frame_4_3, frame_4_4, a, cos_alpha, sin_alpha, offset, angle, eps, largest):
     # 18 add, 30 mul, 1 cos, 1 sin
-    c = np.cos(angle)
-    s = np.sin(angle)
+    c = xp.cos(angle)
+    s = xp.sin(angle)
     x0 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha
     next_frame_1_1 = c*frame_1_1 + s*x0
     next_frame_1_2 = c*x0 - frame_1_1*s
@@ -133,7 +133,7 @@ link_inverse.signature = "(4,4)->(4,4)"
 link_inverse.types = ["d->d", "f->f"]
 
 
-def _link_inverse(transform_1_1, transform_1_2, transform_1_3, transform_1_4, transform_2_1, transform_2_2, transform_2_3, transform_2_4, transform_3_1, transform_3_2, transform_3_3, transform_3_4, transform_4_1, transform_4_2, transform_4_3, transform_4_4, eps, largest):
+def _link_inverse(xp, transform_1_1, transform_1_2, transform_1_3, transform_1_4, transform_2_1, transform_2_2, transform_2_3, transform_2_4, transform_3_1, transform_3_2, transform_3_3, transform_3_4, transform_4_1, transform_4_2, transform_4_3, transform_4_4, eps, largest):
     # 6 add, 9 mul
     inverse_1_1 = transform_1_1
     inverse_1_2 = transform_2_1
@@ -191,20 +191,20 @@ link_forward_6r.signature = "(5),(5),(5),(6),(6)->(4,4)"
 link_forward_6r.types = ["ddddd->d", "fffff->f"]
 
 
-def _link_forward_6r(a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_alpha_3, cos_alpha_4, cos_alpha_5, sin_alpha_1, sin_alpha_2, sin_alpha_3, sin_alpha_4, sin_alpha_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, angle_1, angle_2, angle_3, angle_4, angle_5, angle_6, eps, largest):
+def _link_forward_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_alpha_3, cos_alpha_4, cos_alpha_5, sin_alpha_1, sin_alpha_2, sin_alpha_3, sin_alpha_4, sin_alpha_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, angle_1, angle_2, angle_3, angle_4, angle_5, angle_6, eps, largest):
     # 79 add, 137 mul, 6 cos, 6 sin
-    c_1 = np.cos(angle_1)
-    c_2 = np.cos(angle_2)
-    c_3 = np.cos(angle_3)
-    c_4 = np.cos(angle_4)
-    c_5 = np.cos(angle_5)
-    c_6 = np.cos(angle_6)
-    s_1 = np.sin(angle_1)
-    s_2 = np.sin(angle_2)
-    s_3 = np.sin(angle_3)
-    s_4 = np.sin(angle_4)
-    s_5 = np.sin(angle_5)
-    s_6 = np.sin(angle_6)
+    c_1 = xp.cos(angle_1)
+    c_2 = xp.cos(angle_2)
+    c_3 = xp.cos(angle_3)
+    c_4 = xp.cos(angle_4)
+    c_5 = xp.cos(angle_5)
+    c_6 = xp.cos(angle_6)
+    s_1 = xp.sin(angle_1)
+    s_2 = xp.sin(angle_2)
+    s_3 = xp.sin(angle_3)
+    s_4 = xp.sin(angle_4)
+    s_5 = xp.sin(angle_5)
+    s_6 = xp.sin(angle_6)
     x0 = c_1*c_2
     x1 = s_1*s_2
     x_b_1 = x0 - cos_alpha_1*x1
@@ -405,18 +405,18 @@ link_jacobian_6r.signature = "(5),(5),(5),(6),(6)->(6,6)"
 link_jacobian_6r.types = ["ddddd->d", "fffff->f"]
 
 
-def _link_jacobian_6r(a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_alpha_3, cos_alpha_4, cos_alpha_5, sin_alpha_1, sin_alpha_2, sin_alpha_3, sin_alpha_4, sin_alpha_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, angle_1, angle_2, angle_3, angle_4, angle_5, angle_6, eps, largest):
+def _link_jacobian_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_alpha_3, cos_alpha_4, cos_alpha_5, sin_alpha_1, sin_alpha_2, sin_alpha_3, sin_alpha_4, sin_alpha_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, angle_1, angle_2, angle_3, angle_4, angle_5, angle_6, eps, largest):
     # 94 add, 143 mul, 5 cos, 5 sin
-    c_1 = np.cos(angle_1)
-    c_2 = np.cos(angle_2)
-    c_3 = np.cos(angle_3)
-    c_4 = np.cos(angle_4)
-    c_5 = np.cos(angle_5)
-    s_1 = np.sin(angle_1)
-    s_2 = np.sin(angle_2)
-    s_3 = np.sin(angle_3)
-    s_4 = np.sin(angle_4)
-    s_5 = np.sin(angle_5)
+    c_1 = xp.cos(angle_1)
+    c_2 = xp.cos(angle_2)
+    c_3 = xp.cos(angle_3)
+    c_4 = xp.cos(angle_4)
+    c_5 = xp.cos(angle_5)
+    s_1 = xp.sin(angle_1)
+    s_2 = xp.sin(angle_2)
+    s_3 = xp.sin(angle_3)
+    s_4 = xp.sin(angle_4)
+    s_5 = xp.sin(angle_5)
     x0 = c_1*c_2
     x1 = s_1*s_2
     x_b_1 = x0 - cos_alpha_1*x1
@@ -658,10 +658,10 @@ hypothetical_link.signature = "(4,4),(),(),()->(),(),(),(),(),(),()"
 hypothetical_link.types = ["dddd->ddddddb", "ffff->ffffffb"]
 
 
-def _hypothetical_link(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a67, alpha67, tolerance, eps, largest):
+def _hypothetical_link(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a67, alpha67, tolerance, eps, largest):
     # 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin
-    x0 = np.sin(alpha67)
-    x1 = np.cos(alpha67)
+    x0 = xp.sin(alpha67)
+    x1 = xp.cos(alpha67)
     S7v_1 = pose_1_3*x1 - pose_1_2*x0
     S7v_2 = pose_2_3*x1 - pose_2_2*x0
     S7v_3 = pose_3_3*x1 - pose_3_2*x0
@@ -669,15 +669,15 @@ def _hypothetical_link(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_
     end_1 = a67*pose_1_1 + pose_1_4
     end_2 = a67*pose_2_1 + pose_2_4
     end_3 = a67*pose_3_1 + pose_3_4
-    sine = np.sqrt((S7v_1*S7v_1) + (S7v_2*S7v_2))
+    sine = xp.sqrt((S7v_1*S7v_1) + (S7v_2*S7v_2))
     x2 = (end_1*end_1) + (end_2*end_2)
-    level_length = np.sqrt(x2)
-    size = np.sqrt((end_3*end_3) + x2)
+    level_length = xp.sqrt(x2)
+    size = xp.sqrt((end_3*end_3) + x2)
     del x2
     skewed = sine > tolerance
     apart = level_length > size*tolerance
     del size
-    divisor = np.where(skewed, sine, 1.0)
+    divisor = xp.where(skewed, sine, 1.0)
     x3 = 1.0/divisor
     del divisor
     x4 = S7v_2*x3
@@ -685,30 +685,30 @@ def _hypothetical_link(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_
     x5 = S7v_1*x3
     a71v_2 = -x5
     a71v_3 = 0.0
-    x6 = np.where(apart, 1.0/level_length, 1.0)
-    chosen_1 = np.where(skewed, a71v_1, np.where(apart, -end_1*x6, pose_1_1))
+    x6 = xp.where(apart, 1.0/level_length, 1.0)
+    chosen_1 = xp.where(skewed, a71v_1, xp.where(apart, -end_1*x6, pose_1_1))
     del a71v_1
-    chosen_2 = np.where(skewed, a71v_2, np.where(apart, -end_2*x6, pose_2_1))
+    chosen_2 = xp.where(skewed, a71v_2, xp.where(apart, -end_2*x6, pose_2_1))
     del a71v_2, x6
-    chosen_3 = np.where(skewed, a71v_3, np.where(apart, 0.0, pose_3_1))
+    chosen_3 = xp.where(skewed, a71v_3, xp.where(apart, 0.0, pose_3_1))
     del a71v_3
-    deviation = 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
+    deviation = 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + xp.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + xp.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + xp.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
     volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
-    good = (deviation <= 1.0/1000.0) & (np.abs(alpha67) + np.abs(end_1) + np.abs(end_2) + np.abs(end_3) + np.abs(tolerance) <= largest) & (volume > 0.0)
+    good = (deviation <= 1.0/1000.0) & (xp.abs(alpha67) + xp.abs(end_1) + xp.abs(end_2) + xp.abs(end_3) + xp.abs(tolerance) <= largest) & (volume > 0.0)
     del deviation, volume
-    S7 = np.where(good, np.where(skewed, x3*(-end_1*x5 - end_2*x4), 0.0), np.nan)
+    S7 = xp.where(good, xp.where(skewed, x3*(-end_1*x5 - end_2*x4), 0.0), xp.nan)
     del x4
-    theta7 = np.where(good, np.where((~(apart)) & (~(skewed)), 0.0, np.arctan2(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), np.nan)
+    theta7 = xp.where(good, xp.where((~(apart)) & (~(skewed)), 0.0, xp.atan2(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), xp.nan)
     del chosen_3
-    a71 = np.where(good, np.where(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), np.where(apart, level_length, 0.0)), np.nan)
+    a71 = xp.where(good, xp.where(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), xp.where(apart, level_length, 0.0)), xp.nan)
     del level_length
-    alpha71 = np.where(good, np.where(skewed, np.arctan2(sine, S7v_3), np.where(S7v_3 > 0.0, 0.0, 3.141592653589793)), np.nan)
+    alpha71 = xp.where(good, xp.where(skewed, xp.atan2(sine, S7v_3), xp.where(S7v_3 > 0.0, 0.0, 3.141592653589793)), xp.nan)
     del sine
-    S1 = np.where(good, np.where(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), np.nan)
+    S1 = xp.where(good, xp.where(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), xp.nan)
     del S7v_1, S7v_2, S7v_3, end_1, end_2, end_3, x3, x5
-    gamma1 = np.where(good, np.arctan2(-chosen_2, chosen_1), np.nan)
+    gamma1 = xp.where(good, xp.atan2(-chosen_2, chosen_1), xp.nan)
     del chosen_1, chosen_2
-    status = np.where(~(good), 3.0, np.where(skewed, 0.0, np.where(apart, 1.0, 2.0)))
+    status = xp.where(~(good), 3.0, xp.where(skewed, 0.0, xp.where(apart, 1.0, 2.0)))
     del apart, good, skewed
     return (S7, theta7, a71, alpha71, S1, gamma1, status)
 
@@ -719,12 +719,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -805,6 +828,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -826,7 +854,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -835,7 +863,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -845,3 +873,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

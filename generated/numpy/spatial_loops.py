@@ -71,18 +71,18 @@ loop_rccc.signature = "(4),(4),(),()->(2,3),(2,3),()"
 loop_rccc.types = ["dddd->ddb", "ffff->ffb"]
 
 
-def _loop_rccc(alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, theta_4, eps, largest):
+def _loop_rccc(xp, alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, theta_4, eps, largest):
     # 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin
-    cos_alpha_1 = np.cos(alpha_1)
-    cos_alpha_2 = np.cos(alpha_2)
-    cos_alpha_3 = np.cos(alpha_3)
-    cos_alpha_4 = np.cos(alpha_4)
-    sin_alpha_1 = np.sin(alpha_1)
-    sin_alpha_2 = np.sin(alpha_2)
-    sin_alpha_3 = np.sin(alpha_3)
-    sin_alpha_4 = np.sin(alpha_4)
-    cos_theta_4 = np.cos(theta_4)
-    sin_theta_4 = np.sin(theta_4)
+    cos_alpha_1 = xp.cos(alpha_1)
+    cos_alpha_2 = xp.cos(alpha_2)
+    cos_alpha_3 = xp.cos(alpha_3)
+    cos_alpha_4 = xp.cos(alpha_4)
+    sin_alpha_1 = xp.sin(alpha_1)
+    sin_alpha_2 = xp.sin(alpha_2)
+    sin_alpha_3 = xp.sin(alpha_3)
+    sin_alpha_4 = xp.sin(alpha_4)
+    cos_theta_4 = xp.cos(theta_4)
+    sin_theta_4 = xp.sin(theta_4)
     x0 = sin_alpha_3*sin_theta_4
     X_4 = x0
     x1 = cos_theta_4*sin_alpha_3
@@ -93,18 +93,18 @@ def _loop_rccc(alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, thet
     Z_4 = x3
     D = Z_4*cos_alpha_1 - cos_alpha_2
     del Z_4
-    r = sin_alpha_1*np.sqrt((X_4*X_4) + (Y_4*Y_4))
-    size = np.abs(r)
+    r = sin_alpha_1*xp.sqrt((X_4*X_4) + (Y_4*Y_4))
+    size = xp.abs(r)
     del r
     square = (size - D)*(D + size)
-    root = np.where(square > 0.0, np.sqrt(square), 0.0)
+    root = xp.where(square > 0.0, xp.sqrt(square), 0.0)
     del square
-    middle = np.arctan2(X_4*sin_alpha_1, Y_4*sin_alpha_1)
+    middle = xp.atan2(X_4*sin_alpha_1, Y_4*sin_alpha_1)
     del X_4, Y_4
-    half = np.arctan2(root, -D)
+    half = xp.atan2(root, -D)
     theta_1_a = half + middle
-    cos_theta_1_a = np.cos(theta_1_a)
-    sin_theta_1_a = np.sin(theta_1_a)
+    cos_theta_1_a = xp.cos(theta_1_a)
+    sin_theta_1_a = xp.sin(theta_1_a)
     row_a_1 = cos_theta_1_a*x0 + sin_theta_1_a*x2
     x4 = sin_alpha_1*x3
     del x3
@@ -129,12 +129,12 @@ def _loop_rccc(alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, thet
     del x13
     vector_a_3 = x16 - sin_alpha_1*x15
     del x15
-    theta_2_a = np.arctan2(row_a_1*sin_alpha_2, -row_a_2*sin_alpha_2)
+    theta_2_a = xp.atan2(row_a_1*sin_alpha_2, -row_a_2*sin_alpha_2)
     del row_a_1, row_a_2
-    theta_3_a = np.arctan2(column_a_1*sin_alpha_2, column_a_2*sin_alpha_2)
+    theta_3_a = xp.atan2(column_a_1*sin_alpha_2, column_a_2*sin_alpha_2)
     del column_a_1, column_a_2
-    cos_theta_2_a = np.cos(theta_2_a)
-    sin_theta_2_a = np.sin(theta_2_a)
+    cos_theta_2_a = xp.cos(theta_2_a)
+    sin_theta_2_a = xp.sin(theta_2_a)
     x17 = 1.0/sin_alpha_1
     x18 = 1.0/sin_theta_2_a
     S_1_a = x17*x18*(cos_theta_2_a*vector_a_1 + sin_theta_2_a*vector_a_2 - a_2)
@@ -144,8 +144,8 @@ def _loop_rccc(alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, thet
     del cos_theta_2_a, vector_a_1, x18
     theta_1_b = middle - half
     del half, middle
-    cos_theta_1_b = np.cos(theta_1_b)
-    sin_theta_1_b = np.sin(theta_1_b)
+    cos_theta_1_b = xp.cos(theta_1_b)
+    sin_theta_1_b = xp.sin(theta_1_b)
     row_b_1 = cos_theta_1_b*x0 + sin_theta_1_b*x2
     row_b_2 = cos_alpha_1*(cos_theta_1_b*x2 - sin_theta_1_b*x0) + x4
     del x0, x2, x4
@@ -163,52 +163,52 @@ def _loop_rccc(alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, thet
     del x14
     vector_b_3 = x16 - sin_alpha_1*x24
     del x16, x24
-    theta_2_b = np.arctan2(row_b_1*sin_alpha_2, -row_b_2*sin_alpha_2)
+    theta_2_b = xp.atan2(row_b_1*sin_alpha_2, -row_b_2*sin_alpha_2)
     del row_b_1, row_b_2
-    theta_3_b = np.arctan2(column_b_1*sin_alpha_2, column_b_2*sin_alpha_2)
+    theta_3_b = xp.atan2(column_b_1*sin_alpha_2, column_b_2*sin_alpha_2)
     del column_b_1, column_b_2
-    cos_theta_2_b = np.cos(theta_2_b)
-    sin_theta_2_b = np.sin(theta_2_b)
+    cos_theta_2_b = xp.cos(theta_2_b)
+    sin_theta_2_b = xp.sin(theta_2_b)
     x25 = 1.0/sin_theta_2_b
     S_1_b = x17*x25*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2)
     del vector_b_2, x17
     S_3_b = x20*x25*(vector_b_1 - a_2*cos_theta_2_b)
     del cos_theta_2_b, vector_b_1, x20, x25
-    total = 0.015625*np.abs(S_4) + 0.015625*np.abs(a_1) + 0.015625*np.abs(a_2) + 0.015625*np.abs(a_3) + 0.015625*np.abs(a_4) + 0.015625*np.abs(cos_alpha_1) + 0.015625*np.abs(cos_alpha_2) + 0.015625*np.abs(cos_alpha_3) + 0.015625*np.abs(cos_alpha_4) + 0.015625*np.abs(cos_theta_4) + 0.015625*np.abs(sin_alpha_1) + 0.015625*np.abs(sin_alpha_2) + 0.015625*np.abs(sin_alpha_3) + 0.015625*np.abs(sin_alpha_4) + 0.015625*np.abs(sin_theta_4)
+    total = 0.015625*xp.abs(S_4) + 0.015625*xp.abs(a_1) + 0.015625*xp.abs(a_2) + 0.015625*xp.abs(a_3) + 0.015625*xp.abs(a_4) + 0.015625*xp.abs(cos_alpha_1) + 0.015625*xp.abs(cos_alpha_2) + 0.015625*xp.abs(cos_alpha_3) + 0.015625*xp.abs(cos_alpha_4) + 0.015625*xp.abs(cos_theta_4) + 0.015625*xp.abs(sin_alpha_1) + 0.015625*xp.abs(sin_alpha_2) + 0.015625*xp.abs(sin_alpha_3) + 0.015625*xp.abs(sin_alpha_4) + 0.015625*xp.abs(sin_theta_4)
     del cos_alpha_3, cos_alpha_4, cos_theta_4, sin_alpha_3, sin_alpha_4, sin_theta_4
     good = total <= largest
     del total
-    closes = np.abs(D) <= 4.0*eps + size
+    closes = xp.abs(D) <= 4.0*eps + size
     del D
     x26 = sin_alpha_1*sin_alpha_2
     del sin_alpha_1, sin_alpha_2
     x27 = 8.0*eps
-    determined = (np.abs(sin_theta_2_a*x26) > x27) & (np.abs(sin_theta_2_b*x26) > x27)
+    determined = (xp.abs(sin_theta_2_a*x26) > x27) & (xp.abs(sin_theta_2_b*x26) > x27)
     del sin_theta_2_a, sin_theta_2_b, x26, x27
     there = (closes) & (good)
-    theta_1_1 = np.where(there, theta_1_a, np.nan)
+    theta_1_1 = xp.where(there, theta_1_a, xp.nan)
     del theta_1_a
-    theta_1_2 = np.where(there, theta_2_a, np.nan)
+    theta_1_2 = xp.where(there, theta_2_a, xp.nan)
     del theta_2_a
-    theta_1_3 = np.where(there, theta_3_a, np.nan)
+    theta_1_3 = xp.where(there, theta_3_a, xp.nan)
     del theta_3_a
-    theta_2_1 = np.where(there, theta_1_b, np.nan)
+    theta_2_1 = xp.where(there, theta_1_b, xp.nan)
     del theta_1_b
-    theta_2_2 = np.where(there, theta_2_b, np.nan)
+    theta_2_2 = xp.where(there, theta_2_b, xp.nan)
     del theta_2_b
-    theta_2_3 = np.where(there, theta_3_b, np.nan)
+    theta_2_3 = xp.where(there, theta_3_b, xp.nan)
     del theta_3_b
-    S_1_1 = np.where((determined) & (there), S_1_a, np.nan)
-    S_1_2 = np.where((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, np.nan)
+    S_1_1 = xp.where((determined) & (there), S_1_a, xp.nan)
+    S_1_2 = xp.where((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, xp.nan)
     del S_1_a, vector_a_3
-    S_1_3 = np.where((determined) & (there), S_3_a, np.nan)
+    S_1_3 = xp.where((determined) & (there), S_3_a, xp.nan)
     del S_3_a
-    S_2_1 = np.where((determined) & (there), S_1_b, np.nan)
-    S_2_2 = np.where((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, np.nan)
+    S_2_1 = xp.where((determined) & (there), S_1_b, xp.nan)
+    S_2_2 = xp.where((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, xp.nan)
     del S_1_b, cos_alpha_1, cos_alpha_2, vector_b_3
-    S_2_3 = np.where((determined) & (there), S_3_b, np.nan)
+    S_2_3 = xp.where((determined) & (there), S_3_b, xp.nan)
     del S_3_b, there
-    status = np.where(~(good), 4.0, np.where(~(closes), 2.0, np.where(~(determined), 3.0, np.where(root <= 4.0*np.sqrt(eps)*size, 1.0, 0.0))))
+    status = xp.where(~(good), 4.0, xp.where(~(closes), 2.0, xp.where(~(determined), 3.0, xp.where(root <= 4.0*eps**0.5*size, 1.0, 0.0))))
     del closes, determined, good, root, size
     return (theta_1_1, theta_1_2, theta_1_3, theta_2_1, theta_2_2, theta_2_3, S_1_1, S_1_2, S_1_3, S_2_1, S_2_2, S_2_3, status)
 
@@ -250,20 +250,20 @@ loop_rrrcc_pair.signature = "(5),(5),(3),()->(2,3,3)"
 loop_rrrcc_pair.types = ["dddd->d", "ffff->f"]
 
 
-def _loop_rrrcc_pair(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, a_3, a_4, a_5, S_1, S_2, S_3, theta_5, eps, largest):
+def _loop_rrrcc_pair(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, a_3, a_4, a_5, S_1, S_2, S_3, theta_5, eps, largest):
     # 35 add, 80 mul, 6 cos, 6 sin
-    cos_alpha_1 = np.cos(alpha_1)
-    cos_alpha_2 = np.cos(alpha_2)
-    cos_alpha_3 = np.cos(alpha_3)
-    cos_alpha_4 = np.cos(alpha_4)
-    cos_alpha_5 = np.cos(alpha_5)
-    sin_alpha_1 = np.sin(alpha_1)
-    sin_alpha_2 = np.sin(alpha_2)
-    sin_alpha_3 = np.sin(alpha_3)
-    sin_alpha_4 = np.sin(alpha_4)
-    sin_alpha_5 = np.sin(alpha_5)
-    cos_theta_5 = np.cos(theta_5)
-    sin_theta_5 = np.sin(theta_5)
+    cos_alpha_1 = xp.cos(alpha_1)
+    cos_alpha_2 = xp.cos(alpha_2)
+    cos_alpha_3 = xp.cos(alpha_3)
+    cos_alpha_4 = xp.cos(alpha_4)
+    cos_alpha_5 = xp.cos(alpha_5)
+    sin_alpha_1 = xp.sin(alpha_1)
+    sin_alpha_2 = xp.sin(alpha_2)
+    sin_alpha_3 = xp.sin(alpha_3)
+    sin_alpha_4 = xp.sin(alpha_4)
+    sin_alpha_5 = xp.sin(alpha_5)
+    cos_theta_5 = xp.cos(theta_5)
+    sin_theta_5 = xp.sin(theta_5)
     X_5 = sin_alpha_4*sin_theta_5
     x0 = cos_alpha_4*sin_alpha_5
     x1 = cos_alpha_5*sin_alpha_4
@@ -368,24 +368,24 @@ loop_rrrcc_back.signature = "(5),(5),(3),(),(),()->(2),(2)"
 loop_rrrcc_back.types = ["dddddd->dd", "ffffff->ff"]
 
 
-def _loop_rrrcc_back(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, a_3, a_4, a_5, S_1, S_2, S_3, theta_5, theta_1, theta_2, eps, largest):
+def _loop_rrrcc_back(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, a_3, a_4, a_5, S_1, S_2, S_3, theta_5, theta_1, theta_2, eps, largest):
     # 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin
-    cos_alpha_1 = np.cos(alpha_1)
-    cos_alpha_2 = np.cos(alpha_2)
-    cos_alpha_3 = np.cos(alpha_3)
-    cos_alpha_4 = np.cos(alpha_4)
-    cos_alpha_5 = np.cos(alpha_5)
-    sin_alpha_1 = np.sin(alpha_1)
-    sin_alpha_2 = np.sin(alpha_2)
-    sin_alpha_3 = np.sin(alpha_3)
-    sin_alpha_4 = np.sin(alpha_4)
-    sin_alpha_5 = np.sin(alpha_5)
-    cos_theta_5 = np.cos(theta_5)
-    sin_theta_5 = np.sin(theta_5)
-    cos_theta_1 = np.cos(theta_1)
-    sin_theta_1 = np.sin(theta_1)
-    cos_theta_2 = np.cos(theta_2)
-    sin_theta_2 = np.sin(theta_2)
+    cos_alpha_1 = xp.cos(alpha_1)
+    cos_alpha_2 = xp.cos(alpha_2)
+    cos_alpha_3 = xp.cos(alpha_3)
+    cos_alpha_4 = xp.cos(alpha_4)
+    cos_alpha_5 = xp.cos(alpha_5)
+    sin_alpha_1 = xp.sin(alpha_1)
+    sin_alpha_2 = xp.sin(alpha_2)
+    sin_alpha_3 = xp.sin(alpha_3)
+    sin_alpha_4 = xp.sin(alpha_4)
+    sin_alpha_5 = xp.sin(alpha_5)
+    cos_theta_5 = xp.cos(theta_5)
+    sin_theta_5 = xp.sin(theta_5)
+    cos_theta_1 = xp.cos(theta_1)
+    sin_theta_1 = xp.sin(theta_1)
+    cos_theta_2 = xp.cos(theta_2)
+    sin_theta_2 = xp.sin(theta_2)
     x0 = sin_alpha_4*sin_theta_5
     x1 = cos_theta_5*sin_alpha_4
     x2 = cos_alpha_4*sin_alpha_5 + cos_alpha_5*x1
@@ -427,12 +427,12 @@ def _loop_rrrcc_back(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, a_3,
     vector_2 = cos_alpha_2*x21 + sin_alpha_2*x20
     vector_3 = cos_alpha_2*x20 - sin_alpha_2*x21
     del cos_alpha_2, sin_alpha_2, x20, x21
-    theta_3 = np.arctan2(row_1*sin_alpha_3, -row_2*sin_alpha_3)
+    theta_3 = xp.atan2(row_1*sin_alpha_3, -row_2*sin_alpha_3)
     del row_1, row_2
-    theta_4 = np.arctan2(column_1*sin_alpha_3, column_2*sin_alpha_3)
+    theta_4 = xp.atan2(column_1*sin_alpha_3, column_2*sin_alpha_3)
     del column_1, column_2
-    cos_theta_3 = np.cos(theta_3)
-    sin_theta_3 = np.sin(theta_3)
+    cos_theta_3 = xp.cos(theta_3)
+    sin_theta_3 = xp.sin(theta_3)
     S_4 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3
     del cos_theta_3, sin_alpha_3, sin_theta_3, vector_1, vector_2
     angles_1 = theta_3
@@ -483,7 +483,7 @@ loop_pair_12_12.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
 loop_pair_12_12.types = ["dddd->d", "ffff->f"]
 
 
-def _loop_pair_12_12(rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
+def _loop_pair_12_12(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
     # 83 add, 144 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
@@ -602,7 +602,7 @@ loop_pair_23_23.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
 loop_pair_23_23.types = ["dddd->d", "ffff->f"]
 
 
-def _loop_pair_23_23(rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
+def _loop_pair_23_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
     # 73 add, 134 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
@@ -717,7 +717,7 @@ loop_pair_34_34.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
 loop_pair_34_34.types = ["dddd->d", "ffff->f"]
 
 
-def _loop_pair_34_34(rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
+def _loop_pair_34_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
     # 81 add, 149 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
@@ -836,7 +836,7 @@ loop_pair_12_23.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
 loop_pair_12_23.types = ["dddd->d", "ffff->f"]
 
 
-def _loop_pair_12_23(rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
+def _loop_pair_12_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
     # 116 add, 210 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
@@ -978,7 +978,7 @@ loop_pair_12_34.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
 loop_pair_12_34.types = ["dddd->d", "ffff->f"]
 
 
-def _loop_pair_12_34(rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
+def _loop_pair_12_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
     # 146 add, 251 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
@@ -1126,7 +1126,7 @@ loop_pair_23_34.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
 loop_pair_23_34.types = ["dddd->d", "ffff->f"]
 
 
-def _loop_pair_23_34(rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
+def _loop_pair_23_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
     # 132 add, 238 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
@@ -1243,12 +1243,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -1329,6 +1352,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -1350,7 +1378,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -1359,7 +1387,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -1369,3 +1397,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

@@ -63,14 +63,14 @@ polygon_notation_1.signature = "(3)->(4)"
 polygon_notation_1.types = ["d->d", "f->f"]
 
 
-def _polygon_notation_1(angles_1, angles_2, angles_3, eps, largest):
+def _polygon_notation_1(xp, angles_1, angles_2, angles_3, eps, largest):
     # 2 add, 6 mul, 3 cos, 3 sin
-    c_angle_1 = np.cos(angles_1)
-    c_angle_2 = np.cos(angles_2)
-    c_angle_3 = np.cos(angles_3)
-    s_angle_1 = np.sin(angles_1)
-    s_angle_2 = np.sin(angles_2)
-    s_angle_3 = np.sin(angles_3)
+    c_angle_1 = xp.cos(angles_1)
+    c_angle_2 = xp.cos(angles_2)
+    c_angle_3 = xp.cos(angles_3)
+    s_angle_1 = xp.sin(angles_1)
+    s_angle_2 = xp.sin(angles_2)
+    s_angle_3 = xp.sin(angles_3)
     x_1 = s_angle_1*s_angle_2
     del s_angle_2
     star_1 = -c_angle_2*s_angle_1
@@ -120,18 +120,18 @@ polygon_notation_2.signature = "(5)->(4)"
 polygon_notation_2.types = ["d->d", "f->f"]
 
 
-def _polygon_notation_2(angles_1, angles_2, angles_3, angles_4, angles_5, eps, largest):
+def _polygon_notation_2(xp, angles_1, angles_2, angles_3, angles_4, angles_5, eps, largest):
     # 6 add, 14 mul, 5 cos, 5 sin
-    c_angle_1 = np.cos(angles_1)
-    c_angle_2 = np.cos(angles_2)
-    c_angle_3 = np.cos(angles_3)
-    c_angle_4 = np.cos(angles_4)
-    c_angle_5 = np.cos(angles_5)
-    s_angle_1 = np.sin(angles_1)
-    s_angle_2 = np.sin(angles_2)
-    s_angle_3 = np.sin(angles_3)
-    s_angle_4 = np.sin(angles_4)
-    s_angle_5 = np.sin(angles_5)
+    c_angle_1 = xp.cos(angles_1)
+    c_angle_2 = xp.cos(angles_2)
+    c_angle_3 = xp.cos(angles_3)
+    c_angle_4 = xp.cos(angles_4)
+    c_angle_5 = xp.cos(angles_5)
+    s_angle_1 = xp.sin(angles_1)
+    s_angle_2 = xp.sin(angles_2)
+    s_angle_3 = xp.sin(angles_3)
+    s_angle_4 = xp.sin(angles_4)
+    s_angle_5 = xp.sin(angles_5)
     x_1 = s_angle_1*s_angle_2
     del s_angle_2
     star_1 = -c_angle_2*s_angle_1
@@ -187,22 +187,22 @@ polygon_notation_3.signature = "(7)->(4)"
 polygon_notation_3.types = ["d->d", "f->f"]
 
 
-def _polygon_notation_3(angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, eps, largest):
+def _polygon_notation_3(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, eps, largest):
     # 10 add, 22 mul, 7 cos, 7 sin
-    c_angle_1 = np.cos(angles_1)
-    c_angle_2 = np.cos(angles_2)
-    c_angle_3 = np.cos(angles_3)
-    c_angle_4 = np.cos(angles_4)
-    c_angle_5 = np.cos(angles_5)
-    c_angle_6 = np.cos(angles_6)
-    c_angle_7 = np.cos(angles_7)
-    s_angle_1 = np.sin(angles_1)
-    s_angle_2 = np.sin(angles_2)
-    s_angle_3 = np.sin(angles_3)
-    s_angle_4 = np.sin(angles_4)
-    s_angle_5 = np.sin(angles_5)
-    s_angle_6 = np.sin(angles_6)
-    s_angle_7 = np.sin(angles_7)
+    c_angle_1 = xp.cos(angles_1)
+    c_angle_2 = xp.cos(angles_2)
+    c_angle_3 = xp.cos(angles_3)
+    c_angle_4 = xp.cos(angles_4)
+    c_angle_5 = xp.cos(angles_5)
+    c_angle_6 = xp.cos(angles_6)
+    c_angle_7 = xp.cos(angles_7)
+    s_angle_1 = xp.sin(angles_1)
+    s_angle_2 = xp.sin(angles_2)
+    s_angle_3 = xp.sin(angles_3)
+    s_angle_4 = xp.sin(angles_4)
+    s_angle_5 = xp.sin(angles_5)
+    s_angle_6 = xp.sin(angles_6)
+    s_angle_7 = xp.sin(angles_7)
     x_1 = s_angle_1*s_angle_2
     del s_angle_2
     star_1 = -c_angle_2*s_angle_1
@@ -264,26 +264,26 @@ polygon_notation_4.signature = "(9)->(4)"
 polygon_notation_4.types = ["d->d", "f->f"]
 
 
-def _polygon_notation_4(angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, eps, largest):
+def _polygon_notation_4(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, eps, largest):
     # 14 add, 30 mul, 9 cos, 9 sin
-    c_angle_1 = np.cos(angles_1)
-    c_angle_2 = np.cos(angles_2)
-    c_angle_3 = np.cos(angles_3)
-    c_angle_4 = np.cos(angles_4)
-    c_angle_5 = np.cos(angles_5)
-    c_angle_6 = np.cos(angles_6)
-    c_angle_7 = np.cos(angles_7)
-    c_angle_8 = np.cos(angles_8)
-    c_angle_9 = np.cos(angles_9)
-    s_angle_1 = np.sin(angles_1)
-    s_angle_2 = np.sin(angles_2)
-    s_angle_3 = np.sin(angles_3)
-    s_angle_4 = np.sin(angles_4)
-    s_angle_5 = np.sin(angles_5)
-    s_angle_6 = np.sin(angles_6)
-    s_angle_7 = np.sin(angles_7)
-    s_angle_8 = np.sin(angles_8)
-    s_angle_9 = np.sin(angles_9)
+    c_angle_1 = xp.cos(angles_1)
+    c_angle_2 = xp.cos(angles_2)
+    c_angle_3 = xp.cos(angles_3)
+    c_angle_4 = xp.cos(angles_4)
+    c_angle_5 = xp.cos(angles_5)
+    c_angle_6 = xp.cos(angles_6)
+    c_angle_7 = xp.cos(angles_7)
+    c_angle_8 = xp.cos(angles_8)
+    c_angle_9 = xp.cos(angles_9)
+    s_angle_1 = xp.sin(angles_1)
+    s_angle_2 = xp.sin(angles_2)
+    s_angle_3 = xp.sin(angles_3)
+    s_angle_4 = xp.sin(angles_4)
+    s_angle_5 = xp.sin(angles_5)
+    s_angle_6 = xp.sin(angles_6)
+    s_angle_7 = xp.sin(angles_7)
+    s_angle_8 = xp.sin(angles_8)
+    s_angle_9 = xp.sin(angles_9)
     x_1 = s_angle_1*s_angle_2
     del s_angle_2
     star_1 = -c_angle_2*s_angle_1
@@ -351,30 +351,30 @@ polygon_notation_5.signature = "(11)->(4)"
 polygon_notation_5.types = ["d->d", "f->f"]
 
 
-def _polygon_notation_5(angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, angles_10, angles_11, eps, largest):
+def _polygon_notation_5(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, angles_10, angles_11, eps, largest):
     # 18 add, 38 mul, 11 cos, 11 sin
-    c_angle_1 = np.cos(angles_1)
-    c_angle_2 = np.cos(angles_2)
-    c_angle_3 = np.cos(angles_3)
-    c_angle_4 = np.cos(angles_4)
-    c_angle_5 = np.cos(angles_5)
-    c_angle_6 = np.cos(angles_6)
-    c_angle_7 = np.cos(angles_7)
-    c_angle_8 = np.cos(angles_8)
-    c_angle_9 = np.cos(angles_9)
-    c_angle_10 = np.cos(angles_10)
-    c_angle_11 = np.cos(angles_11)
-    s_angle_1 = np.sin(angles_1)
-    s_angle_2 = np.sin(angles_2)
-    s_angle_3 = np.sin(angles_3)
-    s_angle_4 = np.sin(angles_4)
-    s_angle_5 = np.sin(angles_5)
-    s_angle_6 = np.sin(angles_6)
-    s_angle_7 = np.sin(angles_7)
-    s_angle_8 = np.sin(angles_8)
-    s_angle_9 = np.sin(angles_9)
-    s_angle_10 = np.sin(angles_10)
-    s_angle_11 = np.sin(angles_11)
+    c_angle_1 = xp.cos(angles_1)
+    c_angle_2 = xp.cos(angles_2)
+    c_angle_3 = xp.cos(angles_3)
+    c_angle_4 = xp.cos(angles_4)
+    c_angle_5 = xp.cos(angles_5)
+    c_angle_6 = xp.cos(angles_6)
+    c_angle_7 = xp.cos(angles_7)
+    c_angle_8 = xp.cos(angles_8)
+    c_angle_9 = xp.cos(angles_9)
+    c_angle_10 = xp.cos(angles_10)
+    c_angle_11 = xp.cos(angles_11)
+    s_angle_1 = xp.sin(angles_1)
+    s_angle_2 = xp.sin(angles_2)
+    s_angle_3 = xp.sin(angles_3)
+    s_angle_4 = xp.sin(angles_4)
+    s_angle_5 = xp.sin(angles_5)
+    s_angle_6 = xp.sin(angles_6)
+    s_angle_7 = xp.sin(angles_7)
+    s_angle_8 = xp.sin(angles_8)
+    s_angle_9 = xp.sin(angles_9)
+    s_angle_10 = xp.sin(angles_10)
+    s_angle_11 = xp.sin(angles_11)
     x_1 = s_angle_1*s_angle_2
     del s_angle_2
     star_1 = -c_angle_2*s_angle_1
@@ -452,14 +452,14 @@ polygon_secondary_1.signature = "(3),(3)->(4),(4)"
 polygon_secondary_1.types = ["dd->dd", "ff->ff"]
 
 
-def _polygon_secondary_1(angles_1, angles_2, angles_3, lengths_1, lengths_2, lengths_3, eps, largest):
+def _polygon_secondary_1(xp, angles_1, angles_2, angles_3, lengths_1, lengths_2, lengths_3, eps, largest):
     # 8 add, 18 mul, 3 cos, 3 sin
-    c_angle_1 = np.cos(angles_1)
-    c_angle_2 = np.cos(angles_2)
-    c_angle_3 = np.cos(angles_3)
-    s_angle_1 = np.sin(angles_1)
-    s_angle_2 = np.sin(angles_2)
-    s_angle_3 = np.sin(angles_3)
+    c_angle_1 = xp.cos(angles_1)
+    c_angle_2 = xp.cos(angles_2)
+    c_angle_3 = xp.cos(angles_3)
+    s_angle_1 = xp.sin(angles_1)
+    s_angle_2 = xp.sin(angles_2)
+    s_angle_3 = xp.sin(angles_3)
     x_1 = s_angle_1*s_angle_2
     star_1 = -c_angle_2*s_angle_1
     x0 = c_angle_1*lengths_1
@@ -529,18 +529,18 @@ polygon_secondary_2.signature = "(5),(5)->(4),(4)"
 polygon_secondary_2.types = ["dd->dd", "ff->ff"]
 
 
-def _polygon_secondary_2(angles_1, angles_2, angles_3, angles_4, angles_5, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, eps, largest):
+def _polygon_secondary_2(xp, angles_1, angles_2, angles_3, angles_4, angles_5, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, eps, largest):
     # 20 add, 38 mul, 5 cos, 5 sin
-    c_angle_1 = np.cos(angles_1)
-    c_angle_2 = np.cos(angles_2)
-    c_angle_3 = np.cos(angles_3)
-    c_angle_4 = np.cos(angles_4)
-    c_angle_5 = np.cos(angles_5)
-    s_angle_1 = np.sin(angles_1)
-    s_angle_2 = np.sin(angles_2)
-    s_angle_3 = np.sin(angles_3)
-    s_angle_4 = np.sin(angles_4)
-    s_angle_5 = np.sin(angles_5)
+    c_angle_1 = xp.cos(angles_1)
+    c_angle_2 = xp.cos(angles_2)
+    c_angle_3 = xp.cos(angles_3)
+    c_angle_4 = xp.cos(angles_4)
+    c_angle_5 = xp.cos(angles_5)
+    s_angle_1 = xp.sin(angles_1)
+    s_angle_2 = xp.sin(angles_2)
+    s_angle_3 = xp.sin(angles_3)
+    s_angle_4 = xp.sin(angles_4)
+    s_angle_5 = xp.sin(angles_5)
     x_1 = s_angle_1*s_angle_2
     star_1 = -c_angle_2*s_angle_1
     x0 = c_angle_1*lengths_1
@@ -622,22 +622,22 @@ polygon_secondary_3.signature = "(7),(7)->(4),(4)"
 polygon_secondary_3.types = ["dd->dd", "ff->ff"]
 
 
-def _polygon_secondary_3(angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, lengths_6, lengths_7, eps, largest):
+def _polygon_secondary_3(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, lengths_6, lengths_7, eps, largest):
     # 32 add, 58 mul, 7 cos, 7 sin
-    c_angle_1 = np.cos(angles_1)
-    c_angle_2 = np.cos(angles_2)
-    c_angle_3 = np.cos(angles_3)
-    c_angle_4 = np.cos(angles_4)
-    c_angle_5 = np.cos(angles_5)
-    c_angle_6 = np.cos(angles_6)
-    c_angle_7 = np.cos(angles_7)
-    s_angle_1 = np.sin(angles_1)
-    s_angle_2 = np.sin(angles_2)
-    s_angle_3 = np.sin(angles_3)
-    s_angle_4 = np.sin(angles_4)
-    s_angle_5 = np.sin(angles_5)
-    s_angle_6 = np.sin(angles_6)
-    s_angle_7 = np.sin(angles_7)
+    c_angle_1 = xp.cos(angles_1)
+    c_angle_2 = xp.cos(angles_2)
+    c_angle_3 = xp.cos(angles_3)
+    c_angle_4 = xp.cos(angles_4)
+    c_angle_5 = xp.cos(angles_5)
+    c_angle_6 = xp.cos(angles_6)
+    c_angle_7 = xp.cos(angles_7)
+    s_angle_1 = xp.sin(angles_1)
+    s_angle_2 = xp.sin(angles_2)
+    s_angle_3 = xp.sin(angles_3)
+    s_angle_4 = xp.sin(angles_4)
+    s_angle_5 = xp.sin(angles_5)
+    s_angle_6 = xp.sin(angles_6)
+    s_angle_7 = xp.sin(angles_7)
     x_1 = s_angle_1*s_angle_2
     star_1 = -c_angle_2*s_angle_1
     x0 = c_angle_1*lengths_1
@@ -731,26 +731,26 @@ polygon_secondary_4.signature = "(9),(9)->(4),(4)"
 polygon_secondary_4.types = ["dd->dd", "ff->ff"]
 
 
-def _polygon_secondary_4(angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, lengths_6, lengths_7, lengths_8, lengths_9, eps, largest):
+def _polygon_secondary_4(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, lengths_6, lengths_7, lengths_8, lengths_9, eps, largest):
     # 44 add, 78 mul, 9 cos, 9 sin
-    c_angle_1 = np.cos(angles_1)
-    c_angle_2 = np.cos(angles_2)
-    c_angle_3 = np.cos(angles_3)
-    c_angle_4 = np.cos(angles_4)
-    c_angle_5 = np.cos(angles_5)
-    c_angle_6 = np.cos(angles_6)
-    c_angle_7 = np.cos(angles_7)
-    c_angle_8 = np.cos(angles_8)
-    c_angle_9 = np.cos(angles_9)
-    s_angle_1 = np.sin(angles_1)
-    s_angle_2 = np.sin(angles_2)
-    s_angle_3 = np.sin(angles_3)
-    s_angle_4 = np.sin(angles_4)
-    s_angle_5 = np.sin(angles_5)
-    s_angle_6 = np.sin(angles_6)
-    s_angle_7 = np.sin(angles_7)
-    s_angle_8 = np.sin(angles_8)
-    s_angle_9 = np.sin(angles_9)
+    c_angle_1 = xp.cos(angles_1)
+    c_angle_2 = xp.cos(angles_2)
+    c_angle_3 = xp.cos(angles_3)
+    c_angle_4 = xp.cos(angles_4)
+    c_angle_5 = xp.cos(angles_5)
+    c_angle_6 = xp.cos(angles_6)
+    c_angle_7 = xp.cos(angles_7)
+    c_angle_8 = xp.cos(angles_8)
+    c_angle_9 = xp.cos(angles_9)
+    s_angle_1 = xp.sin(angles_1)
+    s_angle_2 = xp.sin(angles_2)
+    s_angle_3 = xp.sin(angles_3)
+    s_angle_4 = xp.sin(angles_4)
+    s_angle_5 = xp.sin(angles_5)
+    s_angle_6 = xp.sin(angles_6)
+    s_angle_7 = xp.sin(angles_7)
+    s_angle_8 = xp.sin(angles_8)
+    s_angle_9 = xp.sin(angles_9)
     x_1 = s_angle_1*s_angle_2
     star_1 = -c_angle_2*s_angle_1
     x0 = c_angle_1*lengths_1
@@ -856,30 +856,30 @@ polygon_secondary_5.signature = "(11),(11)->(4),(4)"
 polygon_secondary_5.types = ["dd->dd", "ff->ff"]
 
 
-def _polygon_secondary_5(angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, angles_10, angles_11, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, lengths_6, lengths_7, lengths_8, lengths_9, lengths_10, lengths_11, eps, largest):
+def _polygon_secondary_5(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, angles_10, angles_11, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, lengths_6, lengths_7, lengths_8, lengths_9, lengths_10, lengths_11, eps, largest):
     # 56 add, 98 mul, 11 cos, 11 sin
-    c_angle_1 = np.cos(angles_1)
-    c_angle_2 = np.cos(angles_2)
-    c_angle_3 = np.cos(angles_3)
-    c_angle_4 = np.cos(angles_4)
-    c_angle_5 = np.cos(angles_5)
-    c_angle_6 = np.cos(angles_6)
-    c_angle_7 = np.cos(angles_7)
-    c_angle_8 = np.cos(angles_8)
-    c_angle_9 = np.cos(angles_9)
-    c_angle_10 = np.cos(angles_10)
-    c_angle_11 = np.cos(angles_11)
-    s_angle_1 = np.sin(angles_1)
-    s_angle_2 = np.sin(angles_2)
-    s_angle_3 = np.sin(angles_3)
-    s_angle_4 = np.sin(angles_4)
-    s_angle_5 = np.sin(angles_5)
-    s_angle_6 = np.sin(angles_6)
-    s_angle_7 = np.sin(angles_7)
-    s_angle_8 = np.sin(angles_8)
-    s_angle_9 = np.sin(angles_9)
-    s_angle_10 = np.sin(angles_10)
-    s_angle_11 = np.sin(angles_11)
+    c_angle_1 = xp.cos(angles_1)
+    c_angle_2 = xp.cos(angles_2)
+    c_angle_3 = xp.cos(angles_3)
+    c_angle_4 = xp.cos(angles_4)
+    c_angle_5 = xp.cos(angles_5)
+    c_angle_6 = xp.cos(angles_6)
+    c_angle_7 = xp.cos(angles_7)
+    c_angle_8 = xp.cos(angles_8)
+    c_angle_9 = xp.cos(angles_9)
+    c_angle_10 = xp.cos(angles_10)
+    c_angle_11 = xp.cos(angles_11)
+    s_angle_1 = xp.sin(angles_1)
+    s_angle_2 = xp.sin(angles_2)
+    s_angle_3 = xp.sin(angles_3)
+    s_angle_4 = xp.sin(angles_4)
+    s_angle_5 = xp.sin(angles_5)
+    s_angle_6 = xp.sin(angles_6)
+    s_angle_7 = xp.sin(angles_7)
+    s_angle_8 = xp.sin(angles_8)
+    s_angle_9 = xp.sin(angles_9)
+    s_angle_10 = xp.sin(angles_10)
+    s_angle_11 = xp.sin(angles_11)
     x_1 = s_angle_1*s_angle_2
     star_1 = -c_angle_2*s_angle_1
     x0 = c_angle_1*lengths_1
@@ -995,26 +995,26 @@ polygon_quadrilateral.signature = "(4),()->(2,4),()"
 polygon_quadrilateral.types = ["dd->db", "ff->fb"]
 
 
-def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, largest):
+def _polygon_quadrilateral(xp, alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, largest):
     # 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin
-    c_alpha_1 = np.cos(alpha_1)
-    c_alpha_2 = np.cos(alpha_2)
-    c_alpha_3 = np.cos(alpha_3)
-    c_alpha_4 = np.cos(alpha_4)
-    s_alpha_1 = np.sin(alpha_1)
-    s_alpha_2 = np.sin(alpha_2)
-    s_alpha_3 = np.sin(alpha_3)
-    s_alpha_4 = np.sin(alpha_4)
-    c_theta_1 = np.cos(theta_4)
-    s_theta_1 = np.sin(theta_4)
+    c_alpha_1 = xp.cos(alpha_1)
+    c_alpha_2 = xp.cos(alpha_2)
+    c_alpha_3 = xp.cos(alpha_3)
+    c_alpha_4 = xp.cos(alpha_4)
+    s_alpha_1 = xp.sin(alpha_1)
+    s_alpha_2 = xp.sin(alpha_2)
+    s_alpha_3 = xp.sin(alpha_3)
+    s_alpha_4 = xp.sin(alpha_4)
+    c_theta_1 = xp.cos(theta_4)
+    s_theta_1 = xp.sin(theta_4)
     x_4 = s_alpha_3*s_theta_1
     x0 = c_theta_1*s_alpha_3
     del s_alpha_3
     y_4 = -c_alpha_3*s_alpha_4 - c_alpha_4*x0
     z_4 = c_alpha_3*c_alpha_4 - s_alpha_4*x0
     del c_alpha_3, x0
-    sine_13 = np.sqrt((x_4*x_4) + (y_4*y_4))
-    x1 = 0.5*np.arctan2(sine_13, z_4)
+    sine_13 = xp.sqrt((x_4*x_4) + (y_4*y_4))
+    x1 = 0.5*xp.atan2(sine_13, z_4)
     x2 = 0.5*alpha_1
     x3 = 0.5*alpha_2
     x4 = x2 + x3
@@ -1024,55 +1024,55 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     del x4
     half_sums_4 = x1 + x2 - x3
     del x1, x2, x3
-    factors_1 = np.sin(half_sums_1)
+    factors_1 = xp.sin(half_sums_1)
     del half_sums_1
-    factors_2 = np.sin(half_sums_2)
+    factors_2 = xp.sin(half_sums_2)
     del half_sums_2
-    factors_3 = np.sin(half_sums_3)
+    factors_3 = xp.sin(half_sums_3)
     del half_sums_3
-    factors_4 = np.sin(half_sums_4)
+    factors_4 = xp.sin(half_sums_4)
     del half_sums_4
     x17 = s_alpha_1*sine_13
-    side = np.where(x17 < 0.0, -1.0, 1.0)
+    side = xp.where(x17 < 0.0, -1.0, 1.0)
     p_side = factors_1*factors_2*side
     x5 = 16.0*eps
-    p_near = x5*(np.abs(factors_1) + np.abs(factors_2))
+    p_near = x5*(xp.abs(factors_1) + xp.abs(factors_2))
     del factors_1, factors_2
     p_short = p_side < -p_near
-    p_zero = np.abs(p_side) <= p_near
+    p_zero = xp.abs(p_side) <= p_near
     del p_near
-    p = np.where(p_zero, 0.0, p_side)
+    p = xp.where(p_zero, 0.0, p_side)
     del p_side
     q_side = factors_3*factors_4*side
     del side
-    q_near = x5*(np.abs(factors_3) + np.abs(factors_4))
+    q_near = x5*(xp.abs(factors_3) + xp.abs(factors_4))
     del factors_3, factors_4
     q_short = q_side < -q_near
-    q_zero = np.abs(q_side) <= q_near
+    q_zero = xp.abs(q_side) <= q_near
     del q_near
-    q = np.where(q_zero, 0.0, q_side)
+    q = xp.where(q_zero, 0.0, q_side)
     del q_side
-    flat = np.abs(x17) <= x5
+    flat = xp.abs(x17) <= x5
     del x17
     no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))))
     del p_short, q_short
     one_angle = (p_zero) | (q_zero)
     any_angle = (flat) | ((p_zero) & (q_zero))
     del flat, p_zero, q_zero
-    p_and_q = np.where(any_angle, 1.0, p + q)
+    p_and_q = xp.where(any_angle, 1.0, p + q)
     x6 = 1.0/p_and_q
     del p_and_q
-    angle_c = np.where(any_angle, 1.0, x6*(q - p))
-    angle_s = np.where(any_angle, 0.0, 2.0*x6*np.sqrt(np.abs(p*q)))
+    angle_c = xp.where(any_angle, 1.0, x6*(q - p))
+    angle_s = xp.where(any_angle, 0.0, 2.0*x6*xp.sqrt(xp.abs(p*q)))
     del p, q, x6
-    other_sine = np.where(one_angle, angle_s, -angle_s)
+    other_sine = xp.where(one_angle, angle_s, -angle_s)
     on_axis = sine_13 <= x5
-    far = np.where(on_axis, 1.0, sine_13)
+    far = xp.where(on_axis, 1.0, sine_13)
     del sine_13
     x7 = 1.0/far
     del far
-    c_gamma = np.where(on_axis, 1.0, x7*y_4)
-    s_gamma = np.where(on_axis, 0.0, x7*x_4)
+    c_gamma = xp.where(on_axis, 1.0, x7*y_4)
+    s_gamma = xp.where(on_axis, 0.0, x7*x_4)
     del on_axis, x7
     x8 = angle_c*c_gamma
     c_1_1 = x8 - angle_s*s_gamma
@@ -1084,21 +1084,21 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     del s_gamma, x8
     s_1_2 = c_gamma*other_sine + x9
     del c_gamma, other_sine, x9
-    family = (any_angle) | (np.abs(s_alpha_2) <= x5)
+    family = (any_angle) | (xp.abs(s_alpha_2) <= x5)
     del any_angle
-    finite = np.abs(alpha_1) + np.abs(alpha_2) + np.abs(alpha_3) + np.abs(alpha_4) + np.abs(theta_4) <= largest
+    finite = xp.abs(alpha_1) + xp.abs(alpha_2) + xp.abs(alpha_3) + xp.abs(alpha_4) + xp.abs(theta_4) <= largest
     good = (finite) & (~(no_angle))
     x_41_1 = c_1_1*x_4 - s_1_1*y_4
     x10 = -s_alpha_1*z_4
     del z_4
     y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10
-    x11 = np.where(s_alpha_2 < 0.0, -1.0, 1.0)
-    sine_2_1 = np.where(np.abs(s_alpha_2) <= x5, 0.0, x11*x_41_1)
+    x11 = xp.where(s_alpha_2 < 0.0, -1.0, 1.0)
+    sine_2_1 = xp.where(xp.abs(s_alpha_2) <= x5, 0.0, x11*x_41_1)
     del x_41_1
-    cosine_2_1 = np.where(np.abs(s_alpha_2) <= x5, 1.0, x11*y_41_1)
+    cosine_2_1 = xp.where(xp.abs(s_alpha_2) <= x5, 1.0, x11*y_41_1)
     del y_41_1
-    length_2_1 = np.sqrt((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1))
-    divisor_2_1 = np.where(length_2_1 > 0.0, length_2_1, 1.0)
+    length_2_1 = xp.sqrt((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1))
+    divisor_2_1 = xp.where(length_2_1 > 0.0, length_2_1, 1.0)
     del length_2_1
     x12 = 1.0/divisor_2_1
     del divisor_2_1
@@ -1132,12 +1132,12 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     x_41_2 = c_1_2*x_4 - s_1_2*y_4
     y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10
     del x10, x_4, y_4
-    sine_2_2 = np.where(np.abs(s_alpha_2) <= x5, 0.0, x11*x_41_2)
+    sine_2_2 = xp.where(xp.abs(s_alpha_2) <= x5, 0.0, x11*x_41_2)
     del x_41_2
-    cosine_2_2 = np.where(np.abs(s_alpha_2) <= x5, 1.0, x11*y_41_2)
+    cosine_2_2 = xp.where(xp.abs(s_alpha_2) <= x5, 1.0, x11*y_41_2)
     del x11, x5, y_41_2
-    length_2_2 = np.sqrt((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2))
-    divisor_2_2 = np.where(length_2_2 > 0.0, length_2_2, 1.0)
+    length_2_2 = xp.sqrt((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2))
+    divisor_2_2 = xp.where(length_2_2 > 0.0, length_2_2, 1.0)
     del length_2_2
     x15 = 1.0/divisor_2_2
     del divisor_2_2
@@ -1167,23 +1167,23 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     del row_23_3
     sine_3_2 = c_alpha_2*row_24_2 + row_24_3*s_alpha_2
     del c_alpha_2, row_24_2, row_24_3, s_alpha_2
-    theta_1_1 = np.where(good, np.arctan2(s_1_1, c_1_1), np.nan)
+    theta_1_1 = xp.where(good, xp.atan2(s_1_1, c_1_1), xp.nan)
     del c_1_1, s_1_1
-    theta_1_2 = np.where(good, np.arctan2(sine_2_1, cosine_2_1), np.nan)
+    theta_1_2 = xp.where(good, xp.atan2(sine_2_1, cosine_2_1), xp.nan)
     del cosine_2_1, sine_2_1
-    theta_1_3 = np.where(good, np.arctan2(sine_3_1, row_14_1), np.nan)
+    theta_1_3 = xp.where(good, xp.atan2(sine_3_1, row_14_1), xp.nan)
     del row_14_1, sine_3_1
-    x16 = np.where(good, theta_4, np.nan)
+    x16 = xp.where(good, theta_4, xp.nan)
     theta_1_4 = x16
-    theta_2_1 = np.where(good, np.arctan2(s_1_2, c_1_2), np.nan)
+    theta_2_1 = xp.where(good, xp.atan2(s_1_2, c_1_2), xp.nan)
     del c_1_2, s_1_2
-    theta_2_2 = np.where(good, np.arctan2(sine_2_2, cosine_2_2), np.nan)
+    theta_2_2 = xp.where(good, xp.atan2(sine_2_2, cosine_2_2), xp.nan)
     del cosine_2_2, sine_2_2
-    theta_2_3 = np.where(good, np.arctan2(sine_3_2, row_24_1), np.nan)
+    theta_2_3 = xp.where(good, xp.atan2(sine_3_2, row_24_1), xp.nan)
     del good, row_24_1, sine_3_2
     theta_2_4 = x16
     del x16
-    status = np.where(~(finite), 4.0, np.where(no_angle, 3.0, np.where(family, 2.0, np.where(one_angle, 1.0, 0.0))))
+    status = xp.where(~(finite), 4.0, xp.where(no_angle, 3.0, xp.where(family, 2.0, xp.where(one_angle, 1.0, 0.0))))
     del family, finite, no_angle, one_angle
     return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_2_1, theta_2_2, theta_2_3, theta_2_4, status)
 
@@ -1221,22 +1221,22 @@ polygon_pentagon.signature = "(5),(2)->(2,5),()"
 polygon_pentagon.types = ["dd->db", "ff->fb"]
 
 
-def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, theta_45_2, eps, largest):
+def _polygon_pentagon(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, theta_45_2, eps, largest):
     # 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin
-    c_alpha_1 = np.cos(alpha_1)
-    c_alpha_2 = np.cos(alpha_2)
-    c_alpha_3 = np.cos(alpha_3)
-    c_alpha_4 = np.cos(alpha_4)
-    c_alpha_5 = np.cos(alpha_5)
-    s_alpha_1 = np.sin(alpha_1)
-    s_alpha_2 = np.sin(alpha_2)
-    s_alpha_3 = np.sin(alpha_3)
-    s_alpha_4 = np.sin(alpha_4)
-    s_alpha_5 = np.sin(alpha_5)
-    c_theta_1 = np.cos(theta_45_1)
-    c_theta_2 = np.cos(theta_45_2)
-    s_theta_1 = np.sin(theta_45_1)
-    s_theta_2 = np.sin(theta_45_2)
+    c_alpha_1 = xp.cos(alpha_1)
+    c_alpha_2 = xp.cos(alpha_2)
+    c_alpha_3 = xp.cos(alpha_3)
+    c_alpha_4 = xp.cos(alpha_4)
+    c_alpha_5 = xp.cos(alpha_5)
+    s_alpha_1 = xp.sin(alpha_1)
+    s_alpha_2 = xp.sin(alpha_2)
+    s_alpha_3 = xp.sin(alpha_3)
+    s_alpha_4 = xp.sin(alpha_4)
+    s_alpha_5 = xp.sin(alpha_5)
+    c_theta_1 = xp.cos(theta_45_1)
+    c_theta_2 = xp.cos(theta_45_2)
+    s_theta_1 = xp.sin(theta_45_1)
+    s_theta_2 = xp.sin(theta_45_2)
     x0 = s_alpha_3*s_theta_1
     x1 = c_theta_1*s_alpha_3
     del s_alpha_3
@@ -1251,7 +1251,7 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     del x3, x4
     x5 = 0.5*alpha_2
     x6 = 0.5*alpha_1
-    x7 = 0.5*np.arctan2(np.sqrt((x_45*x_45) + (y_45*y_45)), z_45)
+    x7 = 0.5*xp.atan2(xp.sqrt((x_45*x_45) + (y_45*y_45)), z_45)
     del z_45
     x8 = x6 + x7
     half_sums_1 = x8 - x5
@@ -1260,61 +1260,61 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     del x8
     half_sums_4 = x5 + x6 - x7
     del x5, x6, x7
-    factors_1 = np.sin(half_sums_1)
+    factors_1 = xp.sin(half_sums_1)
     del half_sums_1
-    factors_2 = np.sin(half_sums_2)
+    factors_2 = xp.sin(half_sums_2)
     del half_sums_2
-    factors_3 = np.sin(half_sums_3)
+    factors_3 = xp.sin(half_sums_3)
     del half_sums_3
-    factors_4 = np.sin(half_sums_4)
+    factors_4 = xp.sin(half_sums_4)
     del half_sums_4
     x18 = s_alpha_1*s_alpha_2
-    side = np.where(x18 < 0.0, -1.0, 1.0)
+    side = xp.where(x18 < 0.0, -1.0, 1.0)
     p_side = factors_1*factors_2*side
     x9 = 16.0*eps
-    p_near = x9*(np.abs(factors_1) + np.abs(factors_2))
+    p_near = x9*(xp.abs(factors_1) + xp.abs(factors_2))
     del factors_1, factors_2
     p_short = p_side < -p_near
-    p_zero = np.abs(p_side) <= p_near
+    p_zero = xp.abs(p_side) <= p_near
     del p_near
-    p = np.where(p_zero, 0.0, p_side)
+    p = xp.where(p_zero, 0.0, p_side)
     del p_side
     q_side = factors_3*factors_4*side
     del side
-    q_near = x9*(np.abs(factors_3) + np.abs(factors_4))
+    q_near = x9*(xp.abs(factors_3) + xp.abs(factors_4))
     del factors_3, factors_4
     q_short = q_side < -q_near
-    q_zero = np.abs(q_side) <= q_near
+    q_zero = xp.abs(q_side) <= q_near
     del q_near
-    q = np.where(q_zero, 0.0, q_side)
+    q = xp.where(q_zero, 0.0, q_side)
     del q_side
-    flat = np.abs(x18) <= x9
+    flat = xp.abs(x18) <= x9
     del x18
     no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))))
     del p_short, q_short
     one_angle = (p_zero) | (q_zero)
     any_angle = (flat) | ((p_zero) & (q_zero))
     del flat, p_zero, q_zero
-    p_and_q = np.where(any_angle, 1.0, p + q)
+    p_and_q = xp.where(any_angle, 1.0, p + q)
     x10 = 1.0/p_and_q
     del p_and_q
-    angle_c = np.where(any_angle, 1.0, x10*(p - q))
-    angle_s = np.where(any_angle, 0.0, 2.0*x10*np.sqrt(np.abs(p*q)))
+    angle_c = xp.where(any_angle, 1.0, x10*(p - q))
+    angle_s = xp.where(any_angle, 0.0, 2.0*x10*xp.sqrt(xp.abs(p*q)))
     del p, q, x10
-    other_sine = np.where(one_angle, angle_s, -angle_s)
-    finite = np.abs(alpha_1) + np.abs(alpha_2) + np.abs(alpha_3) + np.abs(alpha_4) + np.abs(alpha_5) + np.abs(theta_45_1) + np.abs(theta_45_2) <= largest
+    other_sine = xp.where(one_angle, angle_s, -angle_s)
+    finite = xp.abs(alpha_1) + xp.abs(alpha_2) + xp.abs(alpha_3) + xp.abs(alpha_4) + xp.abs(alpha_5) + xp.abs(theta_45_1) + xp.abs(theta_45_2) <= largest
     good = (finite) & (~(no_angle))
     xb_2_1 = angle_s*s_alpha_2
     x11 = -angle_c*c_alpha_1*s_alpha_2 - c_alpha_2*s_alpha_1
     yb_2_1 = x11
-    length_1_1 = np.sqrt((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1))
+    length_1_1 = xp.sqrt((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1))
     flat_1_1 = length_1_1 <= x9
     del length_1_1
-    cosine_1_1 = np.where(flat_1_1, 1.0, x_45*xb_2_1 - y_45*yb_2_1)
-    sine_1_1 = np.where(flat_1_1, 0.0, -x_45*yb_2_1 - xb_2_1*y_45)
+    cosine_1_1 = xp.where(flat_1_1, 1.0, x_45*xb_2_1 - y_45*yb_2_1)
+    sine_1_1 = xp.where(flat_1_1, 0.0, -x_45*yb_2_1 - xb_2_1*y_45)
     del xb_2_1, yb_2_1
-    size_1_1 = np.sqrt((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1))
-    divisor_1_1 = np.where(size_1_1 > 0.0, size_1_1, 1.0)
+    size_1_1 = xp.sqrt((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1))
+    divisor_1_1 = xp.where(size_1_1 > 0.0, size_1_1, 1.0)
     del size_1_1
     x12 = 1.0/divisor_1_1
     del divisor_1_1
@@ -1358,14 +1358,14 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     xb_2_2 = other_sine*s_alpha_2
     yb_2_2 = x11
     del x11
-    length_1_2 = np.sqrt((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2))
+    length_1_2 = xp.sqrt((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2))
     flat_1_2 = length_1_2 <= x9
     del length_1_2, x9
-    cosine_1_2 = np.where(flat_1_2, 1.0, x_45*xb_2_2 - y_45*yb_2_2)
-    sine_1_2 = np.where(flat_1_2, 0.0, -x_45*yb_2_2 - xb_2_2*y_45)
+    cosine_1_2 = xp.where(flat_1_2, 1.0, x_45*xb_2_2 - y_45*yb_2_2)
+    sine_1_2 = xp.where(flat_1_2, 0.0, -x_45*yb_2_2 - xb_2_2*y_45)
     del x_45, xb_2_2, y_45, yb_2_2
-    size_1_2 = np.sqrt((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2))
-    divisor_1_2 = np.where(size_1_2 > 0.0, size_1_2, 1.0)
+    size_1_2 = xp.sqrt((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2))
+    divisor_1_2 = xp.where(size_1_2 > 0.0, size_1_2, 1.0)
     del size_1_2
     x15 = 1.0/divisor_1_2
     del divisor_1_2
@@ -1407,27 +1407,27 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     del c_alpha_2, row_26_2, row_26_3, s_alpha_2
     family = (any_angle) | (flat_1_1) | (flat_1_2)
     del any_angle, flat_1_1, flat_1_2
-    theta_1_1 = np.where(good, np.arctan2(sine_1_1, cosine_1_1), np.nan)
+    theta_1_1 = xp.where(good, xp.atan2(sine_1_1, cosine_1_1), xp.nan)
     del cosine_1_1, sine_1_1
-    theta_1_2 = np.where(good, np.arctan2(angle_s, angle_c), np.nan)
+    theta_1_2 = xp.where(good, xp.atan2(angle_s, angle_c), xp.nan)
     del angle_s
-    theta_1_3 = np.where(good, np.arctan2(sine_3_1, row_16_1), np.nan)
+    theta_1_3 = xp.where(good, xp.atan2(sine_3_1, row_16_1), xp.nan)
     del row_16_1, sine_3_1
-    x16 = np.where(good, theta_45_1, np.nan)
+    x16 = xp.where(good, theta_45_1, xp.nan)
     theta_1_4 = x16
-    x17 = np.where(good, theta_45_2, np.nan)
+    x17 = xp.where(good, theta_45_2, xp.nan)
     theta_1_5 = x17
-    theta_2_1 = np.where(good, np.arctan2(sine_1_2, cosine_1_2), np.nan)
+    theta_2_1 = xp.where(good, xp.atan2(sine_1_2, cosine_1_2), xp.nan)
     del cosine_1_2, sine_1_2
-    theta_2_2 = np.where(good, np.arctan2(other_sine, angle_c), np.nan)
+    theta_2_2 = xp.where(good, xp.atan2(other_sine, angle_c), xp.nan)
     del angle_c, other_sine
-    theta_2_3 = np.where(good, np.arctan2(sine_3_2, row_26_1), np.nan)
+    theta_2_3 = xp.where(good, xp.atan2(sine_3_2, row_26_1), xp.nan)
     del good, row_26_1, sine_3_2
     theta_2_4 = x16
     del x16
     theta_2_5 = x17
     del x17
-    status = np.where(~(finite), 4.0, np.where(no_angle, 3.0, np.where(family, 2.0, np.where(one_angle, 1.0, 0.0))))
+    status = xp.where(~(finite), 4.0, xp.where(no_angle, 3.0, xp.where(family, 2.0, xp.where(one_angle, 1.0, 0.0))))
     del family, finite, no_angle, one_angle
     return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_1_5, theta_2_1, theta_2_2, theta_2_3, theta_2_4, theta_2_5, status)
 
@@ -1438,12 +1438,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -1524,6 +1547,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -1545,7 +1573,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -1554,7 +1582,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -1564,3 +1592,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

@@ -49,11 +49,11 @@ sps_legs.signature = "(3,3),(),(),()->(3)"
 sps_legs.types = ["dddd->d", "ffff->f"]
 
 
-def _sps_legs(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, platform_radius, height, eps, largest):
+def _sps_legs(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, platform_radius, height, eps, largest):
     # 20 add, 24 mul, 4 sqrt
     x0 = matrix_1_2*platform_radius
     x1 = 0.5*x0
-    x2 = np.sqrt(3.0)
+    x2 = 1.7320508075688772
     x3 = 0.5*base_radius
     x4 = x2*x3
     x5 = 0.5*platform_radius*x2
@@ -80,11 +80,11 @@ def _sps_legs(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix
     del x7, x8
     span_3_3 = height - x10 - x11
     del x10, x11
-    legs_1 = np.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
+    legs_1 = xp.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
     del span_1_1, span_1_2, span_1_3
-    legs_2 = np.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
+    legs_2 = xp.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
     del span_2_1, span_2_2, span_2_3
-    legs_3 = np.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
+    legs_3 = xp.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
     del span_3_1, span_3_2, span_3_3
     return (legs_1, legs_2, legs_3)
 
@@ -124,9 +124,9 @@ sps_legs_from_quaternion.signature = "(4),(),(),()->(3)"
 sps_legs_from_quaternion.types = ["dddd->d", "ffff->f"]
 
 
-def _sps_legs_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, base_radius, platform_radius, height, eps, largest):
+def _sps_legs_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, base_radius, platform_radius, height, eps, largest):
     # 32 add, 48 mul, 1 div, 5 sqrt
-    unit_length = np.sqrt((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4))
+    unit_length = xp.sqrt((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4))
     x0 = 1.0/unit_length
     del unit_length
     unit_1 = quaternion_1*x0
@@ -152,7 +152,7 @@ def _sps_legs_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaterni
     x6 = matrix_1_2*platform_radius
     del matrix_1_2
     x7 = 0.5*x6
-    x8 = np.sqrt(3.0)
+    x8 = 1.7320508075688772
     x9 = 0.5*base_radius
     x10 = x8*x9
     x11 = 0.5*platform_radius*x8
@@ -183,11 +183,11 @@ def _sps_legs_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaterni
     del x13, x14
     span_3_3 = height - x16 - x17
     del x16, x17
-    legs_1 = np.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
+    legs_1 = xp.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
     del span_1_1, span_1_2, span_1_3
-    legs_2 = np.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
+    legs_2 = xp.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
     del span_2_1, span_2_2, span_2_3
-    legs_3 = np.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
+    legs_3 = xp.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
     del span_3_1, span_3_2, span_3_3
     return (legs_1, legs_2, legs_3)
 
@@ -229,11 +229,11 @@ sps_jacobian.signature = "(3,3),(),(),()->(3,3)"
 sps_jacobian.types = ["dddd->d", "ffff->f"]
 
 
-def _sps_jacobian(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, platform_radius, height, eps, largest):
+def _sps_jacobian(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, platform_radius, height, eps, largest):
     # 28 add, 49 mul, 3 div, 4 sqrt
     x0 = matrix_1_2*platform_radius
     x1 = 0.5*x0
-    x2 = np.sqrt(3.0)
+    x2 = 1.7320508075688772
     x3 = 0.5*base_radius
     x4 = x2*x3
     x5 = 0.5*platform_radius*x2
@@ -251,12 +251,12 @@ def _sps_jacobian(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, ma
     del x5
     x14 = x13 - x12
     span_1_3 = height + x14
-    leg_1 = np.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
+    leg_1 = xp.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
     del span_1_1, span_1_2, span_1_3
     span_2_1 = x0
     span_2_2 = matrix_2_2*platform_radius - base_radius
     span_2_3 = height + x11
-    leg_2 = np.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
+    leg_2 = xp.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
     del span_2_1, span_2_2, span_2_3
     x15 = x1 + x6
     span_3_1 = x4 - x15
@@ -266,7 +266,7 @@ def _sps_jacobian(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, ma
     x17 = x12 + x13
     del x12, x13
     span_3_3 = height - x17
-    leg_3 = np.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
+    leg_3 = xp.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
     del span_3_1, span_3_2, span_3_3
     row_1_1 = height*x10 - x14*x3
     x18 = x6 - x1
@@ -347,11 +347,11 @@ sps_singularity.signature = "(3,3),(),()->()"
 sps_singularity.types = ["ddd->d", "fff->f"]
 
 
-def _sps_singularity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, height, eps, largest):
+def _sps_singularity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, height, eps, largest):
     # 19 add, 40 mul, 1 div, 2 sqrt
-    size = np.sqrt((base_radius*base_radius) + (height*height))
+    size = xp.sqrt((base_radius*base_radius) + (height*height))
     x0 = 0.5*matrix_3_2
-    x1 = 0.5*np.sqrt(3.0)
+    x1 = 0.5*1.7320508075688772
     x2 = matrix_3_1*x1
     x3 = x2 - x0
     x4 = 1.0/size
@@ -430,7 +430,7 @@ sps_invariants.signature = "(3),(),(),()->(),(2)"
 sps_invariants.types = ["dddd->dd", "ffff->ff"]
 
 
-def _sps_invariants(legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
+def _sps_invariants(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
     # 7 add, 17 mul, 3 div, 1 sqrt
     x0 = 1.0/(base_radius*base_radius)
     square_1 = (legs_1*legs_1)*x0
@@ -450,7 +450,7 @@ def _sps_invariants(legs_1, legs_2, legs_3, base_radius, platform_radius, height
     del K
     Z_re = x3*(2.0*square_2 - x2)
     del square_2, x2
-    Z_im = np.sqrt(3.0)*x3*(square_1 - square_3)
+    Z_im = 1.7320508075688772*x3*(square_1 - square_3)
     del square_1, square_3, x3
     cos_sum = a
     del a
@@ -504,7 +504,7 @@ sps_octic_scaled.signature = "(3),(),(),()->(9),(5),(),()"
 sps_octic_scaled.types = ["dddd->dddd", "ffff->ffff"]
 
 
-def _sps_octic_scaled(legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
+def _sps_octic_scaled(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
     # 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare
     x0 = 1.0/(base_radius*base_radius)
     square_1 = (legs_1*legs_1)*x0
@@ -524,13 +524,13 @@ def _sps_octic_scaled(legs_1, legs_2, legs_3, base_radius, platform_radius, heig
     del K
     Z_re = x4*(2.0*square_2 - x3)
     del square_2, x3
-    Z_im = np.sqrt(3.0)*x4*(square_1 - square_3)
+    Z_im = 1.7320508075688772*x4*(square_1 - square_3)
     del square_1, square_3, x4
-    z = np.sqrt((Z_im*Z_im) + (Z_re*Z_re))
-    x5 = np.where(z > 0.0, 1.0/z, 1.0)
-    cosine = np.where(z > 0.0, Z_re*x5, 1.0)
+    z = xp.sqrt((Z_im*Z_im) + (Z_re*Z_re))
+    x5 = xp.where(z > 0.0, 1.0/z, 1.0)
+    cosine = xp.where(z > 0.0, Z_re*x5, 1.0)
     del Z_re
-    sine = np.where(z > 0.0, Z_im*x5, 0.0)
+    sine = xp.where(z > 0.0, Z_im*x5, 0.0)
     del Z_im, x5
     c3 = cosine*(4.0*(cosine*cosine) - 3.0)
     del cosine
@@ -550,7 +550,7 @@ def _sps_octic_scaled(legs_1, legs_2, legs_3, base_radius, platform_radius, heig
     b_1 = -12.0*beta
     b_2 = 4.0*z - 12.0*mu
     b_3 = 16.0*beta
-    b_4 = 16.0*np.where(least < mu, mu, least)
+    b_4 = 16.0*xp.where(least < mu, mu, least)
     del least
     x8 = 1.0 - beta
     del beta
@@ -632,7 +632,7 @@ sps_mode.signature = "(3),(),(),(),(),()->(4)"
 sps_mode.types = ["dddddd->d", "ffffff->f"]
 
 
-def _sps_mode(legs_1, legs_2, legs_3, base_radius, platform_radius, height, root, sign, eps, largest):
+def _sps_mode(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, root, sign, eps, largest):
     # 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs
     x0 = 1.0/(base_radius*base_radius)
     square_1 = (legs_1*legs_1)*x0
@@ -647,13 +647,13 @@ def _sps_mode(legs_1, legs_2, legs_3, base_radius, platform_radius, height, root
     del ratio
     Z_re = x2*(2.0*square_2 - square_1 - square_3)
     del square_2
-    Z_im = np.sqrt(3.0)*x2*(square_1 - square_3)
+    Z_im = 1.7320508075688772*x2*(square_1 - square_3)
     del square_1, square_3, x2
-    z = np.sqrt((Z_im*Z_im) + (Z_re*Z_re))
-    x3 = np.where(z > 0.0, 1.0/z, 1.0)
-    cosine = np.where(z > 0.0, Z_re*x3, 1.0)
+    z = xp.sqrt((Z_im*Z_im) + (Z_re*Z_re))
+    x3 = xp.where(z > 0.0, 1.0/z, 1.0)
+    cosine = xp.where(z > 0.0, Z_re*x3, 1.0)
     del Z_re
-    sine = np.where(z > 0.0, Z_im*x3, 0.0)
+    sine = xp.where(z > 0.0, Z_im*x3, 0.0)
     del Z_im, x3
     x4 = 4.0*(eta*eta)
     base = x4 + 1.0
@@ -665,23 +665,23 @@ def _sps_mode(legs_1, legs_2, legs_3, base_radius, platform_radius, height, root
     del x5
     x6 = beta + mu*root
     del beta, mu
-    rho = np.where(x6 < 0.0, 0.0, np.where(x6 > 1.0, 1.0, x6))
+    rho = xp.where(x6 < 0.0, 0.0, xp.where(x6 > 1.0, 1.0, x6))
     del x6
     x7 = 1.0/rho
     x8 = 0.25*z
     x11 = root + x7*x8
-    along = np.where(((rho > (eps*eps)) | (root < -1.0)) & ((rho <= (eps*eps)) | (x11 < -1.0)), -1.0, np.where(((rho > (eps*eps)) | (root > 1.0)) & ((rho <= (eps*eps)) | (x11 > 1.0)), 1.0, root + np.where(rho > (eps*eps), x8*np.where(rho > (eps*eps), x7, 1.0), 0.0)))
+    along = xp.where(((rho > (eps*eps)) | (root < -1.0)) & ((rho <= (eps*eps)) | (x11 < -1.0)), -1.0, xp.where(((rho > (eps*eps)) | (root > 1.0)) & ((rho <= (eps*eps)) | (x11 > 1.0)), 1.0, root + xp.where(rho > (eps*eps), x8*xp.where(rho > (eps*eps), x7, 1.0), 0.0)))
     del x11, x7, x8
-    across = sign*np.sqrt((1.0 - along)*(along + 1.0))
+    across = sign*xp.sqrt((1.0 - along)*(along + 1.0))
     W_re = along*cosine - across*sine
     W_im = across*cosine + along*sine
     del across, along
-    w_outer = np.sqrt(0.5*np.abs(W_re) + 0.5)
-    w_inner = 0.5*np.abs(W_im)/w_outer
-    w_re = np.where(W_re < 0.0, w_inner, w_outer)
-    w_size = np.where(W_re < 0.0, w_outer, w_inner)
+    w_outer = xp.sqrt(0.5*xp.abs(W_re) + 0.5)
+    w_inner = 0.5*xp.abs(W_im)/w_outer
+    w_re = xp.where(W_re < 0.0, w_inner, w_outer)
+    w_size = xp.where(W_re < 0.0, w_outer, w_inner)
     del w_inner, w_outer
-    w_im = np.where(W_im < 0.0, -w_size, w_size)
+    w_im = xp.where(W_im < 0.0, -w_size, w_size)
     del w_size
     x9 = 2.0*rho
     lift_re = cosine*z - W_re*x9
@@ -691,14 +691,14 @@ def _sps_mode(legs_1, legs_2, legs_3, base_radius, platform_radius, height, root
     v_re = lift_re*w_re - lift_im*w_im
     v_im = lift_im*w_re + lift_re*w_im
     del lift_im, lift_re
-    v_length = np.sqrt((v_im*v_im) + (v_re*v_re))
+    v_length = xp.sqrt((v_im*v_im) + (v_re*v_re))
     known = v_length > 0.0
-    x10 = np.sqrt(1.0 - rho)
-    v_factor = x10*np.where(eta < 0.0, -1.0, 1.0)*np.where(known, 1.0/v_length, 1.0)
+    x10 = xp.sqrt(1.0 - rho)
+    v_factor = x10*xp.where(eta < 0.0, -1.0, 1.0)*xp.where(known, 1.0/v_length, 1.0)
     del eta, v_length
-    w_factor = np.sqrt(rho)
+    w_factor = xp.sqrt(rho)
     del rho
-    quaternion_1 = np.where(known, v_factor*v_re, x10)
+    quaternion_1 = xp.where(known, v_factor*v_re, x10)
     del known, v_re, x10
     quaternion_2 = w_factor*w_re
     del w_re
@@ -752,7 +752,7 @@ sps_polish.signature = "(4),(),(3),(),(),()->(4),()"
 sps_polish.types = ["dddddd->dd", "ffffff->ff"]
 
 
-def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
+def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
     # 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs
     x0 = 1.0/base_radius
     ratio = platform_radius*x0
@@ -766,7 +766,7 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     scale = (eta*eta) + (ratio*ratio) + target_1/3.0 + target_2/3.0 + target_3/3.0 + 1.0
     settled = 16.0*(eps*eps)*(scale*scale)
     del scale
-    start_length = np.sqrt((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4))
+    start_length = xp.sqrt((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4))
     x2 = 1.0/start_length
     del start_length
     start_1 = quaternion_1*x2
@@ -791,7 +791,7 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     x8 = matrix_0_1_2*ratio
     del matrix_0_1_2
     x9 = 0.5*x8
-    x10 = np.sqrt(3.0)
+    x10 = 1.7320508075688772
     x11 = 0.5*x10
     x12 = ratio*x11
     x13 = matrix_0_1_1*x12
@@ -873,11 +873,11 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     del cross_1_1_2, cross_1_2_2, cross_1_3_2
     solved_1_3 = cross_1_1_3*missing_0_1 + cross_1_2_3*missing_0_2 + cross_1_3_3*missing_0_3
     del cross_1_1_3, cross_1_2_3, cross_1_3_3
-    solved_size_1 = np.sqrt((solved_1_1*solved_1_1) + (solved_1_2*solved_1_2) + (solved_1_3*solved_1_3))
-    far_1 = solved_size_1 > trust*np.abs(determinant_1)
-    factor_1 = np.where(far_1, trust*np.where(determinant_1 < 0.0, -1.0, 1.0)*np.where(solved_size_1 > 0.0, 1.0/solved_size_1, 1.0), np.where(far_1, 1.0, 1.0/determinant_1))
+    solved_size_1 = xp.sqrt((solved_1_1*solved_1_1) + (solved_1_2*solved_1_2) + (solved_1_3*solved_1_3))
+    far_1 = solved_size_1 > trust*xp.abs(determinant_1)
+    factor_1 = xp.where(far_1, trust*xp.where(determinant_1 < 0.0, -1.0, 1.0)*xp.where(solved_size_1 > 0.0, 1.0/solved_size_1, 1.0), xp.where(far_1, 1.0, 1.0/determinant_1))
     del determinant_1, far_1
-    x24 = np.where(solved_size_1 > 0.0, factor_1, 0.0)
+    x24 = xp.where(solved_size_1 > 0.0, factor_1, 0.0)
     del factor_1, solved_size_1
     turn_1_1 = solved_1_1*x24
     del solved_1_1
@@ -893,7 +893,7 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     moved_1_3 = start_1*x26 + start_2*x27 + start_3 - start_4*x25
     moved_1_4 = start_1*x27 + start_3*x25 + start_4 - start_2*x26
     del x25, x26, x27
-    unit_1_length = np.sqrt((moved_1_1*moved_1_1) + (moved_1_2*moved_1_2) + (moved_1_3*moved_1_3) + (moved_1_4*moved_1_4))
+    unit_1_length = xp.sqrt((moved_1_1*moved_1_1) + (moved_1_2*moved_1_2) + (moved_1_3*moved_1_3) + (moved_1_4*moved_1_4))
     x28 = 1.0/unit_1_length
     del unit_1_length
     unit_1_1 = moved_1_1*x28
@@ -966,43 +966,43 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     merit_1 = (missing_1_1*missing_1_1) + (missing_1_2*missing_1_2) + (missing_1_3*missing_1_3)
     done_1 = merit_0 <= settled
     better_1 = (~(done_1)) & (merit_1 < merit_0)
-    now_1_1 = np.where(better_1, unit_1_1, start_1)
+    now_1_1 = xp.where(better_1, unit_1_1, start_1)
     del start_1, unit_1_1
-    now_1_2 = np.where(better_1, unit_1_2, start_2)
+    now_1_2 = xp.where(better_1, unit_1_2, start_2)
     del start_2, unit_1_2
-    now_1_3 = np.where(better_1, unit_1_3, start_3)
+    now_1_3 = xp.where(better_1, unit_1_3, start_3)
     del start_3, unit_1_3
-    now_1_4 = np.where(better_1, unit_1_4, start_4)
+    now_1_4 = xp.where(better_1, unit_1_4, start_4)
     del start_4, unit_1_4
-    taken_1_1_1 = np.where(better_1, arm_1_1_1, arm_0_1_1)
+    taken_1_1_1 = xp.where(better_1, arm_1_1_1, arm_0_1_1)
     del arm_0_1_1, arm_1_1_1
-    taken_1_1_2 = np.where(better_1, arm_1_1_2, arm_0_1_2)
+    taken_1_1_2 = xp.where(better_1, arm_1_1_2, arm_0_1_2)
     del arm_0_1_2, arm_1_1_2
-    taken_1_1_3 = np.where(better_1, arm_1_1_3, arm_0_1_3)
+    taken_1_1_3 = xp.where(better_1, arm_1_1_3, arm_0_1_3)
     del arm_0_1_3, arm_1_1_3
-    taken_1_2_1 = np.where(better_1, arm_1_2_1, arm_0_2_1)
+    taken_1_2_1 = xp.where(better_1, arm_1_2_1, arm_0_2_1)
     del arm_0_2_1, arm_1_2_1
-    taken_1_2_2 = np.where(better_1, arm_1_2_2, arm_0_2_2)
+    taken_1_2_2 = xp.where(better_1, arm_1_2_2, arm_0_2_2)
     del arm_0_2_2, arm_1_2_2
-    taken_1_2_3 = np.where(better_1, arm_1_2_3, arm_0_2_3)
+    taken_1_2_3 = xp.where(better_1, arm_1_2_3, arm_0_2_3)
     del arm_0_2_3, arm_1_2_3
-    taken_1_3_1 = np.where(better_1, arm_1_3_1, arm_0_3_1)
+    taken_1_3_1 = xp.where(better_1, arm_1_3_1, arm_0_3_1)
     del arm_0_3_1, arm_1_3_1
-    taken_1_3_2 = np.where(better_1, arm_1_3_2, arm_0_3_2)
+    taken_1_3_2 = xp.where(better_1, arm_1_3_2, arm_0_3_2)
     del arm_0_3_2, arm_1_3_2
-    taken_1_3_3 = np.where(better_1, arm_1_3_3, arm_0_3_3)
+    taken_1_3_3 = xp.where(better_1, arm_1_3_3, arm_0_3_3)
     del arm_0_3_3, arm_1_3_3
-    left_1_1 = np.where(better_1, missing_1_1, missing_0_1)
+    left_1_1 = xp.where(better_1, missing_1_1, missing_0_1)
     del missing_0_1, missing_1_1
-    left_1_2 = np.where(better_1, missing_1_2, missing_0_2)
+    left_1_2 = xp.where(better_1, missing_1_2, missing_0_2)
     del missing_0_2, missing_1_2
-    left_1_3 = np.where(better_1, missing_1_3, missing_0_3)
+    left_1_3 = xp.where(better_1, missing_1_3, missing_0_3)
     del missing_0_3, missing_1_3
-    merit_taken_1 = np.where(better_1, merit_1, merit_0)
+    merit_taken_1 = xp.where(better_1, merit_1, merit_0)
     del merit_0, merit_1
-    turned_by_1 = np.sqrt((turn_1_1*turn_1_1) + (turn_1_2*turn_1_2) + (turn_1_3*turn_1_3))
+    turned_by_1 = xp.sqrt((turn_1_1*turn_1_1) + (turn_1_2*turn_1_2) + (turn_1_3*turn_1_3))
     del turn_1_1, turn_1_2, turn_1_3
-    trust_1 = np.where(better_1, 2.0*trust, np.where(done_1, trust, 0.25*np.where(trust > turned_by_1, turned_by_1, trust)))
+    trust_1 = xp.where(better_1, 2.0*trust, xp.where(done_1, trust, 0.25*xp.where(trust > turned_by_1, turned_by_1, trust)))
     del better_1, done_1, turned_by_1
     row_2_1_1 = eta*taken_1_1_2 - 0.5*taken_1_1_3
     row_2_1_2 = -eta*taken_1_1_1 - taken_1_1_3*x11
@@ -1034,11 +1034,11 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     del cross_2_1_2, cross_2_2_2, cross_2_3_2
     solved_2_3 = cross_2_1_3*left_1_1 + cross_2_2_3*left_1_2 + cross_2_3_3*left_1_3
     del cross_2_1_3, cross_2_2_3, cross_2_3_3
-    solved_size_2 = np.sqrt((solved_2_1*solved_2_1) + (solved_2_2*solved_2_2) + (solved_2_3*solved_2_3))
-    far_2 = solved_size_2 > trust_1*np.abs(determinant_2)
-    factor_2 = np.where(far_2, trust_1*np.where(determinant_2 < 0.0, -1.0, 1.0)*np.where(solved_size_2 > 0.0, 1.0/solved_size_2, 1.0), np.where(far_2, 1.0, 1.0/determinant_2))
+    solved_size_2 = xp.sqrt((solved_2_1*solved_2_1) + (solved_2_2*solved_2_2) + (solved_2_3*solved_2_3))
+    far_2 = solved_size_2 > trust_1*xp.abs(determinant_2)
+    factor_2 = xp.where(far_2, trust_1*xp.where(determinant_2 < 0.0, -1.0, 1.0)*xp.where(solved_size_2 > 0.0, 1.0/solved_size_2, 1.0), xp.where(far_2, 1.0, 1.0/determinant_2))
     del determinant_2, far_2
-    x43 = np.where(solved_size_2 > 0.0, factor_2, 0.0)
+    x43 = xp.where(solved_size_2 > 0.0, factor_2, 0.0)
     del factor_2, solved_size_2
     turn_2_1 = solved_2_1*x43
     del solved_2_1
@@ -1054,7 +1054,7 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     moved_2_3 = now_1_1*x45 + now_1_2*x46 + now_1_3 - now_1_4*x44
     moved_2_4 = now_1_1*x46 + now_1_3*x44 + now_1_4 - now_1_2*x45
     del x44, x45, x46
-    unit_2_length = np.sqrt((moved_2_1*moved_2_1) + (moved_2_2*moved_2_2) + (moved_2_3*moved_2_3) + (moved_2_4*moved_2_4))
+    unit_2_length = xp.sqrt((moved_2_1*moved_2_1) + (moved_2_2*moved_2_2) + (moved_2_3*moved_2_3) + (moved_2_4*moved_2_4))
     x47 = 1.0/unit_2_length
     del unit_2_length
     unit_2_1 = moved_2_1*x47
@@ -1127,43 +1127,43 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     merit_2 = (missing_2_1*missing_2_1) + (missing_2_2*missing_2_2) + (missing_2_3*missing_2_3)
     done_2 = merit_taken_1 <= settled
     better_2 = (~(done_2)) & (merit_2 < merit_taken_1)
-    now_2_1 = np.where(better_2, unit_2_1, now_1_1)
+    now_2_1 = xp.where(better_2, unit_2_1, now_1_1)
     del now_1_1, unit_2_1
-    now_2_2 = np.where(better_2, unit_2_2, now_1_2)
+    now_2_2 = xp.where(better_2, unit_2_2, now_1_2)
     del now_1_2, unit_2_2
-    now_2_3 = np.where(better_2, unit_2_3, now_1_3)
+    now_2_3 = xp.where(better_2, unit_2_3, now_1_3)
     del now_1_3, unit_2_3
-    now_2_4 = np.where(better_2, unit_2_4, now_1_4)
+    now_2_4 = xp.where(better_2, unit_2_4, now_1_4)
     del now_1_4, unit_2_4
-    taken_2_1_1 = np.where(better_2, arm_2_1_1, taken_1_1_1)
+    taken_2_1_1 = xp.where(better_2, arm_2_1_1, taken_1_1_1)
     del arm_2_1_1, taken_1_1_1
-    taken_2_1_2 = np.where(better_2, arm_2_1_2, taken_1_1_2)
+    taken_2_1_2 = xp.where(better_2, arm_2_1_2, taken_1_1_2)
     del arm_2_1_2, taken_1_1_2
-    taken_2_1_3 = np.where(better_2, arm_2_1_3, taken_1_1_3)
+    taken_2_1_3 = xp.where(better_2, arm_2_1_3, taken_1_1_3)
     del arm_2_1_3, taken_1_1_3
-    taken_2_2_1 = np.where(better_2, arm_2_2_1, taken_1_2_1)
+    taken_2_2_1 = xp.where(better_2, arm_2_2_1, taken_1_2_1)
     del arm_2_2_1, taken_1_2_1
-    taken_2_2_2 = np.where(better_2, arm_2_2_2, taken_1_2_2)
+    taken_2_2_2 = xp.where(better_2, arm_2_2_2, taken_1_2_2)
     del arm_2_2_2, taken_1_2_2
-    taken_2_2_3 = np.where(better_2, arm_2_2_3, taken_1_2_3)
+    taken_2_2_3 = xp.where(better_2, arm_2_2_3, taken_1_2_3)
     del arm_2_2_3, taken_1_2_3
-    taken_2_3_1 = np.where(better_2, arm_2_3_1, taken_1_3_1)
+    taken_2_3_1 = xp.where(better_2, arm_2_3_1, taken_1_3_1)
     del arm_2_3_1, taken_1_3_1
-    taken_2_3_2 = np.where(better_2, arm_2_3_2, taken_1_3_2)
+    taken_2_3_2 = xp.where(better_2, arm_2_3_2, taken_1_3_2)
     del arm_2_3_2, taken_1_3_2
-    taken_2_3_3 = np.where(better_2, arm_2_3_3, taken_1_3_3)
+    taken_2_3_3 = xp.where(better_2, arm_2_3_3, taken_1_3_3)
     del arm_2_3_3, taken_1_3_3
-    left_2_1 = np.where(better_2, missing_2_1, left_1_1)
+    left_2_1 = xp.where(better_2, missing_2_1, left_1_1)
     del left_1_1, missing_2_1
-    left_2_2 = np.where(better_2, missing_2_2, left_1_2)
+    left_2_2 = xp.where(better_2, missing_2_2, left_1_2)
     del left_1_2, missing_2_2
-    left_2_3 = np.where(better_2, missing_2_3, left_1_3)
+    left_2_3 = xp.where(better_2, missing_2_3, left_1_3)
     del left_1_3, missing_2_3
-    merit_taken_2 = np.where(better_2, merit_2, merit_taken_1)
+    merit_taken_2 = xp.where(better_2, merit_2, merit_taken_1)
     del merit_2, merit_taken_1
-    turned_by_2 = np.sqrt((turn_2_1*turn_2_1) + (turn_2_2*turn_2_2) + (turn_2_3*turn_2_3))
+    turned_by_2 = xp.sqrt((turn_2_1*turn_2_1) + (turn_2_2*turn_2_2) + (turn_2_3*turn_2_3))
     del turn_2_1, turn_2_2, turn_2_3
-    trust_2 = np.where(better_2, 2.0*trust_1, np.where(done_2, trust_1, 0.25*np.where(trust_1 > turned_by_2, turned_by_2, trust_1)))
+    trust_2 = xp.where(better_2, 2.0*trust_1, xp.where(done_2, trust_1, 0.25*xp.where(trust_1 > turned_by_2, turned_by_2, trust_1)))
     del better_2, done_2, trust_1, turned_by_2
     row_3_1_1 = eta*taken_2_1_2 - 0.5*taken_2_1_3
     row_3_1_2 = -eta*taken_2_1_1 - taken_2_1_3*x11
@@ -1195,11 +1195,11 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     del cross_3_1_2, cross_3_2_2, cross_3_3_2
     solved_3_3 = cross_3_1_3*left_2_1 + cross_3_2_3*left_2_2 + cross_3_3_3*left_2_3
     del cross_3_1_3, cross_3_2_3, cross_3_3_3
-    solved_size_3 = np.sqrt((solved_3_1*solved_3_1) + (solved_3_2*solved_3_2) + (solved_3_3*solved_3_3))
-    far_3 = solved_size_3 > trust_2*np.abs(determinant_3)
-    factor_3 = np.where(far_3, trust_2*np.where(determinant_3 < 0.0, -1.0, 1.0)*np.where(solved_size_3 > 0.0, 1.0/solved_size_3, 1.0), np.where(far_3, 1.0, 1.0/determinant_3))
+    solved_size_3 = xp.sqrt((solved_3_1*solved_3_1) + (solved_3_2*solved_3_2) + (solved_3_3*solved_3_3))
+    far_3 = solved_size_3 > trust_2*xp.abs(determinant_3)
+    factor_3 = xp.where(far_3, trust_2*xp.where(determinant_3 < 0.0, -1.0, 1.0)*xp.where(solved_size_3 > 0.0, 1.0/solved_size_3, 1.0), xp.where(far_3, 1.0, 1.0/determinant_3))
     del determinant_3, far_3
-    x62 = np.where(solved_size_3 > 0.0, factor_3, 0.0)
+    x62 = xp.where(solved_size_3 > 0.0, factor_3, 0.0)
     del factor_3, solved_size_3
     turn_3_1 = solved_3_1*x62
     del solved_3_1
@@ -1215,7 +1215,7 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     moved_3_3 = now_2_1*x64 + now_2_2*x65 + now_2_3 - now_2_4*x63
     moved_3_4 = now_2_1*x65 + now_2_3*x63 + now_2_4 - now_2_2*x64
     del x63, x64, x65
-    unit_3_length = np.sqrt((moved_3_1*moved_3_1) + (moved_3_2*moved_3_2) + (moved_3_3*moved_3_3) + (moved_3_4*moved_3_4))
+    unit_3_length = xp.sqrt((moved_3_1*moved_3_1) + (moved_3_2*moved_3_2) + (moved_3_3*moved_3_3) + (moved_3_4*moved_3_4))
     x66 = 1.0/unit_3_length
     del unit_3_length
     unit_3_1 = moved_3_1*x66
@@ -1288,43 +1288,43 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     merit_3 = (missing_3_1*missing_3_1) + (missing_3_2*missing_3_2) + (missing_3_3*missing_3_3)
     done_3 = merit_taken_2 <= settled
     better_3 = (~(done_3)) & (merit_3 < merit_taken_2)
-    now_3_1 = np.where(better_3, unit_3_1, now_2_1)
+    now_3_1 = xp.where(better_3, unit_3_1, now_2_1)
     del now_2_1, unit_3_1
-    now_3_2 = np.where(better_3, unit_3_2, now_2_2)
+    now_3_2 = xp.where(better_3, unit_3_2, now_2_2)
     del now_2_2, unit_3_2
-    now_3_3 = np.where(better_3, unit_3_3, now_2_3)
+    now_3_3 = xp.where(better_3, unit_3_3, now_2_3)
     del now_2_3, unit_3_3
-    now_3_4 = np.where(better_3, unit_3_4, now_2_4)
+    now_3_4 = xp.where(better_3, unit_3_4, now_2_4)
     del now_2_4, unit_3_4
-    taken_3_1_1 = np.where(better_3, arm_3_1_1, taken_2_1_1)
+    taken_3_1_1 = xp.where(better_3, arm_3_1_1, taken_2_1_1)
     del arm_3_1_1, taken_2_1_1
-    taken_3_1_2 = np.where(better_3, arm_3_1_2, taken_2_1_2)
+    taken_3_1_2 = xp.where(better_3, arm_3_1_2, taken_2_1_2)
     del arm_3_1_2, taken_2_1_2
-    taken_3_1_3 = np.where(better_3, arm_3_1_3, taken_2_1_3)
+    taken_3_1_3 = xp.where(better_3, arm_3_1_3, taken_2_1_3)
     del arm_3_1_3, taken_2_1_3
-    taken_3_2_1 = np.where(better_3, arm_3_2_1, taken_2_2_1)
+    taken_3_2_1 = xp.where(better_3, arm_3_2_1, taken_2_2_1)
     del arm_3_2_1, taken_2_2_1
-    taken_3_2_2 = np.where(better_3, arm_3_2_2, taken_2_2_2)
+    taken_3_2_2 = xp.where(better_3, arm_3_2_2, taken_2_2_2)
     del arm_3_2_2, taken_2_2_2
-    taken_3_2_3 = np.where(better_3, arm_3_2_3, taken_2_2_3)
+    taken_3_2_3 = xp.where(better_3, arm_3_2_3, taken_2_2_3)
     del arm_3_2_3, taken_2_2_3
-    taken_3_3_1 = np.where(better_3, arm_3_3_1, taken_2_3_1)
+    taken_3_3_1 = xp.where(better_3, arm_3_3_1, taken_2_3_1)
     del arm_3_3_1, taken_2_3_1
-    taken_3_3_2 = np.where(better_3, arm_3_3_2, taken_2_3_2)
+    taken_3_3_2 = xp.where(better_3, arm_3_3_2, taken_2_3_2)
     del arm_3_3_2, taken_2_3_2
-    taken_3_3_3 = np.where(better_3, arm_3_3_3, taken_2_3_3)
+    taken_3_3_3 = xp.where(better_3, arm_3_3_3, taken_2_3_3)
     del arm_3_3_3, taken_2_3_3
-    left_3_1 = np.where(better_3, missing_3_1, left_2_1)
+    left_3_1 = xp.where(better_3, missing_3_1, left_2_1)
     del left_2_1, missing_3_1
-    left_3_2 = np.where(better_3, missing_3_2, left_2_2)
+    left_3_2 = xp.where(better_3, missing_3_2, left_2_2)
     del left_2_2, missing_3_2
-    left_3_3 = np.where(better_3, missing_3_3, left_2_3)
+    left_3_3 = xp.where(better_3, missing_3_3, left_2_3)
     del left_2_3, missing_3_3
-    merit_taken_3 = np.where(better_3, merit_3, merit_taken_2)
+    merit_taken_3 = xp.where(better_3, merit_3, merit_taken_2)
     del merit_3, merit_taken_2
-    turned_by_3 = np.sqrt((turn_3_1*turn_3_1) + (turn_3_2*turn_3_2) + (turn_3_3*turn_3_3))
+    turned_by_3 = xp.sqrt((turn_3_1*turn_3_1) + (turn_3_2*turn_3_2) + (turn_3_3*turn_3_3))
     del turn_3_1, turn_3_2, turn_3_3
-    trust_3 = np.where(better_3, 2.0*trust_2, np.where(done_3, trust_2, 0.25*np.where(trust_2 > turned_by_3, turned_by_3, trust_2)))
+    trust_3 = xp.where(better_3, 2.0*trust_2, xp.where(done_3, trust_2, 0.25*xp.where(trust_2 > turned_by_3, turned_by_3, trust_2)))
     del better_3, done_3, trust_2, turned_by_3
     row_4_1_1 = eta*taken_3_1_2 - 0.5*taken_3_1_3
     row_4_1_2 = -eta*taken_3_1_1 - taken_3_1_3*x11
@@ -1362,11 +1362,11 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     del cross_4_1_2, cross_4_2_2, cross_4_3_2
     solved_4_3 = cross_4_1_3*left_3_1 + cross_4_2_3*left_3_2 + cross_4_3_3*left_3_3
     del cross_4_1_3, cross_4_2_3, cross_4_3_3, left_3_1, left_3_2, left_3_3
-    solved_size_4 = np.sqrt((solved_4_1*solved_4_1) + (solved_4_2*solved_4_2) + (solved_4_3*solved_4_3))
-    far_4 = solved_size_4 > trust_3*np.abs(determinant_4)
-    factor_4 = np.where(far_4, trust_3*np.where(determinant_4 < 0.0, -1.0, 1.0)*np.where(solved_size_4 > 0.0, 1.0/solved_size_4, 1.0), np.where(far_4, 1.0, 1.0/determinant_4))
+    solved_size_4 = xp.sqrt((solved_4_1*solved_4_1) + (solved_4_2*solved_4_2) + (solved_4_3*solved_4_3))
+    far_4 = solved_size_4 > trust_3*xp.abs(determinant_4)
+    factor_4 = xp.where(far_4, trust_3*xp.where(determinant_4 < 0.0, -1.0, 1.0)*xp.where(solved_size_4 > 0.0, 1.0/solved_size_4, 1.0), xp.where(far_4, 1.0, 1.0/determinant_4))
     del determinant_4, far_4
-    x81 = np.where(solved_size_4 > 0.0, factor_4, 0.0)
+    x81 = xp.where(solved_size_4 > 0.0, factor_4, 0.0)
     del factor_4, solved_size_4
     turn_4_1 = solved_4_1*x81
     del solved_4_1
@@ -1382,7 +1382,7 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     moved_4_3 = now_3_1*x83 + now_3_2*x84 + now_3_3 - now_3_4*x82
     moved_4_4 = now_3_1*x84 + now_3_3*x82 + now_3_4 - now_3_2*x83
     del x82, x83, x84
-    unit_4_length = np.sqrt((moved_4_1*moved_4_1) + (moved_4_2*moved_4_2) + (moved_4_3*moved_4_3) + (moved_4_4*moved_4_4))
+    unit_4_length = xp.sqrt((moved_4_1*moved_4_1) + (moved_4_2*moved_4_2) + (moved_4_3*moved_4_3) + (moved_4_4*moved_4_4))
     x85 = 1.0/unit_4_length
     del unit_4_length
     unit_4_1 = moved_4_1*x85
@@ -1467,17 +1467,17 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     del settled
     better_4 = (~(done_4)) & (merit_4 < merit_taken_3)
     del merit_4, merit_taken_3
-    now_4_1 = np.where(better_4, unit_4_1, now_3_1)
+    now_4_1 = xp.where(better_4, unit_4_1, now_3_1)
     del now_3_1, unit_4_1
-    now_4_2 = np.where(better_4, unit_4_2, now_3_2)
+    now_4_2 = xp.where(better_4, unit_4_2, now_3_2)
     del now_3_2, unit_4_2
-    now_4_3 = np.where(better_4, unit_4_3, now_3_3)
+    now_4_3 = xp.where(better_4, unit_4_3, now_3_3)
     del now_3_3, unit_4_3
-    now_4_4 = np.where(better_4, unit_4_4, now_3_4)
+    now_4_4 = xp.where(better_4, unit_4_4, now_3_4)
     del now_3_4, unit_4_4
-    turned_by_4 = np.sqrt((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3))
+    turned_by_4 = xp.sqrt((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3))
     del turn_4_1, turn_4_2, turn_4_3
-    trust_4 = np.where(better_4, 2.0*trust_3, np.where(done_4, trust_3, 0.25*np.where(trust_3 > turned_by_4, turned_by_4, trust_3)))
+    trust_4 = xp.where(better_4, 2.0*trust_3, xp.where(done_4, trust_3, 0.25*xp.where(trust_3 > turned_by_4, turned_by_4, trust_3)))
     del better_4, done_4, trust_3, turned_by_4
     polished_1 = now_4_1
     del now_4_1
@@ -1498,12 +1498,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -1584,6 +1607,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -1605,7 +1633,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -1614,7 +1642,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -1624,3 +1652,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

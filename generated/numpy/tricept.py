@@ -75,15 +75,15 @@ tricept_point.signature = "(3),(),(),()->(3),(3,3)"
 tricept_point.types = ["dddd->dd", "ffff->ff"]
 
 
-def _tricept_point(pose_1, pose_2, pose_3, q_x, q_y, q_z, eps, largest):
+def _tricept_point(xp, pose_1, pose_2, pose_3, q_x, q_y, q_z, eps, largest):
     # 7 add, 13 mul, 2 cos, 2 sin
     alpha = pose_1
     beta = pose_2
-    sa = np.sin(alpha)
-    ca = np.cos(alpha)
+    sa = xp.sin(alpha)
+    ca = xp.cos(alpha)
     del alpha
-    sb = np.sin(beta)
-    cb = np.cos(beta)
+    sb = xp.sin(beta)
+    cb = xp.cos(beta)
     del beta
     rotation__1_1 = cb
     rotation__1_2 = -sa*sb
@@ -156,15 +156,15 @@ tricept_legs.signature = "(3),(),()->(3)"
 tricept_legs.types = ["ddd->d", "fff->f"]
 
 
-def _tricept_legs(pose_1, pose_2, pose_3, r, R, eps, largest):
+def _tricept_legs(xp, pose_1, pose_2, pose_3, r, R, eps, largest):
     # 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin
     alpha = pose_1
     beta = pose_2
-    sa = np.sin(alpha)
-    ca = np.cos(alpha)
+    sa = xp.sin(alpha)
+    ca = xp.cos(alpha)
     del alpha
-    sb = np.sin(beta)
-    cb = np.cos(beta)
+    sb = xp.sin(beta)
+    cb = xp.cos(beta)
     del beta
     x0 = ca*pose_3
     x1 = sb*x0
@@ -177,7 +177,7 @@ def _tricept_legs(pose_1, pose_2, pose_3, r, R, eps, largest):
     x4 = 0.5*cb
     del cb
     x5 = 0.5*sb
-    x6 = np.sqrt(3.0)
+    x6 = 1.7320508075688772
     x7 = sa*x6
     del sa
     x8 = x5*x7
@@ -200,11 +200,11 @@ def _tricept_legs(pose_1, pose_2, pose_3, r, R, eps, largest):
     del x11, x12, x2
     rod_c_3 = r*(x13 + x5) + x3
     del x13, x3, x5
-    rod_length_1 = np.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
+    rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
     del rod_a_1, rod_a_2, rod_a_3
-    rod_length_2 = np.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
+    rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
     del rod_b_1, rod_b_2, rod_b_3
-    rod_length_3 = np.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
+    rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
     del rod_c_1, rod_c_2, rod_c_3
     legs_1 = rod_length_1
     del rod_length_1
@@ -264,57 +264,57 @@ tricept_inverse.signature = "(3),(),(),(),(),(),(),()->(4,3),(4,3),(4)"
 tricept_inverse.types = ["dddddddd->ddb", "ffffffff->ffb"]
 
 
-def _tricept_inverse(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
+def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
     # 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2
     level_squared = (point_1*point_1) + (point_3*point_3)
-    level = np.sqrt(level_squared)
-    x0 = np.abs(q_x)
+    level = xp.sqrt(level_squared)
+    x0 = xp.abs(q_x)
     g_squared = (level - x0)*(level + x0)
     del level
     x1 = 16.0*eps
     g_band = x1*(level_squared + (q_x*q_x))
-    u_squared = (point_2 - q_y)*(point_2 + q_y) + np.where(g_squared > 0.0, g_squared, 0.0)
+    u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(g_squared > 0.0, g_squared, 0.0)
     x2 = (point_2*point_2)
     u_band = g_band + x1*((q_y*q_y) + x2)
     del x1
     no_root = (g_squared < -g_band) | (u_squared < -u_band)
     double_root = (g_squared <= g_band) | (u_squared <= u_band)
     del g_band, u_band
-    g = np.where(g_squared > 0.0, np.sqrt(g_squared), 0.0)
+    g = xp.where(g_squared > 0.0, xp.sqrt(g_squared), 0.0)
     del g_squared
-    u = np.where(u_squared > 0.0, np.sqrt(u_squared), 0.0)
+    u = xp.where(u_squared > 0.0, xp.sqrt(u_squared), 0.0)
     del u_squared
     whole = (g*g) + x2
     del x2
     free_beta = level_squared == 0.0
     free_alpha = whole == 0.0
-    by_level = np.where(free_beta, 1.0, 1.0/level_squared)
+    by_level = xp.where(free_beta, 1.0, 1.0/level_squared)
     del level_squared
-    by_whole = np.where(free_alpha, 1.0, 1.0/whole)
-    valid = (shortest <= longest) & (whole <= largest) & (x0 + np.abs(R) + np.abs(point_1) + np.abs(point_2) + np.abs(point_3) + np.abs(q_y) + np.abs(q_z) + np.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
+    by_whole = xp.where(free_alpha, 1.0, 1.0/whole)
+    valid = (shortest <= longest) & (whole <= largest) & (x0 + xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
     del whole, x0
     x3 = g*point_1
     x4 = point_3*q_x
-    sb_plus = np.where(free_beta, 0.0, by_level*(x3 - x4))
+    sb_plus = xp.where(free_beta, 0.0, by_level*(x3 - x4))
     x5 = g*point_3
-    cb_plus = np.where(free_beta, 1.0, by_level*(point_1*q_x + x5))
-    sb_minus = np.where(free_beta, 0.0, by_level*(-x3 - x4))
+    cb_plus = xp.where(free_beta, 1.0, by_level*(point_1*q_x + x5))
+    sb_minus = xp.where(free_beta, 0.0, by_level*(-x3 - x4))
     del x3, x4
-    cb_minus = np.where(free_beta, 1.0, by_level*(point_1*q_x - x5))
+    cb_minus = xp.where(free_beta, 1.0, by_level*(point_1*q_x - x5))
     del by_level, x5
     x6 = g*q_y
-    sa_plus = np.where(free_alpha, 0.0, by_whole*(point_2*u - x6))
+    sa_plus = xp.where(free_alpha, 0.0, by_whole*(point_2*u - x6))
     x7 = g*u
     del g
-    ca_plus = np.where(free_alpha, 1.0, by_whole*(point_2*q_y + x7))
-    sa_minus = np.where(free_alpha, 0.0, by_whole*(point_2*u + x6))
+    ca_plus = xp.where(free_alpha, 1.0, by_whole*(point_2*q_y + x7))
+    sa_minus = xp.where(free_alpha, 0.0, by_whole*(point_2*u + x6))
     del x6
-    ca_minus = np.where(free_alpha, 1.0, by_whole*(point_2*q_y - x7))
+    ca_minus = xp.where(free_alpha, 1.0, by_whole*(point_2*q_y - x7))
     del by_whole, x7
-    beta_plus = np.arctan2(sb_plus, cb_plus)
-    beta_minus = np.arctan2(sb_minus, cb_minus)
-    alpha_plus = np.arctan2(sa_plus, ca_plus)
-    alpha_minus = np.arctan2(sa_minus, ca_minus)
+    beta_plus = xp.atan2(sb_plus, cb_plus)
+    beta_minus = xp.atan2(sb_minus, cb_minus)
+    alpha_plus = xp.atan2(sa_plus, ca_plus)
+    alpha_minus = xp.atan2(sa_minus, ca_minus)
     x8 = u - q_z
     z_a = x8
     x9 = ca_plus*z_a
@@ -329,7 +329,7 @@ def _tricept_inverse(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, l
     rod_ax_3 = x14 + x15
     x16 = 0.5*cb_plus
     x17 = 0.5*sb_plus
-    x18 = np.sqrt(3.0)
+    x18 = 1.7320508075688772
     x19 = sa_plus*x18
     x20 = x17*x19
     x21 = 0.5*R
@@ -352,11 +352,11 @@ def _tricept_inverse(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, l
     del x13
     rod_az_3 = r*(x17 + x29) + x15
     del x15, x29
-    rods_a_length_1 = np.sqrt((rod_ax_1*rod_ax_1) + (rod_ax_2*rod_ax_2) + (rod_ax_3*rod_ax_3))
+    rods_a_length_1 = xp.sqrt((rod_ax_1*rod_ax_1) + (rod_ax_2*rod_ax_2) + (rod_ax_3*rod_ax_3))
     del rod_ax_1, rod_ax_2, rod_ax_3
-    rods_a_length_2 = np.sqrt((rod_ay_1*rod_ay_1) + (rod_ay_2*rod_ay_2) + (rod_ay_3*rod_ay_3))
+    rods_a_length_2 = xp.sqrt((rod_ay_1*rod_ay_1) + (rod_ay_2*rod_ay_2) + (rod_ay_3*rod_ay_3))
     del rod_ay_1, rod_ay_2, rod_ay_3
-    rods_a_length_3 = np.sqrt((rod_az_1*rod_az_1) + (rod_az_2*rod_az_2) + (rod_az_3*rod_az_3))
+    rods_a_length_3 = xp.sqrt((rod_az_1*rod_az_1) + (rod_az_2*rod_az_2) + (rod_az_3*rod_az_3))
     del rod_az_1, rod_az_2, rod_az_3
     z_b = x8
     del x8
@@ -393,11 +393,11 @@ def _tricept_inverse(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, l
     del x34
     rod_bz_3 = r*(x38 + x45) + x36
     del x36, x45
-    rods_b_length_1 = np.sqrt((rod_bx_1*rod_bx_1) + (rod_bx_2*rod_bx_2) + (rod_bx_3*rod_bx_3))
+    rods_b_length_1 = xp.sqrt((rod_bx_1*rod_bx_1) + (rod_bx_2*rod_bx_2) + (rod_bx_3*rod_bx_3))
     del rod_bx_1, rod_bx_2, rod_bx_3
-    rods_b_length_2 = np.sqrt((rod_by_1*rod_by_1) + (rod_by_2*rod_by_2) + (rod_by_3*rod_by_3))
+    rods_b_length_2 = xp.sqrt((rod_by_1*rod_by_1) + (rod_by_2*rod_by_2) + (rod_by_3*rod_by_3))
     del rod_by_1, rod_by_2, rod_by_3
-    rods_b_length_3 = np.sqrt((rod_bz_1*rod_bz_1) + (rod_bz_2*rod_bz_2) + (rod_bz_3*rod_bz_3))
+    rods_b_length_3 = xp.sqrt((rod_bz_1*rod_bz_1) + (rod_bz_2*rod_bz_2) + (rod_bz_3*rod_bz_3))
     del rod_bz_1, rod_bz_2, rod_bz_3
     x47 = -q_z - u
     del u
@@ -431,11 +431,11 @@ def _tricept_inverse(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, l
     del x43, x50
     rod_cz_3 = r*(-x28 - x54) + x51
     del x28, x51, x54
-    rods_c_length_1 = np.sqrt((rod_cx_1*rod_cx_1) + (rod_cx_2*rod_cx_2) + (rod_cx_3*rod_cx_3))
+    rods_c_length_1 = xp.sqrt((rod_cx_1*rod_cx_1) + (rod_cx_2*rod_cx_2) + (rod_cx_3*rod_cx_3))
     del rod_cx_1, rod_cx_2, rod_cx_3
-    rods_c_length_2 = np.sqrt((rod_cy_1*rod_cy_1) + (rod_cy_2*rod_cy_2) + (rod_cy_3*rod_cy_3))
+    rods_c_length_2 = xp.sqrt((rod_cy_1*rod_cy_1) + (rod_cy_2*rod_cy_2) + (rod_cy_3*rod_cy_3))
     del rod_cy_1, rod_cy_2, rod_cy_3
-    rods_c_length_3 = np.sqrt((rod_cz_1*rod_cz_1) + (rod_cz_2*rod_cz_2) + (rod_cz_3*rod_cz_3))
+    rods_c_length_3 = xp.sqrt((rod_cz_1*rod_cz_1) + (rod_cz_2*rod_cz_2) + (rod_cz_3*rod_cz_3))
     del rod_cz_1, rod_cz_2, rod_cz_3
     z_d = x47
     del x47
@@ -468,57 +468,57 @@ def _tricept_inverse(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, l
     del x27, x57
     rod_dz_3 = r*(-x44 - x61) + x58
     del x44, x58, x61
-    rods_d_length_1 = np.sqrt((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3))
+    rods_d_length_1 = xp.sqrt((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3))
     del rod_dx_1, rod_dx_2, rod_dx_3
-    rods_d_length_2 = np.sqrt((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3))
+    rods_d_length_2 = xp.sqrt((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3))
     del rod_dy_1, rod_dy_2, rod_dy_3
-    rods_d_length_3 = np.sqrt((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3))
+    rods_d_length_3 = xp.sqrt((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3))
     del rod_dz_1, rod_dz_2, rod_dz_3
     there = (valid) & (~(no_root))
-    poses_1_1 = np.where(there, alpha_plus, np.nan)
-    x62 = np.where(there, beta_plus, np.nan)
+    poses_1_1 = xp.where(there, alpha_plus, xp.nan)
+    x62 = xp.where(there, beta_plus, xp.nan)
     del beta_plus
     poses_1_2 = x62
-    poses_1_3 = np.where(there, z_a, np.nan)
+    poses_1_3 = xp.where(there, z_a, xp.nan)
     del z_a
-    poses_2_1 = np.where(there, alpha_minus, np.nan)
-    x63 = np.where(there, beta_minus, np.nan)
+    poses_2_1 = xp.where(there, alpha_minus, xp.nan)
+    x63 = xp.where(there, beta_minus, xp.nan)
     del beta_minus
     poses_2_2 = x63
-    poses_2_3 = np.where(there, z_b, np.nan)
+    poses_2_3 = xp.where(there, z_b, xp.nan)
     del z_b
-    poses_3_1 = np.where(there, -alpha_minus, np.nan)
+    poses_3_1 = xp.where(there, -alpha_minus, xp.nan)
     del alpha_minus
     poses_3_2 = x62
     del x62
-    poses_3_3 = np.where(there, z_c, np.nan)
+    poses_3_3 = xp.where(there, z_c, xp.nan)
     del z_c
-    poses_4_1 = np.where(there, -alpha_plus, np.nan)
+    poses_4_1 = xp.where(there, -alpha_plus, xp.nan)
     del alpha_plus
     poses_4_2 = x63
     del x63
-    poses_4_3 = np.where(there, z_d, np.nan)
+    poses_4_3 = xp.where(there, z_d, xp.nan)
     del z_d
-    legs_1_1 = np.where(there, rods_a_length_1, np.nan)
-    legs_1_2 = np.where(there, rods_a_length_2, np.nan)
-    legs_1_3 = np.where(there, rods_a_length_3, np.nan)
-    legs_2_1 = np.where(there, rods_b_length_1, np.nan)
-    legs_2_2 = np.where(there, rods_b_length_2, np.nan)
-    legs_2_3 = np.where(there, rods_b_length_3, np.nan)
-    legs_3_1 = np.where(there, rods_c_length_1, np.nan)
-    legs_3_2 = np.where(there, rods_c_length_2, np.nan)
-    legs_3_3 = np.where(there, rods_c_length_3, np.nan)
-    legs_4_1 = np.where(there, rods_d_length_1, np.nan)
-    legs_4_2 = np.where(there, rods_d_length_2, np.nan)
-    legs_4_3 = np.where(there, rods_d_length_3, np.nan)
+    legs_1_1 = xp.where(there, rods_a_length_1, xp.nan)
+    legs_1_2 = xp.where(there, rods_a_length_2, xp.nan)
+    legs_1_3 = xp.where(there, rods_a_length_3, xp.nan)
+    legs_2_1 = xp.where(there, rods_b_length_1, xp.nan)
+    legs_2_2 = xp.where(there, rods_b_length_2, xp.nan)
+    legs_2_3 = xp.where(there, rods_b_length_3, xp.nan)
+    legs_3_1 = xp.where(there, rods_c_length_1, xp.nan)
+    legs_3_2 = xp.where(there, rods_c_length_2, xp.nan)
+    legs_3_3 = xp.where(there, rods_c_length_3, xp.nan)
+    legs_4_1 = xp.where(there, rods_d_length_1, xp.nan)
+    legs_4_2 = xp.where(there, rods_d_length_2, xp.nan)
+    legs_4_3 = xp.where(there, rods_d_length_3, xp.nan)
     del there
-    status_1 = np.where(~(valid), 7.0, np.where(no_root, 4.0, np.where((free_alpha) | (free_beta), 3.0, np.where(double_root, 2.0, np.where((rods_a_length_1 > longest) | (rods_a_length_2 > longest) | (rods_a_length_3 > longest) | (rods_a_length_1 < shortest) | (rods_a_length_2 < shortest) | (rods_a_length_3 < shortest), 1.0, 0.0)))))
+    status_1 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_a_length_1 > longest) | (rods_a_length_2 > longest) | (rods_a_length_3 > longest) | (rods_a_length_1 < shortest) | (rods_a_length_2 < shortest) | (rods_a_length_3 < shortest), 1.0, 0.0)))))
     del rods_a_length_1, rods_a_length_2, rods_a_length_3
-    status_2 = np.where(~(valid), 7.0, np.where(no_root, 4.0, np.where((free_alpha) | (free_beta), 3.0, np.where(double_root, 2.0, np.where((rods_b_length_1 > longest) | (rods_b_length_2 > longest) | (rods_b_length_3 > longest) | (rods_b_length_1 < shortest) | (rods_b_length_2 < shortest) | (rods_b_length_3 < shortest), 1.0, 0.0)))))
+    status_2 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_b_length_1 > longest) | (rods_b_length_2 > longest) | (rods_b_length_3 > longest) | (rods_b_length_1 < shortest) | (rods_b_length_2 < shortest) | (rods_b_length_3 < shortest), 1.0, 0.0)))))
     del rods_b_length_1, rods_b_length_2, rods_b_length_3
-    status_3 = np.where(~(valid), 7.0, np.where(no_root, 4.0, np.where((free_alpha) | (free_beta), 3.0, np.where(double_root, 2.0, np.where((rods_c_length_1 > longest) | (rods_c_length_2 > longest) | (rods_c_length_3 > longest) | (rods_c_length_1 < shortest) | (rods_c_length_2 < shortest) | (rods_c_length_3 < shortest), 1.0, 0.0)))))
+    status_3 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_c_length_1 > longest) | (rods_c_length_2 > longest) | (rods_c_length_3 > longest) | (rods_c_length_1 < shortest) | (rods_c_length_2 < shortest) | (rods_c_length_3 < shortest), 1.0, 0.0)))))
     del rods_c_length_1, rods_c_length_2, rods_c_length_3
-    status_4 = np.where(~(valid), 7.0, np.where(no_root, 4.0, np.where((free_alpha) | (free_beta), 3.0, np.where(double_root, 2.0, np.where((rods_d_length_1 > longest) | (rods_d_length_2 > longest) | (rods_d_length_3 > longest) | (rods_d_length_1 < shortest) | (rods_d_length_2 < shortest) | (rods_d_length_3 < shortest), 1.0, 0.0)))))
+    status_4 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_d_length_1 > longest) | (rods_d_length_2 > longest) | (rods_d_length_3 > longest) | (rods_d_length_1 < shortest) | (rods_d_length_2 < shortest) | (rods_d_length_3 < shortest), 1.0, 0.0)))))
     del double_root, free_alpha, free_beta, no_root, rods_d_length_1, rods_d_length_2, rods_d_length_3, valid
     return (poses_1_1, poses_1_2, poses_1_3, poses_2_1, poses_2_2, poses_2_3, poses_3_1, poses_3_2, poses_3_3, poses_4_1, poses_4_2, poses_4_3, legs_1_1, legs_1_2, legs_1_3, legs_2_1, legs_2_2, legs_2_3, legs_3_1, legs_3_2, legs_3_3, legs_4_1, legs_4_2, legs_4_3, status_1, status_2, status_3, status_4)
 
@@ -572,40 +572,40 @@ tricept_pose.signature = "(3),(),(),(),(),(),(),()->(3),(3),()"
 tricept_pose.types = ["dddddddd->ddb", "ffffffff->ffb"]
 
 
-def _tricept_pose(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
+def _tricept_pose(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
     # 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2
     level_squared = (point_1*point_1) + (point_3*point_3)
-    level = np.sqrt(level_squared)
-    x0 = np.abs(q_x)
+    level = xp.sqrt(level_squared)
+    x0 = xp.abs(q_x)
     g_squared = (level - x0)*(level + x0)
     del level
     x1 = 16.0*eps
     g_band = x1*(level_squared + (q_x*q_x))
-    u_squared = (point_2 - q_y)*(point_2 + q_y) + np.where(g_squared > 0.0, g_squared, 0.0)
+    u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(g_squared > 0.0, g_squared, 0.0)
     x2 = (point_2*point_2)
     u_band = g_band + x1*((q_y*q_y) + x2)
     del x1
     no_root = (g_squared < -g_band) | (u_squared < -u_band)
     double_root = (g_squared <= g_band) | (u_squared <= u_band)
     del g_band, u_band
-    g = np.where(g_squared > 0.0, np.sqrt(g_squared), 0.0)
+    g = xp.where(g_squared > 0.0, xp.sqrt(g_squared), 0.0)
     del g_squared
-    u = np.where(u_squared > 0.0, np.sqrt(u_squared), 0.0)
+    u = xp.where(u_squared > 0.0, xp.sqrt(u_squared), 0.0)
     del u_squared
     whole = (g*g) + x2
     del x2
     free_beta = level_squared == 0.0
     free_alpha = whole == 0.0
-    by_level = np.where(free_beta, 1.0, 1.0/level_squared)
+    by_level = xp.where(free_beta, 1.0, 1.0/level_squared)
     del level_squared
-    by_whole = np.where(free_alpha, 1.0, 1.0/whole)
-    valid = (shortest <= longest) & (whole <= largest) & (x0 + np.abs(R) + np.abs(point_1) + np.abs(point_2) + np.abs(point_3) + np.abs(q_y) + np.abs(q_z) + np.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
+    by_whole = xp.where(free_alpha, 1.0, 1.0/whole)
+    valid = (shortest <= longest) & (whole <= largest) & (x0 + xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
     del whole, x0
-    sa_plus = np.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
-    ca_plus = np.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
+    sa_plus = xp.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
+    ca_plus = xp.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
     del by_whole
-    sb_plus = np.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
-    cb_plus = np.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
+    sb_plus = xp.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
+    cb_plus = xp.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
     del by_level, g
     z = u - q_z
     del u
@@ -619,7 +619,7 @@ def _tricept_pose(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, long
     rod_a_3 = x6 - r*sb_plus
     x7 = 0.5*cb_plus
     x8 = 0.5*sb_plus
-    x9 = np.sqrt(3.0)
+    x9 = 1.7320508075688772
     x10 = sa_plus*x9
     x11 = x10*x8
     x12 = 0.5*R
@@ -640,24 +640,24 @@ def _tricept_pose(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, long
     del x14, x15, x5
     rod_c_3 = r*(x16 + x8) + x6
     del x16, x6, x8
-    rod_length_1 = np.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
+    rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
     del rod_a_1, rod_a_2, rod_a_3
-    rod_length_2 = np.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
+    rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
     del rod_b_1, rod_b_2, rod_b_3
-    rod_length_3 = np.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
+    rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
     del rod_c_1, rod_c_2, rod_c_3
     there = (valid) & (~(no_root))
-    pose_1 = np.where(there, np.arctan2(sa_plus, ca_plus), np.nan)
+    pose_1 = xp.where(there, xp.atan2(sa_plus, ca_plus), xp.nan)
     del ca_plus, sa_plus
-    pose_2 = np.where(there, np.arctan2(sb_plus, cb_plus), np.nan)
+    pose_2 = xp.where(there, xp.atan2(sb_plus, cb_plus), xp.nan)
     del cb_plus, sb_plus
-    pose_3 = np.where(there, z, np.nan)
+    pose_3 = xp.where(there, z, xp.nan)
     del z
-    legs_1 = np.where(there, rod_length_1, np.nan)
-    legs_2 = np.where(there, rod_length_2, np.nan)
-    legs_3 = np.where(there, rod_length_3, np.nan)
+    legs_1 = xp.where(there, rod_length_1, xp.nan)
+    legs_2 = xp.where(there, rod_length_2, xp.nan)
+    legs_3 = xp.where(there, rod_length_3, xp.nan)
     del there
-    status = np.where(~(valid), 7.0, np.where(no_root, 4.0, np.where((free_alpha) | (free_beta), 3.0, np.where(double_root, 2.0, np.where((rod_length_1 > longest) | (rod_length_2 > longest) | (rod_length_3 > longest) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest), 1.0, 0.0)))))
+    status = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rod_length_1 > longest) | (rod_length_2 > longest) | (rod_length_3 > longest) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest), 1.0, 0.0)))))
     del double_root, free_alpha, free_beta, no_root, rod_length_1, rod_length_2, rod_length_3, valid
     return (pose_1, pose_2, pose_3, legs_1, legs_2, legs_3, status)
 
@@ -699,7 +699,7 @@ tricept_direct.signature = "(3),(),()->(3),()"
 tricept_direct.types = ["ddd->db", "fff->fb"]
 
 
-def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
+def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     # 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2
     square_a = (legs_1*legs_1)
     square_b = (legs_2*legs_2)
@@ -708,30 +708,30 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del square_a, square_b, square_c
     x0 = (r*r)
     c1 = (R*R) + x0 - third_of_sum
-    c2 = np.sqrt(3.0)*(legs_2 - legs_3)*(legs_2 + legs_3)/3.0
+    c2 = 1.7320508075688772*(legs_2 - legs_3)*(legs_2 + legs_3)/3.0
     c3 = (legs_1 - legs_2)*(legs_1 + legs_2)/3.0 + (legs_1 - legs_3)*(legs_1 + legs_3)/3.0
     x3 = R*r
     start_squared = 2.0*x3 - c1
-    x4 = np.abs(r)
+    x4 = xp.abs(r)
     x5 = 0.25*x4
     x86 = 0.0625*x0
     del x0
-    start_height = np.where(start_squared > x86, np.sqrt(start_squared), x5)
+    start_height = xp.where(start_squared > x86, xp.sqrt(start_squared), x5)
     del start_squared
     x6 = 0.5/(R*start_height)
     del start_height
     first_sa = -c2*x6
-    start_sa = np.where(np.abs(first_sa) <= 0.875, first_sa, np.where(first_sa > 0.0, 0.875, -0.875))
+    start_sa = xp.where(xp.abs(first_sa) <= 0.875, first_sa, xp.where(first_sa > 0.0, 0.875, -0.875))
     del first_sa
-    start_ca = np.sqrt(1.0 - (start_sa*start_sa))
+    start_ca = xp.sqrt(1.0 - (start_sa*start_sa))
     first_sb = -c3*x6
     del x6
-    start_sb = np.where(np.abs(first_sb) <= 0.875, first_sb, np.where(first_sb > 0.0, 0.875, -0.875))
+    start_sb = xp.where(xp.abs(first_sb) <= 0.875, first_sb, xp.where(first_sb > 0.0, 0.875, -0.875))
     del first_sb
-    start_cb = np.sqrt(1.0 - (start_sb*start_sb))
+    start_cb = xp.sqrt(1.0 - (start_sb*start_sb))
     x7 = x3*(start_ca + start_cb)
     tilted_squared = x7 - c1
-    start_z = np.where(tilted_squared > x86, np.sqrt(tilted_squared), x5)
+    start_z = xp.where(tilted_squared > x86, xp.sqrt(tilted_squared), x5)
     del tilted_squared, x5, x86
     L1_1 = c1 + (start_z*start_z) - x7
     del x7
@@ -773,7 +773,7 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del W1_2_1, W1_2_2
     determinant1 = W1_1_1*adjugate1_1_1 + W1_1_2*adjugate1_2_1 + W1_1_3*adjugate1_3_1
     del W1_1_1, W1_1_2, W1_1_3
-    inverse1 = np.where(determinant1 == 0.0, 1.0, 1.0/determinant1)
+    inverse1 = xp.where(determinant1 == 0.0, 1.0, 1.0/determinant1)
     del determinant1
     move1_1 = inverse1*(-L1_1*adjugate1_1_1 - L1_2*adjugate1_1_2 - L1_3*adjugate1_1_3)
     del adjugate1_1_1, adjugate1_1_2, adjugate1_1_3
@@ -781,12 +781,12 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del adjugate1_2_1, adjugate1_2_2, adjugate1_2_3
     move1_3 = inverse1*(-L1_1*adjugate1_3_1 - L1_2*adjugate1_3_2 - L1_3*adjugate1_3_3)
     del L1_1, L1_2, L1_3, adjugate1_3_1, adjugate1_3_2, adjugate1_3_3, inverse1
-    half_a1 = np.where(np.abs(move1_1) <= 1.0, 0.5*move1_1, 0.5*np.where(move1_1 > 0.0, 1.0, -1.0))
+    half_a1 = xp.where(xp.abs(move1_1) <= 1.0, 0.5*move1_1, 0.5*xp.where(move1_1 > 0.0, 1.0, -1.0))
     del move1_1
-    half_b1 = np.where(np.abs(move1_2) <= 1.0, 0.5*move1_2, 0.5*np.where(move1_2 > 0.0, 1.0, -1.0))
+    half_b1 = xp.where(xp.abs(move1_2) <= 1.0, 0.5*move1_2, 0.5*xp.where(move1_2 > 0.0, 1.0, -1.0))
     del move1_2
     x15 = -0.5*start_z
-    down1 = np.where(move1_3 > x15, move1_3, x15)
+    down1 = xp.where(move1_3 > x15, move1_3, x15)
     del move1_3, x15
     x16 = (half_a1*half_a1)
     by_a1 = 1.0/(x16 + 1.0)
@@ -847,7 +847,7 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del W2_2_1, W2_2_2
     determinant2 = W2_1_1*adjugate2_1_1 + W2_1_2*adjugate2_2_1 + W2_1_3*adjugate2_3_1
     del W2_1_1, W2_1_2, W2_1_3
-    inverse2 = np.where(determinant2 == 0.0, 1.0, 1.0/determinant2)
+    inverse2 = xp.where(determinant2 == 0.0, 1.0, 1.0/determinant2)
     del determinant2
     move2_1 = inverse2*(-L2_1*adjugate2_1_1 - L2_2*adjugate2_1_2 - L2_3*adjugate2_1_3)
     del adjugate2_1_1, adjugate2_1_2, adjugate2_1_3
@@ -855,12 +855,12 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del adjugate2_2_1, adjugate2_2_2, adjugate2_2_3
     move2_3 = inverse2*(-L2_1*adjugate2_3_1 - L2_2*adjugate2_3_2 - L2_3*adjugate2_3_3)
     del L2_1, L2_2, L2_3, adjugate2_3_1, adjugate2_3_2, adjugate2_3_3, inverse2
-    half_a2 = np.where(np.abs(move2_1) <= 1.0, 0.5*move2_1, 0.5*np.where(move2_1 > 0.0, 1.0, -1.0))
+    half_a2 = xp.where(xp.abs(move2_1) <= 1.0, 0.5*move2_1, 0.5*xp.where(move2_1 > 0.0, 1.0, -1.0))
     del move2_1
-    half_b2 = np.where(np.abs(move2_2) <= 1.0, 0.5*move2_2, 0.5*np.where(move2_2 > 0.0, 1.0, -1.0))
+    half_b2 = xp.where(xp.abs(move2_2) <= 1.0, 0.5*move2_2, 0.5*xp.where(move2_2 > 0.0, 1.0, -1.0))
     del move2_2
     x27 = -0.5*z1
-    down2 = np.where(move2_3 > x27, move2_3, x27)
+    down2 = xp.where(move2_3 > x27, move2_3, x27)
     del move2_3, x27
     x28 = (half_a2*half_a2)
     by_a2 = 1.0/(x28 + 1.0)
@@ -921,7 +921,7 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del W3_2_1, W3_2_2
     determinant3 = W3_1_1*adjugate3_1_1 + W3_1_2*adjugate3_2_1 + W3_1_3*adjugate3_3_1
     del W3_1_1, W3_1_2, W3_1_3
-    inverse3 = np.where(determinant3 == 0.0, 1.0, 1.0/determinant3)
+    inverse3 = xp.where(determinant3 == 0.0, 1.0, 1.0/determinant3)
     del determinant3
     move3_1 = inverse3*(-L3_1*adjugate3_1_1 - L3_2*adjugate3_1_2 - L3_3*adjugate3_1_3)
     del adjugate3_1_1, adjugate3_1_2, adjugate3_1_3
@@ -929,12 +929,12 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del adjugate3_2_1, adjugate3_2_2, adjugate3_2_3
     move3_3 = inverse3*(-L3_1*adjugate3_3_1 - L3_2*adjugate3_3_2 - L3_3*adjugate3_3_3)
     del L3_1, L3_2, L3_3, adjugate3_3_1, adjugate3_3_2, adjugate3_3_3, inverse3
-    half_a3 = np.where(np.abs(move3_1) <= 1.0, 0.5*move3_1, 0.5*np.where(move3_1 > 0.0, 1.0, -1.0))
+    half_a3 = xp.where(xp.abs(move3_1) <= 1.0, 0.5*move3_1, 0.5*xp.where(move3_1 > 0.0, 1.0, -1.0))
     del move3_1
-    half_b3 = np.where(np.abs(move3_2) <= 1.0, 0.5*move3_2, 0.5*np.where(move3_2 > 0.0, 1.0, -1.0))
+    half_b3 = xp.where(xp.abs(move3_2) <= 1.0, 0.5*move3_2, 0.5*xp.where(move3_2 > 0.0, 1.0, -1.0))
     del move3_2
     x39 = -0.5*z2
-    down3 = np.where(move3_3 > x39, move3_3, x39)
+    down3 = xp.where(move3_3 > x39, move3_3, x39)
     del move3_3, x39
     x40 = (half_a3*half_a3)
     by_a3 = 1.0/(x40 + 1.0)
@@ -995,7 +995,7 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del W4_2_1, W4_2_2
     determinant4 = W4_1_1*adjugate4_1_1 + W4_1_2*adjugate4_2_1 + W4_1_3*adjugate4_3_1
     del W4_1_1, W4_1_2, W4_1_3
-    inverse4 = np.where(determinant4 == 0.0, 1.0, 1.0/determinant4)
+    inverse4 = xp.where(determinant4 == 0.0, 1.0, 1.0/determinant4)
     del determinant4
     move4_1 = inverse4*(-L4_1*adjugate4_1_1 - L4_2*adjugate4_1_2 - L4_3*adjugate4_1_3)
     del adjugate4_1_1, adjugate4_1_2, adjugate4_1_3
@@ -1003,12 +1003,12 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del adjugate4_2_1, adjugate4_2_2, adjugate4_2_3
     move4_3 = inverse4*(-L4_1*adjugate4_3_1 - L4_2*adjugate4_3_2 - L4_3*adjugate4_3_3)
     del L4_1, L4_2, L4_3, adjugate4_3_1, adjugate4_3_2, adjugate4_3_3, inverse4
-    half_a4 = np.where(np.abs(move4_1) <= 1.0, 0.5*move4_1, 0.5*np.where(move4_1 > 0.0, 1.0, -1.0))
+    half_a4 = xp.where(xp.abs(move4_1) <= 1.0, 0.5*move4_1, 0.5*xp.where(move4_1 > 0.0, 1.0, -1.0))
     del move4_1
-    half_b4 = np.where(np.abs(move4_2) <= 1.0, 0.5*move4_2, 0.5*np.where(move4_2 > 0.0, 1.0, -1.0))
+    half_b4 = xp.where(xp.abs(move4_2) <= 1.0, 0.5*move4_2, 0.5*xp.where(move4_2 > 0.0, 1.0, -1.0))
     del move4_2
     x51 = -0.5*z3
-    down4 = np.where(move4_3 > x51, move4_3, x51)
+    down4 = xp.where(move4_3 > x51, move4_3, x51)
     del move4_3, x51
     x52 = (half_a4*half_a4)
     by_a4 = 1.0/(x52 + 1.0)
@@ -1069,7 +1069,7 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del W5_2_1, W5_2_2
     determinant5 = W5_1_1*adjugate5_1_1 + W5_1_2*adjugate5_2_1 + W5_1_3*adjugate5_3_1
     del W5_1_1, W5_1_2, W5_1_3
-    inverse5 = np.where(determinant5 == 0.0, 1.0, 1.0/determinant5)
+    inverse5 = xp.where(determinant5 == 0.0, 1.0, 1.0/determinant5)
     del determinant5
     move5_1 = inverse5*(-L5_1*adjugate5_1_1 - L5_2*adjugate5_1_2 - L5_3*adjugate5_1_3)
     del adjugate5_1_1, adjugate5_1_2, adjugate5_1_3
@@ -1077,12 +1077,12 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del adjugate5_2_1, adjugate5_2_2, adjugate5_2_3
     move5_3 = inverse5*(-L5_1*adjugate5_3_1 - L5_2*adjugate5_3_2 - L5_3*adjugate5_3_3)
     del L5_1, L5_2, L5_3, adjugate5_3_1, adjugate5_3_2, adjugate5_3_3, inverse5
-    half_a5 = np.where(np.abs(move5_1) <= 1.0, 0.5*move5_1, 0.5*np.where(move5_1 > 0.0, 1.0, -1.0))
+    half_a5 = xp.where(xp.abs(move5_1) <= 1.0, 0.5*move5_1, 0.5*xp.where(move5_1 > 0.0, 1.0, -1.0))
     del move5_1
-    half_b5 = np.where(np.abs(move5_2) <= 1.0, 0.5*move5_2, 0.5*np.where(move5_2 > 0.0, 1.0, -1.0))
+    half_b5 = xp.where(xp.abs(move5_2) <= 1.0, 0.5*move5_2, 0.5*xp.where(move5_2 > 0.0, 1.0, -1.0))
     del move5_2
     x63 = -0.5*z4
-    down5 = np.where(move5_3 > x63, move5_3, x63)
+    down5 = xp.where(move5_3 > x63, move5_3, x63)
     del move5_3, x63
     x64 = (half_a5*half_a5)
     by_a5 = 1.0/(x64 + 1.0)
@@ -1152,21 +1152,21 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     x77 = W6_1_3*adjugate6_3_1
     del W6_1_3
     determinant6 = x75 + x76 + x77
-    inverse6 = np.where(determinant6 == 0.0, 1.0, 1.0/determinant6)
+    inverse6 = xp.where(determinant6 == 0.0, 1.0, 1.0/determinant6)
     move6_1 = inverse6*(-L6_1*adjugate6_1_1 - L6_2*adjugate6_1_2 - L6_3*adjugate6_1_3)
     del adjugate6_1_1, adjugate6_1_2, adjugate6_1_3
     move6_2 = inverse6*(-L6_1*adjugate6_2_1 - L6_2*adjugate6_2_2 - L6_3*adjugate6_2_3)
     del adjugate6_2_1, adjugate6_2_2, adjugate6_2_3
     move6_3 = inverse6*(-L6_1*adjugate6_3_1 - L6_2*adjugate6_3_2 - L6_3*adjugate6_3_3)
     del L6_1, L6_2, L6_3, adjugate6_3_1, adjugate6_3_2, adjugate6_3_3, inverse6
-    x83 = np.abs(move6_1)
-    half_a6 = np.where(x83 <= 1.0, 0.5*move6_1, 0.5*np.where(move6_1 > 0.0, 1.0, -1.0))
+    x83 = xp.abs(move6_1)
+    half_a6 = xp.where(x83 <= 1.0, 0.5*move6_1, 0.5*xp.where(move6_1 > 0.0, 1.0, -1.0))
     del move6_1
-    x85 = np.abs(move6_2)
-    half_b6 = np.where(x85 <= 1.0, 0.5*move6_2, 0.5*np.where(move6_2 > 0.0, 1.0, -1.0))
+    x85 = xp.abs(move6_2)
+    half_b6 = xp.where(x85 <= 1.0, 0.5*move6_2, 0.5*xp.where(move6_2 > 0.0, 1.0, -1.0))
     del move6_2
     x78 = -0.5*z5
-    down6 = np.where(move6_3 > x78, move6_3, x78)
+    down6 = xp.where(move6_3 > x78, move6_3, x78)
     del x78
     x79 = (half_a6*half_a6)
     by_a6 = 1.0/(x79 + 1.0)
@@ -1189,18 +1189,18 @@ def _tricept_direct(legs_1, legs_2, legs_3, r, R, eps, largest):
     del cb5, sb5, turn_b6, x82
     z6 = down6 + z5
     del down6, z5
-    valid = (third_of_sum <= largest) & (x4 + np.abs(R) + np.abs(legs_1) + np.abs(legs_2) + np.abs(legs_3) <= largest) & (R > 0.0) & (legs_1 > 0.0) & (legs_2 > 0.0) & (legs_3 > 0.0) & (r > 0.0)
+    valid = (third_of_sum <= largest) & (x4 + xp.abs(R) + xp.abs(legs_1) + xp.abs(legs_2) + xp.abs(legs_3) <= largest) & (R > 0.0) & (legs_1 > 0.0) & (legs_2 > 0.0) & (legs_3 > 0.0) & (r > 0.0)
     del third_of_sum, x4
-    x84 = 4.0*np.sqrt(eps)
-    there = (valid) & (x83 <= x84) & (x85 <= x84) & (np.abs(move6_3) <= x84*z6) & (ca6 > 0.0) & (cb6 > 0.0) & (z6 > 0.0)
+    x84 = 4.0*eps**0.5
+    there = (valid) & (x83 <= x84) & (x85 <= x84) & (xp.abs(move6_3) <= x84*z6) & (ca6 > 0.0) & (cb6 > 0.0) & (z6 > 0.0)
     del move6_3, x83, x84, x85
-    pose_1 = np.where(there, np.arctan2(sa6, ca6), np.nan)
+    pose_1 = xp.where(there, xp.atan2(sa6, ca6), xp.nan)
     del ca6, sa6
-    pose_2 = np.where(there, np.arctan2(sb6, cb6), np.nan)
+    pose_2 = xp.where(there, xp.atan2(sb6, cb6), xp.nan)
     del cb6, sb6
-    pose_3 = np.where(there, z6, np.nan)
+    pose_3 = xp.where(there, z6, xp.nan)
     del z6
-    status = np.where(~(valid), 7.0, np.where(~(there), 4.0, np.where(np.abs(determinant6) <= 16.0*eps*(np.abs(x75) + np.abs(x76) + np.abs(x77)), 5.0, 0.0)))
+    status = xp.where(~(valid), 7.0, xp.where(~(there), 4.0, xp.where(xp.abs(determinant6) <= 16.0*eps*(xp.abs(x75) + xp.abs(x76) + xp.abs(x77)), 5.0, 0.0)))
     del determinant6, there, valid, x75, x76, x77
     return (pose_1, pose_2, pose_3, status)
 
@@ -1252,15 +1252,15 @@ tricept_matrices.signature = "(3),(),(),(),(),()->(3,3),(3,5),(3,3),(3,5),(3,5)"
 tricept_matrices.types = ["dddddd->ddddd", "ffffff->fffff"]
 
 
-def _tricept_matrices(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
+def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
     # 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin
     alpha = pose_1
     beta = pose_2
-    sa = np.sin(alpha)
-    ca = np.cos(alpha)
+    sa = xp.sin(alpha)
+    ca = xp.cos(alpha)
     del alpha
-    sb = np.sin(beta)
-    cb = np.cos(beta)
+    sb = xp.sin(beta)
+    cb = xp.cos(beta)
     del beta
     x0 = cb*r
     x1 = ca*pose_3
@@ -1275,7 +1275,7 @@ def _tricept_matrices(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest)
     rod_a_3 = x8
     x9 = 0.5*cb
     x10 = 0.5*sb
-    x11 = np.sqrt(3.0)
+    x11 = 1.7320508075688772
     x12 = sa*x11
     x13 = x10*x12
     x14 = -x13 - x9
@@ -1310,11 +1310,11 @@ def _tricept_matrices(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest)
     del x25
     x33 = r*x32 + x7
     rod_c_3 = x33
-    rod_length_1 = np.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
+    rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
     del rod_a_1, rod_a_2, rod_a_3
-    rod_length_2 = np.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
+    rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
     del rod_b_1, rod_b_2, rod_b_3
-    rod_length_3 = np.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
+    rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
     del rod_c_1, rod_c_2, rod_c_3
     P_1_1 = R*sb*x4
     del x4
@@ -1369,9 +1369,9 @@ def _tricept_matrices(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest)
     x41 = P_1_3*adjugate_3_1
     del P_1_3
     determinant = x39 + x40 + x41
-    determinant_size = np.abs(x39) + np.abs(x40) + np.abs(x41)
+    determinant_size = xp.abs(x39) + xp.abs(x40) + xp.abs(x41)
     del x39, x40, x41
-    singular = np.abs(determinant) <= 16.0*determinant_size*eps
+    singular = xp.abs(determinant) <= 16.0*determinant_size*eps
     del determinant_size
     x42 = R*sa
     W33_1_1 = r*x42
@@ -1432,7 +1432,7 @@ def _tricept_matrices(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest)
     del cb, sb, x54
     M33__3_3 = x34
     del x34
-    inverse_determinant = np.where(singular, 1.0, 1.0/determinant)
+    inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
     del determinant
     point_by_P_1_1 = inverse_determinant*(M33__1_1*adjugate_1_1 + M33__1_2*adjugate_2_1 + M33__1_3*adjugate_3_1)
     point_by_P_1_2 = inverse_determinant*(M33__1_1*adjugate_1_2 + M33__1_2*adjugate_2_2 + M33__1_3*adjugate_3_2)
@@ -1481,61 +1481,61 @@ def _tricept_matrices(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest)
     del M33__3_3
     x55 = inverse_determinant*rod_length_1
     del rod_length_1
-    M35_1_1 = np.where(singular, np.nan, adjugate_1_1*x55)
+    M35_1_1 = xp.where(singular, xp.nan, adjugate_1_1*x55)
     x56 = inverse_determinant*rod_length_2
     del rod_length_2
-    M35_1_2 = np.where(singular, np.nan, adjugate_1_2*x56)
+    M35_1_2 = xp.where(singular, xp.nan, adjugate_1_2*x56)
     x57 = inverse_determinant*rod_length_3
     del rod_length_3
-    M35_1_3 = np.where(singular, np.nan, adjugate_1_3*x57)
-    M35_1_4 = np.where(singular, np.nan, inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3))
-    M35_1_5 = np.where(singular, np.nan, inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3))
+    M35_1_3 = xp.where(singular, xp.nan, adjugate_1_3*x57)
+    M35_1_4 = xp.where(singular, xp.nan, inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3))
+    M35_1_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3))
     del adjugate_1_1, adjugate_1_2, adjugate_1_3
-    M35_2_1 = np.where(singular, np.nan, adjugate_2_1*x55)
-    M35_2_2 = np.where(singular, np.nan, adjugate_2_2*x56)
-    M35_2_3 = np.where(singular, np.nan, adjugate_2_3*x57)
-    M35_2_4 = np.where(singular, np.nan, inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3))
-    M35_2_5 = np.where(singular, np.nan, inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3))
+    M35_2_1 = xp.where(singular, xp.nan, adjugate_2_1*x55)
+    M35_2_2 = xp.where(singular, xp.nan, adjugate_2_2*x56)
+    M35_2_3 = xp.where(singular, xp.nan, adjugate_2_3*x57)
+    M35_2_4 = xp.where(singular, xp.nan, inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3))
+    M35_2_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3))
     del adjugate_2_1, adjugate_2_2, adjugate_2_3
-    M35_3_1 = np.where(singular, np.nan, adjugate_3_1*x55)
+    M35_3_1 = xp.where(singular, xp.nan, adjugate_3_1*x55)
     del x55
-    M35_3_2 = np.where(singular, np.nan, adjugate_3_2*x56)
+    M35_3_2 = xp.where(singular, xp.nan, adjugate_3_2*x56)
     del x56
-    M35_3_3 = np.where(singular, np.nan, adjugate_3_3*x57)
+    M35_3_3 = xp.where(singular, xp.nan, adjugate_3_3*x57)
     del x57
-    M35_3_4 = np.where(singular, np.nan, inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3))
+    M35_3_4 = xp.where(singular, xp.nan, inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3))
     del by_r_1, by_r_2, by_r_3
-    M35_3_5 = np.where(singular, np.nan, inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3))
+    M35_3_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3))
     del adjugate_3_1, adjugate_3_2, adjugate_3_3, by_R_1, by_R_2, by_R_3, inverse_determinant
-    A35_1_1 = np.where(singular, np.nan, A_1_1)
+    A35_1_1 = xp.where(singular, xp.nan, A_1_1)
     del A_1_1
-    A35_1_2 = np.where(singular, np.nan, A_1_2)
+    A35_1_2 = xp.where(singular, xp.nan, A_1_2)
     del A_1_2
-    A35_1_3 = np.where(singular, np.nan, A_1_3)
+    A35_1_3 = xp.where(singular, xp.nan, A_1_3)
     del A_1_3
-    A35_1_4 = np.where(singular, np.nan, A_1_4)
+    A35_1_4 = xp.where(singular, xp.nan, A_1_4)
     del A_1_4
-    A35_1_5 = np.where(singular, np.nan, A_1_5)
+    A35_1_5 = xp.where(singular, xp.nan, A_1_5)
     del A_1_5
-    A35_2_1 = np.where(singular, np.nan, A_2_1)
+    A35_2_1 = xp.where(singular, xp.nan, A_2_1)
     del A_2_1
-    A35_2_2 = np.where(singular, np.nan, A_2_2)
+    A35_2_2 = xp.where(singular, xp.nan, A_2_2)
     del A_2_2
-    A35_2_3 = np.where(singular, np.nan, A_2_3)
+    A35_2_3 = xp.where(singular, xp.nan, A_2_3)
     del A_2_3
-    A35_2_4 = np.where(singular, np.nan, A_2_4)
+    A35_2_4 = xp.where(singular, xp.nan, A_2_4)
     del A_2_4
-    A35_2_5 = np.where(singular, np.nan, A_2_5)
+    A35_2_5 = xp.where(singular, xp.nan, A_2_5)
     del A_2_5
-    A35_3_1 = np.where(singular, np.nan, A_3_1)
+    A35_3_1 = xp.where(singular, xp.nan, A_3_1)
     del A_3_1
-    A35_3_2 = np.where(singular, np.nan, A_3_2)
+    A35_3_2 = xp.where(singular, xp.nan, A_3_2)
     del A_3_2
-    A35_3_3 = np.where(singular, np.nan, A_3_3)
+    A35_3_3 = xp.where(singular, xp.nan, A_3_3)
     del A_3_3
-    A35_3_4 = np.where(singular, np.nan, A_3_4)
+    A35_3_4 = xp.where(singular, xp.nan, A_3_4)
     del A_3_4
-    A35_3_5 = np.where(singular, np.nan, A_3_5)
+    A35_3_5 = xp.where(singular, xp.nan, A_3_5)
     del A_3_5, singular
     return (W33_1_1, W33_1_2, W33_1_3, W33_2_1, W33_2_2, W33_2_3, W33_3_1, W33_3_2, W33_3_3, W35_1_1, W35_1_2, W35_1_3, W35_1_4, W35_1_5, W35_2_1, W35_2_2, W35_2_3, W35_2_4, W35_2_5, W35_3_1, W35_3_2, W35_3_3, W35_3_4, W35_3_5, M33_1_1, M33_1_2, M33_1_3, M33_2_1, M33_2_2, M33_2_3, M33_3_1, M33_3_2, M33_3_3, M35_1_1, M35_1_2, M35_1_3, M35_1_4, M35_1_5, M35_2_1, M35_2_2, M35_2_3, M35_2_4, M35_2_5, M35_3_1, M35_3_2, M35_3_3, M35_3_4, M35_3_5, A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5)
 
@@ -1579,15 +1579,15 @@ tricept_sensitivity.signature = "(3),(),(),(),(),()->(3,5)"
 tricept_sensitivity.types = ["dddddd->d", "ffffff->f"]
 
 
-def _tricept_sensitivity(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
+def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
     # 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin
     alpha = pose_1
     beta = pose_2
-    sa = np.sin(alpha)
-    ca = np.cos(alpha)
+    sa = xp.sin(alpha)
+    ca = xp.cos(alpha)
     del alpha
-    sb = np.sin(beta)
-    cb = np.cos(beta)
+    sb = xp.sin(beta)
+    cb = xp.cos(beta)
     del beta
     x0 = ca*pose_3
     x1 = sb*x0
@@ -1600,7 +1600,7 @@ def _tricept_sensitivity(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, large
     rod_a_3 = x5
     x6 = 0.5*cb
     x7 = 0.5*sb
-    x8 = np.sqrt(3.0)
+    x8 = 1.7320508075688772
     x9 = sa*x8
     x10 = x7*x9
     x11 = -x10 - x6
@@ -1636,11 +1636,11 @@ def _tricept_sensitivity(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, large
     x30 = r*x29 + x4
     del x4
     rod_c_3 = x30
-    rod_length_1 = np.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
+    rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
     del rod_a_1, rod_a_2, rod_a_3
-    rod_length_2 = np.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
+    rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
     del rod_b_1, rod_b_2, rod_b_3
-    rod_length_3 = np.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
+    rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
     del rod_c_1, rod_c_2, rod_c_3
     P_1_1 = R*sb*x3
     del x3
@@ -1695,9 +1695,9 @@ def _tricept_sensitivity(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, large
     x38 = P_1_3*adjugate_3_1
     del P_1_3
     determinant = x36 + x37 + x38
-    determinant_size = np.abs(x36) + np.abs(x37) + np.abs(x38)
+    determinant_size = xp.abs(x36) + xp.abs(x37) + xp.abs(x38)
     del x36, x37, x38
-    singular = np.abs(determinant) <= 16.0*determinant_size*eps
+    singular = xp.abs(determinant) <= 16.0*determinant_size*eps
     del determinant_size
     x39 = pose_3 + q_z
     x40 = -ca*q_y - sa*x39
@@ -1717,7 +1717,7 @@ def _tricept_sensitivity(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, large
     del cb, sb, x41
     M33_3_3 = x31
     del x31
-    inverse_determinant = np.where(singular, 1.0, 1.0/determinant)
+    inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
     del determinant
     point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1)
     point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2)
@@ -1755,35 +1755,35 @@ def _tricept_sensitivity(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, large
     del by_r_1, by_r_2, by_r_3
     A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
     del by_R_1, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3
-    A35_1_1 = np.where(singular, np.nan, A_1_1)
+    A35_1_1 = xp.where(singular, xp.nan, A_1_1)
     del A_1_1
-    A35_1_2 = np.where(singular, np.nan, A_1_2)
+    A35_1_2 = xp.where(singular, xp.nan, A_1_2)
     del A_1_2
-    A35_1_3 = np.where(singular, np.nan, A_1_3)
+    A35_1_3 = xp.where(singular, xp.nan, A_1_3)
     del A_1_3
-    A35_1_4 = np.where(singular, np.nan, A_1_4)
+    A35_1_4 = xp.where(singular, xp.nan, A_1_4)
     del A_1_4
-    A35_1_5 = np.where(singular, np.nan, A_1_5)
+    A35_1_5 = xp.where(singular, xp.nan, A_1_5)
     del A_1_5
-    A35_2_1 = np.where(singular, np.nan, A_2_1)
+    A35_2_1 = xp.where(singular, xp.nan, A_2_1)
     del A_2_1
-    A35_2_2 = np.where(singular, np.nan, A_2_2)
+    A35_2_2 = xp.where(singular, xp.nan, A_2_2)
     del A_2_2
-    A35_2_3 = np.where(singular, np.nan, A_2_3)
+    A35_2_3 = xp.where(singular, xp.nan, A_2_3)
     del A_2_3
-    A35_2_4 = np.where(singular, np.nan, A_2_4)
+    A35_2_4 = xp.where(singular, xp.nan, A_2_4)
     del A_2_4
-    A35_2_5 = np.where(singular, np.nan, A_2_5)
+    A35_2_5 = xp.where(singular, xp.nan, A_2_5)
     del A_2_5
-    A35_3_1 = np.where(singular, np.nan, A_3_1)
+    A35_3_1 = xp.where(singular, xp.nan, A_3_1)
     del A_3_1
-    A35_3_2 = np.where(singular, np.nan, A_3_2)
+    A35_3_2 = xp.where(singular, xp.nan, A_3_2)
     del A_3_2
-    A35_3_3 = np.where(singular, np.nan, A_3_3)
+    A35_3_3 = xp.where(singular, xp.nan, A_3_3)
     del A_3_3
-    A35_3_4 = np.where(singular, np.nan, A_3_4)
+    A35_3_4 = xp.where(singular, xp.nan, A_3_4)
     del A_3_4
-    A35_3_5 = np.where(singular, np.nan, A_3_5)
+    A35_3_5 = xp.where(singular, xp.nan, A_3_5)
     del A_3_5, singular
     return (A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5)
 
@@ -1835,39 +1835,39 @@ tricept_propagate.signature = "(3),(),(),(),(),(),(),(),(5,5)->(3,3),()"
 tricept_propagate.types = ["ddddddddd->db", "fffffffff->fb"]
 
 
-def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, U_x_1_1, U_x_1_2, U_x_1_3, U_x_1_4, U_x_1_5, U_x_2_1, U_x_2_2, U_x_2_3, U_x_2_4, U_x_2_5, U_x_3_1, U_x_3_2, U_x_3_3, U_x_3_4, U_x_3_5, U_x_4_1, U_x_4_2, U_x_4_3, U_x_4_4, U_x_4_5, U_x_5_1, U_x_5_2, U_x_5_3, U_x_5_4, U_x_5_5, eps, largest):
+def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, U_x_1_1, U_x_1_2, U_x_1_3, U_x_1_4, U_x_1_5, U_x_2_1, U_x_2_2, U_x_2_3, U_x_2_4, U_x_2_5, U_x_3_1, U_x_3_2, U_x_3_3, U_x_3_4, U_x_3_5, U_x_4_1, U_x_4_2, U_x_4_3, U_x_4_4, U_x_4_5, U_x_5_1, U_x_5_2, U_x_5_3, U_x_5_4, U_x_5_5, eps, largest):
     # 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow
     level_squared = (point_1*point_1) + (point_3*point_3)
-    level = np.sqrt(level_squared)
-    x0 = np.abs(q_x)
+    level = xp.sqrt(level_squared)
+    x0 = xp.abs(q_x)
     g_squared = (level - x0)*(level + x0)
     del level
     x1 = 16.0*eps
     g_band = x1*(level_squared + (q_x*q_x))
-    u_squared = (point_2 - q_y)*(point_2 + q_y) + np.where(g_squared > 0.0, g_squared, 0.0)
+    u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(g_squared > 0.0, g_squared, 0.0)
     x2 = (point_2*point_2)
     u_band = g_band + x1*((q_y*q_y) + x2)
     no_root = (g_squared < -g_band) | (u_squared < -u_band)
     double_root = (g_squared <= g_band) | (u_squared <= u_band)
     del g_band, u_band
-    g = np.where(g_squared > 0.0, np.sqrt(g_squared), 0.0)
+    g = xp.where(g_squared > 0.0, xp.sqrt(g_squared), 0.0)
     del g_squared
-    u = np.where(u_squared > 0.0, np.sqrt(u_squared), 0.0)
+    u = xp.where(u_squared > 0.0, xp.sqrt(u_squared), 0.0)
     del u_squared
     whole = (g*g) + x2
     del x2
     free_beta = level_squared == 0.0
     free_alpha = whole == 0.0
-    by_level = np.where(free_beta, 1.0, 1.0/level_squared)
+    by_level = xp.where(free_beta, 1.0, 1.0/level_squared)
     del level_squared
-    by_whole = np.where(free_alpha, 1.0, 1.0/whole)
-    valid = (shortest <= longest) & (whole <= largest) & (x0 + np.abs(R) + np.abs(point_1) + np.abs(point_2) + np.abs(point_3) + np.abs(q_y) + np.abs(q_z) + np.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
+    by_whole = xp.where(free_alpha, 1.0, 1.0/whole)
+    valid = (shortest <= longest) & (whole <= largest) & (x0 + xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
     del whole, x0
-    sa_plus = np.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
-    ca_plus = np.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
+    sa_plus = xp.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
+    ca_plus = xp.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
     del by_whole
-    sb_plus = np.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
-    cb_plus = np.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
+    sb_plus = xp.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
+    cb_plus = xp.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
     del by_level, g
     z = u - q_z
     del u
@@ -1882,7 +1882,7 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     rod_a_3 = x8
     x9 = 0.5*cb_plus
     x10 = 0.5*sb_plus
-    x11 = np.sqrt(3.0)
+    x11 = 1.7320508075688772
     x12 = sa_plus*x11
     x13 = x10*x12
     x14 = -x13 - x9
@@ -1918,11 +1918,11 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     x33 = r*x32 + x7
     del x7
     rod_c_3 = x33
-    rod_length_1 = np.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
+    rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
     del rod_a_1, rod_a_2, rod_a_3
-    rod_length_2 = np.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
+    rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
     del rod_b_1, rod_b_2, rod_b_3
-    rod_length_3 = np.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
+    rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
     del rod_c_1, rod_c_2, rod_c_3
     P_1_1 = R*sb_plus*x6
     del x6
@@ -1977,9 +1977,9 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     x41 = P_1_3*adjugate_3_1
     del P_1_3
     determinant = x39 + x40 + x41
-    determinant_size = np.abs(x39) + np.abs(x40) + np.abs(x41)
+    determinant_size = xp.abs(x39) + xp.abs(x40) + xp.abs(x41)
     del x39, x40, x41
-    singular = np.abs(determinant) <= determinant_size*x1
+    singular = xp.abs(determinant) <= determinant_size*x1
     del determinant_size, x1
     x42 = q_z + z
     del z
@@ -2000,7 +2000,7 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     del cb_plus, sb_plus, x44
     M33_3_3 = x34
     del x34
-    inverse_determinant = np.where(singular, 1.0, 1.0/determinant)
+    inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
     del determinant
     point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1)
     point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2)
@@ -2035,30 +2035,30 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     del by_r_1, by_r_2, by_r_3
     A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
     del by_R_1, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3
-    x45 = 1.0/np.power(eps, 2.5)
-    correlation_scale_1 = np.where(U_x_1_1 > 0.0, 1.0/np.sqrt(U_x_1_1), x45)
-    correlation_scale_2 = np.where(U_x_2_2 > 0.0, 1.0/np.sqrt(U_x_2_2), x45)
-    correlation_scale_3 = np.where(U_x_3_3 > 0.0, 1.0/np.sqrt(U_x_3_3), x45)
-    correlation_scale_4 = np.where(U_x_4_4 > 0.0, 1.0/np.sqrt(U_x_4_4), x45)
-    correlation_scale_5 = np.where(U_x_5_5 > 0.0, 1.0/np.sqrt(U_x_5_5), x45)
+    x45 = 1.0/eps**2.5
+    correlation_scale_1 = xp.where(U_x_1_1 > 0.0, 1.0/xp.sqrt(U_x_1_1), x45)
+    correlation_scale_2 = xp.where(U_x_2_2 > 0.0, 1.0/xp.sqrt(U_x_2_2), x45)
+    correlation_scale_3 = xp.where(U_x_3_3 > 0.0, 1.0/xp.sqrt(U_x_3_3), x45)
+    correlation_scale_4 = xp.where(U_x_4_4 > 0.0, 1.0/xp.sqrt(U_x_4_4), x45)
+    correlation_scale_5 = xp.where(U_x_5_5 > 0.0, 1.0/xp.sqrt(U_x_5_5), x45)
     del x45
-    correlation_00 = np.where(U_x_1_1 > 0.0, 1.0, 0.0)
-    correlation_11 = np.where(U_x_2_2 > 0.0, 1.0, 0.0)
+    correlation_00 = xp.where(U_x_1_1 > 0.0, 1.0, 0.0)
+    correlation_11 = xp.where(U_x_2_2 > 0.0, 1.0, 0.0)
     x46 = correlation_scale_1*correlation_scale_2
     correlation_10 = U_x_2_1*x46
-    correlation_22 = np.where(U_x_3_3 > 0.0, 1.0, 0.0)
+    correlation_22 = xp.where(U_x_3_3 > 0.0, 1.0, 0.0)
     x47 = correlation_scale_1*correlation_scale_3
     correlation_20 = U_x_3_1*x47
     x48 = correlation_scale_2*correlation_scale_3
     correlation_21 = U_x_3_2*x48
-    correlation_33 = np.where(U_x_4_4 > 0.0, 1.0, 0.0)
+    correlation_33 = xp.where(U_x_4_4 > 0.0, 1.0, 0.0)
     x49 = correlation_scale_1*correlation_scale_4
     correlation_30 = U_x_4_1*x49
     x50 = correlation_scale_2*correlation_scale_4
     correlation_31 = U_x_4_2*x50
     x51 = correlation_scale_3*correlation_scale_4
     correlation_32 = U_x_4_3*x51
-    correlation_44 = np.where(U_x_5_5 > 0.0, 1.0, 0.0)
+    correlation_44 = xp.where(U_x_5_5 > 0.0, 1.0, 0.0)
     x52 = correlation_scale_1*correlation_scale_5
     del correlation_scale_1
     correlation_40 = U_x_5_1*x52
@@ -2073,7 +2073,7 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     correlation_43 = U_x_5_4*x55
     x78 = 256.0*eps
     pivot_0 = correlation_00 > x78
-    pivot_0_inverse = np.where(pivot_0, 1.0/correlation_00, 0.0)
+    pivot_0_inverse = xp.where(pivot_0, 1.0/correlation_00, 0.0)
     x56 = (correlation_10*correlation_10)
     left_0_11 = correlation_11 - pivot_0_inverse*x56
     del correlation_11
@@ -2097,7 +2097,7 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     left_0_44 = correlation_44 - pivot_0_inverse*x67
     del correlation_44, pivot_0_inverse
     pivot_1 = left_0_11 > x78
-    pivot_1_inverse = np.where(pivot_1, 1.0/left_0_11, 0.0)
+    pivot_1_inverse = xp.where(pivot_1, 1.0/left_0_11, 0.0)
     x68 = (left_0_21*left_0_21)
     left_1_22 = left_0_22 - pivot_1_inverse*x68
     del left_0_22
@@ -2117,7 +2117,7 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     left_1_44 = left_0_44 - pivot_1_inverse*x71
     del left_0_44, pivot_1_inverse
     pivot_2 = left_1_22 > x78
-    pivot_2_inverse = np.where(pivot_2, 1.0/left_1_22, 0.0)
+    pivot_2_inverse = xp.where(pivot_2, 1.0/left_1_22, 0.0)
     x72 = (left_1_32*left_1_32)
     left_2_33 = left_1_33 - pivot_2_inverse*x72
     del left_1_33
@@ -2128,13 +2128,13 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     left_2_44 = left_1_44 - pivot_2_inverse*x73
     del left_1_44, pivot_2_inverse
     pivot_3 = left_2_33 > x78
-    pivot_3_inverse = np.where(pivot_3, 1.0/left_2_33, 0.0)
+    pivot_3_inverse = xp.where(pivot_3, 1.0/left_2_33, 0.0)
     x74 = (left_2_43*left_2_43)
     del left_2_43
     left_3_44 = left_2_44 - pivot_3_inverse*x74
     del left_2_44, pivot_3_inverse
     x79 = 512.0*eps
-    no_covariance = ((~(pivot_0)) & (x56 > x79)) | ((~(pivot_0)) & (x59 > x79)) | ((~(pivot_0)) & (x63 > x79)) | ((~(pivot_0)) & (x67 > x79)) | ((~(pivot_1)) & (x68 > x79)) | ((~(pivot_1)) & (x70 > x79)) | ((~(pivot_1)) & (x71 > x79)) | ((~(pivot_2)) & (x72 > x79)) | ((~(pivot_2)) & (x73 > x79)) | ((~(pivot_3)) & (x74 > x79)) | (~((U_x_1_1 >= 0.0) & (U_x_1_1 <= largest))) | (~((U_x_2_2 >= 0.0) & (U_x_2_2 <= largest))) | (~((U_x_3_3 >= 0.0) & (U_x_3_3 <= largest))) | (~((U_x_4_4 >= 0.0) & (U_x_4_4 <= largest))) | (~((U_x_5_5 >= 0.0) & (U_x_5_5 <= largest))) | (np.abs(U_x_1_2*x46 - correlation_10) > x78) | (np.abs(U_x_1_3*x47 - correlation_20) > x78) | (np.abs(U_x_1_4*x49 - correlation_30) > x78) | (np.abs(U_x_1_5*x52 - correlation_40) > x78) | (np.abs(U_x_2_3*x48 - correlation_21) > x78) | (np.abs(U_x_2_4*x50 - correlation_31) > x78) | (np.abs(U_x_2_5*x53 - correlation_41) > x78) | (np.abs(U_x_3_4*x51 - correlation_32) > x78) | (np.abs(U_x_3_5*x54 - correlation_42) > x78) | (np.abs(U_x_4_5*x55 - correlation_43) > x78) | (correlation_00 < -x78) | (left_0_11 < -x78) | (left_1_22 < -x78) | (left_2_33 < -x78) | (left_3_44 < -x78)
+    no_covariance = ((~(pivot_0)) & (x56 > x79)) | ((~(pivot_0)) & (x59 > x79)) | ((~(pivot_0)) & (x63 > x79)) | ((~(pivot_0)) & (x67 > x79)) | ((~(pivot_1)) & (x68 > x79)) | ((~(pivot_1)) & (x70 > x79)) | ((~(pivot_1)) & (x71 > x79)) | ((~(pivot_2)) & (x72 > x79)) | ((~(pivot_2)) & (x73 > x79)) | ((~(pivot_3)) & (x74 > x79)) | (~((U_x_1_1 >= 0.0) & (U_x_1_1 <= largest))) | (~((U_x_2_2 >= 0.0) & (U_x_2_2 <= largest))) | (~((U_x_3_3 >= 0.0) & (U_x_3_3 <= largest))) | (~((U_x_4_4 >= 0.0) & (U_x_4_4 <= largest))) | (~((U_x_5_5 >= 0.0) & (U_x_5_5 <= largest))) | (xp.abs(U_x_1_2*x46 - correlation_10) > x78) | (xp.abs(U_x_1_3*x47 - correlation_20) > x78) | (xp.abs(U_x_1_4*x49 - correlation_30) > x78) | (xp.abs(U_x_1_5*x52 - correlation_40) > x78) | (xp.abs(U_x_2_3*x48 - correlation_21) > x78) | (xp.abs(U_x_2_4*x50 - correlation_31) > x78) | (xp.abs(U_x_2_5*x53 - correlation_41) > x78) | (xp.abs(U_x_3_4*x51 - correlation_32) > x78) | (xp.abs(U_x_3_5*x54 - correlation_42) > x78) | (xp.abs(U_x_4_5*x55 - correlation_43) > x78) | (correlation_00 < -x78) | (left_0_11 < -x78) | (left_1_22 < -x78) | (left_2_33 < -x78) | (left_3_44 < -x78)
     del correlation_00, correlation_10, correlation_20, correlation_21, correlation_30, correlation_31, correlation_32, correlation_40, correlation_41, correlation_42, correlation_43, left_0_11, left_1_22, left_2_33, left_3_44, pivot_0, pivot_1, pivot_2, pivot_3, x46, x47, x48, x49, x50, x51, x52, x53, x54, x55, x56, x59, x63, x67, x68, x70, x71, x72, x73, x74, x78, x79
     half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1
     half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2
@@ -2163,28 +2163,28 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     covariance_22 = A_3_1*half_3_1 + A_3_2*half_3_2 + A_3_3*half_3_3 + A_3_4*half_3_4 + A_3_5*half_3_5
     del A_3_1, A_3_2, A_3_3, A_3_4, A_3_5, half_3_1, half_3_2, half_3_3, half_3_4, half_3_5
     there = (valid) & (~(no_covariance)) & (~(no_root)) & (~(singular))
-    U_y_1_1 = np.where(there, covariance_00, np.nan)
+    U_y_1_1 = xp.where(there, covariance_00, xp.nan)
     del covariance_00
-    x75 = np.where(there, covariance_01, np.nan)
+    x75 = xp.where(there, covariance_01, xp.nan)
     del covariance_01
     U_y_1_2 = x75
-    x76 = np.where(there, covariance_02, np.nan)
+    x76 = xp.where(there, covariance_02, xp.nan)
     del covariance_02
     U_y_1_3 = x76
     U_y_2_1 = x75
     del x75
-    U_y_2_2 = np.where(there, covariance_11, np.nan)
+    U_y_2_2 = xp.where(there, covariance_11, xp.nan)
     del covariance_11
-    x77 = np.where(there, covariance_12, np.nan)
+    x77 = xp.where(there, covariance_12, xp.nan)
     del covariance_12
     U_y_2_3 = x77
     U_y_3_1 = x76
     del x76
     U_y_3_2 = x77
     del x77
-    U_y_3_3 = np.where(there, covariance_22, np.nan)
+    U_y_3_3 = xp.where(there, covariance_22, xp.nan)
     del covariance_22, there
-    status = np.where(~(valid), 7.0, np.where(no_covariance, 6.0, np.where(no_root, 4.0, np.where(singular, 5.0, np.where((free_alpha) | (free_beta), 3.0, np.where(double_root, 2.0, np.where((rod_length_1 > longest) | (rod_length_2 > longest) | (rod_length_3 > longest) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest), 1.0, 0.0)))))))
+    status = xp.where(~(valid), 7.0, xp.where(no_covariance, 6.0, xp.where(no_root, 4.0, xp.where(singular, 5.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rod_length_1 > longest) | (rod_length_2 > longest) | (rod_length_3 > longest) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest), 1.0, 0.0)))))))
     del double_root, free_alpha, free_beta, no_covariance, no_root, rod_length_1, rod_length_2, rod_length_3, singular, valid
     return (U_y_1_1, U_y_1_2, U_y_1_3, U_y_2_1, U_y_2_2, U_y_2_3, U_y_3_1, U_y_3_2, U_y_3_3, status)
 
@@ -2232,15 +2232,15 @@ tricept_singularity.signature = "(3),(),(),(),(),()->(),(),()"
 tricept_singularity.types = ["dddddd->ddd", "ffffff->fff"]
 
 
-def _tricept_singularity(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
+def _tricept_singularity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
     # 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin
     alpha = pose_1
     beta = pose_2
-    sa = np.sin(alpha)
-    ca = np.cos(alpha)
+    sa = xp.sin(alpha)
+    ca = xp.cos(alpha)
     del alpha
-    sb = np.sin(beta)
-    cb = np.cos(beta)
+    sb = xp.sin(beta)
+    cb = xp.cos(beta)
     del beta
     x0 = pose_3*sa
     P_1_1 = R*sb*x0
@@ -2253,7 +2253,7 @@ def _tricept_singularity(pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, large
     x6 = ca*sb
     P_1_3 = pose_3*(sa*sa) + x3*x4 + x6*(cb*r + x5 - R)
     del x3
-    x7 = np.sqrt(3.0)
+    x7 = 1.7320508075688772
     x8 = 0.5*x7
     x9 = r*x8
     x10 = ca*x9
@@ -2309,12 +2309,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -2395,6 +2418,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -2416,7 +2444,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -2425,7 +2453,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -2435,3 +2463,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

@@ -57,12 +57,12 @@ tricept_parameter_sensitivity.signature = "(3),(3,3),(3,3),(3)->(3),(3),(3,43),(
 tricept_parameter_sensitivity.types = ["dddd->dddd", "ffff->ffff"]
 
 
-def _tricept_parameter_sensitivity(pose_1, pose_2, pose_3, fixed_1_1, fixed_1_2, fixed_1_3, fixed_2_1, fixed_2_2, fixed_2_3, fixed_3_1, fixed_3_2, fixed_3_3, moving_1_1, moving_1_2, moving_1_3, moving_2_1, moving_2_2, moving_2_3, moving_3_1, moving_3_2, moving_3_3, tool_1, tool_2, tool_3, eps, largest):
+def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_1_2, fixed_1_3, fixed_2_1, fixed_2_2, fixed_2_3, fixed_3_1, fixed_3_2, fixed_3_3, moving_1_1, moving_1_2, moving_1_3, moving_2_1, moving_2_2, moving_2_3, moving_3_1, moving_3_2, moving_3_3, tool_1, tool_2, tool_3, eps, largest):
     # 424 add, 671 mul, 2 div, 7 sqrt, 2 cos, 2 sin
-    c_alpha = np.cos(pose_1)
-    s_alpha = np.sin(pose_1)
-    c_beta = np.cos(pose_2)
-    s_beta = np.sin(pose_2)
+    c_alpha = xp.cos(pose_1)
+    s_alpha = xp.sin(pose_1)
+    c_beta = xp.cos(pose_2)
+    s_beta = xp.sin(pose_2)
     turn_1_1 = c_beta
     x0 = s_alpha*s_beta
     turn_1_2 = -x0
@@ -379,9 +379,9 @@ def _tricept_parameter_sensitivity(pose_1, pose_2, pose_3, fixed_1_1, fixed_1_2,
     del at_2_2
     leg_2_3 = at_2_3 - fixed_3_3
     del at_2_3
-    length_0 = np.sqrt((leg_0_1*leg_0_1) + (leg_0_2*leg_0_2) + (leg_0_3*leg_0_3))
-    length_1 = np.sqrt((leg_1_1*leg_1_1) + (leg_1_2*leg_1_2) + (leg_1_3*leg_1_3))
-    length_2 = np.sqrt((leg_2_1*leg_2_1) + (leg_2_2*leg_2_2) + (leg_2_3*leg_2_3))
+    length_0 = xp.sqrt((leg_0_1*leg_0_1) + (leg_0_2*leg_0_2) + (leg_0_3*leg_0_3))
+    length_1 = xp.sqrt((leg_1_1*leg_1_1) + (leg_1_2*leg_1_2) + (leg_1_3*leg_1_3))
+    length_2 = xp.sqrt((leg_2_1*leg_2_1) + (leg_2_2*leg_2_2) + (leg_2_3*leg_2_3))
     w_1_1 = by_pose_0_1_1*leg_0_1 + by_pose_0_2_1*leg_0_2 + by_pose_0_3_1*leg_0_3
     del by_pose_0_1_1, by_pose_0_2_1, by_pose_0_3_1
     w_1_2 = by_pose_0_1_2*leg_0_1 + by_pose_0_2_2*leg_0_2 + by_pose_0_3_2*leg_0_3
@@ -431,11 +431,11 @@ def _tricept_parameter_sensitivity(pose_1, pose_2, pose_3, fixed_1_1, fixed_1_2,
     del adj_1_2, adj_2_2, adj_3_2
     gain_3_3 = x39*(adj_1_3*by_pose_3_3_1 + adj_2_3*by_pose_3_3_2 + adj_3_3*by_pose_3_3_3)
     del adj_1_3, adj_2_3, adj_3_3, by_pose_3_3_1, by_pose_3_3_2, by_pose_3_3_3, x39
-    size_0 = np.sqrt((w_1_1*w_1_1) + (w_1_2*w_1_2) + (w_1_3*w_1_3))
+    size_0 = xp.sqrt((w_1_1*w_1_1) + (w_1_2*w_1_2) + (w_1_3*w_1_3))
     del w_1_1, w_1_2, w_1_3
-    size_1 = np.sqrt((w_2_1*w_2_1) + (w_2_2*w_2_2) + (w_2_3*w_2_3))
+    size_1 = xp.sqrt((w_2_1*w_2_1) + (w_2_2*w_2_2) + (w_2_3*w_2_3))
     del w_2_1, w_2_2, w_2_3
-    size_2 = np.sqrt((w_3_1*w_3_1) + (w_3_2*w_3_2) + (w_3_3*w_3_3))
+    size_2 = xp.sqrt((w_3_1*w_3_1) + (w_3_2*w_3_2) + (w_3_3*w_3_3))
     del w_3_1, w_3_2, w_3_3
     place_1 = at_3_1
     del at_3_1
@@ -457,7 +457,7 @@ def _tricept_parameter_sensitivity(pose_1, pose_2, pose_3, fixed_1_1, fixed_1_2,
     x45 = 0.5*leg_1_1
     x46 = leg_1_2*turn_2_1
     x47 = leg_1_3*turn_3_1
-    x48 = np.sqrt(3.0)
+    x48 = 1.7320508075688772
     x49 = leg_1_1*turn_1_2 + leg_1_2*turn_2_2 + leg_1_3*turn_3_2
     x50 = 0.5*x48*x49 - turn_1_1*x45 - 0.5*x46 - 0.5*x47
     x51 = 0.5*leg_2_1
@@ -833,18 +833,18 @@ tricept_closure.signature = "(3),(3),(3,3),(3,3),(3),(14)->(3),(3),(3,3),(3,3)"
 tricept_closure.types = ["dddddd->dddd", "ffffff->ffff"]
 
 
-def _tricept_closure(pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1_1, fixed_1_2, fixed_1_3, fixed_2_1, fixed_2_2, fixed_2_3, fixed_3_1, fixed_3_2, fixed_3_3, moving_1_1, moving_1_2, moving_1_3, moving_2_1, moving_2_2, moving_2_3, moving_3_1, moving_3_2, moving_3_3, tool_1, tool_2, tool_3, guide_1, guide_2, guide_3, guide_4, guide_5, guide_6, guide_7, guide_8, guide_9, guide_10, guide_11, guide_12, guide_13, guide_14, eps, largest):
+def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1_1, fixed_1_2, fixed_1_3, fixed_2_1, fixed_2_2, fixed_2_3, fixed_3_1, fixed_3_2, fixed_3_3, moving_1_1, moving_1_2, moving_1_3, moving_2_1, moving_2_2, moving_2_3, moving_3_1, moving_3_2, moving_3_3, tool_1, tool_2, tool_3, guide_1, guide_2, guide_3, guide_4, guide_5, guide_6, guide_7, guide_8, guide_9, guide_10, guide_11, guide_12, guide_13, guide_14, eps, largest):
     # 219 add, 319 mul, 9 cos, 9 sin
-    x0 = np.cos(guide_13)
-    x1 = np.cos(guide_14)
+    x0 = xp.cos(guide_13)
+    x1 = xp.cos(guide_14)
     mount_1_1 = x0*x1
-    x2 = np.sin(guide_14)
+    x2 = xp.sin(guide_14)
     mount_1_2 = -x0*x2
-    x3 = np.sin(guide_13)
+    x3 = xp.sin(guide_13)
     mount_1_3 = x3
-    x4 = np.cos(guide_12)
+    x4 = xp.cos(guide_12)
     x5 = x2*x4
-    x6 = np.sin(guide_12)
+    x6 = xp.sin(guide_12)
     x7 = x1*x6
     mount_2_1 = x3*x7 + x5
     x8 = x2*x6
@@ -860,15 +860,15 @@ def _tricept_closure(pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1_1, 
     del x3, x5, x7
     mount_3_3 = x0*x4
     del x0, x4
-    x9 = np.cos(guide_11)
-    x10 = np.cos(guide_7)
+    x9 = xp.cos(guide_11)
+    x10 = xp.cos(guide_7)
     x11 = x10*x9
-    x53 = np.sin(pose_1)
+    x53 = xp.sin(pose_1)
     x12 = x53
-    x54 = np.cos(pose_1)
+    x54 = xp.cos(pose_1)
     d_x12_d_pose_1 = x54
-    x13 = np.sin(guide_11)
-    x14 = np.sin(guide_7)
+    x13 = xp.sin(guide_11)
+    x14 = xp.sin(guide_7)
     x15 = x13*x14
     inner_1_1 = x11 + x12*x15
     d_inner_1_1_d_pose_1 = d_x12_d_pose_1*x15
@@ -905,14 +905,14 @@ def _tricept_closure(pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1_1, 
     del x16
     d_inner_3_3_d_pose_1 = d_x16_d_pose_1*x9
     del d_x16_d_pose_1, x9
-    x18 = np.cos(guide_5)
-    x56 = np.cos(pose_2)
+    x18 = xp.cos(guide_5)
+    x56 = xp.cos(pose_2)
     x19 = x56
-    x57 = np.sin(pose_2)
+    x57 = xp.sin(pose_2)
     d_x19_d_pose_2 = -x57
     outer_1_1 = x18*x19
     d_outer_1_1_d_pose_2 = d_x19_d_pose_2*x18
-    x20 = np.sin(guide_5)
+    x20 = xp.sin(guide_5)
     outer_1_2 = -x20
     x21 = x57
     del x57
@@ -920,10 +920,10 @@ def _tricept_closure(pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1_1, 
     del x56
     outer_1_3 = x18*x21
     d_outer_1_3_d_pose_2 = d_x21_d_pose_2*x18
-    x22 = np.sin(guide_4)
+    x22 = xp.sin(guide_4)
     x23 = x21*x22
     d_x23_d_pose_2 = d_x21_d_pose_2*x22
-    x24 = np.cos(guide_4)
+    x24 = xp.cos(guide_4)
     x25 = x19*x24
     d_x25_d_pose_2 = d_x19_d_pose_2*x24
     outer_2_1 = x20*x25 + x23
@@ -1171,12 +1171,12 @@ tricept_beam.signature = "(),(),(),(),(3)->(3,5,5),(4),(3,3)"
 tricept_beam.types = ["ddddd->ddd", "fffff->fff"]
 
 
-def _tricept_beam(alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
+def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     # 680 add, 1301 mul, 1 sqrt, 2 cos, 2 sin
-    c_alpha = np.cos(alpha)
-    s_alpha = np.sin(alpha)
-    c_beta = np.cos(beta)
-    s_beta = np.sin(beta)
+    c_alpha = xp.cos(alpha)
+    s_alpha = xp.sin(alpha)
+    c_beta = xp.cos(beta)
+    s_beta = xp.sin(beta)
     x0 = (c_alpha*c_alpha)
     x1 = (s_beta*s_beta*s_beta)
     x2 = (s_alpha*s_alpha*s_alpha)
@@ -1252,7 +1252,7 @@ def _tricept_beam(alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x69 = 16.0*R/3.0
     numerator_1_1_4 = -x31*x69
     numerator_1_1_5 = 0.0
-    x70 = np.sqrt(3.0)
+    x70 = 1.7320508075688772
     x71 = tool_2*x45
     x72 = x70*x71
     x73 = s_alpha*x70
@@ -1717,12 +1717,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -1803,6 +1826,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -1824,7 +1852,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -1833,7 +1861,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -1843,3 +1871,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

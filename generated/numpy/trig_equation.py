@@ -71,102 +71,102 @@ trig_solve.signature = "(),(),()->(2),()"
 trig_solve.types = ["ddd->db", "fff->fb"]
 
 
-def _trig_solve(A, B, D, eps, largest):
+def _trig_solve(xp, A, B, D, eps, largest):
     # 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale
-    size = 0.25*np.abs(A) + 0.25*np.abs(B) + 0.25*np.abs(D)
+    size = 0.25*xp.abs(A) + 0.25*xp.abs(B) + 0.25*xp.abs(D)
     scale = _power_of_two_scale(size)
     a = A*scale
     b = B*scale
     d = D*scale
     del scale
-    x0 = np.abs(b)
-    x1 = np.abs(a)
-    larger = np.where(x1 < x0, x0, x1)
-    smaller = np.where(x1 < x0, x1, x0)
+    x0 = xp.abs(b)
+    x1 = xp.abs(a)
+    larger = xp.where(x1 < x0, x0, x1)
+    smaller = xp.where(x1 < x0, x1, x0)
     del x0, x1
     x2 = (smaller*smaller)
     del smaller
     square = x2 + (larger - d)*(d + larger)
     bound = 4.0*eps*((larger*larger) + x2)
     del larger, x2
-    is_double = np.abs(square) <= bound
+    is_double = xp.abs(square) <= bound
     valid = size <= largest
     del size
     two = square > bound
     del bound
-    w = np.where(two, np.sqrt(square), 0.0)
+    w = xp.where(two, xp.sqrt(square), 0.0)
     del square
     empty = (A == 0.0) & (B == 0.0)
     there = (valid) & (~(empty)) & ((is_double) | (two))
     x3 = a*d
     x4 = b*w
     x5 = x3 + x4
-    cosine_plus = np.where(x5 == 0.0, 0.0, -x5)
+    cosine_plus = xp.where(x5 == 0.0, 0.0, -x5)
     del x5
     x6 = a*w
     del a, w
     x7 = b*d
     del b
     x8 = x6 - x7
-    sine_plus = np.where(x8 == 0.0, 0.0, x8)
+    sine_plus = xp.where(x8 == 0.0, 0.0, x8)
     del x8
     x9 = x3 - x4
     del x3, x4
-    cosine_minus = np.where(x9 == 0.0, 0.0, -x9)
+    cosine_minus = xp.where(x9 == 0.0, 0.0, -x9)
     del x9
     x10 = x6 + x7
     del x6, x7
-    sine_minus = np.where(x10 == 0.0, 0.0, -x10)
+    sine_minus = xp.where(x10 == 0.0, 0.0, -x10)
     del x10
-    theta_1 = np.where(there, np.arctan2(sine_plus, cosine_plus), np.nan)
+    theta_1 = xp.where(there, xp.atan2(sine_plus, cosine_plus), xp.nan)
     del cosine_plus, sine_plus
-    theta_2 = np.where(there, np.arctan2(sine_minus, cosine_minus), np.nan)
+    theta_2 = xp.where(there, xp.atan2(sine_minus, cosine_minus), xp.nan)
     del cosine_minus, sine_minus, there
-    status = np.where(~(valid), 5.0, np.where((empty) & (np.abs(d) > 0.0), 4.0, np.where(empty, 3.0, np.where(is_double, 1.0, np.where(two, 0.0, 2.0)))))
+    status = xp.where(~(valid), 5.0, xp.where((empty) & (xp.abs(d) > 0.0), 4.0, xp.where(empty, 3.0, xp.where(is_double, 1.0, xp.where(two, 0.0, 2.0)))))
     del d, empty, is_double, two, valid
     return (theta_1, theta_2, status)
 
 
-def _trig_solve_usual(A, B, D, eps, largest):
+def _trig_solve_usual(xp, A, B, D, eps, largest):
     # 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2
-    x11 = np.abs(A)
-    x12 = np.abs(B)
-    size = 0.25*x11 + 0.25*x12 + 0.25*np.abs(D)
+    x11 = xp.abs(A)
+    x12 = xp.abs(B)
+    size = 0.25*x11 + 0.25*x12 + 0.25*xp.abs(D)
     x0 = x12
     del x12
     x1 = x11
     del x11
-    larger = np.where(x1 < x0, x0, x1)
-    smaller = np.where(x1 < x0, x1, x0)
+    larger = xp.where(x1 < x0, x0, x1)
+    smaller = xp.where(x1 < x0, x1, x0)
     del x0, x1
     x2 = (smaller*smaller)
     del smaller
     square = x2 + (larger - D)*(D + larger)
     bound = 4.0*eps*((larger*larger) + x2)
     del larger, x2
-    w = np.sqrt(square)
+    w = xp.sqrt(square)
     x3 = A*D
     x4 = B*w
     x5 = x3 + x4
-    cosine_plus = np.where(x5 == 0.0, 0.0, -x5)
+    cosine_plus = xp.where(x5 == 0.0, 0.0, -x5)
     del x5
     x6 = A*w
     del w
     x7 = B*D
     x8 = x6 - x7
-    sine_plus = np.where(x8 == 0.0, 0.0, x8)
+    sine_plus = xp.where(x8 == 0.0, 0.0, x8)
     del x8
     x9 = x3 - x4
     del x3, x4
-    cosine_minus = np.where(x9 == 0.0, 0.0, -x9)
+    cosine_minus = xp.where(x9 == 0.0, 0.0, -x9)
     del x9
     x10 = x6 + x7
     del x6, x7
-    sine_minus = np.where(x10 == 0.0, 0.0, -x10)
+    sine_minus = xp.where(x10 == 0.0, 0.0, -x10)
     del x10
-    theta_1 = np.arctan2(sine_plus, cosine_plus)
+    theta_1 = xp.atan2(sine_plus, cosine_plus)
     del cosine_plus, sine_plus
-    theta_2 = np.arctan2(sine_minus, cosine_minus)
+    theta_2 = xp.atan2(sine_minus, cosine_minus)
     del cosine_minus, sine_minus
     status = 0.0
     is_usual = (size > eps) & (square > bound) & (size < 1.0/eps)
@@ -180,12 +180,35 @@ BLOCK = 8192
 
 def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
-    x = np.asarray(x)
-    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
-    bits = x.view(word)
-    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
-    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
-    return ((word(top) << mantissa) - exponent).view(x.dtype)
+    xp = np if isinstance(x, np.ndarray) else _namespace((x,))
+    if xp is np:
+        x = np.asarray(x)
+    elif not hasattr(x, "view"):  # the standard has no access to bits
+        return xp.from_dlpack(np.asarray(_power_of_two_scale(np.from_dlpack(x))))
+    word, mantissa, top = (xp.int64, 52, 2046) if x.dtype == xp.float64 else (xp.int32, 23, 254)
+    bits, one = x.view(word), (word if xp is np else int)(1 << mantissa)  # NumPy is slow with plain integers
+    exponent = xp.clip(bits & (top + 1) * one, one, (top - 1) * one)
+    exponent = xp.where(bits == 0, top // 2 * one, exponent)
+    return (top * one - exponent).view(x.dtype)
+
+
+def _is_foreign(x: Any) -> bool:
+    """Return whether this is an array of another library than NumPy."""
+    if isinstance(x, (np.ndarray, np.generic, float)):
+        return False
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+
+
+def _namespace(arguments: Any) -> Any:
+    """Return the functions for arrays as of the array API standard: those of NumPy, unless one is of another library.
+
+    Arrays of other libraries need array-api-compat.
+    """
+    if not any(map(_is_foreign, arguments)):
+        return np
+    from array_api_compat import array_namespace
+
+    return array_namespace(*filter(_is_foreign, arguments))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -266,6 +289,11 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
 
     `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
     """
+    xp = _namespace(arguments)
+    if xp is not np:
+        if out is not None:
+            raise TypeError(f"{name}: out is for NumPy arrays")
+        return _evaluate_whole(xp, body, name, arguments, inputs, outputs)
     call = _Call(name, arguments, inputs, outputs, out)
     columns = []
     for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
@@ -287,7 +315,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
             rest: Any = block
             if usual:
-                *values, is_usual = usual(*components, *numbers)
+                *values, is_usual = usual(np, *components, *numbers)
                 _fill(targets, block, values)
                 here = np.flatnonzero(~is_usual)
                 if here.size == 0:
@@ -296,7 +324,7 @@ def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, out
                 rest = start + here
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
-            _fill(targets, rest, body(*components, *numbers))
+            _fill(targets, rest, body(np, *components, *numbers))
     return call.finish()
 
 
@@ -306,3 +334,53 @@ def _fill(targets: Any, rows: Any, values: Any) -> None:
     for target in targets:
         for k in range(target.shape[1]):
             target[rows, k] = next(values)
+
+
+class _Functions:
+    """Those of an array API namespace; `where` chooses between two numbers, too, which become arrays like `one`."""
+
+    def __init__(self, xp: Any, one: Any) -> None:
+        self.xp, self.one = xp, one
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.xp, name)
+
+    def where(self, condition: Any, a: Any, b: Any) -> Any:
+        return self.xp.where(
+            condition, a * self.one if isinstance(a, float) and isinstance(b, float) else a, b
+        )
+
+
+def _evaluate_whole(xp: Any, body: Any, name: str, arguments: Any, inputs: Any, outputs: Any) -> Any:
+    """Evaluate the straight-line body on arrays of another library, all elements at once.
+
+    Lists and numbers become arrays where the others are; arrays that are all float32 are evaluated in float32.
+    """
+    from array_api_compat import device
+
+    arrays = [a for a in arguments if _is_foreign(a)]
+    narrow = all(xp.isdtype(a.dtype, "real floating") and a.dtype != xp.float64 for a in arrays)
+    one = xp.ones((), dtype=xp.float32 if narrow else xp.float64, device=device(arrays[0]))
+    columns, loops = [], []
+    for array, (port, core) in zip(arguments, inputs, strict=True):
+        if not _is_foreign(array):
+            array = xp.asarray(array, dtype=one.dtype, device=device(arrays[0]))
+        if xp.isdtype(array.dtype, "complex floating"):
+            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+        loop, shape = tuple(array.shape[: array.ndim - len(core)]), tuple(array.shape)
+        if loop + core != shape:
+            raise ValueError(f"{name}: {port} has shape {shape}; expected {_shape_text(('...', *core))}")
+        loops.append(loop)
+        rows = xp.reshape(xp.astype(array, one.dtype), (*loop, math.prod(core)))
+        columns += [rows[..., k] for k in range(math.prod(core))]
+    shape = np.broadcast_shapes(*loops)
+    limits = xp.finfo(one.dtype)
+    values = body(_Functions(xp, one), *columns, float(limits.eps), float(limits.max))
+    results, first = [], 0
+    for _, core, is_status in outputs:
+        kind = xp.int8 if is_status else one.dtype
+        parts = [x * one if isinstance(x, float) else x for x in values[first : first + math.prod(core)]]
+        first += len(parts)
+        parts = [xp.broadcast_to(xp.astype(part, kind), shape) for part in parts]
+        results.append(xp.reshape(xp.stack(parts, axis=-1), shape + core) if core else parts[0])
+    return results[0] if len(results) == 1 else tuple(results)

@@ -6,7 +6,7 @@ from typing import Any
 
 from rodgen.codegen._equations import periods
 from rodgen.codegen.kernel import Kernel
-from rodgen.codegen.printers import NumPyPrinter
+from rodgen.codegen.printers import ArrayPrinter
 
 __all__ = ["data_of_tests"]
 
@@ -39,7 +39,7 @@ def data_of_tests(kernels: tuple[Kernel, ...]) -> dict[str, Any]:
 def _equations(kernel: Kernel) -> dict[str, Any] | None:
     if kernel.equations is None:
         return None
-    given, printer = kernel.equations, NumPyPrinter()
+    given, printer = kernel.equations, ArrayPrinter()
     residuals = given.residuals
     unknowns = residuals.inputs[len(kernel.inputs) :]
     ports = {p.name: p for p in residuals.outputs}

@@ -25,7 +25,7 @@ from rodgen.codegen.kernel_parts import (
     port_symbols,
     shortened,
 )
-from rodgen.codegen.printers import NumPyPrinter
+from rodgen.codegen.printers import ArrayPrinter
 from rodgen.symbolic import EPS, LARGEST
 
 __all__ = ["KernelBuilder"]
@@ -287,7 +287,7 @@ class KernelBuilder:
                 "only" + (f"; {min(alike)} here is another symbol than input() returned" if alike else "")
             )
         try:
-            NumPyPrinter().line(value)  # raised here, so that the traceback leads to the line of the script
+            ArrayPrinter().line(value)  # raised here, so that the traceback leads to the line of the script
         except KernelError as error:
             raise KernelError(f"kernel {self._name}: {symbol.name}: {error}") from None
         self._steps.append(Assignment(symbol, value))

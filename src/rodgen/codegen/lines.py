@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence, Set
 import sympy as sp
 
 from rodgen.codegen.kernel import Kernel
-from rodgen.codegen.printers import CPrinter, NumPyPrinter
+from rodgen.codegen.printers import ArrayPrinter, CPrinter
 from rodgen.codegen.source_text import operations_text
 from rodgen.symbolic import EPS, LARGEST
 
@@ -38,8 +38,8 @@ def released(lines: Sequence[tuple[sp.Symbol, sp.Basic]], kept: Set[sp.Symbol]) 
         yield sorted(done, key=lambda symbol: str(symbol.name))
 
 
-def numpy_lines(kernel: Kernel, printer: NumPyPrinter) -> Iterator[str]:
-    """Yield the assignments in Python; each array is deleted after its last use."""
+def numpy_lines(kernel: Kernel, printer: ArrayPrinter) -> Iterator[str]:
+    """Yield the assignments in Python, on arrays; each is deleted after its last use."""
     kept = {EPS, LARGEST, *(s for p in (*kernel.inputs, *kernel.outputs) for s in p.symbols)}
     for (symbol, value), done in zip(kernel.assignments, released(kernel.assignments, kept), strict=True):
         yield f"{symbol.name} = {printer.line(value)}"

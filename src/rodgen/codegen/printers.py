@@ -16,7 +16,7 @@ from sympy.printing.precedence import PRECEDENCE, precedence
 from rodgen.codegen.kernel_parts import KernelError
 from rodgen.symbolic import EPS, LARGEST
 
-__all__ = ["C_MACROS", "CPrinter", "KernelPrinter", "NumPyPrinter", "RealCPrinter", "VectorCPrinter"]
+__all__ = ["C_MACROS", "ArrayPrinter", "CPrinter", "KernelPrinter", "RealCPrinter", "VectorCPrinter"]
 
 ELEMENTARY = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log")
 
@@ -170,30 +170,45 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
         return f"{self.negation}({self._print(expr.args[0])})"
 
 
-class NumPyPrinter(KernelPrinter):
-    """NumPy expressions on whole arrays."""
+class ArrayPrinter(KernelPrinter):
+    """Expressions on whole arrays, with the names of the array API standard, which NumPy and others have.
+
+    Parameters
+    ----------
+    namespace : str
+        The module's name in the code: ``np``, ``jnp``, or ``xp`` for whichever the arrays are of.
+    """
 
     language = "NumPy"
-    functions: ClassVar[dict[str, str]] = {
-        **{name: f"np.{name}" for name in ELEMENTARY},
-        **{f"a{name}": f"np.arc{name}" for name in ("sin", "cos", "tan", "tan2")},
-        "atan2": "np.arctan2",
-        "Abs": "np.abs",
-        "sign": "np.sign",
-        "power_of_two_scale": "_power_of_two_scale",
-    }
+
+    def __init__(self, namespace: str = "np") -> None:
+        super().__init__()
+        self.namespace = namespace
+        self.functions = {  # type: ignore[misc]  # a table for each namespace
+            **{name: f"{namespace}.{name}" for name in (*ELEMENTARY, "sign")},
+            "Abs": f"{namespace}.abs",
+            "power_of_two_scale": "_power_of_two_scale",
+        }
 
     def not_a_number(self) -> str:
         """Write NaN."""
-        return "np.nan"
+        return f"{self.namespace}.nan"
 
     def square_root(self, argument: str) -> str:
         """Write a square root."""
-        return f"np.sqrt({argument})"
+        return f"{self.namespace}.sqrt({argument})"
 
     def power(self, base: str, exponent: str) -> str:
         """Write a general power."""
-        return f"np.power({base}, {exponent})"
+        return f"{self.namespace}.pow({base}, {exponent})"
+
+    def _print_Pow(self, expr: sp.Pow) -> str:
+        of_arrays = expr.free_symbols - {EPS, LARGEST}  # which the functions of the standard take
+        if of_arrays or expr.exp.is_Integer or expr.exp.is_negative:
+            return super()._print_Pow(expr)
+        if expr.is_number:
+            return self.number(float(expr))
+        return f"{self.parenthesize(expr.base, PRECEDENCE['Pow'])}**{self.number(expr.exp)}"
 
     def _print_Symbol(self, expr: sp.Symbol) -> str:
         return str(expr.name)
@@ -202,7 +217,7 @@ class NumPyPrinter(KernelPrinter):
         *cases, (last, _) = expr.args
         text = str(self._print(last))
         for value, condition in reversed(cases):
-            text = f"np.where({self._print(condition)}, {self._print(value)}, {text})"
+            text = f"{self.namespace}.where({self._print(condition)}, {self._print(value)}, {text})"
         return text
 
     def _print_BooleanTrue(self, expr: sp.Basic) -> str:

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from rodgen.codegen._array_call import _checked_out, _shape_text
+from rodgen.codegen._array_call import _checked_out, _namespace, _shape_text
 from rodgen.codegen.build_cache import (
     CompilerError,
     cached_text,
@@ -63,6 +63,9 @@ class RowKernel:
     ``f(rows, *shared)`` returns an array for the kernel's output, or a tuple of arrays for its outputs; with ``out=``
     they are written there. The function lets other threads run.
 
+    Rows in an array of another library (CuPy, PyTorch, JAX, ...) are evaluated by that library, where they are and in
+    their type, float32 or float64; it can trace the function, to compile it or to differentiate it.
+
     Attributes
     ----------
     name : str
@@ -77,6 +80,7 @@ class RowKernel:
         "_evaluate",
         "_evaluate_each",
         "_gram",
+        "_program",
         "_row",
         "_shapes",
         "_width",
@@ -91,12 +95,14 @@ class RowKernel:
         name: str,
         target: str,
         about: Any,
+        program: Callable[[], Program],
         evaluate: Callable[..., Any],
         gram: Callable[..., Any] | None,
         evaluate_each: Callable[..., Any] | None = None,
     ) -> None:
         self.name = name
         self.target = target
+        self._program = program
         self._columns: int = about["columns"]
         self._width: int = about["width"]
         self._gram = gram
@@ -130,6 +136,12 @@ class RowKernel:
         ValueError
             When a shape does not fit, or `out` cannot be written to.
         """
+        xp = _namespace((rows, *shared))
+        if xp is not np:
+            if out is not None:
+                raise TypeError(f"{self.name}: out is for NumPy arrays")
+            found = self._on_arrays("outputs_on", xp, (rows, *shared))
+            return found[0] if len(found) == 1 else tuple(found)
         arrays = self._checked((rows, *shared))
         count = len(arrays[0])
         if out is None:
@@ -202,7 +214,7 @@ class RowKernel:
     def gram(self, rows: Any, *shared: Any) -> Array:
         """Return [J r]ᵀ[J r], (columns + 1, columns + 1), of residuals r and their Jacobian J, which the kernel gives.
 
-        All rows are stacked. In C none of J is stored.
+        All rows are stacked. In C none of J is stored; on arrays of other libraries that of all rows is.
 
         Parameters
         ----------
@@ -214,19 +226,31 @@ class RowKernel:
         TypeError, ValueError
             As of a call; also for a kernel without a Jacobian.
         """
-        arrays = self._checked((rows, *shared))
         if self._gram is None:
             raise TypeError(f"{self.name}: no Jacobian")
+        xp = _namespace((rows, *shared))
+        if xp is not np:
+            return cast("Array", self._on_arrays("gram_on", xp, (rows, *shared)))
+        arrays = self._checked((rows, *shared))
         found = np.zeros((self._width, self._width))
         if len(arrays[0]):
             self._gram(len(arrays[0]), arrays, found)
         return found[: self._columns + 1, : self._columns + 1]
 
-    def _checked(self, given: Sequence[Any]) -> list[Array]:
-        """Return the inputs as arrays after a check of their shapes."""
+    def _on_arrays(self, function: str, xp: Any, given: Sequence[Any]) -> Any:
+        """Return what a function of `_rows_numpy` does on arrays of another library than NumPy."""
+        from rodgen.codegen import _rows_numpy
+
+        rows, *shared = self._checked(given, lambda a: _rows_numpy.arrays_on(xp, a))
+        return getattr(_rows_numpy, function)(xp, self._program(), rows, shared)
+
+    def _checked(
+        self, given: Sequence[Any], arrays_of: Callable[[Sequence[Any]], list[Any]] | None = None
+    ) -> list[Any]:
+        """Return the inputs as arrays after a check of their shapes; of NumPy unless it is said how."""
         if len(given) != len(self.inputs):
             raise TypeError(f"{self.name}: {len(given)} arguments; expected {', '.join(self.inputs)}")
-        arrays = [np.asarray(a, np.float64, order="C") for a in given]
+        arrays = arrays_of(given) if arrays_of else [np.asarray(a, np.float64, order="C") for a in given]
         for array, shape in zip(arrays[1:], self._shapes, strict=True):
             if array.shape != shape:
                 self._raise_wrong_shape(arrays)
@@ -234,14 +258,14 @@ class RowKernel:
             self._raise_wrong_shape(arrays)
         return arrays
 
-    def _raise_wrong_shape(self, arrays: Sequence[Array]) -> None:
+    def _raise_wrong_shape(self, arrays: Sequence[Any]) -> None:
         """Raise the error that names the input of a wrong shape."""
         (row, shape), *others = self.inputs.items()
         for array, (port, expected) in zip(arrays, [(row, ("count", *shape)), *others], strict=True):
             found = ("count", *array.shape[1:]) if port == row and array.ndim else array.shape
             if found != expected:
                 raise ValueError(
-                    f"{self.name}: {port} has shape {array.shape}; expected {_shape_text(expected)}"
+                    f"{self.name}: {port} has shape {tuple(array.shape)}; expected {_shape_text(expected)}"
                 )
 
     def _checked_out(self, out: Any, count: int, arrays: Sequence[Array]) -> list[Array]:
@@ -357,20 +381,24 @@ def _compiled(key: Sequence[str], make: Callable[[], Sequence[Program]], level: 
 
         return {"kernels.c": c_source(make())}
 
+    def program(name: str) -> Program:
+        return next(p for p in make() if p.name == name)
+
     made = shared_library(
         (*key, macros), files, command, (*FLAGS, *extra),
-        lambda library: _of_one_row(_in_library(library)), lambda: _of_one_row(_of_programs(make())),
+        lambda library: _of_one_row(_in_library(library, program)), lambda: _of_one_row(_of_programs(make())),
     )  # fmt: skip
-    return _in_library(made)
+    return _in_library(made, program)
 
 
-def _in_library(made: ctypes.CDLL) -> dict[str, RowKernel]:
+def _in_library(made: ctypes.CDLL, program: Callable[[str], Program]) -> dict[str, RowKernel]:
     kernels = json.loads(ctypes.c_char_p.in_dll(made, "about").value or b"{}")
     return {
         name: RowKernel(
             name,
             "c",
             about,
+            functools.partial(program, name),
             _c_evaluate(made[f"rows_{name}"], len(about["inputs"]) + len(about["outputs"])),
             _c_gram(made[f"gram_{name}"], len(about["inputs"]) + 1) if about["columns"] else None,
         )
@@ -429,8 +457,14 @@ def _of_programs(programs: Sequence[Program]) -> dict[str, RowKernel]:
         run = NumPyProgram(program)
         gram = functools.partial(_numpy_gram, run, program.outputs) if program.columns else None
         each = functools.partial(run, shared=False)
-        made[program.name] = RowKernel(program.name, "numpy", program.about, run, gram, each)
+        made[program.name] = RowKernel(
+            program.name, "numpy", program.about, functools.partial(_same, program), run, gram, each
+        )
     return made
+
+
+def _same(program: Program) -> Program:
+    return program
 
 
 def _numpy_gram(

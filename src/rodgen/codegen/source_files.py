@@ -29,7 +29,7 @@ from rodgen.codegen.lines import (
     operation_counts,
     symbols_read,
 )
-from rodgen.codegen.printers import C_MACROS, NumPyPrinter, RealCPrinter, VectorCPrinter
+from rodgen.codegen.printers import C_MACROS, ArrayPrinter, RealCPrinter, VectorCPrinter
 from rodgen.codegen.source_text import (
     DO_NOT_EDIT,
     ENVIRONMENT,
@@ -270,7 +270,7 @@ def _docstring(kernel: Kernel) -> str:
 
 
 def _numpy_kernels(module: KernelModule) -> list[dict[str, Any]]:
-    printer = NumPyPrinter()
+    printer = ArrayPrinter("xp")
     return [
         {
             "name": kernel.name,
@@ -295,7 +295,7 @@ def _with_usual_case(kernel: Kernel) -> list[Kernel]:
     return [kernel] if kernel.usual is None else [kernel, kernel.usual_case()]
 
 
-def _numpy_body(kernel: Kernel, printer: NumPyPrinter) -> dict[str, Any]:
+def _numpy_body(kernel: Kernel, printer: ArrayPrinter) -> dict[str, Any]:
     return {
         "function": f"_{kernel.name}",
         "operations": operation_counts(kernel),

@@ -16,7 +16,7 @@ from rodgen.codegen.lines import (
     operation_counts,
     symbols_read,
 )
-from rodgen.codegen.printers import CPrinter, NumPyPrinter
+from rodgen.codegen.printers import ArrayPrinter, CPrinter
 from rodgen.codegen.source_text import in_comment, template_environment
 from rodgen.errors import shown
 from rodgen.machines.emit._content import Content, constant_words, coordinate_unit, effect_words
@@ -310,7 +310,7 @@ def _numpy_kernel(function: str, kernel: Kernel, constants: set[str]) -> dict[st
         "function": function,
         "operations": operation_counts(kernel),
         "parameters": ", ".join(parameters),
-        "lines": list(numpy_lines(kernel, NumPyPrinter())),
+        "lines": list(numpy_lines(kernel, ArrayPrinter())),
         "results": ", ".join(results),
     }
 
