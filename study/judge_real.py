@@ -195,6 +195,7 @@ def _impossible(found: Any, truth: Truth) -> list[str]:
                 continue
             size = abs(estimate.value) * (truth.reach if name in BY_ARM else 1.0)
             most = IMPOSSIBLE.get(name, np.inf) * (1.0 if estimate.unit != "mm/K" else 0.2)
+            most = max(most, truth.windup.get(step.effect.identity, 0.0) * truth.reach)  # this machine has it
             negative = (
                 name in NEVER_NEGATIVE and estimate.std is not None and estimate.value < -3 * estimate.std
             )

@@ -71,6 +71,8 @@ class Truth:
         Length of the longest lever arm.
     chance : mapping of (name, place) to float
         How often such machines have an effect.
+    windup : mapping of (name, place) to float
+        By how much a joint yields where all weights that it carries have a lever arm of one, arcsec per mm.
     """
 
     kind: str
@@ -90,6 +92,7 @@ class Truth:
     known: frozenset[str] = frozenset()
     reach: float = 1.0
     chance: Mapping[Title, float] = field(default_factory=dict)
+    windup: Mapping[Title, float] = field(default_factory=dict)
 
 
 class Sealed:

@@ -13,7 +13,8 @@ targets that were mixed up.
 `Truth.seen` has the effects that these readings must show: a test at 1 % over all candidates of the machine finds them
 with a probability of 99 %, given everything else that is there, and the covariance of the errors. A function of one
 coordinate must also have been measured at twice as many values, over all its components, as it has parameters: any
-function goes through fewer. What is not in it may be claimed, but need not be.
+function goes through fewer. What follows the time alone must be found though the set-up may wander, as one of eight
+does: who reads the data does not know that this one is at rest. What is not in it may be claimed, but need not be.
 """
 
 from __future__ import annotations
@@ -66,6 +67,7 @@ class Usual:
 
 
 BY_WEIGHTS = frozenset({"weight_windup", "weight_tilt"})
+OF_TIME = frozenset({"linear_drift", "warm_up_drift", "frame_shift"})
 _WAVE = ("a", "b")
 _ACROSS = tuple(f"{w}_{h}" for w in "uv" for h in ("c1", "s1", "c2", "s2"))
 _ALONG = ("c1", "s1", "c2", "s2")
@@ -474,10 +476,22 @@ def real(kind_name: str, number: int) -> Hidden:
             for title, usual in kind.usual.items()
             for name in kind.equal.get(title, (title,))
         },
+        windup={
+            named[title][0]: values["c"] / SECOND * _carried_by(b, str(title[1]))
+            for title, values in effects.items()
+            if title[0] == "weight_windup"
+        },
     )
     arguments = {"q": b.q, "reading": reading, "target": b.target, **kept}
     new = {"q": again.q, "reading": further, "target": again.target, **also}
     return Hidden(f"real {kind_name} {number}", b, arguments, text, Sealed(truth), new)
+
+
+def _carried_by(b: Bench, joint: str) -> float:
+    """Give the sum of the weights that a joint carries, N."""
+    names = [str(j["name"]) for j in b.file["joint"]]
+    later = names[names.index(joint) :]
+    return float(sum(weight["newton"] for weight in b.weights if weight["joint"] in later))
 
 
 def _gross(b: Bench, reading: Array, random: np.random.Generator) -> tuple[Array, set[int]]:
@@ -554,11 +568,15 @@ def _seen(
     readings = b.difference(whole, b.measure({})).size
     components = readings // len(b.q)
     good = np.repeat(~np.isin(np.arange(len(b.q)), list(bad)), components)
+
+    def wandering(kind: str) -> Array:
+        pose = np.repeat(b.pose, components)
+        path = b.sigma**2 * _wander_covariance(b, kind)[np.ix_(pose, pose)]
+        return np.asarray(sum(np.outer(move, move) * path for move in _moves(b)))
+
     covariance = b.sigma**2 * np.eye(readings)
     if wanders:
-        pose = np.repeat(b.pose, components)
-        path = b.sigma**2 * _wander_covariance(b, wanders)[np.ix_(pose, pose)]
-        covariance += sum(np.outer(move, move) * path for move in _moves(b))
+        covariance += wandering(wanders)
 
     base = b.derivatives(b.base, at=everything)
     columns = {title: b.derivatives(list(values), at=everything) for title, values in keys.items()}
@@ -567,10 +585,11 @@ def _seen(
     by_weights = frozenset(title for title in keys if title[0] in BY_WEIGHTS)
 
     @cache
-    def among(yielding: frozenset[Title]) -> tuple[Array, Array]:
+    def among(yielding: frozenset[Title], walks: bool = False) -> tuple[Array, Array]:
         """Give a root of the covariance, and a basis of the geometry, where weights act through some effects."""
         moved = _of_weights(b, kind.reach, {key: x for t in yielding for key, x in keys[t].items()})
-        root = np.linalg.cholesky((covariance + moved @ moved.T)[np.ix_(good, good)])
+        errors = covariance + wandering("walk") if walks else covariance
+        root = np.linalg.cholesky((errors + moved @ moved.T)[np.ix_(good, good)])
         u, s, _ = np.linalg.svd(white(root, base), full_matrices=False)
         return root, u[:, s > 1e-9 * s[0]]
 
@@ -598,7 +617,7 @@ def _seen(
             continue
         others = [c for t, c in columns.items() if t != title]
         without = {key: x for key, x in everything.items() if key not in values}
-        root, plain = among(by_weights - {title})
+        root, plain = among(by_weights - {title}, title[0] in OF_TIME and wanders != "walk")
         change = white(root, b.difference(whole, b.measure(without)))
         if power(joined(root, plain, others), change, len(values)) > 0.99:
             seen.add(title)

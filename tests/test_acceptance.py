@@ -26,7 +26,16 @@ from rodgen.machines.model import Model
 
 
 def why(
-    *, converged=True, before=2.0, after=1.0, stds=(0.1, None), held=False, p=1e-5, tests=30.0, positions=40
+    *,
+    converged=True,
+    before=2.0,
+    after=1.0,
+    stds=(0.1, None),
+    held=False,
+    p=1e-5,
+    tests=30.0,
+    positions=40,
+    as_a_walk=False,
 ):
     observations = SimpleNamespace(
         q=np.stack([np.arange(40.0) % positions, np.arange(40.0)], axis=1),
@@ -38,7 +47,7 @@ def why(
     fit = SimpleNamespace(solution=SimpleNamespace(converged=converged), unit="mm", observations=observations)
     held_out = tuple(HeldOut(rms, "mm", 10, 10) for rms in (before, after))
     estimates = {str(i): Estimate(str(i), "mm", 1.0, std, held, True) for i, std in enumerate(stds)}
-    worth = None if p is None else EffectTest(p, np.log10(p), 9.0, (2.0, 30.0), 1.0)
+    worth = None if p is None else EffectTest(p, np.log10(p), 9.0, (2.0, 30.0), 1.0, None, as_a_walk)
     return why_not_earned(fit, effect, held_out, estimates, worth, tests)
 
 
@@ -62,6 +71,7 @@ def why(
             {"p": 5e-4, "tests": 30.0},
             "some effect explains as much by chance in one of 67 data sets (p = 0.0005)",
         ),
+        ({"p": 0.04, "as_a_walk": True}, "a set-up that wanders may do the same (p = 0.04)"),
         ({"p": None}, "do not determine its size"),
     ],
 )

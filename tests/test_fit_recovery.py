@@ -27,9 +27,12 @@ from machine_cases import (
     title,
     with_effects,
 )
+from real_machines import real
 from scipy import stats
 
 from rodgen.calibration.fit import Fit, fit
+from rodgen.data.measurements import Measurements
+from rodgen.machines.machine import Machine
 
 KINDS = ["point", "direction", "distance"]
 ROWS = 80
@@ -229,3 +232,16 @@ def test_weights_at_later_joints_are_taken_in_where_they_matter(stated):
     assert {key: again.estimates[key].std for key in taken} == pytest.approx(
         {key: found.estimates[key].std for key in taken}, rel=1e-6
     )
+
+
+def test_no_weight_is_taken_in_that_is_absurd_for_a_robot(tmp_path):
+    """A weight off the line of J3, with a short lever arm, followed the encoder of J2: 5600 arcsec at whole reach."""
+    machine, data = real("7R", 11).write(tmp_path)
+    robot = Machine.load(machine)
+    for name, joints in {"backlash": "123", "gravity_windup": "24", "encoder_eccentricity": "13"}.items():
+        for joint in joints:
+            robot = robot.add(name, joint=f"J{joint}")
+    found = fit(robot, Measurements.load(data))
+    sizes = [e.value for key, e in found.estimates.items() if ".gravity_windup." in key and e.value]
+    assert len(sizes) == 4  # arcsec/mm
+    assert max(map(abs, sizes)) < 0.1

@@ -70,7 +70,10 @@ class Rung:
             return f"{name} cannot be tested: {why}."
         tested = f"F = {three_digits(self.step.statistic)}, {chance(self.step.p_value)}"
         if not self.step.significant:
-            return f"{name} does not show in these data: chance explains as much ({tested})."
+            same = (
+                "a set-up that wanders may do the same" if self.step.as_a_walk else "chance explains as much"
+            )
+            return f"{name} does not show in these data: {same} ({tested})."
         text = f"{name} explains more than chance does ({tested}); another effect may explain the same."
         text = " ".join(filter(None, [text, self.step.on_shape(self.effect)]))
         left = self.fit.lack_of_fit

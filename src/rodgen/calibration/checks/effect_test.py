@@ -59,6 +59,8 @@ class EffectTest:
     only_at : tuple of (str, int), optional
         A joint and the number of its positions, where these are so few that they show what kind of motion it makes, but
         not what it does between them.
+    as_a_walk : bool
+        Whether what follows the time would be beyond chance if the set-up were known not to wander otherwise.
     """
 
     p_value: float
@@ -67,6 +69,7 @@ class EffectTest:
     degrees_of_freedom: tuple[float, float]
     design_effect: float
     only_at: tuple[str, int] | None = None
+    as_a_walk: bool = False
 
     @property
     def significant(self) -> bool:
@@ -150,11 +153,13 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
     dof = (float(further), max(min(independent, known), 1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         statistic = float(np.divide(fall / further, left * design_effect)) if fall > 0 else 0.0
-    log10 = walks / LN10 if np.isfinite(walks) else log10_f_tail(statistic, *dof)
-    log10 += float(np.log10(tries))
+    log10 = at_rest = log10_f_tail(statistic, *dof) + float(np.log10(tries))
+    if np.isfinite(walks):
+        log10 = walks / LN10 + float(np.log10(tries))
     log10 = min(max(log10, by_position / LN10), 0.0)
     only_at = few_positions(models.added[0], larger.observations) if of_kind else None
-    return EffectTest(p_of_log10(log10), log10, statistic, dof, design_effect, only_at)
+    as_a_walk = at_rest < np.log10(EFFECT_TEST.significant) < log10
+    return EffectTest(p_of_log10(log10), log10, statistic, dof, design_effect, only_at, as_a_walk)
 
 
 def _log_p_by_position(models: NestedModels, tries: int) -> tuple[float, bool]:

@@ -53,6 +53,7 @@ __all__ = [
 ]
 
 WRONG_SIGN = "no machine has it of this sign"
+FASTER = "It may be there all the same, and more readings in the same time would tell"
 MORE = "it may be there all the same, and more positions would tell"
 
 
@@ -262,6 +263,8 @@ def why_not_earned(
     ):
         return "the data do not determine its size"
     if not worth.significant or worth.p_value * tests >= VERDICT.rare:
+        if worth.as_a_walk:
+            return f"a set-up that wanders may do the same ({chance(worth.p_value)}). {FASTER}"
         few = few_positions(effect, after.observations)
         with_few = f" with {few[1]} positions of {few[0]}: {MORE}" if few else ""
         of_all = worth.p_value * tests

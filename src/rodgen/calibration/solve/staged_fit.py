@@ -10,6 +10,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise
 from rodgen.calibration.solve.starting_values import linear_falls, placed, searched, thinned
 from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.model import Model
 from rodgen.machines.structure import row_effects
 from rodgen.stages import step
@@ -114,30 +115,39 @@ def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[
     """Return the solution with the weights at later joints that the data call for, added one after the other.
 
     The fall of the cost that a linear step promises decides which is tried, and the fall that a fit brings, whether it
-    stays: by more than `SelectionPolicy.parameter_cost` variances, as for a parameter in a diagnosis. Those of fewer
-    effects, with which the fit began, go by the same rule first.
+    stays: by more than `SelectionPolicy.parameter_cost` variances, as for a parameter in a diagnosis, and by what its
+    size costs there. Those of fewer effects, with which the fit began, go by the same rule first.
     """
     solution, free = _still_called_for(problem, solution, free)
     waiting = _with_an_arm(problem, solution, free)
     while waiting:
         promised = linear_falls(problem, solution, free, waiting)
-        index = waiting[int(np.argmax(promised))]
-        needed = _needed(problem, solution, len(free) + 1)
-        if max(promised) < needed:
+        index = waiting.pop(int(np.argmax(promised)))
+        parameters = len(free) + 1
+        if max(promised) < _needed(problem, solution, parameters):
             break
         better = minimise(problem, solution.theta, solution.frame, [*free, index])
-        if solution.cost - better.cost < needed:
-            break
+        if solution.cost - better.cost < _needed(problem, solution, parameters, index, better.theta[index]):
+            continue
         solution, free = better, [*free, index]
-        waiting.remove(index)
     return solution, free
 
 
-def _needed(problem: Problem, solution: Solution, parameters: int) -> float:
-    """Return by how much the cost must fall for the last of so many parameters."""
+def _needed(
+    problem: Problem, solution: Solution, parameters: int, index: int | None = None, value: float = 0.0
+) -> float:
+    """Return by how much the cost must fall for the last of so many parameters, of that number and value."""
     left = max(problem.rows * problem.components - parameters, 1)
     variance = 1.0 if problem.observations.sigma is not None else solution.cost / left
-    return variance * SELECTION.parameter_cost(problem.rows)
+    of_size = 0.0 if index is None else _size_cost(problem.model, index, value)
+    return variance * (SELECTION.parameter_cost(problem.rows) + of_size)
+
+
+def _size_cost(model: Model, index: int, value: float) -> float:
+    """Return what a size of an effect's parameter costs in units of chi-square."""
+    machine, key = model.machine, model.parameters[index].key
+    effect = next(effect for effect in machine.effects if effect.owns(key))
+    return plausibility(machine, effect).size_cost([key.rpartition(".")[2]], [value])
 
 
 def _still_called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[Solution, list[int]]:
@@ -148,11 +158,13 @@ def _still_called_for(problem: Problem, solution: Solution, free: list[int]) -> 
         values, vectors = eigh(scaled)
         seen = values > DETERMINACY.nothing**2 * values[-1]
         precision = scale**2 / (vectors[:, seen] ** 2 @ (1 / values[seen]))
-        rises = (solution.theta[free] ** 2 * precision)[weights]
-        index, needed = free[weights[int(np.argmin(rises))]], _needed(problem, solution, len(free))
-        if min(rises) > needed:
-            break
         theta = solution.theta.copy()
+        rises = (theta[free] ** 2 * precision)[weights]
+        needs = [_needed(problem, solution, len(free), free[k], theta[free[k]]) for k in weights]
+        least = int(np.argmin(rises - needs))
+        index, needed = free[weights[least]], needs[least]
+        if rises[least] > needed:
+            break
         theta[index] = 0.0
         fewer = [i for i in free if i != index]
         without = minimise(problem, theta, solution.frame, fewer)
