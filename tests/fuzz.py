@@ -444,6 +444,7 @@ FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ),
     ("mechanism toolkit 4", {}),
     ("effects scale", {}),
+    ("new 3-axis --code [w,X,b,Y,Z,t] -o m.toml", {}),
     ("import r.urdf -o m.toml", {"r.urdf": URDF}),
     ("import t.csv --convention modified -o m.toml", {"t.csv": TABLE}),
     ("import r.dat m.mod -o m.toml -d d.csv", {"r.dat": POINTINGS, "m.mod": MODEL}),

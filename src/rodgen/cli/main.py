@@ -56,6 +56,7 @@ _COMMANDS = {
     "emit": ("emit",),
     "simulate": ("simulate",),
     "effects": ("effects",),
+    "new": ("new",),
     "imports": ("import",),
     "axis": ("solve", "fit-axis"),
     "tricept": ("tricept",),
@@ -69,7 +70,7 @@ _COMMANDS = {
 
 _GROUPS = {
     "from measurements to a corrected machine": ("fit", "compare", "diagnose", "add", "emit", "report"),
-    "a machine file to begin with": ("import",),
+    "a machine file to begin with": ("new", "import"),
     "more about a machine": ("check", "plan", "predict", "remove", "simulate", "effects"),
     "the axis of one rotation": ("fit-axis", "solve"),
     "legs, orientation, robots": ("tricept", "euler", "mechanism"),
@@ -80,7 +81,7 @@ _GROUPS = {
 
 _ENDING = [signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else [])]
 
-_WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool")
+_WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool", "--latitude")
 """Options whose value may start with a minus sign."""
 
 

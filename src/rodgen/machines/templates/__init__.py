@@ -1,0 +1,147 @@
+"""Machine files to begin with, with comments: a file of this folder for each kind, and machine tools by their code.
+
+The code of a machine tool is that of ISO 10791: its axes in order from the workpiece w, over the bed b, to the tool t,
+such as ``[w C A b X Y Z t]``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from importlib import resources
+
+from rodgen.errors import RodgenError, listed, nearest_name, shown
+from rodgen.machines.files.write import decimal
+from rodgen.machines.imports.mounts import EQUATORIAL
+
+__all__ = ["CODES", "KINDS", "machine_template"]
+
+KINDS = {
+    "alt-azimuth": "mount of a telescope or an antenna",
+    "equatorial-fork": "mount with a fork; --latitude",
+    "equatorial-german": "mount with a counterweight; --latitude",
+    "3-axis": "machine tool [w X Y b Z t], or by --code",
+    "table-table": "five-axis machine tool [w C A b X Y Z t], or by --code",
+    "head-table": "five-axis machine tool [w C b X Y Z B t], or by --code",
+    "head-head": "five-axis machine tool [w b X Y Z C A t], or by --code",
+    "gantry-rotary": "gantry with a rotary axis",
+    "turntable": "rotary table with balls on it",
+    "positioner": "two rotary axes",
+    "arm-6r": "robot with six rotary joints",
+    "tricept": "three legs and a passive one in the middle",
+    "3-sps-s": "platform on a ball and three legs",
+}
+"""What there is, and what it is."""
+
+CODES = {name: found[0] for name, words in KINDS.items() if (found := re.findall(r"\[w [^]]*\]", words))}
+"""The kinds that are machine tools, with the code that each has where no other is given."""
+
+_AXES = {"X": (1, 0, 0), "Y": (0, 1, 0), "Z": (0, 0, 1)}
+_TURNS = {"A": "X", "B": "Y", "C": "Z"}
+_TRAVEL = {"X": 300, "Y": 250, "Z": 200, "A": 110, "B": 110, "C": 180}
+_PIVOT = 150
+_ON_THE_CHAIN = """\
+# It is written as one chain in the workpiece's frame, which ends at the tool. By ISO 841 a positive motion moves the
+# tool in the positive direction relative to the workpiece, so that axes of the table have positive axes here, too.
+# Where the control counts an axis of the table by its own turning, write that axis with the other sign.
+# Seen from the spindle (sensors there, a ball on the table): joints in the opposite order, axes with the other sign.
+"""
+
+
+def machine_template(kind: str, *, code: str | None = None, latitude: float | None = None) -> str:
+    """Return the text of a machine file with comments.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    code : str, optional
+        Of a machine tool, after ISO 10791.
+    latitude : float, optional
+        Of an equatorial mount, rad.
+
+    Raises
+    ------
+    RodgenError
+        When there is no such kind, the latitude is missing, or the code is none.
+
+    Examples
+    --------
+    >>> print(machine_template("turntable").splitlines()[2])
+    name = "Turntable"
+    """
+    if kind not in KINDS:
+        near = nearest_name(kind, KINDS)
+        raise RodgenError(
+            f"no kind {shown(kind)}; expected {f'{near!r}, perhaps' if near else listed(KINDS)}"
+        )
+    if code is not None and kind not in CODES:
+        raise RodgenError(f"a code of {kind}; expected none: it is no machine tool")
+    if kind in CODES:
+        return _machine_tool(code or CODES[kind])
+    text = resources.files(__name__).joinpath(f"{kind}.toml").read_text(encoding="utf-8")
+    if kind.startswith("equatorial"):
+        if latitude is None or not abs(latitude) <= math.pi / 2:
+            raise RodgenError("no latitude of an equatorial mount; expected --latitude, such as 31.7deg")
+        gravity = ", ".join(decimal(round(x, 9)) for x in EQUATORIAL.gravity(latitude))
+        text = text.replace("{gravity}", f"[{gravity}]")
+        text = text.replace("{latitude}", decimal(round(math.degrees(latitude), 6)))
+    return text
+
+
+def _machine_tool(code: str) -> str:
+    """Return the file of a machine tool, as one chain from the workpiece to the tool."""
+    axes = re.findall(r"\(.*?\)|[A-Za-z]'?", code)  # what stands in parentheses is a spindle
+    names = [axis.removesuffix("'") for axis in axes if not axis.startswith("(")]
+    letters = [name for name in names if name not in ("w", "b", "t")]
+    right = names[:1] == ["w"] and names[-1:] == ["t"] and "b" in names and len(names) == len(letters) + 3
+    if not right or not set(letters) <= _TRAVEL.keys() or len(set(letters)) != len(letters) or not letters:
+        raise RodgenError(
+            f"the code {shown(code)}; expected axes X, Y, Z, A, B, C, each once, from the workpiece w over the bed b "
+            "to the tool t, such as '[w C A b X Y Z t]'"
+        )
+    return "\n".join(_tool_lines(names, letters))
+
+
+def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
+    table = letters[: names.index("b") - 1]
+    turning = [axis for axis in letters if axis in _TURNS]
+    header = ",".join(f"{axis} [{'deg' if axis in _TURNS else 'mm'}]" for axis in letters)
+    yield f"# A machine tool [{' '.join(names)}], in order from the workpiece w over the bed b to the tool t."
+    yield from _ON_THE_CHAIN.splitlines()
+    yield f"# A row of measurements: {header},x [mm],y [mm],z [mm]"
+    yield f'name = "Machine tool {" ".join(names)}"'
+    yield ""
+    yield "[units]                      # of every number below that has none"
+    yield 'length = "mm"'
+    yield 'angle  = "deg"'
+    for axis in letters:
+        turns = axis in _TURNS
+        at = [0, 0, 0] if axis in table else [0, 0, _PIVOT]
+        yield ""
+        yield f"[[joint]]                    # {'of the table' if axis in table else 'of the tool'}"
+        yield f'name   = "{axis}"'
+        yield f'type   = "{"revolute" if turns else "prismatic"}"'
+        yield f"axis   = {list(_AXES[_TURNS.get(axis, axis)])}"
+        if turns:
+            yield f"point  = {at}  # on the axis, with all joints at zero"
+        yield f"travel = [{-_TRAVEL[axis]}, {_TRAVEL[axis]}]"
+        yield f'# drive = "{"direct" if turns else "screw"}"'
+    yield ""
+    yield "[[target]]"
+    yield 'name  = "tool"'
+    yield "point = [0, 0, 0]            # the tool's tip, with all joints at zero: where the table's axes meet"
+    yield ""
+    yield "[measured]"
+    yield 'kind  = "point"'
+    yield 'frame = "machine"            # free: the readings are in a frame of the instrument'
+    yield "noise = 0.002                # standard deviation of a coordinate, mm"
+    slides = [axis for axis in letters if axis not in _TURNS]
+    estimated = [f"{axis}.{what}" for axis in turning for what in ("axis", "point")]
+    estimated += [] if turning else [f"{axis}.axis" for axis in slides[1:]]
+    yield ""
+    yield "[estimate]"
+    quoted = ", ".join(f'"{name}"' for name in [*estimated, "target"])
+    yield f"parameters = [{quoted}]"
+    yield ""
