@@ -217,6 +217,7 @@ def _columns(result: dict) -> list[int]:
 def compose(parts: dict[str, dict]) -> str:
     """Write the page of those parts that were ever measured: caveats, machine, headlines, tables."""
     from fits import page as fits
+    from gpu import page as gpu
 
     axis, machines = parts.get("axis"), parts.get("fits")
     condition = f"random, condition number of the axis at most {problem.LARGEST_CONDITION:.0f}"
@@ -257,6 +258,7 @@ def compose(parts: dict[str, dict]) -> str:
     lines += [fits.page(machines)] if machines else []
     lines += [module.page(found) for module, found in subjects.values()]
     lines += [page(axis)] if axis else []
+    lines += [gpu.kept()]
     return "\n".join(lines)
 
 

@@ -109,6 +109,40 @@ def test_spatial(benchmark: Import, monkeypatch: pytest.MonkeyPatch, compiler: s
     check_page(benchmark, "spatial", found)
 
 
+def test_tasks_for_a_graphics_processor(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With NumPy in the place of a library on a device; the page is made of what such a run writes."""
+    measure = with_sizes(benchmark("gpu.measure"), monkeypatch, DISTINCT=200)
+    numpy = measure.Library(np, np.asarray, lambda _: None, lambda f: f, lambda x: x.copy, "", "NumPy")
+    tasks = {}
+    for title, make in measure.TASKS.items():
+        task = make(numpy, 400)
+        error = task.error(task.call(*task.arguments))
+        assert error <= measure.TOLERANCE["float32" if "float32" in title else "float64"]
+        tasks[title] = {
+            "error": error,
+            "bytes": task.bytes,
+            "stored": task.stored,
+            "to_compile": 0.0,
+            "seconds": 1.0,
+        }
+    found = {"name": "NumPy", "version": "2", "device": "none", "bandwidth": 1e9, "tasks": tasks}
+    page = benchmark("gpu.page").page({"rows": 400, "contenders": [found, {"name": "x", "failed": "no GPU"}]})
+    assert page.count("|\n") == len(tasks) + 3
+    assert "x: no GPU." in page
+
+
+def test_kernels_are_printed_as_cuda(benchmark: Import) -> None:
+    measure, code = benchmark("gpu.measure"), benchmark("gpu.device_code")
+    assert "axis_solve_axis_f32(before" in code.solve_code("float32")
+    model = measure.Model(measure.Machine.load(str(measure.ARM)), [[-2, 2]] * 6, compiled=False)
+    residual = code.rows_code(model.kernels["residual"]._program())
+    assert residual.count("result[") == 3
+    assert "#define COLUMNS 13\n" in residual
+    gram = code.gram_code(model.kernels["residual_and_jacobian"]._program())
+    assert gram.count("own *") == 33
+    assert re.findall(r"#define (HEIGHT|WIDTH) (\d+)", gram) == [("HEIGHT", "3"), ("WIDTH", "31")]
+
+
 class NoPeers:
     """What `robots.peers.Peers` offers, without ssik and EAIK."""
 

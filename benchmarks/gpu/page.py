@@ -1,0 +1,55 @@
+"""The part of the page about a graphics processor."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from pathlib import Path
+
+KEPT = Path(__file__).parent.parent / "results/gpu.json"
+TITLE = "## On a graphics processor\n"
+
+
+def kept() -> str:
+    """Return the page of what `benchmarks/gpu/measure.py` wrote last."""
+    return page(json.loads(KEPT.read_text())) if KEPT.exists() else f"{TITLE}\nNot measured.\n"
+
+
+def page(result: dict) -> str:
+    made = [each for each in result["contenders"] if "failed" not in each]
+    rows = result["rows"]
+    devices = ", ".join(sorted({each["device"] for each in made})) or "no device"
+    about = (
+        f"Written by `benchmarks/gpu/measure.py` on {devices}. The generated modules and the kernels of a robot's fit "
+        "(*J* has 30 columns) run on arrays of each library; the last contender is `generated/c/axis.c` as it stands, "
+        "and the fit's kernels printed as C, compiled for the device. "
+        f"{rows:,} rows, {rows // 2:,} of JᵀJ; float64 unless it says otherwise. *Share*: of the bandwidth of a copy by "
+        "the same library, bytes read and written, for the bytes that a call must read and write at least; in brackets "
+        "for JᵀJ with J stored and read once. *Error*: largest difference to NumPy's answer in float64, relative to the "
+        "largest number."
+    )
+    lines = [
+        TITLE,
+        textwrap.fill(about, 118),
+        "\n| | | ns a row | GB/s | share | error | s to compile |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for each in made:
+        lines.append(
+            f"| {each['name']} ({each['version']}) | copy | | {each['bandwidth'] / 1e9:,.0f} | | | |"
+        )
+        for title, row in each["tasks"].items():
+            if "seconds" not in row:
+                lines.append(
+                    f"| | {title} | {row.get('failed', 'not timed')} | | | | {row['to_compile']:.0f} |"
+                )
+                continue
+            speed = row["bytes"] / row["seconds"]
+            stored = f" ({row['stored'] / row['seconds'] / each['bandwidth']:.2f})" if row["stored"] else ""
+            count = rows // 2 if row["stored"] else rows
+            lines.append(
+                f"| | {title} | {1e9 * row['seconds'] / count:.3f} | {speed / 1e9:,.0f} | "
+                f"{speed / each['bandwidth']:.2f}{stored} | {row['error']:.0e} | {row['to_compile']:.0f} |"
+            )
+    lines += [f"\n{each['name']}: {each['failed']}." for each in result["contenders"] if "failed" in each]
+    return "\n".join(lines) + "\n"
