@@ -78,7 +78,9 @@ def test_whitening_and_likelihood_are_those_of_the_dense_matrix(
     flat = C.reshape(N, 4)
     np.testing.assert_allclose(inverse.products, flat.T @ np.linalg.solve(V, flat), atol=1e-9, rtol=1e-9)
     assert inverse.log_determinant == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-9)
-    np.testing.assert_allclose(motion.covariance_of(part, C), flat.T @ V @ flat, rtol=1e-9)
+    covariance = flat.T @ V @ flat
+    np.testing.assert_allclose(motion.covariance_of(part, C), covariance, rtol=1e-9)
+    np.testing.assert_allclose(motion.variances_of(part, C), covariance.diagonal(), rtol=1e-9)
 
 
 def test_errors_are_drawn_with_the_covariance_of_a_motion_that_goes_on_from_run_to_run() -> None:
@@ -291,6 +293,18 @@ def test_what_poses_share_is_estimated(draws: int) -> None:
     turned = [b.estimate(b.white(random) + 1.5 * b.shared(random, turns=True))[0] for _ in range(draws)]
     assert np.mean([how.pose_r for how in turned]) == pytest.approx(1.5 * NOISE, rel=0.12)
     assert np.mean([how.pose_t for how in turned]) < 0.3 * NOISE
+
+
+def test_of_many_targets_some_tell_what_poses_share(monkeypatch: Any) -> None:
+    random = np.random.default_rng(16)
+    b = table(60, 3)
+    errors = [b.white(random) + 1.5 * b.shared(random) for _ in range(6)]
+    monkeypatch.setattr(correlation, "VARIANCES", correlation.VARIANCES._replace(most_targets=2))
+    found = [b.estimate(error)[0] for error in errors]
+    assert np.mean([how.white for how in found]) == pytest.approx(NOISE, rel=0.05)
+    assert np.mean([how.pose_t for how in found]) == pytest.approx(1.5 * NOISE, rel=0.12)
+    columns = b.sensitivities.model
+    assert found[0].whiten(columns).shape == columns.shape  # of all targets
 
 
 @pytest.mark.parametrize("between", [1e-2, 1e-4])

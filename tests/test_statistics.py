@@ -294,8 +294,8 @@ def test_poses_follow_each_other_in_time_within_their_run() -> None:
     np.testing.assert_array_equal(poses.gap, [np.inf, 3, np.inf, 4, 6])
     assert (poses.count, poses.spacing, poses.duration, poses.timed) == (5, 4, 10, True)
     np.testing.assert_array_equal(poses.total(t), [1000, 1003, 2022, 1015, 1021])
-    rows, fewer = poses.taken(np.array([True, False, True, False, True]))
-    np.testing.assert_array_equal(rows, [True, True, True, True, False, False])
+    fewer = poses.taken(np.array([True, True, False, True, False, False]))
+    np.testing.assert_array_equal(fewer.of, [1, 0, 2])
     np.testing.assert_array_equal(fewer.gap, [np.inf, np.inf, 10])
     assert (fewer.spacing, fewer.duration) == (4, 10)
 

@@ -185,6 +185,9 @@ class VariancePolicy(NamedTuple):
     """Poses: with fewer, readings are treated as independent."""
     most_poses: int = 300
     """Poses that the restricted likelihood is evaluated on; more change the variances by less than their errors."""
+    most_targets: int = 100
+    """Targets whose readings it is evaluated on, those read most often: the place of each is three fixed effects, time
+    grows with their square, and a thousand degrees of freedom already give a standard deviation to 2 %."""
     stretches: int = 5
     """Number of stretches taken of more poses: neighbours show short correlation times, stretches long ones."""
     effect_p: float = 0.01

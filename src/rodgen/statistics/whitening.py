@@ -14,6 +14,7 @@ prediction, over the root of the covariance of the pose's predictions, is indepe
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
@@ -97,15 +98,15 @@ class Poses:
         """Number of poses."""
         return len(self.gap)
 
-    def taken(self, kept: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Poses]:
-        """Return the rows of some poses, (n,), and these poses alone; between them time goes on."""
-        rows = kept[self.of]
+    def taken(self, rows: NDArray[np.bool_]) -> Poses:
+        """Return the poses of some rows, (n,), alone; between them time goes on."""
+        kept = np.bincount(self.of[rows], minlength=self.count) > 0
         first = np.isinf(self.gap)
         run = np.cumsum(first) - 1
         time = np.cumsum(np.where(first, 0.0, self.gap))
         number = np.cumsum(kept) - 1
         found = Poses._of(number[self.of[rows]], time[kept], run[kept], self.timed)
-        return rows, Poses(found.of, found.gap, self.spacing, self.duration, self.timed)
+        return Poses(found.of, found.gap, self.spacing, self.duration, self.timed)
 
     def total(self, values: Array) -> Array:
         """Return the sums of values of rows, (n, ...), over each pose, (P, ...)."""
@@ -199,21 +200,29 @@ class SharedMotion:
 
     def covariance_of(self, deviations: MotionDeviations, columns: Array) -> Array:
         """Return Cᵀ V C, (K, K), of columns C, (n, m, K)."""
-        flat = columns.reshape(-1, columns.shape[2])
-        found = flat.T @ flat
-        onto = self.onto(columns)
-        along = deviations.shared[:, None] * onto
-        found += np.einsum("pkc,pkd->cd", along, along)
+        return np.asarray(sum(left.T @ right for left, right in self._factors(deviations, columns)))
+
+    def variances_of(self, deviations: MotionDeviations, columns: Array) -> Array:
+        """Return the diagonal of Cᵀ V C, (K,), of columns C, (n, m, K)."""
+        return np.asarray(
+            sum(np.einsum("ik,ik->k", left, right) for left, right in self._factors(deviations, columns))
+        )
+
+    def _factors(self, deviations: MotionDeviations, columns: Array) -> Iterator[tuple[Array, Array]]:
+        """Yield factors, each (rows, K), of which the products add up to Cᵀ V C."""
+        K = columns.shape[2]
+        flat, onto = columns.reshape(-1, K), self.onto(columns)
+        yield flat, flat
+        along = (deviations.shared[:, None] * onto).reshape(-1, K)
+        yield along, along
         free = np.flatnonzero(deviations.wander)
         if len(free):
             from rodgen.statistics.compiled_scipy import solveh_banded
 
             along = deviations.wander[free][:, None] * onto[:, free]
-            P, k, K = along.shape
             band = _Chain.of(self.poses.gap, deviations.time).band(1)
-            side = along.reshape(P, k * K)
-            found += np.einsum("pkc,pkd->cd", along, solveh_banded(band, side).reshape(P, k, K))
-        return np.asarray(found)
+            side = along.reshape(self.poses.count, -1)
+            yield along.reshape(-1, K), solveh_banded(band, side).reshape(-1, K)
 
     def drawn(self, deviations: MotionDeviations, count: int, random: np.random.Generator) -> Array:
         """Return errors, (n, m, count), drawn independently, of a motion that goes on from run to run."""
@@ -374,7 +383,7 @@ class InverseProducts:
         gram, (P, k) = self._gram, self._gram.shape[:2]
         f = len(free)
         slope, moved = np.zeros(2 * k + 1), np.zeros((P, k, 2 * k + 1))  # dV V⁻¹ C roots[:, -1] = H moved
-        whole, along = gram, self._onto @ roots  # Hᵀ V⁻¹ H of each pose, Q
+        whole, along = gram, self._onto @ (roots if s.any() else roots[:, -1:])  # Hᵀ V⁻¹ H of each pose, Q
         if self._solved is not None:
             band, factor, known = self._solved
             expected = _backward(factor, known @ roots).reshape(P, f, -1)

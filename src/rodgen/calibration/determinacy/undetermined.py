@@ -85,6 +85,11 @@ class Spectrum:
     null: Array
     weak: Array
 
+    @cached_property
+    def describer(self) -> _Describer:
+        """What describes them."""
+        return _Describer(self)
+
 
 @dataclass(frozen=True)
 class Elsewhere:
@@ -138,13 +143,15 @@ class _Describer:
 
     def __init__(self, spectrum: Spectrum) -> None:
         self.problem, self.theta, self.frame = spectrum.problem, spectrum.theta, spectrum.frame
-        self.index, self.scale = spectrum.index, spectrum.scale
+        self.index, self.scale, self.null = spectrum.index, spectrum.scale, spectrum.null
         self.parameters: list[Parameter] = [self.problem.model.parameters[i] for i in self.index]
 
     # choices of coordinates ----------------------------------------------------------------------------------
 
-    def split(self, null: Array) -> tuple[Array, Array]:
-        """Return the directions that no reading shows, and the others without these, each with few parts."""
+    @cached_property
+    def split(self) -> tuple[Array, Array]:
+        """The directions that no reading shows, and the others without these, each with few parts."""
+        null = self.null
         if not len(null):
             return null, null
         there = self._elsewhere
@@ -358,15 +365,15 @@ def _changes(jacobian: Array, fresh: NDArray[np.bool_] | None, directions: Array
 
 def lacking(spectrum: Spectrum) -> NDArray[np.bool_]:
     """Return the parameters that have a part in a direction that other readings would show, (p,)."""
-    _, found = _Describer(spectrum).split(spectrum.null)
+    _, found = spectrum.describer.split
     size = np.linalg.norm(found, axis=1, keepdims=True)
     return np.asarray(np.any(np.abs(found) > DETERMINACY.rests * size, axis=0))
 
 
 def describe(spectrum: Spectrum) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
     """Return the directions that are not determined, choices of coordinates first, and those that hardly are."""
-    describer = _Describer(spectrum)
-    gauge, lacking = describer.split(spectrum.null)
+    describer = spectrum.describer
+    gauge, lacking = describer.split
     undetermined = [Direction(describer.parts(d), True, describer.choice(d)) for d in gauge]
     undetermined += [Direction(describer.parts(d), False, describer.lack(d)) for d in lacking]
     named = {key for d in undetermined for key, _ in d.parts}

@@ -281,11 +281,12 @@ def dependence(fit: FittedModel) -> Dependence:
         return Dependence(found, None)
     single = fit.determinacy.covariance
     with one_thread_in_blas():
-        columns, motion = rows.jacobian @ single, found._motion
+        n, m, p = rows.jacobian.shape
+        columns, motion = (rows.jacobian.reshape(n * m, p) @ single).reshape(n, m, p), found._motion
         spread = motion.covariance_of(found.deviations, columns)
         error = np.zeros(len(spread))  # variance of log v
         for pair in found._within_error:
-            one, other = (np.diag(motion.covariance_of(end, columns)) for end in pair)
+            one, other = (motion.variances_of(end, columns) for end in pair)
             error += np.log(np.divide(one, other, out=np.ones_like(one), where=other > 0)) ** 2 / 4
         enlarged = 1 / np.sqrt(1 - np.minimum(error, VARIANCES.uncertain))
         spread *= np.outer(enlarged, enlarged)
@@ -332,11 +333,16 @@ def _estimate(
     believed = believed_readings(linear)
     motion, groups = shared_motion(linear)
     poses = motion.poses
-    rows, some = poses.taken(_chosen(poses.count))
+    rows = _chosen(poses.count)[poses.of]
+    rows &= _often_read(o.target, rows)
+    some = poses.taken(rows)
     residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
     readings = int(believed[rows].sum())
     model = np.concatenate([linear.model, *included], axis=2)
-    basis = orthonormal_basis(_flat(model[rows]))
+    model = _flat(model[rows])
+    basis = orthonormal_basis(
+        model[:, model.any(axis=0)]
+    )  # not with the columns of all targets that are left out
     residual = project_out(basis, residual)
     dof = readings - basis.shape[1]
     scatter = float(residual @ residual)
@@ -409,6 +415,14 @@ def _chosen(count: int) -> NDArray[np.bool_]:
         for start in np.linspace(0, count - length, VARIANCES.stretches).astype(int):
             kept[start : start + length] = True
     return kept
+
+
+def _often_read(target: NDArray[Any], rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which rows, (n,), are of the targets from which the variance components are estimated."""
+    times = np.bincount(target[rows], minlength=int(target.max(initial=0)) + 1)
+    kept = np.zeros(len(times), np.bool_)
+    kept[np.argsort(-times, kind="stable")[: VARIANCES.most_targets]] = True
+    return np.asarray(kept[target])
 
 
 def _flat(columns: Array) -> Array:
