@@ -103,7 +103,7 @@ def test_six_positions_show_the_kind_of_a_motion(tmp_path):
     found = diagnose(base, readings)
     assert [step.effect.title for step in found.steps] == ["axial_error_motion at A"]
     assert found.steps[0].p_value < 1e-6
-    known = "Axial_error_motion at A is known at the 6 positions of A: "
+    known = "axial_error_motion at A is known at the 6 positions of A: "
     assert any(note.startswith(known) for note in found.notes)
     assert known in ladder(base, readings, [found.steps[0].effect]).rungs[1].verdict
 
@@ -115,7 +115,7 @@ def test_a_scale_of_a_robots_joint_is_not_claimed_where_its_eccentricity_may_be_
     machine, data = real("7R", 8).write(tmp_path)
     found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
     assert found.steps == ()
-    assert any(note.startswith("Encoder_eccentricity at J7 may be there") for note in found.notes)
+    assert any(note.startswith("encoder_eccentricity at J7 may be there") for note in found.notes)
 
 
 @pytest.mark.slow
@@ -218,7 +218,7 @@ def test_the_search_goes_on_without_an_effect_that_full_fits_do_not_confirm(tmp_
     found = diagnose(machine, data)
     named = {e.title for s in found.steps for e in (s.effect, *(a.effect for a in s.indistinguishable_from))}
     assert "backlash at C" not in named
-    assert "Backlash at C is not reported: a reason." in found.notes
+    assert "backlash at C is not reported: a reason." in found.notes
     # it was seen, and is ranked as before
     assert found.ranking[0].effect.title == "backlash at C"
 
@@ -344,6 +344,6 @@ def test_an_effect_that_chance_does_in_one_of_twenty_data_sets_is_mentioned(tmp_
     assert "refraction" not in [step.effect.title for step in found.steps]
     (note,) = [note for note in found.notes if "may be there" in note]
     sentence = (
-        "Refraction may be there, too: some effect explains as much by chance in one of ([0-9]+) data sets."
+        "refraction may be there, too: some effect explains as much by chance in one of ([0-9]+) data sets."
     )
     assert 20 < int(re.fullmatch(sentence, note)[1]) < 100

@@ -68,12 +68,35 @@ def test_what_is_improbable_with_the_data_is_not_said_to_be_indistinguishable():
     assert "or effects that do the same to these data" in text
     before, _, after = text.partition("Similar, but improbable with these data:")
     assert "cannot distinguish it from: - scale at EL" in before
-    assert "- backlash at EL does the same." in after
+    assert after.startswith(" backlash at EL.")
     assert "- backlash" not in before
     assert "<h4>Similar, but improbable with these data</h4>" in report_page(both)
     alone = with_aliases(improbable)
     assert "These are missing: gravity_windup at EL and refraction" in alone.summary()
     assert "cannot distinguish" not in alone.summary()
+
+
+def test_of_many_effects_that_do_the_same_the_likeliest_are_explained_and_the_others_named():
+    machine = mount().base.machine
+    names = (
+        "backlash",
+        "scale",
+        "encoder_eccentricity",
+        "encoder_ellipticity",
+        "servo_lag",
+        "gravity_windup",
+    )
+    aliases = [
+        Alias((effect := machine.effect(name, "EL"),), f"{effect.title} does the same.", 1.0, 1.0, 0.1 * k)
+        for k, name in enumerate(names, 1)
+    ]
+    first, *others = mount().steps
+    step = replace(first, indistinguishable_from=tuple(aliases))
+    _, _, said = replace(mount(), steps=(step, *others)).summary().partition("cannot distinguish it from:\n")
+    lines = [line.strip() for line in said.splitlines()[:9] if line.startswith("    - ")]
+    assert lines[0].startswith("- gravity_windup at EL does the same.")
+    assert [line.split()[1] for line in lines[:4]] == list(names[:1:-1])
+    assert lines[4] == "- nor from scale at EL and backlash at EL."
 
 
 def test_odds_that_the_data_do_not_change_are_said_once():

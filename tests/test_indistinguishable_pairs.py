@@ -49,3 +49,17 @@ def test_two_equal_offsets_of_legs_are_listed_beside_the_third(diagnosed):
     assert "leg_zero_offset at L2 together with leg_zero_offset at L1" in found.summary()
     alone = [alias.effect.title for alias in found.steps[0].indistinguishable_from]
     assert "leg_zero_offset at L1" not in alone
+
+
+def test_one_effect_is_not_named_as_two_that_fit_a_little_better(diagnosed):
+    found = diagnosed("fork", 40)  # it has gravity_windup at A, squareness at Y and backlash at A
+    assert titles(found) == ["encoder_eccentricity at A", "squareness at Y", "backlash at A"]
+    assert "gravity_windup at A" in {a.effect.title for a in found.steps[0].indistinguishable_from}
+
+
+@pytest.mark.slow
+def test_what_chance_explains_in_addition_to_an_effect_is_listed_in_the_place_of_it(diagnosed):
+    found = diagnosed("fork", 5)  # it has squareness at X; at Z, too, which hardly shows
+    (square,) = [step for step in found.steps if step.effect.name == "squareness"]
+    assert any(note.startswith("squareness at X is not reported") for note in found.notes)
+    assert "squareness at X" in {a.effect.title for a in square.indistinguishable_from}

@@ -291,6 +291,8 @@ class SelectionPolicy(NamedTuple):
     """... or within this part of what is explained: columns of large effects are no better."""
     in_part: float = 0.5
     """Part of the effect that an alternative may lack to do the same; with more it explains the readings otherwise."""
+    same_change: float = 0.1
+    """The same to be said to do the same but for that part; with more it changes the readings in a similar way."""
     balanced: float = 13.8
     """Cost in chi-square, 2 ln(1000), of a weight that turns a joint upwards where the file says nothing of a
     counterbalance: few are balanced by more than the weight, and those who write the file would know."""

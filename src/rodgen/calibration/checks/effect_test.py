@@ -28,7 +28,6 @@ from rodgen.calibration.checks.shared_errors import (
     log_p_where_it_wanders,
 )
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.calibration.words import capitalized
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.statistics.f_tests import log10_f_tail, p_of_log10
 from rodgen.statistics.thresholds import EFFECT_TEST
@@ -82,7 +81,7 @@ class EffectTest:
             return ""
         joint, positions = self.only_at
         return (
-            f"{capitalized(effect.title)} is known at the {positions} positions of {joint}: they show what kind of "
+            f"{effect.title} is known at the {positions} positions of {joint}: they show what kind of "
             "motion it is, but not what it does between them. More positions would tell."
         )
 

@@ -319,12 +319,16 @@ def _why(
     there = float(np.linalg.norm(wanted))
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
     does = "explains these readings about as well, though it changes them differently"
-    for limit, how in (
-        (SELECTION.in_part, f"except for {100 * part:.2g} % of the change"),
-        (5e-4, "all but exactly"),
-        (1e-6, "exactly"),
+    for limit, what in (
+        (SELECTION.in_part, "changes these readings in a similar way, and explains them about as well"),
+        (
+            SELECTION.same_change,
+            f"does the same to these readings, except for {100 * part:.2g} % of the change",
+        ),
+        (5e-4, "does the same to these readings, all but exactly"),
+        (1e-6, "does the same to these readings, exactly"),
     ):
-        does = f"does the same to these readings, {how}" if part < limit else does
+        does = what if part < limit else does
     model = space.model
     does_it = np.concatenate([space.columns(rival) for rival in rivals], axis=1)
     combination = lstsq(np.concatenate([does_it, model], axis=1), effect, relative=1e-8)[does_it.shape[1] :]

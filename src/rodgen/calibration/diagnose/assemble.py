@@ -208,7 +208,7 @@ def _impossible(candidate: Candidate | None) -> str:
     if candidate is None:
         return ""
     return (
-        f"{capitalized(candidate.effect.title)} would explain the readings only with a size or a sign that no machine "
+        f"{candidate.effect.title} would explain the readings only with a size or a sign that no machine "
         "has: something else acts in the same way, or the machine file is wrong."
     )
 
@@ -227,7 +227,7 @@ def _suspected(subject: Subject, found: FittedExplanation) -> str:
         return ""
     too = ", too" if explanation.kept else ""
     rarely = how_rarely(max(p_of_all, SELECTION.family_wise))
-    return f"{capitalized(candidate.effect.title)} may be there{too}: {rarely}."
+    return f"{candidate.effect.title} may be there{too}: {rarely}."
 
 
 @stage("what could hide")

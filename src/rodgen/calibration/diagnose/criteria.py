@@ -32,7 +32,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 KEPT_SCORES = 512
 """Sets of candidates whose scores are kept."""
-SHARED = OFFSETS | SCALES | WINDUPS
+SHARED = OFFSETS | SCALES | WINDUPS | {"squareness"}
 """Effects that a machine has at several joints if it has them at one: further ones need no evidence of their kind."""
 
 
@@ -403,9 +403,14 @@ class Criteria:
         tried = [*kept[:k], *rivals, *kept[k + 1 :]]
         before = self.prior_cost(variance, tried) - self.prior_cost(variance, kept)
         widths = self.width_cost(variance, tried) - self.width_cost(variance, kept)
+        choices = 0.0
+        if rivals[
+            1:
+        ]:  # two in the place of one are more to choose from, but for what nearly every machine has
+            choices = 2 * self._log_choices * (sum(c.prior.log_odds < 0 for c in rivals) - 1)
         part = SELECTION.imperfect * float(np.sqrt(max(explained, 0.0)))
         counts = max(abs(difference) - part**2 - 2 * part, 0.0)
-        return before, float(np.copysign(counts, difference) + before + widths)
+        return before, float(np.copysign(counts, difference) + before + widths + max(choices, 0.0))
 
     def are_alike(self, difference: float, further: int) -> bool:
         """Return whether the data cannot tell two effects apart.

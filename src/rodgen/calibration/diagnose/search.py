@@ -8,6 +8,7 @@ its place. `assemble` puts the answer together.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -42,7 +43,6 @@ from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.robust import gross_rows
 from rodgen.calibration.solve.staged_fit import FitError
-from rodgen.calibration.words import capitalized
 from rodgen.machines.machine import Machine
 from rodgen.stages import each, stage
 from rodgen.statistics.thresholds import EVIDENCE
@@ -226,7 +226,7 @@ class _Search:
         """Return the diagnosis of what full fits confirm, with the likeliest of what they do not tell apart."""
         refused = set[tuple[str, str | None]]()
         while True:
-            found, equals = self._likeliest(evidence, found)
+            found, equals = self._likeliest(evidence, found, refused)
             unearned = imitation(evidence.undecided, found.explanation.kept, equals)
             if unearned is None:
                 held_out = [fit.held_out() for fit in found.fits]
@@ -251,7 +251,7 @@ class _Search:
                 refused.add(candidate.key)
                 if may_be_there(why):
                     evidence = replace(evidence, undecided=(*evidence.undecided, candidate))
-                self.notes.append(f"{capitalized(candidate.effect.title)} is not reported: {why}.")
+                self.notes.append(f"{candidate.effect.title} is not reported: {why}.")
             again = balanced or len(refused) < EVIDENCE.most_refused
             if again and candidate.effect.definition.follows_time:
                 evidence, found = self._wandering(evidence, refused)
@@ -285,18 +285,19 @@ class _Search:
         return again, self._settled(again, chosen)
 
     def _likeliest(
-        self, evidence: Evidence, found: FittedExplanation
+        self, evidence: Evidence, found: FittedExplanation, refused: AbstractSet[tuple[str, str | None]]
     ) -> tuple[FittedExplanation, list[list[Equal]]]:
         """Return it with the likeliest of the effects that full fits do not tell apart, and the others of each.
 
-        What is undecided is among the others at most.
+        What is undecided or refused is among the others at most: an effect that chance explains in addition to what was
+        found may be there in the place of it.
         """
-        equals, unresolved = self._equals(evidence, found), set(evidence.undecided)
+        equals = self._equals(evidence, found, refused)
         replaced = set[tuple[str, str | None]]()
         while likelier := [
             (first.cost, k, first.candidates)
             for k, of_one in enumerate(equals)
-            for first in [e for e in of_one if e.likelier and unresolved.isdisjoint(e.candidates)][:1]
+            for first in [e for e in of_one if e.likelier and not refused & {c.key for c in e.candidates}][:1]
             if not replaced & {c.key for c in first.candidates}
         ]:
             _, k, best = min(likelier, key=lambda one: one[0])
@@ -304,17 +305,20 @@ class _Search:
             replaced.add(kept[k].key)
             kept[k : k + 1] = best
             found = self._fitted(evidence, replace(found.explanation, kept=tuple(kept)))
-            equals = self._equals(evidence, found)
+            equals = self._equals(evidence, found, refused)
         return found, equals
 
-    def _equals(self, evidence: Evidence, found: FittedExplanation) -> list[list[Equal]]:
+    def _equals(
+        self, evidence: Evidence, found: FittedExplanation, refused: Collection[tuple[str, str | None]]
+    ) -> list[list[Equal]]:
         """Return what the data cannot distinguish from each effect that was found."""
         explanation, kept = found.explanation, found.explanation.kept
         full = evidence.correlation.independent and not explanation.forms
-        undecided = evidence.undecided
-        selection = explanation.selection.including(undecided) if undecided else explanation.selection
+        selection = explanation.selection.including(
+            [c for c in evidence.space.candidates if c.key in refused]
+        )
         return [
-            equals_of(selection, evidence.sensitivities, found.fits[-1], kept, k, full, undecided)
+            equals_of(selection, evidence.sensitivities, found.fits[-1], kept, k, full, evidence.undecided)
             for k, _ in enumerate(each("what else would explain it", kept))
         ]
 

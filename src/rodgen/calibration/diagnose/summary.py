@@ -46,6 +46,10 @@ __all__ = [
 WIDTH = 100
 EQUAL_ODDS = 1.5
 """Odds, to 1, that are smaller are called equal."""
+MOST_EXPLAINED = 4
+"""Effects that may be there instead of one, each with a sentence on how well it does the same; others ..."""
+MOST_NAMED = 6
+"""... by name, as far as these."""
 MOST_UNSEEN = 6
 """Effects that the data could not show, by name."""
 MOST_HIDDEN = 5
@@ -211,20 +215,28 @@ def _step(step: DiagnosedEffect, machine: Machine) -> Iterator[str]:
     yield from _paragraph("Unusual", far_from_usual(step, machine))
     yield from _paragraph("Remedy", step.effect.definition.remedy)
     for title, aliases in alias_lists(step):
+        said = [f"{alias.why} {odds(alias)}" for alias in aliases[:MOST_EXPLAINED] if not alias.improbable]
+        further = [" together with ".join(e.title for e in alias.effects) for alias in aliases[len(said) :]]
+        if not said:
+            yield from textwrap.wrap(
+                f"{title}: {some(further, MOST_NAMED)}.", WIDTH, initial_indent="  ", subsequent_indent="    "
+            )
+            continue
         yield f"  {title}:"
-        for alias in aliases:
-            said = f"{alias.why} {odds(alias)}".replace(" %", "\xa0%")  # on one line
-            wrapped = textwrap.wrap(said, WIDTH, initial_indent="    - ", subsequent_indent="      ")
+        for text in [*said, *([f"nor from {some(further, MOST_NAMED)}."] if further else [])]:
+            unbroken = text.replace(" %", "\xa0%")
+            wrapped = textwrap.wrap(unbroken, WIDTH, initial_indent="    - ", subsequent_indent="      ")
             yield from (line.replace("\xa0", " ") for line in wrapped)
 
 
 def alias_lists(step: DiagnosedEffect) -> Iterator[tuple[str, list[Alias]]]:
-    """Yield the titles of the lists of an effect's aliases, and these: those that may be there, and improbable ones."""
+    """Yield the titles of an effect's lists of aliases, possible and improbable, and these, the likeliest first."""
     for title, improbable in (
         ("These data cannot distinguish it from", False),
         ("Similar, but improbable with these data", True),
     ):
-        every = (*step.indistinguishable_from, *step.indistinguishable_pairs)
+        listed = (*step.indistinguishable_from, *step.indistinguishable_pairs)
+        every = sorted(listed, key=lambda alias: -alias.odds_with_data)
         aliases = [alias for alias in every if alias.improbable == improbable]
         if aliases:
             yield title, aliases
