@@ -248,12 +248,13 @@ def test_a_joint_that_never_moved_hides_nothing_where_it_is_not_estimated(tmp_pa
     assert truth.effects[0] in groups(found)[0]
 
 
-def test_a_joint_that_never_moved_and_is_estimated_is_the_reason_for_no_answer(tmp_path):
+def test_a_joint_that_never_moved_hides_its_own_parameters_only(tmp_path):
     bench = still(np.random.default_rng(33), estimated=True)
-    found, _ = diagnosed(hidden(bench, 33, [("squareness", "Y")], raises=1.5), tmp_path)
-    assert found.verdict == "cannot_tell"
-    assert re.search(r"\bC\b", found.reason)
-    assert found.steps == ()
+    found, truth = diagnosed(hidden(bench, 33, [("squareness", "Y")], raises=1.5), tmp_path)
+    assert found.verdict == "effects_missing"
+    assert len(found.steps) == 1
+    assert truth.effects[0] in groups(found)[0]
+    assert sum(note.startswith("C never moves in these data: ") for note in found.notes) == 1
 
 
 # outside the catalogue ----------------------------------------------------------------------------------------------

@@ -41,12 +41,15 @@ class Variation:
         Whether the data hold one value only of what is varied: then this is what they lack.
     fresh : tuple of int
         Numbers of the parameters that have another value in these readings, which is not known either.
+    still : str or None
+        The joint that moves in these readings only.
     """
 
     problem: Problem
     hint: str
     wanting: bool
     fresh: tuple[int, ...] = ()
+    still: str | None = None
 
 
 class _Generator:
@@ -181,7 +184,8 @@ def variations(problem: Problem, theta: Array, frame: Frame) -> Iterator[Variati
         still = bool(np.ptp(o.q[:, j]) == 0)
         where = f"{joint.name}, which never moves" if still else f"{joint.name}"
         hint = f"measure at other positions of {where}"
-        yield Variation(draw.with_column("q", j, draw.coordinates(j)), hint, still)
+        there = draw.with_column("q", j, draw.coordinates(j))
+        yield Variation(there, hint, still, still=joint.name if still else None)
     for j, joint in enumerate(joints):
         hint = f"measure at other speeds of {joint.name}"
         yield Variation(draw.with_column("v", j, draw.speeds(j)), hint, np.ptp(o.v[:, j]) == 0)

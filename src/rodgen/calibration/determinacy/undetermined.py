@@ -53,11 +53,14 @@ class Direction:
         Whether no reading changes whatever is measured: a choice of coordinates, not a lack of data.
     text : str
         One sentence: what it is, and what to measure where that is plain.
+    still : tuple of str
+        Joints that never moved, of which other positions would show it.
     """
 
     parts: tuple[tuple[str, float], ...]
     gauge: bool
     text: str
+    still: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,6 +297,12 @@ class _Describer:
         rest = hint or ": only their combination is determined"
         return f"{names} change together without changing any reading in these data{rest}."
 
+    def still(self, d: Array) -> tuple[str, ...]:
+        """Return the joints that never moved of which other positions would show a combination."""
+        moved = [s for s in self._hypothetical[1:] if s.variation.still]
+        shown = [s.variation.still for s in moved if self._shown(d, s.jacobian, s.fresh) > SHOWN]
+        return tuple(filter(None, shown))
+
     def hardly_changing(self) -> Array:
         """Return the parameters, one a row, that change the readings far less than they would others."""
         usual = self._elsewhere.size * float(np.linalg.norm(self.problem.weight))
@@ -375,7 +384,9 @@ def describe(spectrum: Spectrum) -> tuple[tuple[Direction, ...], tuple[Direction
     describer = spectrum.describer
     gauge, lacking = describer.split
     undetermined = [Direction(describer.parts(d), True, describer.choice(d)) for d in gauge]
-    undetermined += [Direction(describer.parts(d), False, describer.lack(d)) for d in lacking]
+    undetermined += [
+        Direction(describer.parts(d), False, describer.lack(d), describer.still(d)) for d in lacking
+    ]
     named = {key for d in undetermined for key, _ in d.parts}
     hardly = []
     for d in (*sparse(spectrum.weak), *describer.hardly_changing()):

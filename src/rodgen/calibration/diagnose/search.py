@@ -34,7 +34,7 @@ from rodgen.calibration.diagnose.evidence import Evidence, Screening, gather_evi
 from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_effects, with_forms
 from rodgen.calibration.diagnose.subject import Subject
 from rodgen.calibration.diagnose.uncatalogued import Explanation
-from rodgen.calibration.diagnose.undecidable import LEGS_OPEN, why_undecidable
+from rodgen.calibration.diagnose.undecidable import LEGS_OPEN, on_unmoved_joints, why_undecidable
 from rodgen.calibration.diagnose.validation import bind_validation
 from rodgen.calibration.diagnose.wrong_rows import gross_rows_of, unless_neighbours
 from rodgen.calibration.fitted import FittedModel
@@ -135,6 +135,7 @@ class _Search:
         subject, fitted = self.subject, self.subject.fitted
         if reason := why_undecidable(subject, fitted):
             return undecided(subject, reason, self.notes)
+        self.notes += on_unmoved_joints(fitted)
         outliers = fitted.outliers
         first = Screening.at(fitted, subject.prefer)
         if not outliers.any():

@@ -8,12 +8,13 @@ import numpy as np
 
 from rodgen.calibration.diagnose.subject import Subject
 from rodgen.calibration.problem.assembly_modes import weakest
+from rodgen.errors import joined
 from rodgen.statistics.thresholds import EVIDENCE
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["LEGS_OPEN", "why_undecidable", "why_wrong_geometry"]
+__all__ = ["LEGS_OPEN", "on_unmoved_joints", "why_undecidable", "why_wrong_geometry"]
 
 LEGS_OPEN = "With a further effect the legs no longer close: the geometry, or the order of the legs, is far from right."
 
@@ -42,9 +43,21 @@ def why_undecidable(subject: Subject, base: Fit) -> str:
     lacking = [
         d.text
         for d in base.determinacy.directions
-        if not d.gauge and not all(key.startswith(unread) for key, _ in d.parts)
+        if not d.gauge and not d.still and not all(key.startswith(unread) for key, _ in d.parts)
     ]
     return " ".join(lacking[:3])
+
+
+def on_unmoved_joints(base: Fit) -> list[str]:
+    """Return a sentence on joints that never moved though parameters depend on that; nothing without any."""
+    names = list(dict.fromkeys(name for d in base.determinacy.directions for name in d.still))
+    if not names:
+        return []
+    moves, it = ("never moves", "it") if len(names) == 1 else ("never move", "they")
+    return [
+        f"{joined(names)} {moves} in these data: what {it} would determine of the machine is held near the file, and "
+        f"effects that show only when {it} move{'s' * (it == 'it')} are not judged. Measure at other positions, too."
+    ]
 
 
 def why_wrong_geometry(base: Fit) -> str:
