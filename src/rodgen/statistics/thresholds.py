@@ -370,6 +370,9 @@ class VerdictPolicy(NamedTuple):
     shortest: float = 0.5
     """Times between two readings that it may be, at least: with less an exponential is over before the second, to
     14 %."""
+    changed: float = 2.0
+    """Times that on poses left out from which on the error on further measurements is explained: by chance it is larger
+    by a fifth, and where these go beyond the others, by a half."""
     wander: float = 2.0
     """A set-up that wanders by more than so many times the noise may hide a missing effect."""
     independent_error: float = 1.3

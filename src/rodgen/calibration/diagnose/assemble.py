@@ -25,7 +25,7 @@ from rodgen.calibration.diagnose.evidence import Evidence
 from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_effects
 from rodgen.calibration.diagnose.subject import Subject
 from rodgen.calibration.diagnose.undecidable import why_wrong_geometry
-from rodgen.calibration.diagnose.validation import validation_error
+from rodgen.calibration.diagnose.validation import on_another_machine, validation_error
 from rodgen.calibration.diagnose.verdict import (
     disagreement,
     displaced,
@@ -243,12 +243,13 @@ def _final_correlation(evidence: Evidence, found: FittedExplanation) -> Correlat
 
 
 def _with_test(subject: Subject, rms: Rms, fits: Sequence[Fit]) -> tuple[Rms, str]:
-    """Return the errors with those on further measurements, and a sentence where the latter are not known."""
+    """Return the errors with those on further measurements, and a sentence where these are not known, or far larger."""
     if subject.others is None:
         return rms, ""
     before = validation_error(fits[0], subject.others)
     try:
-        return replace(rms, before_test=before, after_test=validation_error(fits[-1], subject.others)), ""
+        tested = replace(rms, before_test=before, after_test=validation_error(fits[-1], subject.others))
+        return tested, on_another_machine(tested, fits, subject.others)
     except InputFileError as error:  # without a column that an effect needs, which was found only now
         unknown = f"The error on the further measurements with these effects is not known: {error}."
         return replace(rms, before_test=before), unknown

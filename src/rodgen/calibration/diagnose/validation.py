@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,14 +11,17 @@ import numpy as np
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import minimise
+from rodgen.calibration.words import three_digits
 from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
+from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
+    from rodgen.calibration.diagnose.diagnosis import Rms
     from rodgen.calibration.fit import Fit
 
-__all__ = ["bind_validation", "validation_error"]
+__all__ = ["bind_validation", "on_another_machine", "validation_error"]
 
 
 def bind_validation(machine: Machine, test: Any) -> Observations:
@@ -32,8 +36,15 @@ def bind_validation(machine: Machine, test: Any) -> Observations:
     return others
 
 
-def validation_error(found: Fit, others: Observations) -> float:
+def validation_error(found: Fit, others: Observations, *, anew: bool = False) -> float:
     """Return the error on further measurements, to which only the frame is fitted, where it is free.
+
+    Parameters
+    ----------
+    found : Fit
+    others : Observations
+    anew : bool
+        Whether all that the fit adjusted but the effects is fitted to them, too.
 
     Raises
     ------
@@ -44,7 +55,38 @@ def validation_error(found: Fit, others: Observations) -> float:
     problem = Problem(model, others)
     theta = model.start()
     frame = Frame.fitted(found.machine.values) or Frame.identity()
-    free = [i for i, p in enumerate(model.parameters) if p.slot[0] == "frame"]
+    refitted = {p.key for p in (found.parameters[i] for i in found.free) if anew and p.effect is None}
+    free = [i for i, p in enumerate(model.parameters) if p.slot[0] == "frame" or p.key in refitted]
     solution = minimise(problem, theta, frame, free)
     no_outliers = np.zeros(others.n, bool)
     return replace(found, observations=others, problem=problem, solution=solution, outliers=no_outliers).rms
+
+
+def on_another_machine(rms: Rms, fits: Sequence[Fit], others: Observations) -> str:
+    """Return a sentence where the error on further measurements is far larger than that on poses left out; else empty.
+
+    Parameters
+    ----------
+    rms : Rms
+        With the errors on further measurements.
+    fits : sequence of Fit
+        The first without, the last with what was found.
+    others : Observations
+    """
+    if rms.after_test is None or not rms.after_held_out:
+        return ""
+    times = rms.after_test / rms.after_held_out
+    if times < VERDICT.changed:
+        return ""
+    before, after = (validation_error(fit, others, anew=True) for fit in (fits[0], fits[-1]))
+    text = f"The error on the further measurements is {times:.2g} times that on poses left out"
+    found = f"{three_digits(after)} {rms.unit}"
+    if len(fits) > 1:
+        found = f"{three_digits(before)} before and {found} after"
+    if len(fits) > 1 and after >= before:
+        why = "what was found is not there, or is of another size, as after a correction"
+    elif after >= VERDICT.changed * rms.after_held_out:
+        why = "something acts there that the model lacks, or rows are wrong"
+    else:
+        why = "the machine, its targets or the set-up were others then"
+    return f"{text}. With the geometry fitted anew to them it is {found}: {why}."
