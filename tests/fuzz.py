@@ -407,6 +407,14 @@ A,R,1,0,400,.025,-90
 B,P,-1,20,0,.455,0
 C,R,1,-90,0,0.35,-90
 """
+TURNTABLE = (EXAMPLES / "machines/rotary_table/machine.toml").read_bytes()
+EXPORT = b"""Tracker 7
+
+Axis [deg];Time;Ball;x [mm];y (mm);z [mm];use
+0,0;2026-03-01T12:00:00;ball_1;150,1;0,2;30;1
+-90,0;2026-03-01T12:01:00;ball_1;0,1;150,2;30;0
+-180,0;2026-03-01T12:02:00;ball_1;-150,1;;30;1
+"""
 FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ("simulate --open t.json", {"t.json": (CORPUS / "truth.json").read_bytes()}),
     ("tricept inverse p.csv -o o.csv", {"p.csv": b"Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"}),
@@ -447,6 +455,7 @@ FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ("new 3-axis --code [w,X,b,Y,Z,t] -o m.toml", {}),
     ("import r.urdf -o m.toml", {"r.urdf": URDF}),
     ("import t.csv --convention modified -o m.toml", {"t.csv": TABLE}),
+    ("import t.toml t.txt -d d.csv --column C=-Axis", {"t.toml": TURNTABLE, "t.txt": EXPORT}),
     ("import r.dat m.mod -o m.toml -d d.csv", {"r.dat": POINTINGS, "m.mod": MODEL}),
 ]
 

@@ -123,6 +123,11 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     "errata": ({}, "errata rodrigues", ""),
     "import": (URDF, "import r.urdf -o m.toml", "m.toml"),
     "import with data": ({"r.dat": POINTINGS}, "import r.dat -o m.toml -d d.csv", "m.toml d.csv"),
+    "import a table": (
+        {**TABLE, "t.txt": TABLE["d.csv"].replace(b",", b";")},
+        "import m.toml t.txt -d o.csv",
+        "o.csv",
+    ),
     "new": ({}, "new turntable -o m.toml", "m.toml"),
     "effects": ({}, "effects", ""),
     "completion": ({}, "completion bash", ""),

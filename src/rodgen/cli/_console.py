@@ -70,6 +70,7 @@ EXTRAS = {
     "choreographer": "plot",
     "shtab": "completion",
     "erfa": "import",
+    "openpyxl": "import",
 }
 """Modules that only some commands need, and the extra that installs them."""
 

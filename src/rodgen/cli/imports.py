@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import FAILED, OK, Command, show
 from rodgen.cli._outputs import Outputs
 from rodgen.cli._values import quantity
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, shown
 from rodgen.files import read_start
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ check the two files.
   rodgen import table.csv --convention standard -o machine.toml
   rodgen import run.dat -o machine.toml -d data.csv
   rodgen import run.dat model.mod -o machine.toml -d data.csv
+  rodgen import machine.toml readings.xlsx -d data.csv --column A="-A_axis [deg]" --units mm,deg
 
 SOURCE is
   a robot in URDF: the chain of joints from the link --base to the link --tip. Lengths become mm, limits travels;
@@ -32,6 +35,8 @@ SOURCE is
   a pointing run of TPOINT: alt-azimuth or equatorial, formats 1 to 4; or the log of the MMT's mount.
   a Denavit-Hartenberg table, CSV with the columns theta, d, a and alpha, and --convention; or TOML.
   a model of TPOINT, alone or with a run: its terms become effects with held parameters.
+  a machine file, or one of these, with tables of readings: CSV or other text, .xlsx or .mat; one file, or one a target
+  or a run. Columns are known by their names, by --column, or by [columns] of the machine file.
 """
 
 
@@ -40,9 +45,22 @@ def add_to(command: Command) -> None:
     made = command("import", _run, "make a machine file of other files", _IMPORT)
     made.add_argument("sources", metavar="SOURCE", nargs="+", help="the file, or files")
     made.add_argument(
-        "-o", "--output", metavar="MACHINE.toml", required=True, help="the machine file that is written"
+        "-o", "--output", metavar="MACHINE.toml", help="the machine file, unless a SOURCE is one"
     )
     made.add_argument("-d", "--data", metavar="DATA", help="the measurements: .csv, .csv.gz or .parquet")
+    made.add_argument(
+        "--column",
+        metavar="NAME=THEIRS",
+        action="append",
+        default=[],
+        help="of a table: what a column is, with sign, unit and offset, such as A='-A_axis [deg] + 90'",
+    )
+    made.add_argument(
+        "--units",
+        metavar="LENGTH,ANGLE",
+        type=_units,
+        help="of a table: units of columns without, such as mm,deg",
+    )
     made.add_argument(
         "--base", metavar="LINK", help="of a URDF: the link that stands still; default: the root"
     )
@@ -68,15 +86,23 @@ def _run(options: argparse.Namespace) -> int:
 
     with Outputs(*options.sources) as outputs:
         outputs.claim(options.output, options.data)
-        made = _imported(options)
-        if bool(options.data) != bool(made.columns):
-            found, expected = "readings, and no -d", "-d DATA.csv, where they are written"
-            if options.data:
-                found, expected = "no readings", "no -d"
-            raise InputFileError(options.sources[0], "file", found, expected)
-        machine = machine_of(made.text, options.output, Machine)
-        outputs.add(options.output, made.text.encode())
-        said = [*made.notes, "", f"{options.output}:", machine.describe()]
+        made, given = _imported(options)
+        for name, wanted, there in (
+            ("-o", options.output, not given),
+            ("-d", options.data, bool(made.columns)),
+        ):
+            if bool(wanted) != there:
+                what = "a machine file is made" if name == "-o" else "there are readings"
+                found = f"{name}, but not {what}" if wanted else f"no {name}, where {what}"
+                raise InputFileError(
+                    "command line", "rodgen import", found, f"{'no ' if wanted else ''}{name} FILE"
+                )
+        machine = made.machine
+        said = list(made.notes)
+        if options.output:
+            machine = machine_of(made.text, options.output, Machine)
+            outputs.add(options.output, made.text.encode())
+            said += ["", f"{options.output}:", machine.describe()]
         wrong = False
         if made.columns:
             from rodgen.calibration.file_check import check
@@ -102,37 +128,100 @@ def _write(file: str, columns: Mapping[str, Any]) -> None:
             sink.write(sink.encode(batch))
 
 
-def _imported(options: argparse.Namespace) -> Imported:
-    """Return what the sources are, by what they begin with."""
-    from rodgen.machines.imports.denavit_hartenberg import is_table, machine_from_table
+_URDF, _TABLE, _RUN, _MODEL = "a URDF", "a Denavit-Hartenberg table", "a pointing run", "a model of TPOINT"
+_MACHINE, _READINGS = "a machine file", "a table of readings"
+
+
+def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
+    """Return what the sources are, and whether one of them is a machine file already."""
+    from rodgen.machines.imports.denavit_hartenberg import machine_from_table
+    from rodgen.machines.imports.imported import Imported
     from rodgen.machines.imports.tpoint import machine_from_tpoint
+    from rodgen.machines.imports.urdf import machine_from_urdf
+    from rodgen.machines.machine import Machine
+
+    kinds: dict[str, list[str]] = {}
+    for source in options.sources:
+        kinds.setdefault(_kind(source), []).append(source)
+    for kind, files in kinds.items():
+        if len(files) > 1 and kind != _READINGS:
+            raise InputFileError(files[1], "file", f"{kind}, as is {files[0]}", "one of each kind")
+    alone = [kind for kind in (_URDF, _TABLE, _MACHINE) if kind in kinds]
+    others = kinds.keys() - {_READINGS} - set(alone[:1])
+    if alone and others:
+        file = kinds[alone[0]][0]
+        raise InputFileError(file, "file", f"{alone[0]} together with {min(others)}", "one of the two")
+    if alone == [_URDF]:
+        made = machine_from_urdf(kinds[_URDF][0], options.base, options.tip)
+    elif alone == [_TABLE]:
+        made = machine_from_table(kinds[_TABLE][0], options.convention)
+    elif alone == [_MACHINE]:
+        made = Imported(Machine.load(kinds[_MACHINE][0]), ())
+    elif _RUN in kinds or _MODEL in kinds:
+        run, model = (kinds.get(kind, [None])[0] for kind in (_RUN, _MODEL))
+        latitude = options.latitude.to("rad")[0] if options.latitude else None
+        made = machine_from_tpoint(run, model, latitude=latitude)
+    else:
+        file = kinds[_READINGS][0]
+        raise InputFileError(
+            file, "file", "readings without a machine", "a machine file, too: 'rodgen new' makes one"
+        )
+    return (_with_readings(options, made, kinds) if _READINGS in kinds else made), _MACHINE in kinds
+
+
+def _kind(source: str) -> str:
+    """Return what a file is, by its name and what it begins with."""
+    from rodgen.machines.imports.denavit_hartenberg import is_table
     from rodgen.machines.imports.tpoint_data import is_pointing_run
     from rodgen.machines.imports.tpoint_model import is_model
-    from rodgen.machines.imports.urdf import is_urdf, machine_from_urdf
+    from rodgen.machines.imports.urdf import is_urdf
 
-    kinds: dict[str, str] = {}
-    for source in options.sources:
-        start = read_start(source, "a file to import")
-        tests = {
-            "a Denavit-Hartenberg table": is_table(source, start),
-            "a URDF": is_urdf(source, start),
-            "a pointing run": is_pointing_run(start),
-            "a model of TPOINT": is_model(start),
-        }
-        kind = next((name for name, fits in tests.items() if fits), "")
-        if not kind:
-            raise InputFileError(
-                source, "file", "none of what can be imported", "what 'rodgen import --help' lists"
-            )
-        if kind in kinds:
-            raise InputFileError(source, "file", f"{kind}, as is {kinds[kind]}", "one of each kind")
-        kinds[kind] = source
-    for kind in ("a URDF", "a Denavit-Hartenberg table"):
-        if kind in kinds and len(kinds) > 1:
-            raise InputFileError(kinds[kind], "file", f"{kind} with other files", "it alone")
-    if "a URDF" in kinds:
-        return machine_from_urdf(kinds["a URDF"], options.base, options.tip)
-    if "a Denavit-Hartenberg table" in kinds:
-        return machine_from_table(kinds["a Denavit-Hartenberg table"], options.convention)
-    latitude = options.latitude.to("rad")[0] if options.latitude else None
-    return machine_from_tpoint(kinds.get("a pointing run"), kinds.get("a model of TPOINT"), latitude=latitude)
+    start = read_start(source, "a file to import")
+    tests = {
+        _TABLE: is_table(source, start),
+        _MACHINE: source.lower().endswith(".toml"),
+        _URDF: is_urdf(source, start),
+        _RUN: is_pointing_run(start),
+        _MODEL: is_model(start),
+    }
+    return next((name for name, fits in tests.items() if fits), _READINGS)
+
+
+def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[str, list[str]]) -> Imported:
+    """Return what was imported with the readings of tables."""
+    from rodgen.errors import UnexpectedError
+    from rodgen.machines.files.columns import column_source, stated_columns
+    from rodgen.machines.files.toml import parse, read_text
+    from rodgen.machines.imports.tables import measurements_of
+
+    if made.columns:
+        raise InputFileError(kinds[_READINGS][0], "file", "a table, and a pointing run", "one of the two")
+    stated = {}
+    for file in kinds.get(_MACHINE, []):
+        stated = stated_columns(file, parse(read_text(file), file).get("columns", {}))
+    for text in options.column:
+        name, mark, rest = text.partition("=")
+        try:
+            if not mark or not name.strip():
+                raise UnexpectedError(shown(text), "NAME=THEIRS, such as A='-A_axis [deg] + 90'")
+            stated[name.strip()] = column_source(rest)
+        except UnexpectedError as error:
+            raise InputFileError("command line", "--column", error.found, error.expected) from None
+    units = options.units or (("m", "rad") if _URDF in kinds else None)
+    columns, notes = measurements_of(made.machine, kinds[_READINGS], stated, units)
+    if units and not options.units:
+        notes.append("Columns without a unit are in m and rad, as the URDF is; --units says otherwise.")
+    return replace(made, columns=columns, notes=(*made.notes, *notes))
+
+
+def _units(text: str) -> tuple[str, str]:
+    """Read --units."""
+    from rodgen.data.units import ANGLE, LENGTH, UnitError, parse_unit
+
+    with contextlib.suppress(UnitError, ValueError):
+        length, angle = (part.strip() for part in text.split(","))
+        if (parse_unit(length).dimension, parse_unit(angle).dimension) == (LENGTH, ANGLE):
+            return length, angle
+    raise argparse.ArgumentTypeError(
+        f"{shown(text)} is not a unit of length and one of angle, such as mm,deg"
+    )

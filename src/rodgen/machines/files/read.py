@@ -27,6 +27,7 @@ from rodgen.machines.effects.rules import (
     unknown_name,
 )
 from rodgen.machines.effects.stated import stated_plausibility
+from rodgen.machines.files.columns import EXAMPLE, stated_columns
 from rodgen.machines.files.toml import (
     LARGEST,
     NUMBER,
@@ -77,6 +78,7 @@ _KEYS = {
         "estimate",
         "known",
         "plausibility",
+        "columns",
         "effect",
     ),
     "family": (
@@ -90,6 +92,7 @@ _KEYS = {
         "estimate",
         "known",
         "plausibility",
+        "columns",
         "effect",
     ),
     "units": ("length", "angle"),
@@ -186,6 +189,10 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     for number, block in enumerate(top.blocks("effect", MOST_EFFECTS), start=1):
         effect = effect_of(machine, block, file, f"[[effect]] {number}")
         machine = replace(machine, effects=(*machine.effects, effect))
+    columns = content.get("columns", {})
+    if not isinstance(columns, dict):
+        raise InputFileError(file, "[columns]", "no table", f"entries such as A = {EXAMPLE}")
+    stated_columns(file, columns)
     known = content.get("known", {})
     if not isinstance(known, dict):
         raise InputFileError(

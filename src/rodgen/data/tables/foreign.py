@@ -1,0 +1,262 @@
+"""Tables as other programs write them: text with any separator and decimal sign, Excel workbooks, MATLAB files.
+
+Cells are kept as they are, text or number or time; what a column means is not decided here.
+"""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import io
+import math
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rodgen.data.units import is_unit
+from rodgen.errors import InputFileError, shown
+from rodgen.files import decoded, open_input, read_input
+
+__all__ = ["ForeignColumn", "ForeignTable", "read_foreign"]
+
+_EXPECTED = "a table: CSV or other text, .xlsx or .mat"
+_UNIT = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P<other>[^()]*)\))")
+_COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*")
+_BLANK = {"", "nan", "na", "n/a", "-", "--", "none", "null"}
+MOST_PREAMBLE = 60
+"""Lines above a header at most."""
+
+
+@dataclass(frozen=True)
+class ForeignColumn:
+    """A column.
+
+    Attributes
+    ----------
+    header : str
+        As it stands in the file.
+    name, unit : str
+        Its parts; the unit may be empty.
+    cells : tuple
+        Text, number, time, or None where blank.
+    """
+
+    header: str
+    name: str
+    unit: str
+    cells: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class ForeignTable:
+    """A table as it was written.
+
+    Attributes
+    ----------
+    file : str
+    columns : tuple of ForeignColumn
+    places : tuple of str
+        Of each row, such as ``"line 17"``.
+    notes : tuple of str
+        How it was read.
+    """
+
+    file: str
+    columns: tuple[ForeignColumn, ...]
+    places: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def numbers(self, column: ForeignColumn) -> list[float]:
+        """Return a column as numbers, NaN where it is blank.
+
+        Raises
+        ------
+        InputFileError
+            At the first cell that is no number.
+        """
+        found = []
+        for place, cell in zip(self.places, column.cells, strict=True):
+            try:
+                value = math.nan if cell is None else float(cell)
+            except (TypeError, ValueError):
+                raise InputFileError(
+                    self.file, f"{place}, column {shown(column.header)}", shown(cell), "a number"
+                ) from None
+            found.append(value)
+        return found
+
+
+def read_foreign(path: str | os.PathLike[str]) -> ForeignTable:
+    """Return a table.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        Ends in .xlsx or .mat, or is text.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be read, or has no header above its rows.
+    """
+    file = os.fspath(path)
+    if file.lower().endswith((".xlsx", ".xlsm")):
+        rows, note = _sheet(file)
+        return _of_rows(file, rows, "row", (note,))
+    if file.lower().endswith(".mat"):
+        return _of_mat(file)
+    return _of_text(file)
+
+
+def _of_text(file: str) -> ForeignTable:
+    lines = decoded(read_input(file, _EXPECTED), file).removeprefix("\ufeff").splitlines()
+    head = [line for line in lines if line.strip()][:MOST_PREAMBLE]
+    if not head:
+        raise InputFileError(file, "file", "an empty file", _EXPECTED)
+
+    def width(separator: str) -> int:
+        counts = sorted((line.count(separator) for line in head), reverse=True)
+        return counts[min(1, len(counts) - 1)]  # of the second widest line: a remark may have commas, too
+
+    separator = next((mark for mark in ";\t" if width(mark)), "," if width(",") else "")
+    rows: list[tuple[int, list[Any]]] = []
+    for number, line in enumerate(lines, start=1):
+        if line.strip():
+            cells = next(csv.reader(io.StringIO(line), delimiter=separator)) if separator else line.split()
+            rows.append((number, [cell.strip() for cell in cells]))
+    decimal = separator != "," and any(_COMMA.fullmatch(cell) for _, cells in rows for cell in cells)
+    words = {";": "semicolons", "\t": "tabs", ",": "commas", "": "blanks"}[separator]
+    notes = [
+        f"{os.path.basename(file)}: text, {words} between columns{', decimal commas' if decimal else ''}."
+    ]
+    if decimal:
+        rows = [(n, [c.replace(",", ".") if _COMMA.fullmatch(c) else c for c in cells]) for n, cells in rows]
+    return _of_rows(file, rows, "line", tuple(notes))
+
+
+def _sheet(file: str) -> tuple[list[tuple[int, list[Any]]], str]:
+    """Return the rows of a workbook's first sheet, with their numbers, and what was read."""
+    import openpyxl
+
+    with open_input(file, _EXPECTED) as stream:
+        try:
+            book = openpyxl.load_workbook(stream, read_only=True, data_only=True)
+            sheet = book.worksheets[0]
+            rows = [(n, list(row)) for n, row in enumerate(sheet.iter_rows(values_only=True), start=1)]
+            others = len(book.worksheets) - 1
+            title = sheet.title
+        except Exception as error:  # openpyxl answers a damaged file with errors of zip, XML and its own
+            raise InputFileError(file, "file", f"no workbook ({type(error).__name__})", _EXPECTED) from None
+    more = f"; {others} other sheet{'s' * (others > 1)} not read" if others else ""
+    return [
+        row for row in rows if any(cell is not None for cell in row[1])
+    ], f"{os.path.basename(file)}: workbook, sheet {shown(title)}{more}."
+
+
+def _of_mat(file: str) -> ForeignTable:
+    import numpy as np
+    import scipy.io
+
+    with open_input(file, _EXPECTED) as stream:
+        try:
+            content = scipy.io.loadmat(stream, squeeze_me=False, struct_as_record=True)
+        except Exception as error:
+            found = f"no MATLAB file of a version up to 7 ({type(error).__name__})"
+            raise InputFileError(file, "file", found, "save -v7 FILE") from None
+    columns: list[ForeignColumn] = []
+    for name, value in content.items():
+        if name.startswith("__"):
+            continue
+        fields = value.dtype.names
+        parts = (
+            {f: np.asarray(value[f].flat[0]) for f in fields} if fields and value.size == 1 else {name: value}
+        )
+        for part, array in parts.items():
+            if array.dtype.kind in "fiub" and array.ndim == 2:
+                array = array.T if array.shape[0] == 1 else array
+                several = array.shape[1] > 1
+                axes = "xyz" if array.shape[1] == 3 else ""
+                for k, cells in enumerate(array.T.astype(float)):
+                    label = f"{part}_{axes[k] if axes else k + 1}" if several else part
+                    plain = tuple(None if math.isnan(x) else float(x) for x in cells)
+                    columns.append(ForeignColumn(label, label, "", plain))
+    rows = max((len(column.cells) for column in columns), default=0)
+    left = [column.name for column in columns if len(column.cells) != rows]
+    columns = [column for column in columns if len(column.cells) == rows]
+    if rows < 1:
+        raise InputFileError(
+            file, "file", "no arrays of numbers", "columns of one length, or a matrix of them"
+        )
+    note = f"{os.path.basename(file)}: MATLAB arrays of {rows} rows"
+    note += f"; of another length, and not read: {', '.join(left)}." if left else "."
+    return ForeignTable(file, tuple(columns), tuple(f"row {k + 1}" for k in range(rows)), (note,))
+
+
+def _of_rows(
+    file: str, rows: Sequence[tuple[int, list[Any]]], counted: str, notes: tuple[str, ...]
+) -> ForeignTable:
+    """Find the header: the first line as wide as most, with names, above a line with a number."""
+    widths = [len(cells) for _, cells in rows]
+    usual = max(set(widths), key=lambda width: (widths.count(width), width), default=0)
+    at = next(
+        (
+            k
+            for k, (_, cells) in enumerate(rows[:MOST_PREAMBLE])
+            if len(cells) == usual
+            and cells
+            and not any(map(_is_number, cells))
+            and sum(map(_is_name, cells)) > usual / 2
+        ),
+        None,
+    )
+    if at is None:
+        raise InputFileError(
+            file, "file", "no header of names", "a line with the names of the columns above the rows"
+        )
+    header, body = [str(cell or "").strip() for cell in rows[at][1]], rows[at + 1 :]
+    units = [""] * usual
+    if body and len(body[0][1]) <= usual and all(not c or is_unit(str(c).strip("[]() ")) for c in body[0][1]):
+        units = [str(c or "").strip("[]() ") for c in body[0][1]] + [""] * (usual - len(body[0][1]))
+        body = body[1:]
+        notes += (f"Line {rows[at + 1][0]} has the units.",)
+    if at:
+        notes += (f"Above the header, and not read: {at} line{'s' * (at > 1)}.",)
+    for number, cells in body:
+        if len(cells) > usual:
+            found = f"{len(cells)} cells under {usual} columns"
+            raise InputFileError(file, f"{counted} {number}", found, "a cell for each column")
+    if not body:
+        raise InputFileError(file, f"{counted} {rows[at][0] + 1}", "no rows", "rows under the header")
+    columns = []
+    for k, text in enumerate(header):
+        column = tuple(_cell(row[k] if k < len(row) else None) for _, row in body)
+        name, unit = text, units[k]
+        if (parts := _UNIT.fullmatch(text)) and is_unit(
+            written := (parts["unit"] or parts["other"] or "").strip()
+        ):
+            name, unit = parts["name"].strip(), written
+        if text:
+            columns.append(ForeignColumn(text, name, unit, column))
+    return ForeignTable(file, tuple(columns), tuple(f"{counted} {n}" for n, _ in body), notes)
+
+
+def _cell(cell: Any) -> Any:
+    if isinstance(cell, str):
+        return None if cell.strip().lower() in _BLANK else cell.strip()
+    return cell
+
+
+def _is_number(cell: Any) -> bool:
+    if isinstance(cell, datetime.datetime | datetime.date):
+        return True
+    try:
+        float(cell)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _is_name(cell: Any) -> bool:
+    return isinstance(cell, str) and bool(re.search(r"[^\W\d_]", cell))

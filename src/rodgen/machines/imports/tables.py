@@ -1,0 +1,391 @@
+"""Measurements of a machine from tables as other programs write them.
+
+A column is known by what ``[columns]`` or an option says, else by its name: a joint's; x, y, z (or ux, uy, uz, or d);
+az and el, or ha and dec, where directions are measured; x1, y1, z1, x2 … or NAME_x … of several targets in a row;
+target, run, load, t, T_… and what else a measurement file knows. Anything else is not taken, and a note says so.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, read_foreign
+from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, parse_unit
+from rodgen.errors import InputFileError, listed, nearest_name, shown
+from rodgen.machines.files.columns import ColumnSource
+from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
+from rodgen.machines.machine import Machine
+
+__all__ = ["measurements_of"]
+
+_PAIRS = {("az", "el"): ALTAZ, ("ha", "dec"): EQUATORIAL}
+_OTHER_NAMES = {
+    "az": ("azimuth", "star_az", "true_az"),
+    "el": ("alt", "altitude", "elevation", "star_el", "true_el", "star_alt"),
+    "ha": ("hour_angle", "hourangle", "star_ha", "true_ha"),
+    "dec": ("declination", "star_dec", "true_dec"),
+    "t": ("time", "timestamp", "date", "datetime", "utc"),
+    "target": ("ball", "point", "marker", "reflector", "smr"),
+}
+_KEPT = ("target", "run", "load", "t", "use")
+_PREFIXES = ("u_", "dir_", "v_", "T_")
+_WIDE = (
+    re.compile(r"(?P<axis>[xyzXYZ])[_ .]?(?P<target>\d+)"),
+    re.compile(r"(?P<target>.+?)[_ .](?P<axis>[xyzXYZ])"),
+)
+_FALSE = {"0", "0.0", "false", "no", "n", "bad"}
+
+
+@dataclass
+class _Columns:
+    """The columns of a table that were found, and what is said of them."""
+
+    table: ForeignTable
+    found: dict[str, tuple[ForeignColumn, ColumnSource]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def measurements_of(
+    machine: Machine,
+    files: Sequence[str],
+    stated: Mapping[str, ColumnSource],
+    units: tuple[str, str] | None = None,
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the columns of a measurement file, by names with units, and notes on what was taken for what.
+
+    Parameters
+    ----------
+    machine : Machine
+    files : sequence of str
+        Tables with the same columns; several are one a target, by their names, or one a run.
+    stated : mapping of str to ColumnSource
+        What is known of columns.
+    units : tuple of (str, str), optional
+        Length and angle of columns that give none.
+
+    Raises
+    ------
+    InputFileError
+        When a column of the machine is missing, or has no unit.
+    """
+    notes: list[str] = []
+    parts: list[dict[str, list[Any]]] = []
+    stems = [os.path.splitext(os.path.basename(file))[0] for file in files]
+    targets = [target.name for target in machine.targets]
+    for file, stem in zip(files, stems, strict=True):
+        columns, said = _of_table(machine, read_foreign(file), stated, units)
+        rows = len(next(iter(columns.values())))
+        if "target" not in columns and (stem in targets or len(targets) == 1 < len(files)):
+            columns["target"] = [stem if stem in targets else targets[0]] * rows
+        if len(files) > 1 and not set(stems) <= set(targets):
+            columns.setdefault("run", [stem] * rows)
+        if parts and columns.keys() != parts[0].keys():
+            found = f"columns {', '.join(columns)}"
+            raise InputFileError(file, "file", found, f"those of {files[0]}: {', '.join(parts[0])}")
+        parts.append(columns)
+        notes += [note for note in said if note not in notes]
+    if len(files) > 1:
+        what = "target" if set(stems) <= set(targets) else "run"
+        notes.append(f"Each of the {len(files)} files is a {what}, by its name.")
+    if len(targets) > 1 and "target" not in parts[0]:
+        expected = f"a column target, x1, y1, z1, x2 …, or a file for each of {listed(targets)}"
+        raise InputFileError(files[0], "file", "no targets", expected)
+    joined = {name: [cell for part in parts for cell in part[name]] for name in parts[0]}
+    return {
+        name: cells if name in ("target", "run") else np.array(cells) for name, cells in joined.items()
+    }, notes
+
+
+def _of_table(
+    machine: Machine, table: ForeignTable, stated: Mapping[str, ColumnSource], units: tuple[str, str] | None
+) -> tuple[dict[str, list[Any]], list[str]]:
+    columns = _Columns(table, notes=list(table.notes))
+    _take_stated(columns, stated)
+    readings = machine.measurand.columns
+    for joint in machine.joints:
+        _take_named(columns, joint.name, (), machine)
+    wide = {} if all(name in columns.found for name in readings) else _take_readings(columns, machine)
+    for column in table.columns:
+        if column.name in _KEPT or column.name.startswith(_PREFIXES):
+            _take_named(columns, column.name, (), machine)
+    for name in ("t", "target"):
+        _take_named(columns, name, _OTHER_NAMES[name], machine)
+    _check_all(columns, machine, wide)
+    taken = {id(column) for column, _ in columns.found.values()}
+    taken |= {id(column) for each in wide.values() for column in each.values()}
+    left = [column.header for column in table.columns if id(column) not in taken]
+    if left:
+        columns.notes.append(
+            f"Not taken: {', '.join(map(shown, left))}; --column NAME=THEIRS, or [columns], takes a column."
+        )
+    keep, why = _kept_rows(columns)
+    columns.notes += why
+    made = dict(_converted(columns, machine, keep, wide, units))
+    return made, columns.notes
+
+
+# what is what ------------------------------------------------------------------------------------------
+
+
+def _take_stated(columns: _Columns, stated: Mapping[str, ColumnSource]) -> None:
+    theirs = {column.name: column for column in columns.table.columns}
+    theirs |= {column.header: column for column in columns.table.columns}
+    for name, source in stated.items():
+        column = theirs.get(source.name)
+        if column is None:
+            near = nearest_name(source.name, list(theirs))
+            expected = f"{near!r}, perhaps" if near else listed([c.header for c in columns.table.columns])
+            raise InputFileError(
+                columns.table.file, "header", f"no column {shown(source.name)} for {name}", expected
+            )
+        columns.found[name] = column, source
+        how = "-" if source.sign < 0 else ""
+        how += shown(column.header) + (f" {source.offset:+g}" if source.offset else "")
+        columns.notes.append(f"{name} is {how}.")
+
+
+def _take_named(columns: _Columns, name: str, others: Sequence[str], machine: Machine) -> bool:
+    """Take the column of a name: as it is, else with small letters for capitals, else one of its other names."""
+    if name in columns.found:
+        return True
+    taken = {id(column) for column, _ in columns.found.values()}
+    free = [column for column in columns.table.columns if id(column) not in taken]
+    exact = [column for column in free if column.name == name]
+    # the sky's az is not the axis AZ
+    joints = {joint.name for joint in machine.joints}
+    alike = [
+        column
+        for column in free
+        if _plain(column.name) in {_plain(name), *map(_plain, others)} and column.name not in joints - {name}
+    ]
+    for column in (*exact, *alike)[:1]:
+        columns.found[name] = column, ColumnSource(column.name)
+        if column.name != name:
+            columns.notes.append(f"{name} is {shown(column.header)}.")
+        return True
+    return False
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s_.-]+", "_", name.strip().lower())
+
+
+def _take_readings(columns: _Columns, machine: Machine) -> dict[str, dict[str, ForeignColumn]]:
+    """Take the columns of readings; return those of wide rows, by target and axis."""
+    readings = machine.measurand.columns
+    if machine.measured.kind == "direction":
+        for pair, mount in _PAIRS.items():
+            names = [column.name for column in columns.table.columns]
+            known = any(_plain(n) in {_plain(x) for x in (pair[0], *_OTHER_NAMES[pair[0]])} for n in names)
+            if (known or pair[0] in columns.found) and all(
+                _take_named(columns, name, _OTHER_NAMES[name], machine) for name in pair
+            ):
+                columns.notes.append(f"{pair[0]} and {pair[1]} are directions: {mount.frame}.")
+                return {}
+    wide: dict[str, dict[str, ForeignColumn]] = {}
+    if readings == ("x", "y", "z") and not any(column.name in readings for column in columns.table.columns):
+        taken = {id(column) for column, _ in columns.found.values()}
+        for pattern in _WIDE:
+            for column in columns.table.columns:
+                match = pattern.fullmatch(column.name)
+                if match and id(column) not in taken:
+                    wide.setdefault(match["target"], {})[match["axis"].lower()] = column
+            wide = {target: axes for target, axes in wide.items() if len(axes) == 3}
+            if wide:
+                return _named_targets(columns, machine, wide)
+    for name in readings:
+        _take_named(columns, name, (), machine)
+    return {}
+
+
+def _named_targets(
+    columns: _Columns, machine: Machine, wide: dict[str, dict[str, ForeignColumn]]
+) -> dict[str, dict[str, ForeignColumn]]:
+    targets = [target.name for target in machine.targets]
+    if not wide.keys() <= set(targets):
+        if len(wide) != len(targets):
+            found = f"readings of {len(wide)} targets, {', '.join(wide)}"
+            raise InputFileError(
+                columns.table.file, "header", found, f"those of the machine: {', '.join(targets)}"
+            )
+        wide = dict(zip(targets, wide.values(), strict=True))
+    said = [f"{target} is {', '.join(shown(axes[x].header) for x in 'xyz')}" for target, axes in wide.items()]
+    columns.notes.append(
+        f"Readings of {len(wide)} target{'s' * (len(wide) > 1)} in a row: {'; '.join(said)}."
+    )
+    return wide
+
+
+def _check_all(columns: _Columns, machine: Machine, wide: Mapping[str, Any]) -> None:
+    headers = [column.header for column in columns.table.columns]
+    needed = [joint.name for joint in machine.joints]
+    pair = any(all(name in columns.found for name in names) for names in _PAIRS)
+    needed += [] if wide or pair else machine.measurand.columns
+    for name in needed:
+        if name not in columns.found:
+            what = f"joint {name}" if name in {joint.name for joint in machine.joints} else name
+            expected = f"--column {name}=THEIRS, where THEIRS is {listed(headers)}"
+            raise InputFileError(columns.table.file, "header", f"no column of {what}", expected)
+
+
+def _kept_rows(columns: _Columns) -> tuple[list[int], list[str]]:
+    """Return the numbers of the rows that stay, and why others do not."""
+    rows = range(len(columns.table.places))
+    notes = []
+    if "use" in columns.found:
+        cells = columns.found["use"][0].cells
+        used = [k for k in rows if cells[k] is not None and str(cells[k]).strip().lower() not in _FALSE]
+        if len(used) < len(rows):
+            notes.append(f"Rows that are not to be used stay out: {len(rows) - len(used)}.")
+        return used, notes
+    return list(rows), notes
+
+
+# values ------------------------------------------------------------------------------------------------
+
+
+def _converted(
+    columns: _Columns,
+    machine: Machine,
+    keep: list[int],
+    wide: Mapping[str, Mapping[str, ForeignColumn]],
+    units: tuple[str, str] | None,
+) -> Iterator[tuple[str, list[Any]]]:
+    """Yield the columns of measurements; rows with a blank reading stay out."""
+    table = columns.table
+    numbers: dict[str, list[float]] = {}
+    words: dict[str, list[str]] = {}
+    for name, (column, source) in columns.found.items():
+        if name == "use":
+            continue
+        if name in ("target", "run"):
+            words[name] = [
+                "" if c is None else f"{c:g}" if isinstance(c, float) else str(c) for c in column.cells
+            ]
+        elif name == "t" and not all(c is None or _is_plain_number(c) for c in column.cells):
+            numbers["t [s]"] = _seconds(table, column)
+        else:
+            unit, scale = _unit(columns, machine, name, column, source, units)
+            values = [scale * (source.sign * x) + source.offset * scale for x in table.numbers(column)]
+            numbers[f"{name} [{unit}]" if unit else name] = values
+    for pair, mount in _PAIRS.items():
+        angles = [next((key for key in numbers if key.partition(" [")[0] == name), "") for name in pair]
+        if all(angles) and machine.measured.kind == "direction":
+            radians = [
+                np.array(numbers.pop(key)) * parse_unit(key.partition(" [")[2][:-1]).factor()
+                for key in angles
+            ]
+            numbers |= dict(zip(("ux", "uy", "uz"), mount.direction(*radians).T.tolist(), strict=True))
+    targets: list[tuple[str, dict[str, list[float]]]] = [("", {})]
+    if wide:
+        targets = []
+        for target, axes in wide.items():
+            seen = {}
+            for axis in "xyz":
+                source = ColumnSource(axes[axis].name)
+                unit, scale = _unit(columns, machine, axis, axes[axis], source, units)
+                seen[f"{axis} [{unit}]"] = [scale * x for x in table.numbers(axes[axis])]
+            targets.append((target, seen))
+    # the targets of a row are one pose: they stay together
+    chosen = [
+        (k, target, seen)
+        for k in keep
+        for target, seen in targets
+        if all(math.isfinite(values[k]) for values in (*numbers.values(), *seen.values()))
+    ]
+    if not chosen:
+        raise InputFileError(
+            table.file, "file", "no row without a blank cell", "rows with commands and readings"
+        )
+    out = len(keep) * len(targets) - len(chosen)
+    if out:
+        columns.notes.append(f"Rows or targets with a blank cell stay out: {out}.")
+    for name, values in numbers.items():
+        yield name, [values[k] for k, _, _ in chosen]
+    for name in targets[0][1]:
+        yield name, [seen[name][k] for k, _, seen in chosen]
+    if len(machine.targets) > 1 and wide:
+        words.pop("target", None)
+        yield "target", [target for _, target, _ in chosen]
+    for name, texts in words.items():
+        yield name, [texts[k] for k, _, _ in chosen]
+
+
+def _is_plain_number(cell: Any) -> bool:
+    try:
+        float(cell)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _unit(
+    columns: _Columns,
+    machine: Machine,
+    name: str,
+    column: ForeignColumn,
+    source: ColumnSource,
+    units: tuple[str, str] | None,
+) -> tuple[str, float]:
+    """Return the unit of a column of measurements, and the factor from theirs; an empty unit where there is none."""
+    unit = source.unit or column.unit
+    joints = {joint.name: joint for joint in machine.joints}
+    wanted = joints[name].dimension if name in joints else None
+    if name in ("x", "y", "z", "d"):
+        wanted = LENGTH
+    if name in ("az", "el", "ha", "dec"):
+        wanted = ANGLE
+    if unit in ("h", "hour", "hours", "hr") and wanted == ANGLE:
+        return "deg", 15.0
+    if not unit and name == "t":
+        return "s", 1.0
+    if not unit and wanted in (LENGTH, ANGLE):
+        if units is None:
+            expected = "--units such as mm,deg for columns without, or the unit in brackets"
+            raise InputFileError(columns.table.file, f"column {shown(column.header)}", "no unit", expected)
+        return units[wanted == ANGLE], 1.0
+    if unit:
+        try:
+            dimension = parse_unit(unit).dimension
+        except UnitError as error:
+            raise InputFileError(
+                columns.table.file, f"column {shown(column.header)}", error.found, error.expected
+            ) from None
+        if (wanted is not None and dimension != wanted) or (name == "t" and dimension != TIME):
+            expected = f"one of {wanted or TIME}, for {name}"
+            raise InputFileError(
+                columns.table.file, f"column {shown(column.header)}", f"a unit of {dimension}", expected
+            )
+    return unit, 1.0
+
+
+def _seconds(table: ForeignTable, column: ForeignColumn) -> list[float]:
+    """Return seconds from the first time of a column of ISO times."""
+    times: list[datetime.datetime | None] = []
+    for place, cell in zip(table.places, column.cells, strict=True):
+        try:
+            time = (
+                cell
+                if isinstance(cell, datetime.datetime)
+                else cell and datetime.datetime.fromisoformat(str(cell))
+            )
+        except ValueError:
+            where = f"{place}, column {shown(column.header)}"
+            raise InputFileError(
+                table.file, where, shown(cell), "a time such as 2026-03-01T12:30:00"
+            ) from None
+        times.append(time or None)
+    aware = [time.tzinfo is not None for time in times if time]
+    if any(aware) and not all(aware):
+        where = f"column {shown(column.header)}"
+        raise InputFileError(table.file, where, "times with and without a zone", "all with, or all without")
+    first = next((time for time in times if time), None)
+    return [(time - first).total_seconds() if time and first else math.nan for time in times]

@@ -1,0 +1,279 @@
+"""``rodgen import`` of tables as other programs write them: the measurements are those of a table written by hand."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from rodgen.data.measurements import Measurements
+from rodgen.data.tables.foreign import read_foreign
+from rodgen.errors import InputFileError
+from rodgen.machines.files.columns import column_source
+from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
+from rodgen.machines.imports.tables import measurements_of
+from rodgen.machines.machine import Machine
+from rodgen.machines.templates import machine_template
+
+Run = Callable[..., tuple[int, str, str]]
+UR10 = Path(__file__).parents[2] / "shared" / "data" / "ur10"
+TURNTABLE = machine_template("turntable")
+
+MESSY = """Tracker export, made by SuperTrack 4.2; do not edit
+Operator: N. N.
+
+Time;C-Achse;Ball;X meas;Y meas;Z meas;use;Temp;remark
+;deg;;mm;mm;um;;;
+2026-03-01T12:00:00;0,0;ball_1;150,001;0,002;30001,5;1;20,1;first
+2026-03-01T12:00:30;-90,0;ball_1;0,003;150,0;30000;1;20,2;
+2026-03-01T12:01:00;-90,0;ball_2;-130,0;-75,01;110000;0;20,2;bumped
+2026-03-01T12:01:30;-90,0;ball_2;;-75,01;110000;1;20,2;lost
+2026-03-01T12:02:00;-180,0;ball_2;75,002;-130,0;110000;1;20,3;
+"""
+COLUMNS = """
+[columns]
+C = "-C-Achse [deg]"
+x = "X meas"
+y = "Y meas"
+z = { from = "Z meas", offset = -5 }
+T_C = "Temp [degC]"
+"""
+
+
+def columns_of(machine: str, *files: Path, **options) -> tuple[dict, list[str]]:
+    from rodgen.machines.files.read import machine_of
+
+    stated = {name: column_source(text) for name, text in options.pop("stated", {}).items()}
+    return measurements_of(machine_of(machine, "m.toml", Machine), list(map(str, files)), stated, **options)
+
+
+def test_a_tracker_s_export_becomes_measurements(tmp_path, rodgen_command: Run):
+    (tmp_path / "m.toml").write_text(TURNTABLE + COLUMNS)
+    (tmp_path / "run.txt").write_text(MESSY)
+    data = tmp_path / "d.csv"
+    code, out, err = rodgen_command("import", tmp_path / "m.toml", tmp_path / "run.txt", "-d", data)
+    assert err == ""
+    assert code in (0, 1)  # so few rows may not tell
+    assert data.read_text() == (
+        "C [deg],x [mm],y [mm],z [um],T_C [degC],t [s],target\n"
+        "0,150.001,0.002,29996.5,20.1,0,ball_1\n"
+        "90,0.003,150,29995,20.2,30,ball_1\n"
+        "180,75.002,-130,109995,20.3,120,ball_2\n"
+    )
+    for said in (
+        "run.txt: text, semicolons between columns, decimal commas.",
+        "Line 5 has the units.",
+        "Above the header, and not read: 2 lines.",
+        "C is -'C-Achse'.",
+        "z is 'Z meas' -5.",
+        "target is 'Ball'.",
+        "t is 'Time'.",
+        "Not taken: 'remark';",
+        "Rows that are not to be used stay out: 1.",
+        "Rows or targets with a blank cell stay out: 1.",
+    ):
+        assert said in out
+    # the map changes nothing else
+    (tmp_path / "plain.toml").write_text(TURNTABLE)
+    assert Machine.load(tmp_path / "m.toml") == Machine.load(tmp_path / "plain.toml")
+
+
+WIDE = "C [deg]\tx1 [mm]\ty1 [mm]\tz1 [mm]\tx2 [mm]\ty2 [mm]\tz2 [mm]\tx3 [mm]\ty3 [mm]\tz3 [mm]\n"
+WIDE += "0\t1\t2\t3\t4\t5\t6\t7\t8\t9\n45\t10\t20\t30\t\t\t\t70\t80\t90\n"
+
+
+@pytest.mark.parametrize("names", ["numbers", "targets"])
+def test_a_row_of_several_targets_becomes_rows(names, tmp_path):
+    text = WIDE
+    if names == "targets":
+        for k in "123":
+            for x in "xyz":
+                text = text.replace(f"{x}{k} [", f"ball_{k}.{x.upper()} [")
+    (tmp_path / "wide.tsv").write_text(text)
+    columns, notes = columns_of(TURNTABLE, tmp_path / "wide.tsv")
+    assert list(columns) == ["C [deg]", "x [mm]", "y [mm]", "z [mm]", "target"]
+    assert columns["C [deg]"].tolist() == [0, 0, 0, 45, 45]
+    assert columns["x [mm]"].tolist() == [1, 4, 7, 10, 70]
+    assert columns["target"] == ["ball_1", "ball_2", "ball_3", "ball_1", "ball_3"]
+    assert any(note.startswith("Readings of 3 targets in a row: ball_1 is ") for note in notes)
+
+
+def test_each_file_may_be_a_target_or_a_run(tmp_path):
+    for k in (1, 2, 3):
+        for name in (f"ball_{k}", f"day {k}"):
+            target = ",target\n" if name.startswith("day") else "\n"
+            end = ",ball_1\n" if name.startswith("day") else "\n"
+            (tmp_path / f"{name}.csv").write_text(f"C,x,y,z{target}0,{k},2,3{end}90,{k},2,3{end}")
+    files = [tmp_path / f"ball_{k}.csv" for k in (1, 2, 3)]
+    columns, notes = columns_of(TURNTABLE, *files, units=("mm", "deg"))
+    assert columns["target"] == ["ball_1", "ball_1", "ball_2", "ball_2", "ball_3", "ball_3"]
+    assert "Each of the 3 files is a target, by its name." in notes
+    columns, notes = columns_of(TURNTABLE, *[tmp_path / f"day {k}.csv" for k in (1, 2)], units=("mm", "deg"))
+    assert columns["run"] == ["day 1", "day 1", "day 2", "day 2"]
+    assert columns["x [mm]"].tolist() == [1, 1, 2, 2]
+
+
+def test_a_workbook_and_a_matlab_file_give_what_text_gives(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    rows = [[0.0, 150.0, 0.5, 30.25], [90.0, -0.5, 150.0, 30.5]]
+    book = openpyxl.Workbook()
+    book.active.append(["Measured on Monday"])
+    book.active.append(["C [deg]", "x (mm)", "y (mm)", "z (mm)", "time", "target"])
+    for k, row in enumerate(rows):
+        book.active.append([*row, datetime.datetime(2026, 3, 1, 12, k), "ball_1"])
+    book.save(tmp_path / "a.xlsx")
+    columns, notes = columns_of(TURNTABLE, tmp_path / "a.xlsx")
+    expected = {
+        "C [deg]": [0.0, 90.0],
+        "x [mm]": [150.0, -0.5],
+        "y [mm]": [0.5, 150.0],
+        "z [mm]": [30.25, 30.5],
+    }
+    assert {name: columns[name].tolist() for name in expected} == expected
+    assert columns["t [s]"].tolist() == [0, 60]
+    assert "a.xlsx: workbook, sheet 'Sheet'." in notes
+    table = np.array(rows)
+    content = {"C": table[:, :1], "ball_1": table[:, 1:], "note": "text", "short": [1.0]}
+    scipy.io.savemat(tmp_path / "a.mat", content)
+    one = (
+        TURNTABLE[: TURNTABLE.index('[[target]]\nname  = "ball_2"')]
+        + TURNTABLE[TURNTABLE.index("[measured]") :]
+    )
+    columns, notes = columns_of(one, tmp_path / "a.mat", units=("mm", "deg"))
+    assert {name: columns[name].tolist() for name in expected} == expected
+    assert "a.mat: MATLAB arrays of 2 rows; of another length, and not read: short." in notes
+
+
+@pytest.mark.parametrize(
+    ("kind", "mount", "header", "first"),
+    [
+        ("alt-azimuth", ALTAZ, "AZ [deg],EL [deg],az [deg],el [deg]", 1.0),
+        ("alt-azimuth", ALTAZ, "AZ [deg],EL [deg],True Az [deg],Star Alt [deg]", 1.0),
+        ("equatorial-fork", EQUATORIAL, "HA [deg],DEC [deg],ha [h],dec [deg]", 15.0),
+    ],
+)
+def test_two_angles_are_a_direction(kind, mount, header, first, tmp_path):
+    (tmp_path / "stars.csv").write_text(f"{header}\n10,20,2,21\n30,40,3,41\n")
+    columns, notes = columns_of(machine_template(kind, latitude=0.7), tmp_path / "stars.csv")
+    expected = mount.direction(*np.radians([[2 * first, 3 * first], [21, 41]]))
+    np.testing.assert_allclose(np.stack([columns[x] for x in ("ux", "uy", "uz")], -1), expected, atol=1e-15)
+    assert list(columns) == [*header.split(",")[:2], "ux", "uy", "uz"]
+    assert any("are directions: " in note for note in notes)
+
+
+def test_ur10_s_measurements_fit_its_urdf(tmp_path, rodgen_command: Run):
+    if not UR10.exists():
+        pytest.skip(f"needs {UR10}, which is not part of this repository")
+    machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
+    links = ("--base", "base_link", "--tip", "wrist_3_link")
+    code, out, err = rodgen_command(
+        "import", UR10 / "robot.urdf", UR10 / "calibration.csv", *links, "-o", machine, "-d", data
+    )
+    assert (code, err) == (0, "")
+    assert "Not taken: 'phix1', 'phiy1', 'phiz1'" in out
+    assert "nothing looks wrong" in out
+    # 2.0 mm in SOURCE.txt, of an independent fit with frame and target free
+    assert Machine.load(machine).fit(Measurements.load(data)).rms == pytest.approx(2.0, abs=0.05)
+
+
+GOOD = "C [deg],x [mm],y [mm],z [mm],target\n0,150,0,30,ball_1\n90,0,150,30,ball_1\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "stated", "expected"),
+    [
+        ("C [deg]", "C", {}, "column 'C': no unit; expected --units such as mm,deg"),
+        (
+            "C [deg]",
+            "Table [deg]",
+            {},
+            "header: no column of joint C; expected --column C=THEIRS, where THEIRS is 'Ta",
+        ),
+        ("C [deg]", "C [mm]", {}, "column 'C [mm]': a unit of length; expected one of angle, for C"),
+        ("x [mm]", "q [mm]", {}, "header: no column of x; expected --column x=THEIRS"),
+        ("x [mm]", "q [mm]", {"x": "p"}, "header: no column 'p' for x; expected 'C [deg]', 'q [mm]'"),
+        ("90,0,150", "9O,0,150", {}, "line 3, column 'C [deg]': '9O'; expected a number"),
+        (
+            "90,0,150,30,ball_1",
+            "90,0,150,30,ball_1,7",
+            {},
+            "line 3: 6 cells under 5 columns; expected a cell for each",
+        ),
+        (
+            ",target",
+            ",who",
+            {},
+            "file: no targets; expected a column target, x1, y1, z1, x2 …, or a file for each",
+        ),
+        (GOOD[GOOD.index("0,150") :], "", {}, "no rows; expected rows under the header"),
+        (GOOD[: GOOD.index("0,150")], "", {}, "file: no header of names; expected a line with the names"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_sentence(old, new, stated, expected, tmp_path):
+    (tmp_path / "t.csv").write_text(GOOD.replace(old, new))
+    with pytest.raises(InputFileError) as error:
+        columns_of(TURNTABLE, tmp_path / "t.csv", stated=stated)
+    assert expected in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("entry", "expected"),
+    [
+        ('C = { from = "A", sign = 2 }', "[columns], C, sign: 2; expected 1 or -1"),
+        ('C = { unit = "deg" }', "[columns], C, from: missing; expected a text in quotes"),
+        ("C = 3", '[columns], C: no text and no table; expected a text such as "-A_axis [deg] + 90"'),
+        ('C = { from = "A", factor = 2 }', "[columns], C, factor: unknown key; expected"),
+    ],
+)
+def test_what_is_wrong_with_the_map_is_said_in_one_sentence(entry, expected, tmp_path):
+    (tmp_path / "m.toml").write_text(f"{TURNTABLE}\n[columns]\n{entry}\n")
+    with pytest.raises(InputFileError) as error:
+        Machine.load(tmp_path / "m.toml")
+    assert expected in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["t.csv", "-d", "d.csv"], "t.csv: file: readings without a machine; expected a machine file, too"),
+        (["m.toml", "t.csv"], "no -d, where there are readings; expected -d FILE"),
+        (
+            ["m.toml", "t.csv", "-d", "d.csv", "-o", "o.toml"],
+            "-o, but not a machine file is made; expected no -o FILE",
+        ),
+        (
+            ["m.toml", "m.toml", "-d", "d.csv"],
+            "m.toml: file: a machine file, as is m.toml; expected one of each kind",
+        ),
+        (["m.toml", "t.csv", "-d", "d.csv", "--column", "C"], "--column: 'C'; expected NAME=THEIRS, such as"),
+        (
+            ["m.toml", "t.csv", "-d", "d.csv", "--units", "deg,mm"],
+            "'deg,mm' is not a unit of length and one of angle",
+        ),
+        (["m.toml", "t.csv", "-d", "t.csv"], "t.csv: file: the input file itself; expected another name"),
+    ],
+)
+def test_sources_that_do_not_go_together_are_refused(
+    arguments, expected, tmp_path, monkeypatch, rodgen_command: Run
+):
+    monkeypatch.chdir(tmp_path)
+    Path("m.toml").write_text(TURNTABLE)
+    Path("t.csv").write_text(GOOD)
+    code, out, err = rodgen_command("import", *arguments)
+    assert (code, out) == (2, "")
+    assert expected in err
+    assert err.count("\n") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["m.toml", "t.csv"]
+
+
+@pytest.mark.parametrize(("name", "content"), [("a.xlsx", b"no zip"), ("a.mat", b"no matlab" * 30)])
+def test_a_damaged_file_is_named(name, content, tmp_path):
+    if name.endswith("xlsx"):
+        pytest.importorskip("openpyxl")
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputFileError, match=f"{name}: file: no "):
+        read_foreign(tmp_path / name)
