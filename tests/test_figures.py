@@ -43,6 +43,27 @@ def telescope() -> list:
     return [figures.ladder(ladder(machine, data, [machine.effect("refraction")]))]
 
 
+def test_a_skeleton_has_axes_and_readings_where_they_are() -> None:
+    machine, data = machine_and_data("robot_6r_tracker")
+    figure = figures.skeleton(machine, machine.fit(data).observations)
+    traces = {trace.name.partition(",")[0]: trace for trace in figure.data}
+    joint = machine.joints[1]
+    axes = np.stack([traces["revolute axes"][x] for x in "xyz"], -1).reshape(-1, 3, 3)
+    along = axes[1, 1] - axes[1, 0]
+    assert along / np.linalg.norm(along) == pytest.approx(joint.axis)
+    assert (axes[1, 0] + axes[1, 1]) / 2 == pytest.approx(joint.point)
+    assert traces["revolute axes"].text[4] == "J2"
+    predicted, measured = (
+        np.stack([traces[name][x] for x in "xyz"], -1) for name in ("where the file sees them", "readings")
+    )
+    # a free frame: the tracker stands metres away, the file is right to a few mm
+    assert len(measured) == 200
+    assert np.abs(measured - predicted).max() < 10
+    assert "their frame is free" in figure.layout.meta["note"]
+    mount = figures.skeleton(Machine.load(EXAMPLES / "machines/mount/machine.toml"))
+    assert [trace.name.partition(",")[0] for trace in mount.data] == ["revolute axes", "targets at zero"]
+
+
 def maps() -> list:
     found = tricept.uncertainty_map(tricept.PAPER, U_PAPER, "y", 0.0, tricept.LEG_LIMITS, n=41)
     machine = three_sps_s.Geometry(2.0, 1.0, 1.5)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import FAILED, OK, Command, show
-from rodgen.cli._outputs import Outputs
+from rodgen.cli._outputs import Outputs, add_plot, figures_for
 from rodgen.cli._values import quantity
 from rodgen.errors import InputFileError, shown
 from rodgen.files import read_start
@@ -48,6 +48,7 @@ def add_to(command: Command) -> None:
         "-o", "--output", metavar="MACHINE.toml", help="the machine file, unless a SOURCE is one"
     )
     made.add_argument("-d", "--data", metavar="DATA", help="the measurements: .csv, .csv.gz or .parquet")
+    add_plot(made, "the machine's axes and targets, and the first readings, in space,")
     made.add_argument(
         "--column",
         metavar="NAME=THEIRS",
@@ -85,7 +86,8 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.machine import Machine
 
     with Outputs(*options.sources) as outputs:
-        outputs.claim(options.output, options.data)
+        outputs.claim(options.output, options.data, options.plot)
+        figures = figures_for(options.plot)
         made, given = _imported(options)
         for name, wanted, there in (
             ("-o", options.output, not given),
@@ -103,16 +105,18 @@ def _run(options: argparse.Namespace) -> int:
             machine = machine_of(made.text, options.output, Machine)
             outputs.add(options.output, made.text.encode())
             said += ["", f"{options.output}:", machine.describe()]
-        wrong = False
+        wrong, observations = False, None
         if made.columns:
             from rodgen.calibration.file_check import check
             from rodgen.data.measurements import Measurements
 
             data = Measurements.from_frame(made.columns, name=options.data)
             checked = check(machine, data)
-            wrong = bool(checked.wrong)
+            wrong, observations = bool(checked.wrong), checked.observations
             said += ["", f"{options.data}: {data.rows} rows", checked.summary()]
             _write(options.data, made.columns)
+        if figures is not None:
+            figures.save_figure(figures.skeleton(machine, observations), options.plot)
     show("\n".join(said))
     return FAILED if wrong else OK
 

@@ -18,6 +18,7 @@ if _TYPE_CHECKING:
     from rodgen.output.figures.files import save_figure as save_figure
     from rodgen.output.figures.files import save_figures as save_figures
     from rodgen.output.figures.ladders import ladder as ladder
+    from rodgen.output.figures.machines import skeleton as skeleton
     from rodgen.output.figures.mechanism import planar_representation as planar_representation
     from rodgen.output.figures.parallel import influence as influence
     from rodgen.output.figures.parallel import orientation_workspace as orientation_workspace
@@ -45,6 +46,7 @@ _PLACES = {
     "residuals_over_workspace": "residuals",
     "save_figure": "files",
     "save_figures": "files",
+    "skeleton": "machines",
     "uncertainty_map": "parallel",
 }
 """The module of each function."""

@@ -1,0 +1,140 @@
+"""The skeleton of a machine in space: its axes and targets at zero, and where its first readings are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from rodgen.calibration.problem import Problem
+from rodgen.machines.model import Frame, Model
+from rodgen.output.figures.style import BLUE, GREY, INK, ORANGE, PURPLE, Panel, column, describe, label
+
+if TYPE_CHECKING:
+    from rodgen.data.observations import Observations
+    from rodgen.machines.machine import Machine
+
+__all__ = ["skeleton"]
+
+Array = NDArray[np.float64]
+
+HEIGHT = 560
+MOST_READINGS = 200
+
+
+def skeleton(machine: Machine, observations: Observations | None = None) -> go.Figure:
+    """Return a figure of the axes of a chain of joints, its targets, and its first readings.
+
+    Parameters
+    ----------
+    machine : Machine
+        Of a closed chain only the readings are drawn.
+    observations : Observations, optional
+        Readings in a free frame are moved to where the machine, as the file has it, sees its targets; distances are not
+        drawn.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = column([Panel("", HEIGHT, " ")], legend=True)
+    figure.update_xaxes(visible=False)
+    figure.update_yaxes(visible=False)
+    seen = _seen(machine, observations) if observations is not None else None
+    places = [*(np.array(target.point) for target in machine.targets)]
+    joints = () if machine.kinematics.is_closed else machine.joints
+    moving = machine.measurand.moving
+    points = [np.array(joint.point) if moving else np.zeros(3) for joint in joints]
+    cloud = np.array([np.zeros(3), *points, *places, *([] if seen is None else seen[0])])
+    size = float(np.ptp(cloud, axis=0).max()) or 1.0
+    if moving and joints:
+        way = np.array([np.zeros(3), *points, places[0]])
+        _add(figure, way, "body, all joints at zero", mode="lines", line={"color": GREY, "width": 6})
+    for kind, colour, dash in (("revolute", BLUE, "solid"), ("prismatic", ORANGE, "dash")):
+        chosen = [(joint, at) for joint, at in zip(joints, points, strict=True) if joint.type == kind]
+        if chosen:
+            _add_axes(figure, chosen, size / 5, f"{kind} axes, positive towards the name", colour, dash)
+    marks = np.array(places) if len(places) else np.empty((0, 3))
+    names = [label(target.name) for target in machine.targets]
+    _add(
+        figure, marks, "targets at zero", mode="markers+text", text=names, textposition="bottom center",
+        marker={"size": 5, "color": INK, "symbol": "square"},
+    )  # fmt: skip
+    if seen is not None:
+        predicted, measured = seen
+        _add(
+            figure,
+            predicted,
+            "where the file sees them",
+            mode="markers",
+            marker={"size": 4, "color": GREY, "symbol": "circle-open"},
+        )
+        _add(
+            figure,
+            measured,
+            "readings",
+            mode="markers",
+            marker={"size": 3, "color": PURPLE, "symbol": "diamond"},
+        )
+    axis = {"showbackground": False, "zerolinecolor": GREY}
+    figure.update_layout(
+        scene={
+            "aspectmode": "data",
+            "camera": {"eye": {"x": 1.5, "y": -1.7, "z": 0.9}},
+            "domain": {"x": [0, 1], "y": [0, 1]},
+            **{
+                f"{x}axis": {**axis, "title": {"text": f"{x}, {machine.length_unit}" if moving else x}}
+                for x in "xyz"
+            },
+        },
+        meta={"heights": None},
+    )
+    many = (
+        ""
+        if observations is None or observations.n <= MOST_READINGS
+        else f" The first {MOST_READINGS} readings."
+    )
+    free = ""
+    if seen is not None and machine.measured.frame == "free":
+        free = " The readings are moved to where they fit best: their frame is free."
+    note = f"Axes and targets with all joints at zero.{many}{free}"
+    return describe(figure, "skeleton", machine.name, note=note)
+
+
+def _add(figure: go.Figure, points: Array, name: str, **given: Any) -> None:
+    x, y, z = points.T
+    figure.add_trace(go.Scatter3d(x=x, y=y, z=z, name=name, hoverinfo="skip", **given))
+
+
+def _add_axes(
+    figure: go.Figure, chosen: list[tuple[Any, Array]], length: float, name: str, colour: str, dash: str
+) -> None:
+    """Add a line along each axis, with the joint's name at its positive end."""
+    ends = [(at - length * np.array(joint.axis), at + length * np.array(joint.axis)) for joint, at in chosen]
+    gap = np.full(3, np.nan)
+    way = np.array([point for low, high in ends for point in (low, high, gap)])
+    text = [word for joint, _ in chosen for word in ("", label(joint.name), "")]
+    _add(
+        figure, way, name, mode="lines+text", text=text, textfont={"color": colour, "size": 14},
+        line={"color": colour, "width": 5, "dash": dash},
+    )  # fmt: skip
+
+
+def _seen(machine: Machine, observations: Observations) -> tuple[Array, Array] | None:
+    """Return where the machine of the file sees its targets, and the readings, both (n, 3) in machine axes."""
+    if not machine.measurand.is_place:
+        return None
+    first = observations.take(np.arange(min(MOST_READINGS, observations.n)))
+    model = Model(machine, first.travel, first.run_names, compiled=False)
+    predicted = Problem(model, first).places(model.start(), Frame.identity())
+    measured = np.array(first.reading)
+    whole = np.isfinite(measured).all(axis=1) & np.isfinite(predicted).all(axis=1)
+    predicted, measured = predicted[whole], measured[whole]
+    if machine.measured.frame == "free" and len(measured) > 2:
+        centres = (predicted.mean(axis=0), measured.mean(axis=0)) if machine.measurand.moving else (0.0, 0.0)
+        left, _, right = np.linalg.svd((measured - centres[1]).T @ (predicted - centres[0]))
+        turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+        measured = (measured - centres[1]) @ turn + centres[0]
+    return predicted, measured
