@@ -284,6 +284,18 @@ def root_parts(k, S, C, m, r):
     return m_squared, r_squared, along_m, along_n, k.let("root_squared", along_m - along_n)
 
 
+def band_of(k, S, C, along_m):
+    """Return the root's square that rounding makes: at most that, the two axes meet."""
+    # There sin(χ/2 - a) = root² / (8 R² S |C|), because root² = 4 R² sin(χ/2 - a) sin(χ/2 + a) (entry condition).
+    rounding = k.let("rounding", 8 * EPS * (1 + abs(k["half_angle"])) * k["length_squared"] * S * abs(C))
+    return k.let("band", select(rounding < along_m / 2, rounding, along_m / 2))
+
+
+def far_ratio(k, length_squared, other_squared):
+    """Return the ratio of lengths, the second over the first, that are far apart."""
+    return k.let("ratio", sp.sqrt(other_squared / length_squared)) * (k["scale_before"] / k["scale"])
+
+
 def tilt_from(half_excess):
     """Return the tilt, (P - R) / (P + R), of points whose lengths are nearly equal."""
     return half_excess * (1 + half_excess**2)
@@ -311,10 +323,7 @@ def solve_axis():
     half, sine_size, cosine, length_squared, gain, excess = (k[n] for n in names)
     size_before, size_after, comparable = k["size_before"], k["size_after"], k["comparable"]
 
-    # The root vanishes where the two axes meet, at χ/2 = a; there sin(χ/2 - a) = root² / (8 R² S |C|), because
-    # root² = 4 R² sin(χ/2 - a) sin(χ/2 + a) (entry condition).
-    rounding = k.let("rounding", 8 * EPS * (1 + abs(half)) * length_squared * S * abs(C))
-    band = k.let("band", select(rounding < along_m / 2, rounding, along_m / 2))
+    band = band_of(k, S, C, along_m)  # the root vanishes where the two axes meet, at χ/2 = a
     both = k.let("both", k["length_product"] > 0)
     # m and r are perpendicular, unless one of them is mere rounding; such an m determines no axis.
     area_squared = k.let("area_squared", w.dot(w))
@@ -361,7 +370,9 @@ def solve_axis():
     parallel = k.let("parallel", scaled_r.dot(scaled_r) <= still)
     least = k.let("least_tolerance", select(tolerance > 8 * EPS, tolerance, 8 * EPS))
     # excess / (1 - excess) = |rho_prime| / |rho| - 1, which is what length_mismatch returns
-    agree = k.let("lengths_agree", comparable & (abs(excess) <= least * (1 - excess)))
+    near = abs(excess) <= least * (1 - excess)
+    far = far_ratio(k, select(length_squared > 0, length_squared, 1), k["length_prime_squared"])
+    agree = k.let("lengths_agree", (comparable & near) | (sp.Not(comparable) & (abs(far - 1) <= least)))
     status = sp.Piecewise(
         (AxisStatus.INVALID, sp.Not(valid)),
         (AxisStatus.EVERY_AXIS, both_zero),
@@ -642,12 +653,12 @@ def length_mismatch():
     rho = k.input("rho", 3, unit="length", doc="point before the rotation")
     rho_prime = k.input("rho_prime", 3, unit="length", doc="point after the rotation")
     u, v = scaled_points(k, rho, rho_prime)
-    comparable, scale_before, scale = k["comparable"], k["scale_before"], k["scale"]
+    comparable = k["comparable"]
     difference, total = k.let("difference", v - u), k.let("total", v + u)
     length_squared, other_squared = k.let("length_squared", u.dot(u)), k.let("other_squared", v.dot(v))
     product = k.let("length_product", sp.sqrt(length_squared * other_squared))
     near = total.dot(difference) / (length_squared + product)
-    far = k.let("ratio", sp.sqrt(other_squared / length_squared)) * (scale_before / scale) - 1
+    far = far_ratio(k, length_squared, other_squared) - 1
     same = sp.Eq(length_squared, 0) & sp.Eq(other_squared, 0)
     k.output(
         "mismatch", select(same, 0, select(comparable, near, far)), unit="1", doc="|rho_prime| / |rho| - 1"
@@ -660,17 +671,20 @@ def axis_condition():
         "axis_condition",
         summary="Condition number of the axis: largest factor from a relative error of a point to the axis.",
         source="Stebulyanin and Pimushkin, eq. (1); derivation axis, entry condition",
-        notes="Infinite where the two axes meet and beyond (ONE_AXIS, NO_AXIS).",
+        notes="Infinite where the two axes meet and beyond (ONE_AXIS, NO_AXIS). NaN where a number is not finite.",
     )
     rho, rho_prime, angle = input_pair(k)
     u, v = scaled_points(k, rho, rho_prime)
     m, r = sum_and_difference(k, u, v)
     S, C, turn_scale = half_turn_parts(k, angle)
-    root_squared = root_parts(k, S, C, m, r)[-1]
+    _, _, along_m, _, root_squared = root_parts(k, S, C, m, r)
     length_squared = k["length_squared"]
+    band = band_of(k, S, C, along_m)
+    finite = (k["size_before"] <= LARGEST) & (k["size_after"] <= LARGEST) & (abs(angle) <= LARGEST)
     length = sp.sqrt(k.let("positive", select(sp.Eq(length_squared, 0), 1, length_squared)))
-    under = k.let("under_root", select(root_squared > 0, root_squared, 0))
-    k.output("condition", turn_scale * length / sp.sqrt(under), unit="1", doc="condition number")
+    under = k.let("under_root", select(root_squared > band, root_squared, 0))
+    found = select(finite, turn_scale * length / sp.sqrt(under), sp.nan)
+    k.output("condition", found, unit="1", doc="condition number; NaN where a number is not finite")
     return k.build()
 
 

@@ -525,6 +525,19 @@ def test_length_tolerance_is_the_mismatch_that_is_allowed(mismatch: float, side:
     assert (refused == AxisStatus.LENGTHS_DIFFER).all()
 
 
+@pytest.mark.parametrize("factor", [4.9, 7.0, 30.0, 1e5, 1e100, 1e280, 0.1, 1e-5, 1e-300])
+def test_any_length_tolerance_is_the_mismatch_that_is_allowed(factor: float) -> None:
+    _, rho, rho_prime, angle = solvable(20, 12)
+    rho_prime = factor * rho_prime
+    found = np.abs(rodgen.length_mismatch(rho, rho_prime))
+    _, allowed = rodgen.solve_axis(rho, rho_prime, angle, length_tolerance=found * (1 + 8 * EPS) + 8 * EPS)
+    _, refused = rodgen.solve_axis(rho, rho_prime, angle, length_tolerance=found * (1 - 8 * EPS) - 8 * EPS)
+    assert (allowed == AxisStatus.TWO_AXES).all()
+    assert (refused == AxisStatus.LENGTHS_DIFFER).all()
+    _, any_length = rodgen.solve_axis(rho, rho_prime, angle, length_tolerance=np.inf)
+    assert (any_length == AxisStatus.TWO_AXES).all()
+
+
 @pytest.mark.parametrize("power", [-320, -315, -309, -300])
 def test_lengths_below_the_normal_numbers(power: int) -> None:
     """Subnormal components have fewer digits; what they say is solved, and the status is that of the numbers there."""
@@ -639,3 +652,24 @@ def test_condition_bounds_what_an_error_of_the_points_does() -> None:
 def test_condition_is_infinite_without_two_axes() -> None:
     assert rodgen.axis_condition([1.0, 0, 0], [0, 1.0, 0], 1.0) == np.inf
     assert rodgen.axis_condition([1.0, 0, 0], [0, 1.0, 0], 0.0) == np.inf
+
+
+def test_condition_is_infinite_where_the_axes_meet_to_rounding() -> None:
+    """Where the status is ONE_AXIS, however rounding falls."""
+    rng = np.random.default_rng(16)
+    rho = unit(rng.normal(size=(2000, 3)))
+    rho_prime = unit(rng.normal(size=(2000, 3)))
+    angle = 2 * np.arctan2(
+        np.linalg.norm(rho_prime - rho, axis=1), np.linalg.norm(rho_prime + rho, axis=1)
+    ) * (1 + EPS * rng.integers(-3, 4, 2000))  # fmt: skip
+    _, status = rodgen.solve_axis(rho, rho_prime, angle)
+    assert (status == AxisStatus.ONE_AXIS).sum() > 1000
+    assert np.isinf(rodgen.axis_condition(rho, rho_prime, angle)[status == AxisStatus.ONE_AXIS]).all()
+
+
+@pytest.mark.parametrize("where", range(7))
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_condition_of_what_is_no_number_is_none(where: int, bad: float) -> None:
+    numbers = np.array([2.0, 0, 1, 0, 2, 1, 1.5])
+    numbers[where] = bad
+    assert np.isnan(rodgen.axis_condition(numbers[:3], numbers[3:6], numbers[6]))

@@ -41,7 +41,7 @@ enum axis_axis_status {
 
 /* Unit axes through the origin that turn a point into another by a known angle.
  * Source: Stebulyanin and Pimushkin, eq. (1), solved in the coordinate-free form
- * Operations: 52 add, 108 mul, 4 div, 4 sqrt, 39 select, 39 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
+ * Operations: 53 add, 110 mul, 6 div, 5 sqrt, 40 select, 41 compare, 19 abs, 1 cos, 3 power_of_two_scale, 1 sin
  * rho (3), length: point before the rotation
  * rho_prime (3), length: point after the rotation
  * angle, rad: angle of the rotation
@@ -68,11 +68,11 @@ void axis_length_mismatch_batch_f32(size_t count, const float *rho, const float 
 
 /* Condition number of the axis: largest factor from a relative error of a point to the axis.
  * Source: Stebulyanin and Pimushkin, eq. (1); derivation axis, entry condition
- * Operations: 28 add, 44 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin
+ * Operations: 29 add, 50 mul, 2 div, 3 sqrt, 8 select, 11 compare, 10 abs, 1 cos, 3 power_of_two_scale, 1 sin
  * rho (3), length: point before the rotation
  * rho_prime (3), length: point after the rotation
  * angle, rad: angle of the rotation
- * condition, no unit: condition number
+ * condition, no unit: condition number; NaN where a number is not finite
  */
 void axis_axis_condition_f64(const double rho[3], const double rho_prime[3], double angle, double *condition);
 void axis_axis_condition_batch_f64(size_t count, const double *rho, const double *rho_prime, const double *angle, double *condition);
@@ -81,7 +81,7 @@ void axis_axis_condition_batch_f32(size_t count, const float *rho, const float *
 
 /* Derivatives of both axes with respect to both points and the angle.
  * Source: Stebulyanin and Pimushkin, eq. (1), solved in the coordinate-free form
- * Operations: 339 add, 626 mul, 11 div, 4 sqrt, 177 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+ * Operations: 340 add, 629 mul, 12 div, 5 sqrt, 178 select, 74 compare, 27 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
  * rho (3), length: point before the rotation
  * rho_prime (3), length: point after the rotation
  * angle, rad: angle of the rotation
@@ -96,7 +96,7 @@ void axis_axis_jacobian_batch_f32(size_t count, const float *rho, const float *r
 
 /* Covariance of both axes from those of the points and the angle, to first order.
  * Source: GUM, law of propagation of uncertainty, on Stebulyanin and Pimushkin, eq. (1)
- * Operations: 519 add, 864 mul, 11 div, 4 sqrt, 195 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+ * Operations: 520 add, 867 mul, 12 div, 5 sqrt, 196 select, 74 compare, 27 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
  * rho (3), length: point before the rotation
  * rho_prime (3), length: point after the rotation
  * angle, rad: angle of the rotation

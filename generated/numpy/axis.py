@@ -79,7 +79,7 @@ solve_axis.types = ["dddd->db", "ffff->fb"]
 
 
 def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 52 add, 108 mul, 4 div, 4 sqrt, 39 select, 39 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
+    # 53 add, 110 mul, 6 div, 5 sqrt, 40 select, 41 compare, 19 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
     size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -90,11 +90,9 @@ def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
-    del scale_before
     v_1 = rho_prime_1*scale
     v_2 = rho_prime_2*scale
     v_3 = rho_prime_3*scale
-    del scale
     difference_1 = v_1 - u_1
     difference_2 = v_2 - u_2
     difference_3 = v_3 - u_3
@@ -106,7 +104,6 @@ def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     length_product = xp.sqrt(length_prime_squared*length_squared)
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess_divisor = length_prime_squared + length_product
-    del length_prime_squared
     nonzero = excess_divisor > 0.0
     excess = gain*xp.where(nonzero, 1.0/excess_divisor, 1.0)
     del excess_divisor, gain, nonzero
@@ -225,7 +222,7 @@ def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     one_zero = (size_after == 0.0) | (size_before == 0.0)
     del size_after, size_before
     x8 = length_squared*x3
-    del length_squared, x3
+    del x3
     coincident = 16.0*x8
     x10 = eps*x5
     del x5
@@ -247,8 +244,10 @@ def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
     least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))
-    del comparable, excess, least_tolerance
+    ratio = xp.sqrt(length_prime_squared*xp.where(length_squared > 0.0, 1.0/length_squared, 1.0))
+    del length_prime_squared, length_squared
+    lengths_agree = ((comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~(comparable)))
+    del comparable, excess, least_tolerance, ratio, scale, scale_before
     status = xp.where(~(valid), 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~(lengths_agree), 6.0, xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~(two), 1.0, xp.where(parallel, 3.0, 0.0)))))))))
     del both_zero, every, lengths_agree, one_zero, opposite, parallel, too_small, two, valid
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status)
@@ -419,7 +418,7 @@ def axis_condition(rho, rho_prime, angle, *, out=None):
 
     Source: Stebulyanin and Pimushkin, eq. (1); derivation axis, entry condition
 
-    Infinite where the two axes meet and beyond (ONE_AXIS, NO_AXIS).
+    Infinite where the two axes meet and beyond (ONE_AXIS, NO_AXIS). NaN where a number is not finite.
 
     Parameters
     ----------
@@ -433,7 +432,7 @@ def axis_condition(rho, rho_prime, angle, *, out=None):
     Returns
     -------
     condition : array (...), no unit
-        condition number
+        condition number; NaN where a number is not finite
     """
     return _evaluate(
         _axis_condition, None,
@@ -450,13 +449,11 @@ axis_condition.types = ["ddd->d", "fff->f"]
 
 
 def _axis_condition(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, eps, largest):
-    # 28 add, 44 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin
+    # 29 add, 50 mul, 2 div, 3 sqrt, 8 select, 11 compare, 10 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
     size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
-    del size_before
     scale_after = _power_of_two_scale(size_after)
-    del size_after
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = xp.where(comparable, scale_before, scale_after)
     del comparable, scale_after
@@ -505,7 +502,6 @@ def _axis_condition(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
-    del half_angle
     sine_size = xp.abs(sine)
     x3 = (eps*eps)
     turn_scale = _power_of_two_scale(xp.where(sine_size > x3, sine_size, x3))
@@ -517,23 +513,29 @@ def _axis_condition(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     del m_1, m_2, m_3
     along_m = (S*S)*m_squared
-    del S, m_squared
+    del m_squared
     n_1 = C*r_1
     del r_1
     n_2 = C*r_2
     del r_2
     n_3 = C*r_3
-    del C, r_3
+    del r_3
     along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
     del n_1, n_2, n_3
     root_squared = along_m - along_n
-    del along_m, along_n
+    del along_n
+    rounding = 8.0*S*eps*length_squared*(xp.abs(half_angle) + 1.0)*xp.abs(C)
+    del C, S, half_angle
+    x4 = 0.5*along_m
+    del along_m
+    band = xp.where(rounding < x4, rounding, x4)
+    del rounding, x4
     positive = xp.where(length_squared == 0.0, 1.0, length_squared)
     del length_squared
-    under_root = xp.where(root_squared > 0.0, root_squared, 0.0)
-    del root_squared
-    condition = xp.sqrt(positive)*turn_scale/xp.sqrt(under_root)
-    del positive, turn_scale, under_root
+    under_root = xp.where(band < root_squared, root_squared, 0.0)
+    del band, root_squared
+    condition = xp.where((largest >= size_after) & (largest >= size_before) & (largest >= xp.abs(angle)), xp.sqrt(positive)*turn_scale/xp.sqrt(under_root), xp.nan)
+    del positive, size_after, size_before, turn_scale, under_root
     return (condition,)
 
 
@@ -577,7 +579,7 @@ axis_jacobian.types = ["dddd->db", "ffff->fb"]
 
 
 def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 339 add, 626 mul, 11 div, 4 sqrt, 177 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 340 add, 629 mul, 12 div, 5 sqrt, 178 select, 74 compare, 27 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
     size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -614,21 +616,22 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     del x14
     x15 = xp.sqrt(length_prime_squared*length_squared)
     length_product = x15
-    x16 = 0.5*x15
+    x16 = 1.0/length_squared
+    x17 = 0.5*x15
     del x15
-    x17 = x16/length_squared
-    d_length_product_d_rho_1 = d_length_squared_d_rho_1*x17
+    x18 = x16*x17
+    d_length_product_d_rho_1 = d_length_squared_d_rho_1*x18
     del d_length_squared_d_rho_1
-    d_length_product_d_rho_2 = d_length_squared_d_rho_2*x17
+    d_length_product_d_rho_2 = d_length_squared_d_rho_2*x18
     del d_length_squared_d_rho_2
-    d_length_product_d_rho_3 = d_length_squared_d_rho_3*x17
-    del d_length_squared_d_rho_3, x17
-    x18 = x16/length_prime_squared
-    del x16
-    d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18
-    d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18
-    d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18
-    del x18
+    d_length_product_d_rho_3 = d_length_squared_d_rho_3*x18
+    del d_length_squared_d_rho_3, x18
+    x19 = x17/length_prime_squared
+    del x17
+    d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x19
+    d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x19
+    d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x19
+    del x19
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
     d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before
@@ -637,7 +640,6 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2
     d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     excess_divisor = length_prime_squared + length_product
-    del length_prime_squared
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
     del d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1
     d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2
@@ -646,20 +648,20 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     del d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
     nonzero = excess_divisor > 0.0
     select_0 = xp.where(nonzero, 1.0/excess_divisor, 1.0)
-    x19 = 1.0/(excess_divisor*excess_divisor)
+    x20 = 1.0/(excess_divisor*excess_divisor)
     del excess_divisor
-    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x19, 0.0)
+    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x20, 0.0)
     del d_length_product_d_rho_1
-    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x19, 0.0)
+    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x20, 0.0)
     del d_length_product_d_rho_2
-    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x19, 0.0)
+    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x20, 0.0)
     del d_length_product_d_rho_3
-    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0)
+    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x20, 0.0)
     del d_excess_divisor_d_rho_prime_1
-    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0)
+    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x20, 0.0)
     del d_excess_divisor_d_rho_prime_2
-    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0)
-    del d_excess_divisor_d_rho_prime_3, nonzero, x19
+    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x20, 0.0)
+    del d_excess_divisor_d_rho_prime_3, nonzero, x20
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
     del d_gain_d_rho_1, d_select_0_d_rho_1
@@ -677,8 +679,8 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_x0_d_rho_1 = d_excess_d_rho_1*v_1
     d_x0_d_rho_2 = d_excess_d_rho_2*v_1
     d_x0_d_rho_3 = d_excess_d_rho_3*v_1
-    x20 = excess*scale
-    d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x20
+    x21 = excess*scale
+    d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x21
     d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1
     d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1
     del v_1
@@ -687,9 +689,9 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1
     d_m_1_d_rho_2 = -d_x0_d_rho_2
     d_m_1_d_rho_3 = -d_x0_d_rho_3
-    x25 = scale - d_x0_d_rho_prime_1
+    x26 = scale - d_x0_d_rho_prime_1
     del d_x0_d_rho_prime_1
-    d_m_1_d_rho_prime_1 = x25
+    d_m_1_d_rho_prime_1 = x26
     d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
     d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
     x1 = excess*v_2
@@ -697,7 +699,7 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_x1_d_rho_2 = d_excess_d_rho_2*v_2
     d_x1_d_rho_3 = d_excess_d_rho_3*v_2
     d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2
-    d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x20
+    d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x21
     d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2
     del v_2
     m_2 = total_2 - x1
@@ -706,9 +708,9 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2
     d_m_2_d_rho_3 = -d_x1_d_rho_3
     d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
-    x32 = scale - d_x1_d_rho_prime_2
+    x33 = scale - d_x1_d_rho_prime_2
     del d_x1_d_rho_prime_2
-    d_m_2_d_rho_prime_2 = x32
+    d_m_2_d_rho_prime_2 = x33
     d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     x2 = excess*v_3
     d_x2_d_rho_1 = d_excess_d_rho_1*v_3
@@ -721,8 +723,8 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     del d_excess_d_rho_prime_1
     d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3
     del d_excess_d_rho_prime_2
-    d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x20
-    del d_excess_d_rho_prime_3, v_3, x20
+    d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x21
+    del d_excess_d_rho_prime_3, v_3, x21
     m_3 = total_3 - x2
     del total_3
     d_m_3_d_rho_1 = -d_x2_d_rho_1
@@ -730,9 +732,9 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3
     d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
     d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
-    x39 = scale - d_x2_d_rho_prime_3
-    del d_x2_d_rho_prime_3, scale
-    d_m_3_d_rho_prime_3 = x39
+    x40 = scale - d_x2_d_rho_prime_3
+    del d_x2_d_rho_prime_3
+    d_m_3_d_rho_prime_3 = x40
     r_1 = difference_1 - x0
     del difference_1, x0
     d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1
@@ -741,8 +743,8 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     del d_x0_d_rho_2
     d_r_1_d_rho_3 = -d_x0_d_rho_3
     del d_x0_d_rho_3
-    d_r_1_d_rho_prime_1 = x25
-    del x25
+    d_r_1_d_rho_prime_1 = x26
+    del x26
     d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
     del d_x0_d_rho_prime_2
     d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
@@ -757,8 +759,8 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     del d_x1_d_rho_3
     d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
     del d_x1_d_rho_prime_1
-    d_r_2_d_rho_prime_2 = x32
-    del x32
+    d_r_2_d_rho_prime_2 = x33
+    del x33
     d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     del d_x1_d_rho_prime_3
     r_3 = difference_3 - x2
@@ -773,17 +775,17 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     del d_x2_d_rho_prime_1
     d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
     del d_x2_d_rho_prime_2
-    d_r_3_d_rho_prime_3 = x39
-    del x39
-    half_angle = 0.5*angle
-    x40 = xp.sin(half_angle)
-    sine = x40
-    x41 = xp.cos(half_angle)
-    d_sine_d_angle = 0.5*x41
-    cosine = x41
-    del x41
-    d_cosine_d_angle = -0.5*x40
+    d_r_3_d_rho_prime_3 = x40
     del x40
+    half_angle = 0.5*angle
+    x41 = xp.sin(half_angle)
+    sine = x41
+    x42 = xp.cos(half_angle)
+    d_sine_d_angle = 0.5*x42
+    cosine = x42
+    del x42
+    d_cosine_d_angle = -0.5*x41
+    del x41
     sine_size = xp.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*xp.sign(sine)
     del d_sine_d_angle
@@ -802,16 +804,16 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_C_d_angle = d_select_2_d_angle*turn_scale
     del d_select_2_d_angle
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    x42 = 2.0*m_1
-    x43 = 2.0*m_2
-    x44 = 2.0*m_3
-    d_m_squared_d_rho_1 = d_m_1_d_rho_1*x42 + d_m_2_d_rho_1*x43 + d_m_3_d_rho_1*x44
-    d_m_squared_d_rho_2 = d_m_1_d_rho_2*x42 + d_m_2_d_rho_2*x43 + d_m_3_d_rho_2*x44
-    d_m_squared_d_rho_3 = d_m_1_d_rho_3*x42 + d_m_2_d_rho_3*x43 + d_m_3_d_rho_3*x44
-    d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x42 + d_m_2_d_rho_prime_1*x43 + d_m_3_d_rho_prime_1*x44
-    d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44
-    d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44
-    del x42, x43, x44
+    x43 = 2.0*m_1
+    x44 = 2.0*m_2
+    x45 = 2.0*m_3
+    d_m_squared_d_rho_1 = d_m_1_d_rho_1*x43 + d_m_2_d_rho_1*x44 + d_m_3_d_rho_1*x45
+    d_m_squared_d_rho_2 = d_m_1_d_rho_2*x43 + d_m_2_d_rho_2*x44 + d_m_3_d_rho_2*x45
+    d_m_squared_d_rho_3 = d_m_1_d_rho_3*x43 + d_m_2_d_rho_3*x44 + d_m_3_d_rho_3*x45
+    d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x43 + d_m_2_d_rho_prime_1*x44 + d_m_3_d_rho_prime_1*x45
+    d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x43 + d_m_2_d_rho_prime_2*x44 + d_m_3_d_rho_prime_2*x45
+    d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x43 + d_m_2_d_rho_prime_3*x44 + d_m_3_d_rho_prime_3*x45
+    del x43, x44, x45
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x4 = (S*S)
     d_x4_d_angle = 2.0*S*d_S_d_angle
@@ -849,26 +851,26 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_n_3_d_rho_prime_3 = C*d_r_3_d_rho_prime_3
     d_n_3_d_angle = d_C_d_angle*r_3
     along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
-    x45 = 2.0*n_1
+    x46 = 2.0*n_1
     del n_1
-    x46 = 2.0*n_2
+    x47 = 2.0*n_2
     del n_2
-    x47 = 2.0*n_3
+    x48 = 2.0*n_3
     del n_3
-    d_along_n_d_rho_1 = d_n_1_d_rho_1*x45 + d_n_2_d_rho_1*x46 + d_n_3_d_rho_1*x47
+    d_along_n_d_rho_1 = d_n_1_d_rho_1*x46 + d_n_2_d_rho_1*x47 + d_n_3_d_rho_1*x48
     del d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1
-    d_along_n_d_rho_2 = d_n_1_d_rho_2*x45 + d_n_2_d_rho_2*x46 + d_n_3_d_rho_2*x47
+    d_along_n_d_rho_2 = d_n_1_d_rho_2*x46 + d_n_2_d_rho_2*x47 + d_n_3_d_rho_2*x48
     del d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2
-    d_along_n_d_rho_3 = d_n_1_d_rho_3*x45 + d_n_2_d_rho_3*x46 + d_n_3_d_rho_3*x47
+    d_along_n_d_rho_3 = d_n_1_d_rho_3*x46 + d_n_2_d_rho_3*x47 + d_n_3_d_rho_3*x48
     del d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3
-    d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x45 + d_n_2_d_rho_prime_1*x46 + d_n_3_d_rho_prime_1*x47
+    d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x46 + d_n_2_d_rho_prime_1*x47 + d_n_3_d_rho_prime_1*x48
     del d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1
-    d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x45 + d_n_2_d_rho_prime_2*x46 + d_n_3_d_rho_prime_2*x47
+    d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x46 + d_n_2_d_rho_prime_2*x47 + d_n_3_d_rho_prime_2*x48
     del d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2
-    d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x45 + d_n_2_d_rho_prime_3*x46 + d_n_3_d_rho_prime_3*x47
+    d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x46 + d_n_2_d_rho_prime_3*x47 + d_n_3_d_rho_prime_3*x48
     del d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3
-    d_along_n_d_angle = d_n_1_d_angle*x45 + d_n_2_d_angle*x46 + d_n_3_d_angle*x47
-    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x45, x46, x47
+    d_along_n_d_angle = d_n_1_d_angle*x46 + d_n_2_d_angle*x47 + d_n_3_d_angle*x48
+    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x46, x47, x48
     root_squared = along_m - along_n
     del along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
@@ -929,16 +931,16 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     both = length_product > 0.0
     del length_product
     area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
-    x48 = 2.0*w_1
-    x49 = 2.0*w_2
-    x50 = 2.0*w_3
-    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x48 + d_w_2_d_rho_1*x49 + d_w_3_d_rho_1*x50
-    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x48 + d_w_2_d_rho_2*x49 + d_w_3_d_rho_2*x50
-    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x48 + d_w_2_d_rho_3*x49 + d_w_3_d_rho_3*x50
-    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x48 + d_w_2_d_rho_prime_1*x49 + d_w_3_d_rho_prime_1*x50
-    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x48 + d_w_2_d_rho_prime_2*x49 + d_w_3_d_rho_prime_2*x50
-    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x48 + d_w_2_d_rho_prime_3*x49 + d_w_3_d_rho_prime_3*x50
-    del x48, x49, x50
+    x49 = 2.0*w_1
+    x50 = 2.0*w_2
+    x51 = 2.0*w_3
+    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51
+    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51
+    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51
+    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51
+    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
+    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
+    del x49, x50, x51
     x9 = (eps*eps*eps*eps)
     x11 = m_squared*r_squared
     plane = (area_squared > 0.5*x11) & (area_squared > x9)
@@ -954,16 +956,16 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
     del u_2
     d_across_3_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), scale_before, 0.0)
-    del scale_before, u_1, u_3
+    del u_1, u_3
     select_3 = xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
     del area_squared
-    x51 = 2.0*across_2
-    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x51)
+    x52 = 2.0*across_2
+    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52)
     del d_area_squared_d_rho_1
     d_select_3_d_rho_2 = xp.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
     del d_area_squared_d_rho_2
-    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x51)
-    del d_area_squared_d_rho_3, x51
+    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52)
+    del d_area_squared_d_rho_3, x52
     d_select_3_d_rho_prime_1 = xp.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     del d_area_squared_d_rho_prime_1
     d_select_3_d_rho_prime_2 = xp.where(plane, d_area_squared_d_rho_prime_2, 0.0)
@@ -986,25 +988,25 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
     d_under_root_d_angle = xp.where(two, d_root_squared_d_angle, 0.0)
     del d_root_squared_d_angle
-    x52 = xp.sqrt(under_root)
+    x53 = xp.sqrt(under_root)
     del under_root
-    root = x52
-    x53 = 0.5/x52
-    del x52
-    d_root_d_rho_1 = d_under_root_d_rho_1*x53
+    root = x53
+    x54 = 0.5/x53
+    del x53
+    d_root_d_rho_1 = d_under_root_d_rho_1*x54
     del d_under_root_d_rho_1
-    d_root_d_rho_2 = d_under_root_d_rho_2*x53
+    d_root_d_rho_2 = d_under_root_d_rho_2*x54
     del d_under_root_d_rho_2
-    d_root_d_rho_3 = d_under_root_d_rho_3*x53
+    d_root_d_rho_3 = d_under_root_d_rho_3*x54
     del d_under_root_d_rho_3
-    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x53
+    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54
     del d_under_root_d_rho_prime_1
-    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x53
+    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54
     del d_under_root_d_rho_prime_2
-    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x53
+    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54
     del d_under_root_d_rho_prime_3
-    d_root_d_angle = d_under_root_d_angle*x53
-    del d_under_root_d_angle, x53
+    d_root_d_angle = d_under_root_d_angle*x54
+    del d_under_root_d_angle, x54
     select_4 = xp.where(root > 0.0, root, 1.0)
     d_select_4_d_rho_1 = xp.where(root > 0.0, d_root_d_rho_1, 0.0)
     d_select_4_d_rho_2 = xp.where(root > 0.0, d_root_d_rho_2, 0.0)
@@ -1030,22 +1032,22 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_divisor_d_angle = xp.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
     del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
-    x54 = 1.0/(divisor*divisor)
+    x55 = 1.0/(divisor*divisor)
     del divisor
-    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x54
+    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55
     del d_divisor_d_rho_1
-    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x54
+    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55
     del d_divisor_d_rho_2
-    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x54
+    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55
     del d_divisor_d_rho_3
-    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x54
+    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55
     del d_divisor_d_rho_prime_1
-    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x54
+    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55
     del d_divisor_d_rho_prime_2
-    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x54
+    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55
     del d_divisor_d_rho_prime_3
-    d_inverse_d_angle = -d_divisor_d_angle*x54
-    del d_divisor_d_angle, x54
+    d_inverse_d_angle = -d_divisor_d_angle*x55
+    del d_divisor_d_angle, x55
     select_5 = xp.where(C < 0.0, -1.0, 1.0)
     select_6 = xp.where(two, C, select_5)
     del C, select_5
@@ -1229,22 +1231,22 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
-    x55 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
-    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x55), 1.0)
-    x56 = 1.0/xp.pow(x55, 1.5)
-    del x55
-    x57 = plus_1*x56
-    x58 = plus_2*x56
-    x59 = plus_3*x56
+    x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
+    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x56), 1.0)
+    x57 = 1.0/xp.pow(x56, 1.5)
     del x56
-    d_plus_factor_d_rho_1 = xp.where(crooked, -d_plus_1_d_rho_1*x57 - d_plus_2_d_rho_1*x58 - d_plus_3_d_rho_1*x59, 0.0)
-    d_plus_factor_d_rho_2 = xp.where(crooked, -d_plus_1_d_rho_2*x57 - d_plus_2_d_rho_2*x58 - d_plus_3_d_rho_2*x59, 0.0)
-    d_plus_factor_d_rho_3 = xp.where(crooked, -d_plus_1_d_rho_3*x57 - d_plus_2_d_rho_3*x58 - d_plus_3_d_rho_3*x59, 0.0)
-    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -d_plus_1_d_rho_prime_1*x57 - d_plus_2_d_rho_prime_1*x58 - d_plus_3_d_rho_prime_1*x59, 0.0)
-    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -d_plus_1_d_rho_prime_2*x57 - d_plus_2_d_rho_prime_2*x58 - d_plus_3_d_rho_prime_2*x59, 0.0)
-    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -d_plus_1_d_rho_prime_3*x57 - d_plus_2_d_rho_prime_3*x58 - d_plus_3_d_rho_prime_3*x59, 0.0)
-    d_plus_factor_d_angle = xp.where(crooked, -d_plus_1_d_angle*x57 - d_plus_2_d_angle*x58 - d_plus_3_d_angle*x59, 0.0)
-    del x57, x58, x59
+    x58 = plus_1*x57
+    x59 = plus_2*x57
+    x60 = plus_3*x57
+    del x57
+    d_plus_factor_d_rho_1 = xp.where(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
+    d_plus_factor_d_rho_2 = xp.where(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
+    d_plus_factor_d_rho_3 = xp.where(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
+    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
+    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
+    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
+    d_plus_factor_d_angle = xp.where(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
+    del x58, x59, x60
     minus_1 = base_1 - offset_1
     del base_1, offset_1
     d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
@@ -1293,22 +1295,22 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     del d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
     del d_base_3_d_angle, d_offset_3_d_angle
-    x60 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
-    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x60), 1.0)
-    x61 = 1.0/xp.pow(x60, 1.5)
-    del x60
-    x62 = minus_1*x61
-    x63 = minus_2*x61
-    x64 = minus_3*x61
+    x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
+    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x61), 1.0)
+    x62 = 1.0/xp.pow(x61, 1.5)
     del x61
-    d_minus_factor_d_rho_1 = xp.where(crooked, -d_minus_1_d_rho_1*x62 - d_minus_2_d_rho_1*x63 - d_minus_3_d_rho_1*x64, 0.0)
-    d_minus_factor_d_rho_2 = xp.where(crooked, -d_minus_1_d_rho_2*x62 - d_minus_2_d_rho_2*x63 - d_minus_3_d_rho_2*x64, 0.0)
-    d_minus_factor_d_rho_3 = xp.where(crooked, -d_minus_1_d_rho_3*x62 - d_minus_2_d_rho_3*x63 - d_minus_3_d_rho_3*x64, 0.0)
-    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -d_minus_1_d_rho_prime_1*x62 - d_minus_2_d_rho_prime_1*x63 - d_minus_3_d_rho_prime_1*x64, 0.0)
-    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -d_minus_1_d_rho_prime_2*x62 - d_minus_2_d_rho_prime_2*x63 - d_minus_3_d_rho_prime_2*x64, 0.0)
-    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -d_minus_1_d_rho_prime_3*x62 - d_minus_2_d_rho_prime_3*x63 - d_minus_3_d_rho_prime_3*x64, 0.0)
-    d_minus_factor_d_angle = xp.where(crooked, -d_minus_1_d_angle*x62 - d_minus_2_d_angle*x63 - d_minus_3_d_angle*x64, 0.0)
-    del crooked, x62, x63, x64
+    x63 = minus_1*x62
+    x64 = minus_2*x62
+    x65 = minus_3*x62
+    del x62
+    d_minus_factor_d_rho_1 = xp.where(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
+    d_minus_factor_d_rho_2 = xp.where(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
+    d_minus_factor_d_rho_3 = xp.where(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
+    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
+    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
+    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
+    d_minus_factor_d_angle = xp.where(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
+    del crooked, x63, x64, x65
     d_axes_1_1_d_rho_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
     del d_plus_1_d_rho_1
     d_axes_1_1_d_rho_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
@@ -1397,7 +1399,7 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     one_zero = (size_after == 0.0) | (size_before == 0.0)
     del size_after, size_before
     x8 = length_squared*x3
-    del length_squared, x3
+    del x3
     coincident = 16.0*x8
     x10 = eps*x5
     del x5
@@ -1419,26 +1421,30 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
     least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))
-    del comparable, excess, least_tolerance
-    select_10 = xp.where(parallel, 3.0, 0.0)
+    select_10 = xp.where(length_squared > 0.0, x16, 1.0)
+    del length_squared, x16
+    ratio = xp.sqrt(length_prime_squared*select_10)
+    del length_prime_squared, select_10
+    lengths_agree = ((comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~(comparable)))
+    del comparable, excess, least_tolerance, ratio, scale, scale_before
+    select_11 = xp.where(parallel, 3.0, 0.0)
     del parallel
-    select_11 = xp.where(~(two), 1.0, select_10)
-    del select_10, two
-    select_12 = xp.where(too_small, 2.0, select_11)
-    del select_11, too_small
-    select_13 = xp.where(opposite, 4.0, select_12)
-    del opposite, select_12
-    select_14 = xp.where(every, 5.0, select_13)
-    del every, select_13
-    select_15 = xp.where(~(lengths_agree), 6.0, select_14)
-    del lengths_agree, select_14
-    select_16 = xp.where(one_zero, 2.0, select_15)
-    del one_zero, select_15
-    select_17 = xp.where(both_zero, 5.0, select_16)
-    del both_zero, select_16
-    status = xp.where(~(valid), 7.0, select_17)
-    del select_17, valid
+    select_12 = xp.where(~(two), 1.0, select_11)
+    del select_11, two
+    select_13 = xp.where(too_small, 2.0, select_12)
+    del select_12, too_small
+    select_14 = xp.where(opposite, 4.0, select_13)
+    del opposite, select_13
+    select_15 = xp.where(every, 5.0, select_14)
+    del every, select_14
+    select_16 = xp.where(~(lengths_agree), 6.0, select_15)
+    del lengths_agree, select_15
+    select_17 = xp.where(one_zero, 2.0, select_16)
+    del one_zero, select_16
+    select_18 = xp.where(both_zero, 5.0, select_17)
+    del both_zero, select_17
+    status = xp.where(~(valid), 7.0, select_18)
+    del select_18, valid
     axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1
     del d_axes_1_1_d_rho_1
     axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2
@@ -1570,7 +1576,7 @@ axis_covariance.types = ["ddddddd->db", "fffffff->fb"]
 
 
 def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
-    # 519 add, 864 mul, 11 div, 4 sqrt, 195 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 520 add, 867 mul, 12 div, 5 sqrt, 196 select, 74 compare, 27 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
     size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -1607,21 +1613,22 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     del x14
     x15 = xp.sqrt(length_prime_squared*length_squared)
     length_product = x15
-    x16 = 0.5*x15
+    x16 = 1.0/length_squared
+    x17 = 0.5*x15
     del x15
-    x17 = x16/length_squared
-    d_length_product_d_rho_1 = d_length_squared_d_rho_1*x17
+    x18 = x16*x17
+    d_length_product_d_rho_1 = d_length_squared_d_rho_1*x18
     del d_length_squared_d_rho_1
-    d_length_product_d_rho_2 = d_length_squared_d_rho_2*x17
+    d_length_product_d_rho_2 = d_length_squared_d_rho_2*x18
     del d_length_squared_d_rho_2
-    d_length_product_d_rho_3 = d_length_squared_d_rho_3*x17
-    del d_length_squared_d_rho_3, x17
-    x18 = x16/length_prime_squared
-    del x16
-    d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18
-    d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18
-    d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18
-    del x18
+    d_length_product_d_rho_3 = d_length_squared_d_rho_3*x18
+    del d_length_squared_d_rho_3, x18
+    x19 = x17/length_prime_squared
+    del x17
+    d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x19
+    d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x19
+    d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x19
+    del x19
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
     d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before
@@ -1630,7 +1637,6 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2
     d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     excess_divisor = length_prime_squared + length_product
-    del length_prime_squared
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
     del d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1
     d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2
@@ -1639,20 +1645,20 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     del d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
     nonzero = excess_divisor > 0.0
     select_0 = xp.where(nonzero, 1.0/excess_divisor, 1.0)
-    x19 = 1.0/(excess_divisor*excess_divisor)
+    x20 = 1.0/(excess_divisor*excess_divisor)
     del excess_divisor
-    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x19, 0.0)
+    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x20, 0.0)
     del d_length_product_d_rho_1
-    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x19, 0.0)
+    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x20, 0.0)
     del d_length_product_d_rho_2
-    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x19, 0.0)
+    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x20, 0.0)
     del d_length_product_d_rho_3
-    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0)
+    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x20, 0.0)
     del d_excess_divisor_d_rho_prime_1
-    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0)
+    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x20, 0.0)
     del d_excess_divisor_d_rho_prime_2
-    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0)
-    del d_excess_divisor_d_rho_prime_3, nonzero, x19
+    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x20, 0.0)
+    del d_excess_divisor_d_rho_prime_3, nonzero, x20
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
     del d_gain_d_rho_1, d_select_0_d_rho_1
@@ -1670,8 +1676,8 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_x0_d_rho_1 = d_excess_d_rho_1*v_1
     d_x0_d_rho_2 = d_excess_d_rho_2*v_1
     d_x0_d_rho_3 = d_excess_d_rho_3*v_1
-    x20 = excess*scale
-    d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x20
+    x21 = excess*scale
+    d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x21
     d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1
     d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1
     del v_1
@@ -1680,9 +1686,9 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1
     d_m_1_d_rho_2 = -d_x0_d_rho_2
     d_m_1_d_rho_3 = -d_x0_d_rho_3
-    x25 = scale - d_x0_d_rho_prime_1
+    x26 = scale - d_x0_d_rho_prime_1
     del d_x0_d_rho_prime_1
-    d_m_1_d_rho_prime_1 = x25
+    d_m_1_d_rho_prime_1 = x26
     d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
     d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
     x1 = excess*v_2
@@ -1690,7 +1696,7 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_x1_d_rho_2 = d_excess_d_rho_2*v_2
     d_x1_d_rho_3 = d_excess_d_rho_3*v_2
     d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2
-    d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x20
+    d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x21
     d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2
     del v_2
     m_2 = total_2 - x1
@@ -1699,9 +1705,9 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2
     d_m_2_d_rho_3 = -d_x1_d_rho_3
     d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
-    x32 = scale - d_x1_d_rho_prime_2
+    x33 = scale - d_x1_d_rho_prime_2
     del d_x1_d_rho_prime_2
-    d_m_2_d_rho_prime_2 = x32
+    d_m_2_d_rho_prime_2 = x33
     d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     x2 = excess*v_3
     d_x2_d_rho_1 = d_excess_d_rho_1*v_3
@@ -1714,8 +1720,8 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     del d_excess_d_rho_prime_1
     d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3
     del d_excess_d_rho_prime_2
-    d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x20
-    del d_excess_d_rho_prime_3, v_3, x20
+    d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x21
+    del d_excess_d_rho_prime_3, v_3, x21
     m_3 = total_3 - x2
     del total_3
     d_m_3_d_rho_1 = -d_x2_d_rho_1
@@ -1723,9 +1729,9 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3
     d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
     d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
-    x39 = scale - d_x2_d_rho_prime_3
-    del d_x2_d_rho_prime_3, scale
-    d_m_3_d_rho_prime_3 = x39
+    x40 = scale - d_x2_d_rho_prime_3
+    del d_x2_d_rho_prime_3
+    d_m_3_d_rho_prime_3 = x40
     r_1 = difference_1 - x0
     del difference_1, x0
     d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1
@@ -1734,8 +1740,8 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     del d_x0_d_rho_2
     d_r_1_d_rho_3 = -d_x0_d_rho_3
     del d_x0_d_rho_3
-    d_r_1_d_rho_prime_1 = x25
-    del x25
+    d_r_1_d_rho_prime_1 = x26
+    del x26
     d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
     del d_x0_d_rho_prime_2
     d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
@@ -1750,8 +1756,8 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     del d_x1_d_rho_3
     d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
     del d_x1_d_rho_prime_1
-    d_r_2_d_rho_prime_2 = x32
-    del x32
+    d_r_2_d_rho_prime_2 = x33
+    del x33
     d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     del d_x1_d_rho_prime_3
     r_3 = difference_3 - x2
@@ -1766,17 +1772,17 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     del d_x2_d_rho_prime_1
     d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
     del d_x2_d_rho_prime_2
-    d_r_3_d_rho_prime_3 = x39
-    del x39
-    half_angle = 0.5*angle
-    x40 = xp.sin(half_angle)
-    sine = x40
-    x41 = xp.cos(half_angle)
-    d_sine_d_angle = 0.5*x41
-    cosine = x41
-    del x41
-    d_cosine_d_angle = -0.5*x40
+    d_r_3_d_rho_prime_3 = x40
     del x40
+    half_angle = 0.5*angle
+    x41 = xp.sin(half_angle)
+    sine = x41
+    x42 = xp.cos(half_angle)
+    d_sine_d_angle = 0.5*x42
+    cosine = x42
+    del x42
+    d_cosine_d_angle = -0.5*x41
+    del x41
     sine_size = xp.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*xp.sign(sine)
     del d_sine_d_angle
@@ -1795,16 +1801,16 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_C_d_angle = d_select_2_d_angle*turn_scale
     del d_select_2_d_angle
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    x42 = 2.0*m_1
-    x43 = 2.0*m_2
-    x44 = 2.0*m_3
-    d_m_squared_d_rho_1 = d_m_1_d_rho_1*x42 + d_m_2_d_rho_1*x43 + d_m_3_d_rho_1*x44
-    d_m_squared_d_rho_2 = d_m_1_d_rho_2*x42 + d_m_2_d_rho_2*x43 + d_m_3_d_rho_2*x44
-    d_m_squared_d_rho_3 = d_m_1_d_rho_3*x42 + d_m_2_d_rho_3*x43 + d_m_3_d_rho_3*x44
-    d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x42 + d_m_2_d_rho_prime_1*x43 + d_m_3_d_rho_prime_1*x44
-    d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44
-    d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44
-    del x42, x43, x44
+    x43 = 2.0*m_1
+    x44 = 2.0*m_2
+    x45 = 2.0*m_3
+    d_m_squared_d_rho_1 = d_m_1_d_rho_1*x43 + d_m_2_d_rho_1*x44 + d_m_3_d_rho_1*x45
+    d_m_squared_d_rho_2 = d_m_1_d_rho_2*x43 + d_m_2_d_rho_2*x44 + d_m_3_d_rho_2*x45
+    d_m_squared_d_rho_3 = d_m_1_d_rho_3*x43 + d_m_2_d_rho_3*x44 + d_m_3_d_rho_3*x45
+    d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x43 + d_m_2_d_rho_prime_1*x44 + d_m_3_d_rho_prime_1*x45
+    d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x43 + d_m_2_d_rho_prime_2*x44 + d_m_3_d_rho_prime_2*x45
+    d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x43 + d_m_2_d_rho_prime_3*x44 + d_m_3_d_rho_prime_3*x45
+    del x43, x44, x45
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x4 = (S*S)
     d_x4_d_angle = 2.0*S*d_S_d_angle
@@ -1842,26 +1848,26 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_n_3_d_rho_prime_3 = C*d_r_3_d_rho_prime_3
     d_n_3_d_angle = d_C_d_angle*r_3
     along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
-    x45 = 2.0*n_1
+    x46 = 2.0*n_1
     del n_1
-    x46 = 2.0*n_2
+    x47 = 2.0*n_2
     del n_2
-    x47 = 2.0*n_3
+    x48 = 2.0*n_3
     del n_3
-    d_along_n_d_rho_1 = d_n_1_d_rho_1*x45 + d_n_2_d_rho_1*x46 + d_n_3_d_rho_1*x47
+    d_along_n_d_rho_1 = d_n_1_d_rho_1*x46 + d_n_2_d_rho_1*x47 + d_n_3_d_rho_1*x48
     del d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1
-    d_along_n_d_rho_2 = d_n_1_d_rho_2*x45 + d_n_2_d_rho_2*x46 + d_n_3_d_rho_2*x47
+    d_along_n_d_rho_2 = d_n_1_d_rho_2*x46 + d_n_2_d_rho_2*x47 + d_n_3_d_rho_2*x48
     del d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2
-    d_along_n_d_rho_3 = d_n_1_d_rho_3*x45 + d_n_2_d_rho_3*x46 + d_n_3_d_rho_3*x47
+    d_along_n_d_rho_3 = d_n_1_d_rho_3*x46 + d_n_2_d_rho_3*x47 + d_n_3_d_rho_3*x48
     del d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3
-    d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x45 + d_n_2_d_rho_prime_1*x46 + d_n_3_d_rho_prime_1*x47
+    d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x46 + d_n_2_d_rho_prime_1*x47 + d_n_3_d_rho_prime_1*x48
     del d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1
-    d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x45 + d_n_2_d_rho_prime_2*x46 + d_n_3_d_rho_prime_2*x47
+    d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x46 + d_n_2_d_rho_prime_2*x47 + d_n_3_d_rho_prime_2*x48
     del d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2
-    d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x45 + d_n_2_d_rho_prime_3*x46 + d_n_3_d_rho_prime_3*x47
+    d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x46 + d_n_2_d_rho_prime_3*x47 + d_n_3_d_rho_prime_3*x48
     del d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3
-    d_along_n_d_angle = d_n_1_d_angle*x45 + d_n_2_d_angle*x46 + d_n_3_d_angle*x47
-    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x45, x46, x47
+    d_along_n_d_angle = d_n_1_d_angle*x46 + d_n_2_d_angle*x47 + d_n_3_d_angle*x48
+    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x46, x47, x48
     root_squared = along_m - along_n
     del along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
@@ -1922,16 +1928,16 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     both = length_product > 0.0
     del length_product
     area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
-    x48 = 2.0*w_1
-    x49 = 2.0*w_2
-    x50 = 2.0*w_3
-    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x48 + d_w_2_d_rho_1*x49 + d_w_3_d_rho_1*x50
-    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x48 + d_w_2_d_rho_2*x49 + d_w_3_d_rho_2*x50
-    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x48 + d_w_2_d_rho_3*x49 + d_w_3_d_rho_3*x50
-    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x48 + d_w_2_d_rho_prime_1*x49 + d_w_3_d_rho_prime_1*x50
-    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x48 + d_w_2_d_rho_prime_2*x49 + d_w_3_d_rho_prime_2*x50
-    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x48 + d_w_2_d_rho_prime_3*x49 + d_w_3_d_rho_prime_3*x50
-    del x48, x49, x50
+    x49 = 2.0*w_1
+    x50 = 2.0*w_2
+    x51 = 2.0*w_3
+    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51
+    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51
+    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51
+    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51
+    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
+    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
+    del x49, x50, x51
     x9 = (eps*eps*eps*eps)
     x11 = m_squared*r_squared
     plane = (area_squared > 0.5*x11) & (area_squared > x9)
@@ -1947,16 +1953,16 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
     del u_2
     d_across_3_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), scale_before, 0.0)
-    del scale_before, u_1, u_3
+    del u_1, u_3
     select_3 = xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
     del area_squared
-    x51 = 2.0*across_2
-    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x51)
+    x52 = 2.0*across_2
+    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52)
     del d_area_squared_d_rho_1
     d_select_3_d_rho_2 = xp.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
     del d_area_squared_d_rho_2
-    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x51)
-    del d_area_squared_d_rho_3, x51
+    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52)
+    del d_area_squared_d_rho_3, x52
     d_select_3_d_rho_prime_1 = xp.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     del d_area_squared_d_rho_prime_1
     d_select_3_d_rho_prime_2 = xp.where(plane, d_area_squared_d_rho_prime_2, 0.0)
@@ -1979,25 +1985,25 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
     d_under_root_d_angle = xp.where(two, d_root_squared_d_angle, 0.0)
     del d_root_squared_d_angle
-    x52 = xp.sqrt(under_root)
+    x53 = xp.sqrt(under_root)
     del under_root
-    root = x52
-    x53 = 0.5/x52
-    del x52
-    d_root_d_rho_1 = d_under_root_d_rho_1*x53
+    root = x53
+    x54 = 0.5/x53
+    del x53
+    d_root_d_rho_1 = d_under_root_d_rho_1*x54
     del d_under_root_d_rho_1
-    d_root_d_rho_2 = d_under_root_d_rho_2*x53
+    d_root_d_rho_2 = d_under_root_d_rho_2*x54
     del d_under_root_d_rho_2
-    d_root_d_rho_3 = d_under_root_d_rho_3*x53
+    d_root_d_rho_3 = d_under_root_d_rho_3*x54
     del d_under_root_d_rho_3
-    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x53
+    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54
     del d_under_root_d_rho_prime_1
-    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x53
+    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54
     del d_under_root_d_rho_prime_2
-    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x53
+    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54
     del d_under_root_d_rho_prime_3
-    d_root_d_angle = d_under_root_d_angle*x53
-    del d_under_root_d_angle, x53
+    d_root_d_angle = d_under_root_d_angle*x54
+    del d_under_root_d_angle, x54
     select_4 = xp.where(root > 0.0, root, 1.0)
     d_select_4_d_rho_1 = xp.where(root > 0.0, d_root_d_rho_1, 0.0)
     d_select_4_d_rho_2 = xp.where(root > 0.0, d_root_d_rho_2, 0.0)
@@ -2023,22 +2029,22 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_divisor_d_angle = xp.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
     del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
-    x54 = 1.0/(divisor*divisor)
+    x55 = 1.0/(divisor*divisor)
     del divisor
-    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x54
+    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55
     del d_divisor_d_rho_1
-    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x54
+    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55
     del d_divisor_d_rho_2
-    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x54
+    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55
     del d_divisor_d_rho_3
-    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x54
+    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55
     del d_divisor_d_rho_prime_1
-    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x54
+    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55
     del d_divisor_d_rho_prime_2
-    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x54
+    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55
     del d_divisor_d_rho_prime_3
-    d_inverse_d_angle = -d_divisor_d_angle*x54
-    del d_divisor_d_angle, x54
+    d_inverse_d_angle = -d_divisor_d_angle*x55
+    del d_divisor_d_angle, x55
     select_5 = xp.where(C < 0.0, -1.0, 1.0)
     select_6 = xp.where(two, C, select_5)
     del C, select_5
@@ -2222,22 +2228,22 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
-    x55 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
-    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x55), 1.0)
-    x56 = 1.0/xp.pow(x55, 1.5)
-    del x55
-    x57 = plus_1*x56
-    x58 = plus_2*x56
-    x59 = plus_3*x56
+    x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
+    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x56), 1.0)
+    x57 = 1.0/xp.pow(x56, 1.5)
     del x56
-    d_plus_factor_d_rho_1 = xp.where(crooked, -d_plus_1_d_rho_1*x57 - d_plus_2_d_rho_1*x58 - d_plus_3_d_rho_1*x59, 0.0)
-    d_plus_factor_d_rho_2 = xp.where(crooked, -d_plus_1_d_rho_2*x57 - d_plus_2_d_rho_2*x58 - d_plus_3_d_rho_2*x59, 0.0)
-    d_plus_factor_d_rho_3 = xp.where(crooked, -d_plus_1_d_rho_3*x57 - d_plus_2_d_rho_3*x58 - d_plus_3_d_rho_3*x59, 0.0)
-    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -d_plus_1_d_rho_prime_1*x57 - d_plus_2_d_rho_prime_1*x58 - d_plus_3_d_rho_prime_1*x59, 0.0)
-    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -d_plus_1_d_rho_prime_2*x57 - d_plus_2_d_rho_prime_2*x58 - d_plus_3_d_rho_prime_2*x59, 0.0)
-    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -d_plus_1_d_rho_prime_3*x57 - d_plus_2_d_rho_prime_3*x58 - d_plus_3_d_rho_prime_3*x59, 0.0)
-    d_plus_factor_d_angle = xp.where(crooked, -d_plus_1_d_angle*x57 - d_plus_2_d_angle*x58 - d_plus_3_d_angle*x59, 0.0)
-    del x57, x58, x59
+    x58 = plus_1*x57
+    x59 = plus_2*x57
+    x60 = plus_3*x57
+    del x57
+    d_plus_factor_d_rho_1 = xp.where(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
+    d_plus_factor_d_rho_2 = xp.where(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
+    d_plus_factor_d_rho_3 = xp.where(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
+    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
+    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
+    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
+    d_plus_factor_d_angle = xp.where(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
+    del x58, x59, x60
     minus_1 = base_1 - offset_1
     del base_1, offset_1
     d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
@@ -2286,22 +2292,22 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     del d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
     del d_base_3_d_angle, d_offset_3_d_angle
-    x60 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
-    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x60), 1.0)
-    x61 = 1.0/xp.pow(x60, 1.5)
-    del x60
-    x62 = minus_1*x61
-    x63 = minus_2*x61
-    x64 = minus_3*x61
+    x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
+    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x61), 1.0)
+    x62 = 1.0/xp.pow(x61, 1.5)
     del x61
-    d_minus_factor_d_rho_1 = xp.where(crooked, -d_minus_1_d_rho_1*x62 - d_minus_2_d_rho_1*x63 - d_minus_3_d_rho_1*x64, 0.0)
-    d_minus_factor_d_rho_2 = xp.where(crooked, -d_minus_1_d_rho_2*x62 - d_minus_2_d_rho_2*x63 - d_minus_3_d_rho_2*x64, 0.0)
-    d_minus_factor_d_rho_3 = xp.where(crooked, -d_minus_1_d_rho_3*x62 - d_minus_2_d_rho_3*x63 - d_minus_3_d_rho_3*x64, 0.0)
-    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -d_minus_1_d_rho_prime_1*x62 - d_minus_2_d_rho_prime_1*x63 - d_minus_3_d_rho_prime_1*x64, 0.0)
-    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -d_minus_1_d_rho_prime_2*x62 - d_minus_2_d_rho_prime_2*x63 - d_minus_3_d_rho_prime_2*x64, 0.0)
-    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -d_minus_1_d_rho_prime_3*x62 - d_minus_2_d_rho_prime_3*x63 - d_minus_3_d_rho_prime_3*x64, 0.0)
-    d_minus_factor_d_angle = xp.where(crooked, -d_minus_1_d_angle*x62 - d_minus_2_d_angle*x63 - d_minus_3_d_angle*x64, 0.0)
-    del crooked, x62, x63, x64
+    x63 = minus_1*x62
+    x64 = minus_2*x62
+    x65 = minus_3*x62
+    del x62
+    d_minus_factor_d_rho_1 = xp.where(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
+    d_minus_factor_d_rho_2 = xp.where(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
+    d_minus_factor_d_rho_3 = xp.where(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
+    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
+    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
+    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
+    d_minus_factor_d_angle = xp.where(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
+    del crooked, x63, x64, x65
     d_axes_1_1_d_rho_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
     del d_plus_1_d_rho_1
     d_axes_1_1_d_rho_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
@@ -2390,7 +2396,7 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     one_zero = (size_after == 0.0) | (size_before == 0.0)
     del size_after, size_before
     x8 = length_squared*x3
-    del length_squared, x3
+    del x3
     coincident = 16.0*x8
     x10 = eps*x5
     del x5
@@ -2412,26 +2418,30 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
     least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))
-    del comparable, excess, least_tolerance
-    select_10 = xp.where(parallel, 3.0, 0.0)
+    select_10 = xp.where(length_squared > 0.0, x16, 1.0)
+    del length_squared, x16
+    ratio = xp.sqrt(length_prime_squared*select_10)
+    del length_prime_squared, select_10
+    lengths_agree = ((comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~(comparable)))
+    del comparable, excess, least_tolerance, ratio, scale, scale_before
+    select_11 = xp.where(parallel, 3.0, 0.0)
     del parallel
-    select_11 = xp.where(~(two), 1.0, select_10)
-    del select_10
-    select_12 = xp.where(too_small, 2.0, select_11)
-    del select_11, too_small
-    select_13 = xp.where(opposite, 4.0, select_12)
-    del opposite, select_12
-    select_14 = xp.where(every, 5.0, select_13)
-    del every, select_13
-    select_15 = xp.where(~(lengths_agree), 6.0, select_14)
-    del lengths_agree, select_14
-    select_16 = xp.where(one_zero, 2.0, select_15)
-    del one_zero, select_15
-    select_17 = xp.where(both_zero, 5.0, select_16)
-    del both_zero, select_16
-    status = xp.where(~(valid), 7.0, select_17)
-    del select_17, valid
+    select_12 = xp.where(~(two), 1.0, select_11)
+    del select_11
+    select_13 = xp.where(too_small, 2.0, select_12)
+    del select_12, too_small
+    select_14 = xp.where(opposite, 4.0, select_13)
+    del opposite, select_13
+    select_15 = xp.where(every, 5.0, select_14)
+    del every, select_14
+    select_16 = xp.where(~(lengths_agree), 6.0, select_15)
+    del lengths_agree, select_15
+    select_17 = xp.where(one_zero, 2.0, select_16)
+    del one_zero, select_16
+    select_18 = xp.where(both_zero, 5.0, select_17)
+    del both_zero, select_17
+    status = xp.where(~(valid), 7.0, select_18)
+    del select_18, valid
     axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1
     del d_axes_1_1_d_rho_1
     axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2
@@ -2553,47 +2563,47 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2
     half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3
     covariance_1_1_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, xp.nan)
-    x65 = axes_jacobian_1_1_7*var_angle
+    x66 = axes_jacobian_1_1_7*var_angle
     del axes_jacobian_1_1_7
-    x66 = axes_jacobian_1_2_7*x65
-    covariance_1_1_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x66, xp.nan)
-    x67 = axes_jacobian_1_3_7*x65
-    del x65
-    covariance_1_1_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x67, xp.nan)
-    del half_prime_a_1_1, half_prime_a_1_2, half_prime_a_1_3, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3
-    covariance_1_2_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x66, xp.nan)
+    x67 = axes_jacobian_1_2_7*x66
+    covariance_1_1_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, xp.nan)
+    x68 = axes_jacobian_1_3_7*x66
     del x66
+    covariance_1_1_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, xp.nan)
+    del half_prime_a_1_1, half_prime_a_1_2, half_prime_a_1_3, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3
+    covariance_1_2_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, xp.nan)
+    del x67
     covariance_1_2_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, xp.nan)
-    x68 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
+    x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
     del axes_jacobian_1_2_7
-    covariance_1_2_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x68, xp.nan)
+    covariance_1_2_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, xp.nan)
     del half_prime_a_2_1, half_prime_a_2_2, half_prime_a_2_3, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3
-    covariance_1_3_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x67, xp.nan)
-    del axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x67
-    covariance_1_3_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x68, xp.nan)
-    del axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x68
+    covariance_1_3_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, xp.nan)
+    del axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x68
+    covariance_1_3_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, xp.nan)
+    del axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x69
     covariance_1_3_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, xp.nan)
     del axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3
     covariance_2_1_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, xp.nan)
-    x69 = axes_jacobian_2_1_7*var_angle
+    x70 = axes_jacobian_2_1_7*var_angle
     del axes_jacobian_2_1_7
-    x70 = axes_jacobian_2_2_7*x69
-    covariance_2_1_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x70, xp.nan)
-    x71 = axes_jacobian_2_3_7*x69
-    del x69
-    covariance_2_1_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x71, xp.nan)
-    del half_prime_b_1_1, half_prime_b_1_2, half_prime_b_1_3, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3
-    covariance_2_2_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x70, xp.nan)
+    x71 = axes_jacobian_2_2_7*x70
+    covariance_2_1_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, xp.nan)
+    x72 = axes_jacobian_2_3_7*x70
     del x70
+    covariance_2_1_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, xp.nan)
+    del half_prime_b_1_1, half_prime_b_1_2, half_prime_b_1_3, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3
+    covariance_2_2_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, xp.nan)
+    del x71
     covariance_2_2_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, xp.nan)
-    x72 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
+    x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
     del axes_jacobian_2_2_7
-    covariance_2_2_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x72, xp.nan)
+    covariance_2_2_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, xp.nan)
     del half_prime_b_2_1, half_prime_b_2_2, half_prime_b_2_3, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3
-    covariance_2_3_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x71, xp.nan)
-    del axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x71
-    covariance_2_3_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x72, xp.nan)
-    del axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x72
+    covariance_2_3_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, xp.nan)
+    del axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x72
+    covariance_2_3_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, xp.nan)
+    del axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x73
     covariance_2_3_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, xp.nan)
     del axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3, two
     axis_status = status

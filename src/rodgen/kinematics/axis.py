@@ -125,7 +125,7 @@ def axis_condition(rho: ArrayLike, rho_prime: ArrayLike, angle: ArrayLike) -> An
     Returns
     -------
     array (...)
-        Infinite where the two axes meet (ONE_AXIS) and where there is none.
+        Infinite where the two axes meet (ONE_AXIS) and where there is none; NaN where a number is not finite.
 
     Examples
     --------
