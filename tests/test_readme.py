@@ -11,6 +11,7 @@ import sys
 import textwrap
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -79,6 +80,16 @@ def test_diagnosis_of_the_readme_is_what_the_command_prints(
 
 def test_readme_is_short() -> None:
     assert len(README.splitlines()) <= 95
+
+
+@pytest.mark.slow
+def test_the_python_of_the_tricept_page_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    page = (ROOT / "docs/tricept.md").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    exec("".join(re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)), names)
+    volume = rodgen.tricept.workspace(rodgen.tricept.PAPER, rodgen.tricept.LEG_LIMITS).volume
+    assert f"{volume / 1e6:.3f}e6 mm³" in page
+    assert names["found"].outer.shape == (6, 2)
 
 
 def test_every_status_is_explained() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -289,9 +290,39 @@ def test_budget_has_no_shares_of_rounding(count: int) -> None:
         assert "share" not in found.summary("mm").split("u(Qy)")[1].split("u(Qz)")[0]
 
 
-def test_budget_of_a_point_without_pose_is_refused() -> None:
+@pytest.mark.parametrize("point", [[0, 0, 0], [0, 0, -700], [300, 0, 0], [20, -30, -650]])
+def test_budget_of_a_point_without_pose_is_refused(point: list[float]) -> None:
+    assert tricept.propagate(point, PAPER, U_PAPER)[1] != TriceptStatus.REACHABLE
     with pytest.raises(RodgenError, match="no regular pose"):
-        tricept.budget([0, 0, 0], PAPER, U_PAPER)
+        tricept.budget(point, PAPER, U_PAPER)
+    with pytest.raises(RodgenError, match="no regular pose"):
+        tricept.monte_carlo(point, PAPER, U_PAPER, draws=1000)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: tricept.ellipsoid(np.eye(2)), r"U_y has the shape \(2, 2\); expected \(\.\.\., 3, 3\)"),
+        (
+            lambda: tricept.is_covariance(np.zeros((3, 5))),
+            r"U has the shape \(3, 5\); expected \(\.\.\., n, n\)",
+        ),
+        (lambda: tricept.budget([0, 0, 700], PAPER, np.zeros((3, 5))), r"\(3, 5\); expected \(43, 43\)"),
+        (lambda: tricept.bounds(0.0, [1, 1, 1], PAPER, U_PAPER), r"low has the shape \(\); expected three"),
+        (lambda: tricept.workspace(PAPER, 5.0), r"limits are 5\.0; expected the least and the greatest"),
+        (
+            lambda: tricept.disturbed_point([0, 0], PAPER, np.zeros(43)),
+            r"pose has the shape \(2,\); expected",
+        ),
+        (
+            lambda: tricept.disturbed_point([0, 0, 1], PAPER, np.zeros(5)),
+            r"errors has the shape \(5,\); expected",
+        ),
+    ],
+)
+def test_a_wrong_shape_names_the_argument_and_the_shape_expected(call: Any, words: str) -> None:
+    with pytest.raises(RodgenError, match=words):
+        call()
 
 
 # the exact machine and Monte Carlo ---------------------------------------------------------------------
@@ -523,6 +554,8 @@ def test_plot_from_the_command_line(tmp_path: Path) -> None:
         (["--point", "0,0,700mm", "--R", "0mm"], "--R: R = 0 mm; expected a positive length\n"),
         (["--point", "0,0,700mm", "--covariance", "nowhere.toml"], "nowhere.toml: file: no such file"),
         (["--point", "0,0,0mm", "--budget"], "no regular pose"),
+        (["--point", "0,0,-700mm", "--budget"], "no regular pose of the assembled machine"),
+        (["--point", "0,0,-700mm", "--monte-carlo", "1000"], "no regular pose of the assembled machine"),
         (["--plot", "x.gif", "--slice", "y=0mm"], ".png"),
         (["--plot", "x.png"], "--slice"),
         (["--point", "0,0,700mm", "--budget", "-o", "x.csv"], "one of the two"),

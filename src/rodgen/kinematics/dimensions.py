@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from rodgen.errors import RodgenError
 
 __all__ = ["finite_number", "length_limits", "positive_length"]
@@ -45,6 +47,6 @@ def length_limits(limits: Sequence[float] | None, what: str) -> tuple[float, flo
     """
     if limits is None:
         return 0.0, math.inf
-    if len(limits) != 2 or not 0 <= float(limits[0]) <= float(limits[1]):
+    if np.shape(limits) != (2,) or not 0 <= float(limits[0]) <= float(limits[1]):
         raise RodgenError(f"limits are {limits!r}; expected the least and the greatest length of a {what}")
     return float(limits[0]), float(limits[1])

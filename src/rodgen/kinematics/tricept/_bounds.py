@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.tricept._covariance import check_covariance
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import behind
@@ -99,8 +100,11 @@ class Bounds:
 
 
 def _box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
-    corners = np.asarray(low, float), np.asarray(high, float)
-    if any(c.shape != (3,) for c in corners) or not np.isfinite(corners).all():
+    corners = real_array("low", low), real_array("high", high)
+    for name, corner in zip(("low", "high"), corners, strict=True):
+        if corner.shape != (3,):
+            raise RodgenError(f"{name} has the shape {corner.shape}; expected three coordinates")
+    if not np.isfinite(corners).all():
         raise RodgenError("a box has two corners of three finite coordinates")
     if (corners[0] > corners[1]).any():
         raise RodgenError(f"the box goes from {corners[0]} to {corners[1]}; expected its lower corner first")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.generated.numpy.tricept import TriceptStatus
+from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._geometry import Geometry
@@ -68,7 +69,7 @@ def disturbed_point(pose: ArrayLike, geometry: Geometry, errors: ArrayLike) -> t
     >>> tricept.disturbed_point([0.0, 0.0, 600.0], tricept.PAPER, errors)[0].round(5)
     array([-1.2715000e-01, -0.0000000e+00,  6.0003495e+02])
     """
-    poses, shifts = np.asarray(pose, float), np.asarray(errors, float)
+    poses, shifts = real_array("pose", pose, (3,)), real_array("errors", errors, (len(PARAMETERS),))
     shape = np.broadcast_shapes(poses.shape[:-1], shifts.shape[:-1])
     flat_pose = np.broadcast_to(poses, (*shape, 3)).reshape(-1, 3)
     flat = np.broadcast_to(shifts, (*shape, len(PARAMETERS))).reshape(-1, len(PARAMETERS))

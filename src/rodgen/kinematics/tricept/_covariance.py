@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.tricept._parameters import GROUPS, PARAMETERS
 
 __all__ = ["check_covariance", "correlation_of", "covariance", "is_covariance", "parameter_covariance"]
@@ -39,8 +40,10 @@ def is_covariance(U: ArrayLike) -> Any:
     >>> is_covariance([[1.0, 2.0], [2.0, 1.0]])
     False
     """
-    matrix = np.asarray(U, float)
-    finite = np.isfinite(matrix).all(axis=(-1, -2))
+    matrix = real_array("U", U)
+    if matrix.ndim < 2 or matrix.shape[-1] != matrix.shape[-2]:
+        raise RodgenError(f"U has the shape {matrix.shape}; expected (..., n, n)")
+    finite: Any = np.isfinite(matrix).all(axis=(-1, -2))
     safe = np.where(finite[..., None, None], matrix, 0.0)
     scaled, sizes = correlation_of(safe)
     symmetric: Any = (np.abs(scaled - scaled.swapaxes(-1, -2)) <= _TOLERANCE).all(axis=(-1, -2))
@@ -102,8 +105,7 @@ def check_covariance(U: ArrayLike, count: int) -> NDArray[np.float64]:
 
 def parameter_covariance(U: ArrayLike) -> NDArray[np.float64]:
     """Return one checked covariance matrix, of the paper's five parameters or of all."""
-    size = np.asarray(U).shape[-1] if np.ndim(U) == 2 else 0
-    return check_covariance(U, 5 if size == 5 else len(PARAMETERS))
+    return check_covariance(U, 5 if np.shape(U) == (5, 5) else len(PARAMETERS))
 
 
 def covariance(

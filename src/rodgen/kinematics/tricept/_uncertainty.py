@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
+from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._covariance import is_covariance
 from rodgen.kinematics.tricept._geometry import Geometry
-from rodgen.kinematics.tricept._kinematics import inverse, pose
+from rodgen.kinematics.tricept._kinematics import pose
 from rodgen.kinematics.tricept._matrices import propagate
 from rodgen.kinematics.tricept._parameters import PARAMETERS, joints
 from rodgen.statistics.chi_distribution import chi3_quantile
@@ -92,8 +93,12 @@ def regular_place(point: ArrayLike, geometry: Geometry) -> tuple[Floats, Floats,
     place = np.asarray(point, float)
     if place.shape != (3,):
         raise RodgenError(f"the point has the shape {place.shape}; expected three coordinates")
-    found = inverse(place, geometry)[0][0]
+    found, _, reached = pose(place, geometry)
     S, status = parameter_sensitivity(found, geometry)
+    if reached == TriceptStatus.UNREACHABLE:
+        raise RodgenError(
+            f"the point {place.tolist()} has no regular pose of the assembled machine; expected one before the base"
+        )
     if status != TriceptStatus.REACHABLE or not np.isfinite(S).all():
         raise RodgenError(
             f"the point {place.tolist()} has no regular pose; expected one that the machine reaches"
@@ -209,8 +214,8 @@ def ellipsoid(U_y: ArrayLike, probability: float | None = None) -> Ellipsoid:
     (array([8.386, 5.591, 2.795]), 2.7955)
     """
     k = 1.0 if probability is None else coverage_factor(probability)
-    matrix = np.asarray(U_y, float)
-    good = np.isfinite(matrix).all(axis=(-1, -2))
+    matrix = real_array("U_y", U_y, (3, 3))
+    good: Any = np.isfinite(matrix).all(axis=(-1, -2))
     safe = np.where(good[..., None, None], matrix, np.eye(3))
     values, vectors = np.linalg.eigh((safe + np.swapaxes(safe, -1, -2)) / 2)
     good &= values[..., 0] >= -NEGATIVE * np.abs(values).max(axis=-1)
