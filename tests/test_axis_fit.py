@@ -813,6 +813,16 @@ def test_without_a_turn_nothing_is_determined(angle: float, point: Any) -> None:
     assert np.linalg.norm(fit.axis) == pytest.approx(1)
 
 
+def test_without_a_turn_every_reading_says_how_large_the_noise_is() -> None:
+    """No parameter changes a residual then, so none takes a degree of freedom."""
+    random = np.random.default_rng(64)
+    x = random.normal(size=(400, 3))
+    fit = fit_axis(x + 0.01 * random.normal(size=x.shape), x + 0.01 * random.normal(size=x.shape), 0.0)
+    assert fit.dof == 1200
+    assert fit.sigma == pytest.approx(0.01, rel=3 / math.sqrt(2 * 1200))
+    assert fit_axis(x[:5], x[:5] + 0.01, 0.0).dof == 15
+
+
 def test_points_at_the_known_point_determine_nothing() -> None:
     fit = fit_axis(np.zeros((4, 3)), np.zeros((4, 3)), 1.0, point=ORIGIN)
     assert fit.status is AxisFitStatus.ANY_AXIS

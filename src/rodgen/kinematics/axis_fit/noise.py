@@ -69,7 +69,7 @@ class Noise:
         # A pair that alone makes the fit cannot be off it.
         outliers = used & (squares > chi_cut(count) ** 2 * unit) if freedoms > 0 else np.zeros_like(used)
         good = used & ~outliers
-        if 3 * int(good.sum()) < parameters:
+        if 3 * int(good.sum()) < max(parameters, 1):
             good = used
         dof = 3 * int(good.sum()) - parameters
         if pairs.variance is not None:

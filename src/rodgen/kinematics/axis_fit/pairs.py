@@ -76,7 +76,9 @@ class Pairs:
 
     @property
     def parameters(self) -> int:
-        """What is fitted: two angles of the axis, and two coordinates of a free point."""
+        """What is fitted: two angles of the axis, and two coordinates of a free point; nothing where no pair turns."""
+        if not self.angle[self.weight > 0].any():
+            return 0
         return 4 if self.point is None else 2
 
     def only(self, rows: Any) -> Pairs:
