@@ -17,10 +17,16 @@ from rodgen.data.units import (
     TIME,
     Dimension,
     UnitError,
+    conversion_factor,
     display_unit,
     parse_unit,
     unit_factor,
 )
+
+
+@pytest.mark.parametrize("text", ["rev/min", "rpm", "turn/min"])
+def test_a_rate_may_be_in_turns_a_minute(text):
+    assert conversion_factor(text, "rate", "rad/s") == pytest.approx(2 * math.pi / 60, rel=1e-15)
 
 
 @pytest.mark.parametrize("name", sorted((units._EVERYDAY.keys() | units._PI_PARTS.keys()) - {"1", "°C"}))

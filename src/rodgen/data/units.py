@@ -369,6 +369,8 @@ _PI_PARTS = {
     "arcsec": Fraction(1, 648000),
     "mas": Fraction(1, 648000000),
 }
+_SHORT = {"rev": "revolution"}
+"""Names that Pint does not know."""
 _EVERYDAY: dict[str, tuple[Dimension, Fraction]] = {
     **dict.fromkeys(("1", "dimensionless"), (ONE, Fraction(1))),
     **dict.fromkeys(("%", "percent"), (ONE, Fraction(1, 100))),
@@ -402,7 +404,7 @@ _QUANTITIES = {"length": LENGTH, "angle": ANGLE, "rate": ANGLE / TIME}
 _EXAMPLES = {
     "length": "a unit of length, such as mm, um, m or inch",
     "angle": "a unit of angle, such as deg, rad, arcsec or mrad",
-    "rate": "a unit of angle per time, such as deg/s, rad/s or deg/min",
+    "rate": "a unit of angle per time, such as deg/s, rad/s or rev/min",
 }
 
 
@@ -439,6 +441,7 @@ def _read(written: str) -> Unit:
 
 
 def _named(name: str) -> Unit:
+    name = _SHORT.get(name, name)
     if name in _PI_PARTS:
         return Unit(name, ANGLE, _PI_PARTS[name], 1)
     if name in _EVERYDAY:
