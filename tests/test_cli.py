@@ -165,7 +165,15 @@ USAGE = {
     (): "command line: rodgen: the following arguments are required: COMMAND; expected what 'rodgen --help'",
     ("frobnicate",): "command line: rodgen: argument COMMAND: invalid choice: 'frobnicate'",
     ("solve",): "command line: rodgen solve: the following arguments are required: PAIRS; expected what",
-    ("solve", "x.csv", "--fast"): "command line: rodgen: unrecognized arguments: --fast; expected what",
+    ("solve", "x.csv", "--fast"): (
+        "command line: rodgen solve: unrecognized arguments: --fast; expected what 'rodgen solve --help' shows"
+    ),
+    (
+        "tricept",
+        "inverse",
+        "x.csv",
+        "--alll",
+    ): "unrecognized arguments: --alll (the nearest is '--all'); expected",
     (
         "solve",
         "x.csv",

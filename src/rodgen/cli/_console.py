@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol, TypeAlias
 
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.errors import InputFileError, RodgenError, nearest_hint
 from rodgen.files import unwritable
 from rodgen.stages import stage, step
 
@@ -103,9 +103,14 @@ class Parser(argparse.ArgumentParser):
             return super().parse_known_args(args, namespace)
         self._in_two_passes = True
         try:
-            return self.parse_known_intermixed_args(args, namespace)
+            found, unknown = self.parse_known_intermixed_args(args, namespace)
         finally:
             self._in_two_passes = False
+        if unknown:  # said here, where the options are known: else the parser of all commands says it
+            options = {name: name for action in self._actions for name in action.option_strings}
+            hint = nearest_hint(unknown[0].partition("=")[0], options)
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return found, unknown
 
     def error(self, message: str) -> NoReturn:
         """Raise the message as a `UsageError`."""
