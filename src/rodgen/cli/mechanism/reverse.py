@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +33,19 @@ _USUAL = "quaternion"
 _OFF = 1e-3
 """How far an attitude in a table may be off a rotation: digits that were cut off, not another convention."""
 
+
+class _Status(IntEnum):
+    """Codes of `rodgen.kinematics.spatial.ReverseStatus`, and one for an attitude that was made a rotation."""
+
+    REGULAR = 0
+    DOUBLE = 1
+    FAMILY = 2
+    NONE = 3
+    INCOMPLETE = 4
+    INVALID = 5
+    NOT_NORMAL = 6
+
+
 _TEXT = f"""\
 Find all joint coordinates that bring the last link of a robot to the pose in every row of a table, or all that close a
 loop whose input is given.
@@ -48,7 +62,8 @@ are. The output has a row for each solution with every column of the table, then
   solution   its number, from 1; 0 where there is none
              a column for each joint, under its name; of a joint C two, such as C3.theta and C3.S
   status     regular; double (two solutions meet there); family (one of infinitely many, as where a wrist is singular);
-             none; incomplete (a further solution may be missing); invalid
+             none; incomplete (a further solution may be missing); invalid; not_normal (regular, but the attitude was
+             made a rotation)
 A column of the table that has such a name, a joint's say, is kept as 'given R1', and so on.
 """
 
@@ -86,8 +101,11 @@ def _robot(options: argparse.Namespace, chain: Chain) -> int:
 
         def function(values: Any) -> Any:
             T = np.zeros((len(values), 4, 4))
-            T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = _rotations(form, values[:, 3:]), values[:, :3], 1.0
-            return _answers(robot.reverse(T @ to_end))
+            rotations, abnormal = _rotations(form, values[:, 3:])
+            T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = rotations, values[:, :3], 1.0
+            (*columns, status), index = _answers(robot.reverse(T @ to_end))
+            rounded = abnormal[index] & (status == _Status.REGULAR)
+            return [*columns, np.where(rounded, _Status.NOT_NORMAL, status)], index
 
         return _results(here, list(range(len(here.mechanism.variables)))), function
 
@@ -134,24 +152,22 @@ def _given(options: argparse.Namespace, names: list[str]) -> list[int]:
 
 
 def _rotations(form: str, values: Any) -> Any:
-    """Return the rotations that are meant; NaN where none is."""
+    """Return the rotations that are meant, NaN where none is, and which attitudes were only nearly rotations."""
+    made, abnormal = matrices(form, values)
     if form == "quaternion":
         size = np.linalg.norm(values, axis=1, keepdims=True)
         values = np.where(np.abs(size - 1) < _OFF, values / np.where(size > 0, size, 1.0), np.nan)
-        return matrices(form, values)[0]
-    made = matrices(form, values)[0]
+        return matrices(form, values)[0], abnormal
     if form != "matrix":
-        return made
+        return made, abnormal
     # The nearest rotation, so that a matrix of five digits is one.
     left, stretch, right = np.linalg.svd(made)
     nearest = left @ right
     good = (np.abs(stretch - 1) < _OFF).all(axis=1) & (np.linalg.det(nearest) > 0)
-    return np.where(good[:, None, None], nearest, np.nan)
+    return np.where(good[:, None, None], nearest, np.nan), abnormal
 
 
 def _results(chain: Chain, variables: list[int]) -> Columns:
-    from rodgen.kinematics.spatial import ReverseStatus
-
     unit = chain.mechanism.unit
     made: Columns = [("solution", "count")]
     for v in variables:
@@ -160,7 +176,7 @@ def _results(chain: Chain, variables: list[int]) -> Columns:
             made.append((name, "angle"))
         else:
             made.append((f"{name} [{unit}]", "number"))
-    return [*made, ("status", ReverseStatus)]
+    return [*made, ("status", _Status)]
 
 
 def _answers(found: Reverse, variables: Any = slice(None)) -> Any:
