@@ -1,18 +1,25 @@
 """What people do with results in Python: tables from other libraries, copies, pickles."""
 
 import copy
+import hashlib
+import json
 import pickle
 import re
 import subprocess
 import sys
+import zipfile
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import rodgen
+from rodgen.calibration.fit import Fit
 from rodgen.calibration.simulate import simulate
+from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.kinematics import instantaneous_euler, screws, spatial, tricept
+from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
 
@@ -150,11 +157,12 @@ def test_results_are_dataframes_on_request(fit, diagnosis, columns):
 
 def test_residuals_of_copied_rows_stand_in_the_rows_as_they_were_given(table, columns):
     pytest.importorskip("pandas")
-    twice = {name: np.r_[values, values[3:5]] for name, values in columns.items()}
-    found = table.fit(twice).residuals.to_pandas()
-    assert len(found) == 26
+    twice = {name: np.r_[values, values] for name, values in columns.items()}
+    fit = table.fit(twice)
+    found = fit.residuals.to_pandas()
+    assert fit.observations.copies == 24
     np.testing.assert_array_equal(found["C [deg]"], twice["C [deg]"])
-    np.testing.assert_array_equal(found["residual_x [mm]"][24:], found["residual_x [mm]"][3:5])
+    np.testing.assert_array_equal(found["residual_x [mm]"][24:], found["residual_x [mm]"][:24])
 
 
 def test_residuals_are_an_array(fit):
@@ -200,3 +208,76 @@ def test_nothing_of_a_notebook_is_imported_before_it_is_needed():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
+
+
+@pytest.mark.parametrize("loss", ["linear", "huber"])
+def test_a_saved_fit_is_the_same_again(table, columns, tmp_path, loss):
+    columns = columns | {"x [mm]": columns["x [mm]"] + np.eye(24)[5] * (loss == "huber")}
+    columns = {name: np.r_[values, values] for name, values in columns.items()}  # copies of rows
+    fit = table.fit(columns, loss=loss)
+    assert fit.outliers.sum() == (loss == "huber")
+    fit.save(tmp_path / "fit.zip")
+    again = Fit.load(tmp_path / "fit.zip")
+    assert json.dumps(again.to_dict() | {"copies": 24}) == json.dumps(fit.to_dict())
+    assert again.loss == loss
+    assert again.machine == fit.machine
+    assert again.machine.doubts() == fit.machine.doubts()
+    np.testing.assert_array_equal(again.residuals, fit.residuals)
+
+
+def test_the_archive_has_the_files_that_were_fitted_and_their_hashes(tmp_path, columns, table):
+    pytest.importorskip("pandas").DataFrame(columns).to_csv(tmp_path / "data.csv", index=False)
+    (tmp_path / "machine.toml").write_text("# mine\n" + machine_text(table))
+    fit = Machine.load(tmp_path / "machine.toml").fit(Measurements.load(tmp_path / "data.csv"))
+    fit.save(tmp_path / "fit.zip")
+    with zipfile.ZipFile(tmp_path / "fit.zip") as archive:
+        about = json.loads(archive.read("fit.json"))
+        for name in ("machine.toml", "data.csv"):
+            content = (tmp_path / name).read_bytes()
+            assert archive.read(name) == content
+            assert about["sha256"][name] == hashlib.sha256(content).hexdigest()
+    assert about["versions"]["rodgen"] == rodgen.__version__
+    (tmp_path / "data.csv").write_text("changed since")
+    fit.save(tmp_path / "later.zip")  # what was fitted, not what is there now
+    assert Fit.load(tmp_path / "later.zip").to_dict() == fit.to_dict()
+
+
+def test_what_is_no_saved_fit_is_one_sentence(fit, tmp_path):
+    path = tmp_path / "fit.zip"
+    fit.save(path)
+    with zipfile.ZipFile(path) as archive:
+        files = {name: archive.read(name).decode() for name in archive.namelist()}
+
+    def complaint(**changed):
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, text in (files | changed).items():
+                archive.writestr(name, text)
+        with pytest.raises(InputFileError) as caught:
+            Fit.load(path)
+        return str(caught.value).removeprefix(f"{path}: ")
+
+    data = files["data.csv"].replace("far", "near")
+    assert complaint(**{"data.csv": data}).startswith(
+        "data.csv: not the content that was fitted, by its hash"
+    )
+    about = json.loads(files["fit.json"])
+    worse = json.dumps(about | {"rms": 2 * about["rms"]})
+    assert "its model was another one; expected the versions that made it: rodgen" in complaint(
+        **{"fit.json": worse}
+    )
+    assert complaint(**{"fit.json": json.dumps(about | {"settings": 7})}).startswith("fit.json: 'TypeError")
+    assert complaint(**{"fit.json": json.dumps(about | {"format": 9})}) == "fit.json, format: 9; expected 1"
+    path.write_text("nothing")
+    with pytest.raises(
+        InputFileError, match=r"fit\.zip: file: no archive .*; expected a fit as Fit\.save writes it"
+    ):
+        Fit.load(path)
+    with pytest.raises(InputFileError, match=r"none\.zip: file: cannot be read"):
+        Fit.load(tmp_path / "none.zip")
+
+
+def test_a_fit_to_part_of_observations_cannot_be_saved(fit, tmp_path):
+    some = fit.refit(observations=fit.observations.take(slice(None, None, -1)))
+    with pytest.raises(InputFileError, match="a fit to some rows of observations"):
+        some.save(tmp_path / "fit.zip")
+    assert not (tmp_path / "fit.zip").exists()

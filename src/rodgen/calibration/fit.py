@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -35,10 +36,15 @@ class Fit(FittedModel):
     _repr_html_ = html_of
 
     @classmethod
-    def _finished(
-        cls, problem: Problem, solution: Solution, free: Sequence[int], outliers: NDArray[np.bool_]
+    def _of(
+        cls,
+        problem: Problem,
+        solution: Solution,
+        free: Sequence[int],
+        outliers: NDArray[np.bool_],
+        loss: str = "linear",
     ) -> Fit:
-        found = super()._finished(problem, solution, free, outliers)
+        found = super()._of(problem, solution, free, outliers, loss)
         return replace(found, machine=replace(found.machine, doubts=found._doubts))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -52,6 +58,44 @@ class Fit(FittedModel):
         return self.check().sentence or unfinished
 
     # What a fit alone does not need is imported when it is asked for, which saves a fifth of a second.
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the fit as one file for an audit: machine, data, values, settings, versions, hashes.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            A zip archive, such as ``"fit.zip"``, of ``machine.toml``, the data, and ``fit.json``. It is replaced when
+            the new one is complete.
+
+        Raises
+        ------
+        InputFileError
+            When it cannot be written, or the fit is to some rows of observations.
+        """
+        from rodgen.calibration.archive import save
+
+        save(self, path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Fit:
+        """Return a fit that was saved, with the values that it had.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            As :meth:`save` writes it.
+
+        Raises
+        ------
+        InputFileError
+            When it is no such file, its machine or data are no longer what was fitted, by their hashes, or the model of
+            this version of rodgen has another error with these values.
+        """
+        from rodgen.calibration.archive import load
+
+        found: Fit = load(cls, path)
+        return found
 
     def check(self) -> Check:
         """Return whether the files are plausible, and what mends them: :func:`rodgen.calibration.file_check.check`."""

@@ -121,6 +121,8 @@ class FittedModel:
         Numbers of the parameters that were adjusted.
     outliers : ndarray of bool, shape (n,)
         Rows that a robust fit does not believe.
+    loss : str
+        With which they were found.
     """
 
     machine: Machine
@@ -129,6 +131,7 @@ class FittedModel:
     solution: Solution = field(repr=False)
     free: tuple[int, ...]
     outliers: NDArray[np.bool_] = field(repr=False)
+    loss: str = field(default="linear", repr=False)
 
     @classmethod
     def to(
@@ -165,14 +168,25 @@ class FittedModel:
             found = robust_fit(problem, lambda: fit_in_stages(problem))
             fit = cls._finished(problem, found.solution, found.free, found.outliers)
             outliers = fit.with_bodies(fit.outliers)
-            return fit if np.array_equal(outliers, fit.outliers) else fit.refit(outliers=outliers)
+            fit = fit if np.array_equal(outliers, fit.outliers) else fit.refit(outliers=outliers)
+            return replace(fit, loss=loss)
 
     @classmethod
     def _finished(
         cls, problem: Problem, solution: Solution, free: Sequence[int], outliers: NDArray[np.bool_]
     ) -> Self:
+        return cls._of(problem, nearest(problem, solution, free), free, outliers)
+
+    @classmethod
+    def _of(
+        cls,
+        problem: Problem,
+        solution: Solution,
+        free: Sequence[int],
+        outliers: NDArray[np.bool_],
+        loss: str = "linear",
+    ) -> Self:
         model = problem.model
-        solution = nearest(problem, solution, free)
         found = _values(model.parameters, solution)
         values = {p.key: float(x) for p, x in zip(model.parameters, found, strict=True)}
         # what is measured along a travel means nothing without it
@@ -185,7 +199,7 @@ class FittedModel:
         )
         machine = in_its_mode(replace(model.machine, values=values, joints=joints), problem.observations)
         machine = with_what_was_seen(machine, problem.observations)
-        return cls(machine, problem.observations, problem, solution, tuple(free), outliers)
+        return cls(machine, problem.observations, problem, solution, tuple(free), outliers, loss)
 
     def with_bodies(self, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return rows that are wrong, (n,), with the others of their poses where these were measured as poses."""

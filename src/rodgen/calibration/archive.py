@@ -1,0 +1,210 @@
+"""Keep a fit in one file for an audit: a zip archive of machine, data and what was found, with versions and hashes.
+
+Any program that unpacks archives opens it. ``machine.toml`` and the data are the files as they were fitted, to the byte
+where they still exist; ``fit.json`` has everything else, also what `rodgen fit --json` prints. Nothing in it is
+executed when it is read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import math
+import os
+import platform
+import tempfile
+import zipfile
+from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.binding import bind_once
+from rodgen.calibration.solve.least_squares import Solution
+from rodgen.data.measurements import Measurements
+from rodgen.data.observations import Observations
+from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.files import write_file
+from rodgen.machines.files.read import machine_of
+from rodgen.machines.files.write import machine_text
+from rodgen.machines.machine import Machine
+from rodgen.machines.model import Frame, model_of
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
+
+__all__ = ["ENDINGS", "load", "save"]
+
+ENDINGS = (".csv", ".csv.gz", ".parquet")
+FORMAT = 1
+AGREE = 1e-6
+"""Relative difference of the rms from the one that was saved above which another model was fitted."""
+_EXPECTED = "a fit as Fit.save writes it"
+
+
+def save(fit: FittedModel, path: str | os.PathLike[str]) -> None:
+    """Write a fit; see :meth:`rodgen.calibration.fit.Fit.save`."""
+    start = replace(fit.problem.model.machine, file=None)
+    with tempfile.TemporaryDirectory() as folder:
+        machine = _machine_file(fit)
+        data = _data_file(fit, Path(folder))
+        again = bind_once(_read_machine(machine, "machine.toml", start.values), Measurements.load(data))
+        if not _equal(again, fit.observations):
+            found = "a fit to some rows of observations, whose order and approaches are not in a table"
+            raise InputFileError(path, "file", found, "a fit to measurements")
+        content = data.read_bytes()
+    files = {"machine.toml": machine, data.name: content}
+    about = {
+        "format": FORMAT,
+        "saved": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": _versions(),
+        "inputs": {"machine": fit.machine.file, "data": fit.observations.data.file},
+        "sha256": {name: hashlib.sha256(text).hexdigest() for name, text in files.items()},
+        "settings": {
+            "loss": fit.loss,
+            "compiled": fit.problem.model.compiled,
+            "outliers": fit.outlier_numbers,
+            "start": dict(start.values),
+        },
+        "solution": {
+            "values": {p.key: x for p, x in zip(fit.parameters, fit.solution.theta.tolist(), strict=True)},
+            "rotation": fit.solution.frame.rotation.tolist(),
+            "position": fit.solution.frame.position.tolist(),
+            "cost": fit.solution.cost,
+            "iterations": fit.solution.iterations,
+            "converged": fit.solution.converged,
+            "free": [fit.parameters[i].key for i in fit.free],
+        },
+        "rms": fit.rms,
+        "result": getattr(fit, "to_dict", dict)(),
+    }
+    files["fit.json"] = (json.dumps(about, indent=1, ensure_ascii=False) + "\n").encode()
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as made:
+        for name, text in files.items():
+            made.writestr(name, text)
+    write_file(path, archive.getvalue())
+
+
+def load(made: type[Any], path: str | os.PathLike[str]) -> Any:
+    """Return a fit of the class `made` that was saved; see :meth:`rodgen.calibration.fit.Fit.load`."""
+    file = os.fspath(path)
+    files = _files(file)
+    try:
+        about = json.loads(files["fit.json"])
+        if about["format"] != FORMAT:
+            raise InputFileError(file, "fit.json, format", str(about["format"]), str(FORMAT))
+        for name, expected in about["sha256"].items():
+            if name not in files or hashlib.sha256(files[name]).hexdigest() != expected:
+                raise InputFileError(
+                    file, name, "not the content that was fitted, by its hash", "the file as it was"
+                )
+        settings, solution, inputs = about["settings"], about["solution"], about["inputs"]
+        machine = _read_machine(files["machine.toml"], inputs["machine"] or "machine.toml", settings["start"])
+        name = next(name for name in about["sha256"] if name.endswith(ENDINGS))
+        with tempfile.TemporaryDirectory() as folder:
+            place = Path(folder, os.path.basename(name))
+            place.write_bytes(files[name])
+            data = replace(Measurements.load(place), file=inputs["data"])
+        observations = bind_once(machine, data)
+        model = model_of(machine, observations.travel, observations.run_names, compiled=settings["compiled"])
+        values, keys = solution["values"], [p.key for p in model.parameters]
+        if set(keys) != set(values):
+            raise _of_another_version(file, about, "other parameters")
+        frame = Frame(np.array(solution["rotation"], float), np.array(solution["position"], float))
+        theta = np.array([values[key] for key in keys], float)
+        free = tuple(keys.index(key) for key in solution["free"])
+        counted_as = observations.counted_as
+        rows = np.array(settings["outliers"], int)
+        outliers = np.zeros(observations.n, bool)
+        outliers[rows if counted_as is None else counted_as[rows]] = True
+        found = Solution(theta, frame, solution["cost"], solution["iterations"], solution["converged"])
+        rms, loss = float(about["rms"]), str(settings["loss"])
+    except InputFileError:
+        raise
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, StopIteration) as error:
+        what = f"{type(error).__name__}: {error}"
+        raise InputFileError(file, "fit.json", shown(what), _EXPECTED) from None
+    problem = Problem(model, observations)
+    if outliers.any():
+        problem.leave_out(outliers)
+    fit = made._of(problem, found, free, outliers, loss)
+    if not math.isclose(
+        fit.rms, rms, rel_tol=AGREE, abs_tol=1e-12 * float(np.abs(observations.reading).max())
+    ):
+        raise _of_another_version(file, about, f"an rms of {rms:.6g}, which is {fit.rms:.6g} with this one")
+    return fit
+
+
+def _versions() -> dict[str, str]:
+    return {name: version(name) for name in ("rodgen", "numpy", "scipy")} | {
+        "python": platform.python_version()
+    }
+
+
+def _of_another_version(file: str, about: Any, found: str) -> InputFileError:
+    used = ", ".join(f"{name} {number}" for name, number in about["versions"].items())
+    return InputFileError(
+        file, "fit.json", f"{found}: its model was another one", f"the versions that made it: {used}"
+    )
+
+
+def _files(file: str) -> dict[str, bytes]:
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return {name: archive.read(name) for name in archive.namelist()}
+    except OSError as error:
+        raise InputFileError(file, "file", f"cannot be read ({error.strerror})", _EXPECTED) from None
+    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError) as error:
+        raise InputFileError(file, "file", f"no archive ({error})", _EXPECTED) from None
+
+
+def _read_machine(text: bytes, name: str, start: Any) -> Machine:
+    return replace(machine_of(text.decode(), name, Machine), values=dict(start))
+
+
+def _machine_file(fit: FittedModel) -> bytes:
+    """Return the machine file as it is where that is still the machine, else one of its own."""
+    machine = fit.problem.model.machine
+    try:
+        text = Path(machine.file or "").read_bytes()
+        if replace(_read_machine(text, machine.file or "", machine.values), joints=machine.joints) == machine:
+            return text
+    except (OSError, UnicodeDecodeError, RodgenError):
+        pass
+    return machine_text(machine).encode()
+
+
+def _data_file(fit: FittedModel, folder: Path) -> Path:
+    """Return a copy of the measurements' file where that is still what was fitted, else a table of its own."""
+    data = fit.observations.data
+    ending = next((ending for ending in ENDINGS if data.file.lower().endswith(ending)), "")
+    if ending and os.path.isfile(data.file):
+        copy = folder / f"data{ending}"
+        try:
+            copy.write_bytes(Path(data.file).read_bytes())
+            if _equal(bind_once(fit.problem.model.machine, Measurements.load(copy)), fit.observations):
+                return copy
+        except (OSError, RodgenError):
+            pass
+    import pyarrow as pa
+
+    from rodgen.data.tables import open_sink
+
+    path = folder / "data.csv"
+    batch = pa.RecordBatch.from_pydict({c.text: c.values for c in data.columns.values()})
+    with open_sink(path, batch.schema) as sink:
+        sink.write(sink.encode(batch))
+    return path
+
+
+def _equal(one: Observations, other: Observations) -> bool:
+    """Return whether all is the same but the file and the copies of rows that it has."""
+    a, b = list(one.arrays()), list(other.arrays())
+    same = len(a) == len(b) and one.run_names == other.run_names
+    return same and all(np.array_equal(x, y, equal_nan=True) for x, y in zip(a, b, strict=True))
