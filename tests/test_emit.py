@@ -316,6 +316,30 @@ def test_own_test_of_the_numpy_passes_with_nothing_but_numpy(every, name):
     assert "all tests hold" in done.stdout
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MACHINES)
+def test_jax_code_does_what_the_numpy_code_does(every, name, tmp_path):
+    """Its own test; and compensations of places within reach and far away, of what is not finite, and of no target."""
+    pytest.importorskip("jax")
+    found = every(name)
+    o = found.case.observations
+    emit(found.machine, "jax", tmp_path, name="device_jax", travel=o.travel)
+    command = [sys.executable, str(tmp_path / "test_device_jax.py")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "device_jax: all tests hold\n"), done.stderr
+    numpy, jax, conditions = loaded(found.folder), loaded(tmp_path, "device_jax"), found.conditions()
+    wanted, target = numpy.ideal(o.q, o.target), np.array(o.target)
+    wanted[::5] *= -3.0
+    wanted[3], target[4] = np.nan, len(numpy.TARGETS)
+    corrected, status, distance = numpy.compensate(wanted, o.q, target, **conditions)
+    by_jax = jax.compensate(wanted, o.q, target, **conditions)
+    np.testing.assert_array_equal(by_jax[1], status)
+    assert {numpy.NOT_FINITE, numpy.NO_TARGET} < set(status.tolist())
+    reached = status == numpy.CONVERGED
+    np.testing.assert_allclose(np.asarray(by_jax[0])[reached], corrected[reached], atol=1e-6)
+    np.testing.assert_allclose(by_jax[2], distance, atol=REACHED, rtol=1e-4)
+
+
 @pytest.mark.parametrize("compiler_name", COMPILERS)
 def test_own_test_finds_a_wrong_number(every, compiler_name, tmp_path):
     shutil.copytree(every("table").folder, tmp_path / "copy")
@@ -968,7 +992,7 @@ def test_names_come_from_the_machine_or_the_caller(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["Big", "2d", "a-b", "", "x" * 60, "math", "numpy", "class", "../up", "a\nb"]
+    "name", ["Big", "2d", "a-b", "", "x" * 60, "math", "numpy", "jax", "class", "../up", "a\nb"]
 )
 def test_bad_names_are_an_error(name, tmp_path):
     with pytest.raises(RodgenError, match="expected"):
@@ -977,7 +1001,7 @@ def test_bad_names_are_an_error(name, tmp_path):
 
 
 def test_other_languages_are_an_error(tmp_path):
-    with pytest.raises(RodgenError, match="no language 'rust'; expected 'c' or 'numpy'"):
+    with pytest.raises(RodgenError, match="no language 'rust'; expected 'c', 'numpy' or 'jax'"):
         emit(table(), "rust", tmp_path)
 
 

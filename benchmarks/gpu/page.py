@@ -23,10 +23,10 @@ def page(result: dict) -> str:
         f"Written by `benchmarks/gpu/measure.py` on {devices}. The generated modules and the kernels of a robot's fit "
         "(*J* has 30 columns) run on arrays of each library; the last contender is `generated/c/axis.c` as it stands, "
         "and the fit's kernels printed as C, compiled for the device. "
-        f"{rows:,} rows, {rows // 2:,} of JᵀJ; float64 unless it says otherwise. *Share*: of the bandwidth of a copy by "
-        "the same library, bytes read and written, for the bytes that a call must read and write at least; in brackets "
-        "for JᵀJ with J stored and read once. *Error*: largest difference to NumPy's answer in float64, relative to the "
-        "largest number."
+        f"{rows:,} rows, {rows // 2:,} of JᵀJ; float64 unless it says otherwise. *Share*: of the bandwidth of a copy "
+        "by the same library, bytes read and written, for the bytes that a call must read and write at least; in "
+        "brackets for JᵀJ with J stored and read once. *Error*: largest difference to NumPy's answer in float64, "
+        "relative to the largest number."
     )
     lines = [
         TITLE,

@@ -11,7 +11,7 @@ __all__ = ["add_to"]
 
 _EMIT = f"""\
 Write a fitted machine as standalone code: its actual positions, their derivatives, the compensated commands, and a
-test. C99 without allocation, or NumPy.
+test. C99 without allocation, NumPy, or JAX.
 
 With DATA the machine is fitted first. Without DATA every parameter of MACHINE must have a value, as in a file from
 'rodgen fit -o'; that file is then the nominal machine, and its axes and points are not compensated.
@@ -21,9 +21,11 @@ With DATA the machine is fitted first. Without DATA every parameter of MACHINE m
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    emit = command("emit", _run, "a fitted machine as C or NumPy code", _EMIT)
+    emit = command("emit", _run, "a fitted machine as C, NumPy or JAX code", _EMIT)
     add_files(emit, needed=False)
-    emit.add_argument("--lang", choices=("c", "numpy"), required=True, help="C99, or Python with NumPy")
+    emit.add_argument(
+        "--lang", choices=("c", "numpy", "jax"), required=True, help="C99, or Python with NumPy or JAX"
+    )
     emit.add_argument("-o", "--output", metavar="FOLDER", default="build", help="default: %(default)s")
     add_loss(emit)
     emit.add_argument(

@@ -47,6 +47,7 @@ _RESERVED = {
         "NULL",
         "math",
         "np",
+        "xp",
         "out",
         "count",
         "input",

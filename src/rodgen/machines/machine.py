@@ -442,7 +442,7 @@ class Machine:
 
         Parameters
         ----------
-        lang : {"c", "numpy"}
+        lang : {"c", "numpy", "jax"}
         folder : str or os.PathLike
             Is made where there is none.
         **options

@@ -1,7 +1,7 @@
 """A fitted machine as standalone code: its true places, and the commands that bring it where it should be.
 
 A controller, or whoever has no rodgen, takes these files: forward model, its derivatives, the nominal machine, and the
-compensation, with their own test. C99 that allocates nothing, or NumPy.
+compensation, with their own test. C99 that allocates nothing, NumPy, or JAX.
 """
 
 from __future__ import annotations
@@ -66,9 +66,10 @@ def emit(
     ----------
     machine : Machine
         Fitted, such as ``fit.machine``: every parameter has a value, fitted or held.
-    lang : {"c", "numpy"}
+    lang : {"c", "numpy", "jax"}
         ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no allocation, no
         state, no recursion, every loop bounded. ``"numpy"``: NAME.py and test_NAME.py, over many rows at once.
+        ``"jax"``: the same for JAX in double precision, on whatever device it has, for jit, vmap and grad.
     folder : str or os.PathLike
         Is made where there is none. All files are written, or none.
     name : str, optional
@@ -107,8 +108,8 @@ def emit(
     ...     [path.name for path in emit(table, "c", folder)]
     ['rotary_table.c', 'rotary_table.h', 'rotary_table_test.c']
     """
-    if lang not in {"c", "numpy"}:
-        raise RodgenError(f"no language {shown(lang)}; expected 'c' or 'numpy'")
+    if lang not in {"c", "jax", "numpy"}:
+        raise RodgenError(f"no language {shown(lang)}; expected 'c', 'numpy' or 'jax'")
     from rodgen.files import write_files
     from rodgen.machines.emit._content import content_of
     from rodgen.machines.emit._render import DO_NOT_EDIT, render

@@ -53,7 +53,7 @@ size across the others is the curvature of these. Samples of which the one with 
 
 _HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdarg stdbool
 stddef stdint stdio stdlib string tgmath time wchar wctype"""
-_TAKEN = {*keyword.kwlist, *keyword.softkwlist, *sys.stdlib_module_names, *_HEADERS.split(), "numpy"}
+_TAKEN = {*keyword.kwlist, *keyword.softkwlist, *sys.stdlib_module_names, *_HEADERS.split(), "numpy", "jax"}
 """Names that an emitted file would hide from Python or from the C compiler."""
 _LONGEST_NAME = 40
 

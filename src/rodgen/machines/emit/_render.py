@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -268,11 +269,11 @@ def _c_kernel(kernel: Kernel, named: Mapping[str, str], first: str | None = None
     }
 
 
-# NumPy -------------------------------------------------------------------------------------------------------
+# NumPy and JAX -----------------------------------------------------------------------------------------------
 
 
-def _numpy(content: Content) -> dict[str, Any]:
-    """Return what the templates of NumPy use."""
+def _numpy(content: Content, namespace: str = "np") -> dict[str, Any]:
+    """Return what the templates of NumPy and JAX use."""
     arguments = "".join(f", {field.name}" for field in content.fields)
     fitted, ideal = content.fitted, content.ideal
     rows = {symbol: (field, i) for field in content.fields for symbol, i in field.used}
@@ -296,21 +297,22 @@ def _numpy(content: Content) -> dict[str, Any]:
         "joint_names": repr([shown(j.name)[1:-1] for j in content.machine.joints]),
         "target_names": repr([shown(t.name)[1:-1] for t in content.machine.targets]),
         "tables": _tables(content),
-        "kernels": [_numpy_kernel(name, kernel, constants) for name, kernel in kernels.items()],
+        "kernels": [_numpy_kernel(name, kernel, constants, namespace) for name, kernel in kernels.items()],
         "lowest": _list(content.lowest, infinite="np.inf"),
         "highest": _list(content.highest, infinite="np.inf"),
         "samples": list(_samples(content, "[{}]")),
+        "traced": namespace == "jnp",
     }
 
 
-def _numpy_kernel(function: str, kernel: Kernel, constants: set[str]) -> dict[str, Any]:
+def _numpy_kernel(function: str, kernel: Kernel, constants: set[str], namespace: str) -> dict[str, Any]:
     parameters = [s.name for p in kernel.inputs for s in p.symbols if s.name not in constants]
     results = [s.name for p in kernel.outputs for s in p.symbols]
     return {
         "function": function,
         "operations": operation_counts(kernel),
         "parameters": ", ".join(parameters),
-        "lines": list(numpy_lines(kernel, ArrayPrinter())),
+        "lines": list(numpy_lines(kernel, ArrayPrinter(namespace))),
         "results": ", ".join(results),
     }
 
@@ -318,5 +320,9 @@ def _numpy_kernel(function: str, kernel: Kernel, constants: set[str]) -> dict[st
 LANGUAGES: Mapping[str, tuple[Mapping[str, str], Any]] = {
     "c": ({"{}.h": "machine.h.j2", "{}.c": "machine.c.j2", "{}_test.c": "machine_test.c.j2"}, _c),
     "numpy": ({"{}.py": "machine.py.j2", "test_{}.py": "machine_test.py.j2"}, _numpy),
+    "jax": (
+        {"{}.py": "machine_jax.py.j2", "test_{}.py": "machine_test.py.j2"},
+        partial(_numpy, namespace="jnp"),
+    ),
 }
 """For each language its files, with their templates, and what the templates are given."""
