@@ -348,6 +348,13 @@ def work(name: str, rows: int, *, cpu: bool) -> None:
     print(json.dumps(found), flush=True)
 
 
+def read(process: subprocess.Popen[str], to: list[str]) -> None:
+    """Keep the lines that `work` writes; libraries write others."""
+    for line in process.stdout or ():
+        if line == "ready\n" or line.startswith('{"name"'):
+            to.append(line)
+
+
 def measure(rows: int = ROWS, *, cpu: bool = False, only: str = "") -> dict[str, Any]:
     """Return what was measured, as plain data."""
     started = time.perf_counter()
@@ -357,11 +364,7 @@ def measure(rows: int = ROWS, *, cpu: bool = False, only: str = "") -> dict[str,
             command = [sys.executable, __file__, "--work", name, "--rows", str(rows), *["--cpu"] * cpu]
             made = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
             processes[name], lines[name] = made, []
-            threading.Thread(
-                target=lambda p, to: to.extend(iter(p.stdout.readline, "")),
-                args=(made, lines[name]),
-                daemon=True,
-            ).start()
+            threading.Thread(target=read, args=(made, lines[name]), daemon=True).start()
 
     def wait_for(names: list[str], count: int, until: float) -> None:
         while time.perf_counter() - started < until:
