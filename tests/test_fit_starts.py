@@ -213,6 +213,8 @@ def test_groups_of_few_rows_are_evaluated_together_as_each_by_itself(monkeypatch
             together = [evaluated(some) for _ in range(2)]  # the second time what was kept
             with monkeypatch.context() as patch:
                 patch.setattr("rodgen.calibration.problem.problem.TOGETHER", 0)
+                together.append(evaluated(some.take(np.arange(some.rows))))  # as few rows of each group
+                patch.setattr("rodgen.calibration.problem.problem.OF_EACH", 0)
                 alone = Problem(some.model, some.observations)
                 alone.leave_out(np.arange(some.rows) < rows_left_out)
                 expected = evaluated(alone)

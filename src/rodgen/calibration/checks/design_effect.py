@@ -60,12 +60,17 @@ def design_effect_of_fits(smaller: FittedModel, larger: FittedModel, left: float
     poses, r = int(pose.max()) + 1, len(new)
     residuals = larger.problem.residuals(larger.solution.theta, larger.solution.frame, weighted=True)
     pull = np.zeros((poses, r))
-    shares = np.zeros((poses, r, r)) if poses <= EFFECT_TEST.poses_a_parameter * r else None
-    for rows, jacobian in whitened.jacobian_blocks():
-        np.add.at(pull, pose[rows], np.einsum("nmr,nm->nr", jacobian, residuals[rows]))
-        if shares is not None:
-            np.add.at(shares, pose[rows], np.einsum("nmr,nms->nrs", jacobian, jacobian))
-    if shares is not None:
+    if poses > EFFECT_TEST.poses_a_parameter * r:
+        for rows, jacobian in whitened.jacobian_blocks():
+            np.add.at(pull, pose[rows], np.einsum("nmr,nm->nr", jacobian, residuals[rows]))
+    else:
+        whole, shares = np.empty((*residuals.shape, r)), np.empty((poses, r, r))
+        for rows, jacobian in whitened.jacobian_blocks():
+            whole[rows] = jacobian
+        order = np.argsort(pose, kind="stable")
+        for p, rows in enumerate(np.split(order, np.cumsum(np.bincount(pose))[:-1])):
+            columns = whole[rows].reshape(-1, r)
+            pull[p], shares[p] = residuals[rows].ravel() @ columns, columns.T @ columns
         pull = undo_leverage(shares, pull, 0.5)
     return float(max(np.sum((pull @ new) ** 2) / (new.shape[1] * left), 1.0))
 

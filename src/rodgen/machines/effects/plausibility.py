@@ -350,7 +350,9 @@ def _quantity(text: str, length_unit: str) -> tuple[float, Dimension]:
 def reach(machine: Machine) -> float:
     """Return the largest distance between two points of a machine, or along which one of its joints slides."""
     points = [joint.point for joint in machine.joints] + [target.point for target in machine.targets]
+    at = np.array(points).reshape(-1, 3)
+    apart = np.linalg.norm(at[:, None] - at, axis=2)
     ways = [
         joint.travel[1] - joint.travel[0] for joint in machine.joints if joint.travel and not joint.revolute
     ]
-    return max([math.dist(a, b) for a in points for b in points] + ways, default=0.0) or 1.0
+    return max(float(apart.max(initial=0.0)), *ways, 0.0) or 1.0
