@@ -46,7 +46,8 @@ def judged_real(
     Returns
     -------
     dict
-        false : claims for which no true effect stands, neither as the step nor among its aliases, and no true pair.
+        false : claims for which no true effect stands, neither as the step nor among its aliases, and no true pair, nor
+            a true set in the place of two steps.
         missed : effects that the readings must show, and that are in no step.
         named : of each step that is right, whether it is named as the true effect.
         plausible : or, of what the data cannot tell from it, as one that such machines have as often.
@@ -59,7 +60,19 @@ def judged_real(
     equal = {title: set(truth.equal.get(title, (title,))) for title in truth.effects}
     there = set().union(*equal.values())
     names, classes, steps = list[Title](), list[set[Title]](), list[Any]()
+    named = {s.effect.identity: s for s in found.steps}
+    replaced = set[Title]()
+    for one in found.indistinguishable_sets:
+        two, others = [e.identity for e in one.named], [e.identity for e in one.effects]
+        if there.issuperset(others) and not there.issuperset(two) and replaced.isdisjoint(two):
+            replaced |= set(two)
+            for title, k in zip(others, two, strict=False):
+                names.append(k)
+                classes.append({title})
+                steps.append(named[k])
     for s in found.steps:
+        if s.effect.identity in replaced:
+            continue
         alone = {s.effect.identity, *(a.effect.identity for a in s.indistinguishable_from)}
         pairs_listed = [{e.identity for e in a.effects} for a in s.indistinguishable_pairs]
         true_pair = next((pair for pair in pairs_listed if pair <= there), None)

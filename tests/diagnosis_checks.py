@@ -103,6 +103,7 @@ def format_errors(
     hold(verdict in VERDICTS, f"verdict {verdict!r}")
     wanted = KEYS | ({"reason"} if verdict == "cannot_tell" else set())
     wanted |= {"could_hide"} if verdict == "nothing_missing" else set()
+    wanted |= {"indistinguishable_sets"} & set(found)
     hold(set(found) == wanted, f"keys {sorted(set(found) ^ wanted)}")
     reason = found.get("reason")
     hold(
@@ -112,6 +113,11 @@ def format_errors(
     hold(found.get("rows") == rows, f"rows {found.get('rows')}, the file has {rows}")
     out = found.get("outliers", [])
     hold(all(type(i) is int and 0 <= i < rows for i in out) and out == sorted(set(out)), f"outliers {out}")
+
+    for one in found.get("indistinguishable_sets", []):
+        hold(set(one) == {"steps", "effects", "odds_with_data"}, f"keys of a set {sorted(one)}")
+        steps_of = [(s["effect"], s["joint"]) for s in found["steps"]]
+        hold(all((s["effect"], s["joint"]) in steps_of for s in one["steps"]), f"no steps {one['steps']}")
 
     shared = found.get("dependence", {})
     hold(set(shared) == {"independent", "factor", "text"} and bool(shared["text"]), f"dependence {shared}")

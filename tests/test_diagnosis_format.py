@@ -89,6 +89,10 @@ FINE = {
         }
     ],
     "unexplained": [],
+    "indistinguishable_sets": [
+        {"steps": [{"effect": "encoder_eccentricity", "joint": "C"}],
+         "effects": [{"effect": "scale", "joint": "C"}], "odds_with_data": 0.1},
+    ],
     "dependence": {"independent": False, "factor": 1.5, "text": "Successive poses share errors ..."},
 }  # fmt: skip
 MACHINE = {
@@ -100,6 +104,7 @@ MACHINE = {
 SPOILT = {
     "a key too many": lambda d: d.update(note="x"),
     "verdict": lambda d: d.update(verdict="fine"),
+    "a set of what is no step": lambda d: d["indistinguishable_sets"][0]["steps"][0].update(effect="scale"),
     "steps with nothing_missing": lambda d: d.update(verdict="nothing_missing"),
     "a row that is none": lambda d: d["outliers"].append(10),
     "a name that is none": lambda d: d["steps"][0].update(effect="eccentricity"),

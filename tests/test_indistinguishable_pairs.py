@@ -37,6 +37,12 @@ def test_two_parameters_of_a_leg_are_named_for_three_that_do_the_same(diagnosed)
         a for s in found.steps for a in s.indistinguishable_from if a.effect.name == "platform_joint_offset"
     ]
     assert legs
+    sets = found.indistinguishable_sets
+    assert {e.title for s in sets for e in s.named} == {"leg_zero_offset at L1", "leg_scale at L1"}
+    assert [e.name for s in sets for e in s.effects] == ["platform_joint_offset"]
+    said = "Of leg_zero_offset at L1 and leg_scale at L1 both may not be there: platform_joint_offset at L"
+    assert said in " ".join(found.summary().split())
+    assert found.to_dict()["indistinguishable_sets"][0]["effects"][0]["effect"] == "platform_joint_offset"
 
 
 def test_two_equal_offsets_of_legs_are_listed_beside_the_third(diagnosed):

@@ -18,6 +18,7 @@ from rodgen.calibration.diagnose.diagnosis import (
     Diagnosis,
     Ranked,
     Rms,
+    SetAlias,
     Unexplained,
 )
 from rodgen.calibration.diagnose.estimates import EffectEstimates
@@ -72,6 +73,29 @@ class Confirmed:
     def effects(self, estimates: EffectEstimates) -> list[DiagnosedEffect]:
         """Return the effects, each with the errors of the fit that adds it."""
         return [self._effect(k, estimates) for k in range(len(self.found.explanation.kept))]
+
+    def sets(self) -> tuple[SetAlias, ...]:
+        """Return what the data cannot distinguish from two of the effects together, the likeliest of each two.
+
+        What is listed for each of the two alone is left out, and so are forms, of which columns say little.
+        """
+        explanation = self.found.explanation
+        kept = explanation.kept
+        alone = {
+            c.key: {e.candidates[0].key for e in of_one} for c, of_one in zip(kept, self.equals, strict=True)
+        }
+        found = dict[tuple[Candidate, ...], tuple[float, tuple[Candidate, ...]]]()
+        for gone, new, cost in explanation.selection.sets_like(kept) if not explanation.forms else ():
+            each_alone = new[1:] and any(
+                all(n.key in alone[g.key] for n, g in zip(order, gone, strict=True))
+                for order in (new, new[::-1])
+            )
+            if not each_alone and cost < found.get(gone, (np.inf, new))[0]:
+                found[gone] = cost, new
+        return tuple(
+            SetAlias(tuple(c.effect for c in gone), tuple(c.effect for c in new), float(np.exp(-cost / 2)))
+            for gone, (cost, new) in sorted(found.items(), key=lambda one: one[1][0])
+        )
 
     def _effect(self, k: int, estimates: EffectEstimates) -> DiagnosedEffect:
         candidate, test = self.found.explanation.kept[k], self.tests[k]
@@ -200,6 +224,7 @@ def assemble_diagnosis(
         tuple(filter(None, [*notes, unknown])),
         last.estimates,
         _could_hide(evidence) if verdict == "nothing_missing" else (),
+        confirmed.sets(),
     )
 
 

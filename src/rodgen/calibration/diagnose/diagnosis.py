@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.noise.correlation import Correlation
     from rodgen.calibration.plan import Plan
 
-__all__ = ["VERDICTS", "Alias", "DiagnosedEffect", "Diagnosis", "Ranked", "Rms", "Unexplained"]
+__all__ = ["VERDICTS", "Alias", "DiagnosedEffect", "Diagnosis", "Ranked", "Rms", "SetAlias", "Unexplained"]
 
 VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
 
@@ -110,6 +110,33 @@ class Alias:
             **named,
             "chi_square": self.chi_square,
             "odds": self.odds,
+            "odds_with_data": self.odds_with_data,
+        }
+
+
+@dataclass(frozen=True)
+class SetAlias:
+    """What the data cannot distinguish from two of the effects that were found, taken together.
+
+    Attributes
+    ----------
+    named : tuple of Effect
+        The two.
+    effects : tuple of Effect
+        One or two that may be there instead of both.
+    odds_with_data : float
+        How much likelier than the two they are with these data, by the columns of all.
+    """
+
+    named: tuple[Effect, ...]
+    effects: tuple[Effect, ...]
+    odds_with_data: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "steps": [_named(e) for e in self.named],
+            "effects": [_named(e) for e in self.effects],
             "odds_with_data": self.odds_with_data,
         }
 
@@ -290,6 +317,8 @@ class Diagnosis:
         Every parameter of the final model by its key, with standard deviations that allow for correlated readings.
     could_hide : tuple of Detectable
         With the verdict "nothing_missing": the least size of each effect that would have been found, most error first.
+    indistinguishable_sets : tuple of SetAlias
+        Of two steps each, the likeliest first.
     wrong_bounds : str
         A sentence on bounds of the machine file that the readings contradict, and that the fits are without; or empty.
     """
@@ -307,6 +336,7 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     estimates: Mapping[str, Estimate] = field(default_factory=dict, repr=False)
     could_hide: tuple[Detectable, ...] = field(default=(), repr=False)
+    indistinguishable_sets: tuple[SetAlias, ...] = ()
     wrong_bounds: str = ""
 
     _repr_html_ = html_of
@@ -355,6 +385,8 @@ class Diagnosis:
             "unexplained": [form.to_dict() for form in self.unexplained],
             "dependence": self.final_with_forms.dependence.to_dict(),
         }
+        if self.indistinguishable_sets:
+            found["indistinguishable_sets"] = [one.to_dict() for one in self.indistinguishable_sets]
         if self.verdict == "nothing_missing":
             found["could_hide"] = [one.to_dict() for one in self.could_hide]
         return found

@@ -202,6 +202,20 @@ class Selection(Criteria):
             if len(members) > 1 and len(gone) in {0, len(best)}:
                 yield self._cheapest(kept, members[: SELECTION.most_steps - len(kept)], best)
 
+    def sets_like(
+        self, included: Sequence[Candidate]
+    ) -> Iterator[tuple[tuple[Candidate, ...], tuple[Candidate, ...], float]]:
+        """Yield two of the effects, what may be in the place of both, and by how much it costs more than they do."""
+        best = list(included)
+        most = self.cost(best, best) + SELECTION.unlikely
+        for gone in combinations(best, 2):
+            kept = [c for c in best if c not in gone]
+            for tried in self._in_their_place(kept, gone, best, most):
+                new = tried[len(kept) :]
+                cost = self.cost(tried, best)
+                if cost < most and all(self.is_needed([c for c in tried if c is not n], n) for n in new):
+                    yield gone, tuple(new), cost - most + SELECTION.unlikely
+
     def _cheapest(
         self,
         kept: list[Candidate],

@@ -40,6 +40,7 @@ __all__ = [
     "headline",
     "in_uncertainties",
     "odds",
+    "on_sets",
     "only_together",
 ]
 
@@ -82,7 +83,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
             return f"{what} that these data could show; {error}.{unknown}"
         case "effects_missing":
             several = len(diagnosis.steps) > 1
-            open_ = any(
+            open_ = bool(diagnosis.indistinguishable_sets) or any(
                 not alias.improbable
                 for step in diagnosis.steps
                 for alias in (*step.indistinguishable_from, *step.indistinguishable_pairs)
@@ -122,6 +123,17 @@ def only_together(diagnosis: Diagnosis) -> str:
     return f"{joined(alone)} lower{'s' * (len(alone) == 1)} the error only together with {joined(others)}."
 
 
+def on_sets(diagnosis: Diagnosis) -> Iterator[str]:
+    """Yield a sentence on each two effects that the data cannot distinguish from others together."""
+    for one in diagnosis.indistinguishable_sets:
+        named, others = (joined([e.title for e in effects]) for effects in (one.named, one.effects))
+        does = "explains" if len(one.effects) == 1 else "explain"
+        yield (
+            f"Of {named} both may not be there: {others} {does} these readings as well in their place; with these data "
+            f"that is {_likelier(one.odds_with_data)}."
+        )
+
+
 def drivers(diagnosis: Diagnosis) -> str:
     """Return what the forms outside the catalogue follow, each driver once."""
     every = [name for form in diagnosis.unexplained for name in form.driver.split(" and ")]
@@ -146,6 +158,9 @@ def _lines(d: Diagnosis) -> Iterator[str]:
     for step in d.steps:
         yield ""
         yield from _step(step, d.base.machine)
+    for said in on_sets(d):
+        yield ""
+        yield from textwrap.wrap(said, WIDTH)
     for form in d.unexplained:
         yield ""
         yield from _form(form)

@@ -18,6 +18,7 @@ from rodgen.calibration.diagnose.summary import (
     far_from_usual,
     in_uncertainties,
     odds,
+    on_sets,
     only_together,
 )
 from rodgen.calibration.fit import Estimate
@@ -382,7 +383,7 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
     """Return the notes of a diagnosis except those that the facts already contain."""
     known = diagnosis.correlation.text if diagnosis.correlation is not None else ""
     notes = [note for note in diagnosis.notes if note != known]
-    return [*filter(None, [only_together(diagnosis)]), *notes]
+    return [*filter(None, [only_together(diagnosis)]), *on_sets(diagnosis), *notes]
 
 
 # the ladder, the model ---------------------------------------------------------------------------------------------
