@@ -1183,6 +1183,66 @@ d.check(
 ).prove()
 
 # %% [markdown]
+# ## Attitudes
+#
+# A camera or a tracker with six freedoms reads where a body is and how it is turned. The axes $\vec m_i$ of the body
+# as predicted, the columns of any rotation, are compared with those that were measured, $\vec r_i$. The residual is
+# the Rodrigues vector $\vec\theta$ that turns the first to the second,
+#
+# $$\vec\theta=\frac{2\sum_i\vec m_i\times\vec r_i}{1+\sum_i\vec m_i\cdot\vec r_i}:$$
+#
+# $2\tan(\psi/2)$ long, of the angle $\psi$ between both, as the residual of a direction; finite up to half a turn, and
+# along the axis about which the body is turned, in the axes of the measuring frame. There is no branch, and no
+# notation of attitudes whose poles it would inherit.
+
+# %%
+m_i = [sp.ImmutableMatrix(d.value(Q)[:, i]) for i in range(3)]
+r_i = [turned(column, 2 * h) for column in m_i]
+across_axes = letter(
+    "across_axes",
+    r"\sum_i\vec m_i\times\vec r_i",
+    "sum of the products of predicted axes and these turned by 2h about n",
+    sum((cross(column, read) for column, read in zip(m_i, r_i, strict=True)), sp.zeros(3, 1)),
+    "1",
+)
+along_axes = d.symbol(
+    "along_axes",
+    r"\sum_i\vec m_i\cdot\vec r_i",
+    "sum of the scalar products of the same axes",
+    "1",
+    value=sum(dot(column, read) for column, read in zip(m_i, r_i, strict=True)),
+)
+d.check(
+    "attitude-residual",
+    equal(across_axes, 2 * sp.sin(2 * h) * n),
+    equal(along_axes, 1 + 2 * sp.cos(2 * h)),
+    equal(4 * sp.sin(2 * h) / (2 + 2 * sp.cos(2 * h)), 2 * sp.tan(h)),
+    text="Of axes that were turned by 2h about n, the quotient of twice the first sum by 1 and the second is "
+    "2 tan(h) n, the Rodrigues vector of that turn, whatever the attitude is.",
+).prove(modulo=unit)
+
+# %%
+turned_axes = slope(
+    "turned_axes",
+    r"\frac{\partial\vec\theta}{\partial\epsilon}",
+    "derivative of the residual, at zero, when the prediction turns by ε ω",
+    2
+    * sum(
+        (cross(column + epsilon * cross(omega, column), column) for column in m_i),
+        sp.zeros(3, 1),
+    )
+    / (1 + sum(dot(column + epsilon * cross(omega, column), column) for column in m_i)),
+    epsilon,
+    0,
+)
+d.check(
+    "attitude-slope",
+    equal(turned_axes, -omega),
+    text="Where the prediction meets the reading, a small turn of the prediction by the rotation vector ω changes the "
+    "residual by −ω: to first order it is the rotation vector itself.",
+).prove()
+
+# %% [markdown]
 # ## Gravity
 #
 # What is not balanced winds up drives and bends beams. The pose is the ideal one: $\vec r=\vec c-\vec P$ leads from the

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from machine_simulator import RADIANS, Simulated, approach, arcsec
+from machine_simulator import RADIANS, SIX, Simulated, approach, arcsec
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Title = tuple[str, str | None]
@@ -167,6 +167,7 @@ class Bench:
     simulator: type[Simulated] = Simulated
     physics: Mapping[str, tuple[str, Mapping[str, float]]] | None = None  # other than PHYSICS
     weights: tuple[Mapping[str, Any], ...] = ()  # of its parts, which the machine file does not tell
+    arm: float = 1.0  # of poses: noise of a coordinate over that of a turn, length per radian
 
     @property
     def file(self) -> dict[str, Any]:
@@ -182,14 +183,25 @@ class Bench:
         )
 
     def difference(self, to: Array, of: Array) -> Array:
-        """Give how readings differ, flat, units of the file (an angle for directions)."""
+        """Give how readings differ, flat, units of the file (an angle for directions); turns as lengths on `arm`."""
+        if self.kind == "pose":
+            a, b = (reading[:, 3:].reshape(-1, 3, 3) for reading in (to, of))
+            turns = (a @ b.swapaxes(1, 2) - b @ a.swapaxes(1, 2)) / 2  # sine of the angle
+            vector = np.stack([turns[:, 2, 1], turns[:, 0, 2], turns[:, 1, 0]], -1)
+            return np.concatenate([(to - of)[:, :3], self.arm * vector], axis=1).ravel()
         factor = 1 / RADIANS[self.file["units"]["angle"]] if self.kind == "direction" else 1.0
         return (to - of).ravel() * factor
 
     def rms(self, difference: Array) -> float:
         """Give the RMS per scalar reading: of a direction two."""
-        readings = len(self.q) * {"point": 3, "direction": 2, "distance": 1}[self.kind]
+        readings = len(self.q) * {"point": 3, "direction": 2, "distance": 1, "pose": 6}[self.kind]
         return float(np.sqrt(difference @ difference / readings))
+
+    def noise(self, ones: Array) -> Array:
+        """Give noise of the instrument from numbers of size 1."""
+        if self.kind != "pose":
+            return self.sigma * ones
+        return self.sigma * ones / np.repeat([1.0, self.arm * RADIANS[self.file["units"]["angle"]]], 3)
 
     def derivatives(self, keys: Sequence[str], at: Mapping[str, float] | None = None) -> Array:
         """Give derivatives (readings, keys) by differences of the simulator, scaled to length 1."""
@@ -330,7 +342,8 @@ def _bench(
     base: list[str] = []
     for what in estimate:
         if what == "target":
-            base += [f"target.{t}.{x}" for t in targets for x in ("ab" if kind == "direction" else "xyz")]
+            freedoms = {"direction": ("a", "b"), "pose": SIX}.get(kind, SIX[:3])
+            base += [f"target.{t}.{x}" for t in targets for x in freedoms]
         else:
             base += [f"{what}.a", f"{what}.b"]
     values = {key: wrong * random.normal() * (SECOND * 20 if ".axis" in key else 1) for key in base}
@@ -338,7 +351,7 @@ def _bench(
         values = {key: arcsec(30) * random.normal() for key in base}
     if 'frame = "free"' in measured:
         frame = ["frame.rx", "frame.ry", "frame.rz"] + (
-            ["frame.x", "frame.y", "frame.z"] if kind == "point" else []
+            ["frame.x", "frame.y", "frame.z"] if kind in {"point", "pose"} else []
         )
         values |= {k: random.uniform(-1, 1) * (20 if ".r" in k else 900) for k in frame}
         base += frame
@@ -448,6 +461,19 @@ def robot(random: np.random.Generator, size: float = 1.0) -> Bench:
     return _bench(
         "robot", joints, targets, estimate, 'kind = "point"\nframe = "free"', 0.02, q, random, wrong=0.2
     )
+
+
+def board(random: np.random.Generator, size: float = 1.0) -> Bench:
+    """The same robot, a board on its flange whose middle is on the last axis, and a camera that reads its pose."""
+    arm = robot(random, size)
+    joints = arm.file["joint"]
+    estimate = [f"J{i}.{what}" for i in range(2, 6) for what in ("axis", "point")] + ["target"]
+    q = arm.q[:: len(arm.file["target"])]
+    made = _bench(
+        "board", joints, {"board": [1420, 0, 1565]}, estimate, 'kind = "pose"\nframe = "free"', 0.02, q, random,
+        wrong=0.2,
+    )  # fmt: skip
+    return replace(made, arm=150.0)
 
 
 def still(random: np.random.Generator, size: float = 1.0, *, estimated: bool = False) -> Bench:
@@ -688,7 +714,7 @@ def hidden(
     wander = _wander(b, wanders, random)
     base = b.derivatives(b.base)
     plain = b.simulator(b.file)
-    noisy = plain.with_noise(b.measure(wander), sizes * b.sigma * noise, _Ones())
+    noisy = plain.with_noise(b.measure(wander), b.noise(sizes * noise), _Ones())
     without = off(base, b.difference(noisy, clean))
     floor = b.rms(without)
 
@@ -727,7 +753,7 @@ def hidden(
         at = everything.get(where)
         everything[where] = formula if at is None else (lambda c, a=at, f=formula: a(c) + f(c))
     true = b.measure({**values, **formulas})
-    reading = plain.with_noise(b.measure(everything), sizes * b.sigma * noise, _Ones())
+    reading = plain.with_noise(b.measure(everything), b.noise(sizes * noise), _Ones())
     bad = random.permutation(rows)[: round(outliers * rows)]
     for row in bad:
         far = b.sigma * random.uniform(8, 40)
@@ -735,7 +761,10 @@ def hidden(
     together = off(base, b.difference(true, clean))
     kept = _kept(measured, effects, form, columns, keep, random)
     states = bool(random.integers(2)) if state_noise is None else state_noise
-    text = b.text.replace("{noise}", f"noise = {b.sigma!r}" if states and spread == "even" else "")
+    stated = f"noise = {b.sigma!r}"
+    if b.kind == "pose":
+        stated += f"\nattitude_noise = {b.sigma / b.arm / RADIANS[b.file['units']['angle']]!r}"
+    text = b.text.replace("{noise}", stated if states and spread == "even" else "")
     nothing = not effects and outside is None
     truth = Truth(
         kind="none" if nothing else "outside" if outside else "catalogue",
@@ -769,7 +798,7 @@ class _Ones:
 
 def _noise(b: Bench, spread: str, random: np.random.Generator) -> tuple[Array, Array]:
     """Draw noise of size 1 as with_noise takes it, and the sizes by row."""
-    components = 1 if b.kind == "distance" else 3
+    components = {"distance": 1, "pose": 6}.get(b.kind, 3)
     sizes = np.ones((len(b.q), 1))
     if spread != "even":
         # as a tracker's: larger where the target is far, here: from pose to pose, and in one corner of the machine

@@ -25,7 +25,13 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 
 ARCSEC = np.pi / 648000
-READINGS = {"point": ("x", "y", "z"), "direction": ("ux", "uy", "uz"), "distance": ("d",)}
+READINGS = {
+    "point": ("x", "y", "z"),
+    "direction": ("ux", "uy", "uz"),
+    "distance": ("d",),
+    "pose": ("x", "y", "z", "rx", "ry", "rz"),
+}
+FRAME_TURNS = ("rx", "ry", "rz")
 FRAME = ("frame.x", "frame.y", "frame.z", "frame.rx", "frame.ry", "frame.rz")
 MOVES_ONLY = {
     "radial_error_motion",
@@ -92,7 +98,8 @@ def possible(file: Mapping[str, Any], *, places: Iterable[str | None] | None = N
     for definition in CATALOGUE:
         if definition.of_directions and kind != "direction":
             continue
-        if definition.component == "factors" and (kind != "point" or file["measured"]["frame"] == "machine"):
+        machine_axes = file["measured"]["frame"] == "machine"
+        if definition.component == "factors" and (kind not in {"point", "pose"} or machine_axes):
             continue
         if kind == "direction" and (definition.name in MOVES_ONLY or definition.component == "point"):
             continue
@@ -137,7 +144,9 @@ def data_for(
     readings = rng.normal(size=(rows, 3))
     if kind == "direction":
         readings = unit(readings)
-    for i, name in enumerate(READINGS[kind]):
+    if kind == "pose":
+        data |= {f"{name} [rad]": x for name, x in zip(FRAME_TURNS, rng.normal(size=(3, rows)), strict=True)}
+    for i, name in enumerate(READINGS[kind][:3]):
         data[name if kind == "direction" else f"{name} [mm]"] = (
             np.abs(readings[:, i]) + 1 if name == "d" else readings[:, i]
         )
@@ -268,8 +277,11 @@ class Case:
         return Frame(rotation(at[3:]), at[:3])
 
     def predicted(self, values: Values | None = None) -> np.ndarray:
-        """Return what rodgen's kernels predict, (rows, 3) or (rows, 1)."""
+        """Return what rodgen's kernels predict, (rows, 3) or (rows, 1), of poses (rows, 12)."""
         theta, frame = self.theta(values), self.frame(values)
+        if self.kind == "pose":
+            turned = self.problem.attitudes(theta, frame).reshape(-1, 9)
+            return np.concatenate([self.problem.places(theta, frame), turned], axis=1)
         if self.kind != "distance":
             return self.problem.places(theta, frame)
         return self.observations.reading - self.problem.residuals(theta, frame)

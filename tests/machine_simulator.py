@@ -23,6 +23,8 @@ radians, and returns values in the units of the file. Besides the catalogue it h
                 carriage          stiffness, force: a weight that moves along a bridge on two supports
     machine     tube_flexure      a: a tube that droops by a sin(zenith angle), whichever way it is mounted
 
+The reading of a pose is x, y, z and the matrix of the attitude row by row: 12 numbers.
+
 Readings of the format that were open: of components equally large, the first decides u; tilts of `axis_tilt` and
 `NAME.axis` add up as rotation vectors, offsets as vectors; `axial_error_motion` goes along the estimated axis; c counts
 every target once, moved by `target` and `target_offset`; a distance is scaled after it is formed; a joint that never
@@ -46,6 +48,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 RADIANS = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "arcmin": np.pi / 10800, "arcsec": np.pi / 648000}
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
+SIX = ("x", "y", "z", "rx", "ry", "rz")
 _PARAMETER = re.compile(r"(?:(?P<place>.+)\.)?(?P<effect>\w+)(?:\[(?P<run>[^]]*)\])?\.(?P<parameter>[^.]+)")
 
 
@@ -597,8 +600,8 @@ class Simulated:
         targets = []
         for target in self.file["target"]:
             p = np.array(target["point"], dtype=float)
-            names = "ab" if self.kind == "direction" else "xyz"
-            moved = self._sum(target["name"], {"target", "target_offset"}, names)
+            names = {"direction": ("a", "b"), "pose": SIX}.get(self.kind, SIX[:3])
+            moved = self._sum(target["name"], {"target", "target_offset"}, names)[:3]
             if self.kind == "direction":
                 u, v = complete(unit(p))
                 a, b = moved * self.radian
@@ -607,6 +610,14 @@ class Simulated:
                 p = p + moved
             targets.append(p)
         return np.array(targets)
+
+    def _attitudes(self) -> Array:
+        """Give the attitudes of the targets at zero, (targets, 4, 4): turned by the file, then by what is wrong."""
+        found = []
+        for target in self.file["target"]:
+            own = self._sum(target["name"], {"target", "target_offset"}, SIX)[3:] * self.radian
+            found.append(rigid(own) @ rigid(np.array(target.get("attitude", [0, 0, 0])) * self.radian))
+        return np.array(found)
 
     def _motion(self, joint: Mapping[str, Any], n: Array, point: Array, q: Array) -> Array:
         """Give the motions J of one joint, for coordinates in units of the file."""
@@ -658,7 +669,7 @@ class Simulated:
 
         Returns
         -------
-        array, shape (rows, 3), for distances (rows, 1)
+        array, shape (rows, 3), for distances (rows, 1), for poses (rows, 12)
         """
         q = np.asarray(q, dtype=float)
         rows = len(q)
@@ -766,7 +777,13 @@ class Simulated:
             [self._of_targets(names, ("r" if directions else "t") + x, columns) for x in "xyz"], -1
         )
         seen = carried(rigid(moves * self.radian), seen) if directions else seen + moves
-        return self._read(carried(real, seen, directions=directions), columns, run)
+        read = self._read(carried(real, seen, directions=directions), columns, run)
+        if self.kind != "pose":
+            return read
+        turned = real @ self._attitudes()[[self.target_names.index(name) for name in names]]
+        for motion in (self._drift(columns, rows), self._set_up(run, rows), self._frame()):
+            turned = motion @ turned
+        return np.concatenate([read, turned[:, :3, :3].reshape(rows, 9)], axis=1)
 
     def _sky(self, q: Array, names: Sequence[str]) -> dict[str, Array]:
         """Give zenith angle and azimuth of the lines of sight of a machine without errors."""
@@ -788,7 +805,7 @@ class Simulated:
         if self.kind == "distance":
             y = np.linalg.norm(y - self.file["measured"]["from"], axis=1, keepdims=True)
         x_scale, y_scale = self._sum(None, {"instrument_axis_scales"}, "xy")
-        scales = np.array([1 + x_scale, 1 + y_scale, 1]) if self.kind == "point" else 1
+        scales = np.array([1 + x_scale, 1 + y_scale, 1]) if self.kind in {"point", "pose"} else 1
         return y if directions else (1 + k) * y * scales
 
     def _lifted(self, y: Array) -> Array:
@@ -844,9 +861,9 @@ class Simulated:
     # What instruments and set-ups add
 
     def with_noise(self, reading: Array, sigma: ArrayLike, random: np.random.Generator) -> Array:
-        """Add noise of standard deviation `sigma`: a length, or an angle across a direction."""
-        noise = random.normal(size=reading.shape) * np.asarray(sigma, dtype=float)
-        return self._moved(reading, noise)
+        """Add noise of standard deviation `sigma`: a length, or an angle across a direction; of poses three of each."""
+        shape = (len(reading), 6) if self.kind == "pose" else reading.shape
+        return self._moved(reading, random.normal(size=shape) * np.asarray(sigma, dtype=float))
 
     def with_outliers(
         self, reading: Array, rows: Sequence[int], size: float, random: np.random.Generator
@@ -861,6 +878,9 @@ class Simulated:
     def _moved(self, reading: Array, move: Array) -> Array:
         if self.kind == "direction":
             return carried(rigid(move * self.radian), reading)
+        if self.kind == "pose":
+            turned = rotation(move[:, 3:] * self.radian) @ reading[:, 3:].reshape(-1, 3, 3)
+            return np.concatenate([reading[:, :3] + move[:, :3], turned.reshape(-1, 9)], axis=1)
         return reading + move
 
     def write_csv(
@@ -902,13 +922,17 @@ class Simulated:
             put(name, units[j], q[:, j], "q")
         if target is not None:
             put("target", "", target)
-        names = {"point": ["x", "y", "z"], "direction": ["ux", "uy", "uz"], "distance": ["d"]}[self.kind]
+        names = {"direction": ["ux", "uy", "uz"], "distance": ["d"]}.get(self.kind, ["x", "y", "z"])
         for i, name in enumerate(names):
             put(name, "" if self.kind == "direction" else length, reading[:, i], "reading")
+        for i, value in enumerate(reading[:, 3:].T):
+            put(f"r{i // 3 + 1}{i % 3 + 1}", "", value)
         if uncertainty is not None:
-            stated = np.broadcast_to(np.asarray(uncertainty, dtype=float), reading.shape)
+            names += ["rx", "ry", "rz"] if self.kind == "pose" else []
+            stated = np.broadcast_to(np.asarray(uncertainty, dtype=float), (len(reading), len(names)))
             for i, name in enumerate(names):
-                put(f"u_{name}", angle if self.kind == "direction" else length, stated[:, i])
+                turns = self.kind == "direction" or name.startswith("r")
+                put(f"u_{name}", angle if turns else length, stated[:, i])
         for prefix, table in (("dir", s), ("v", v)):
             for j, name in enumerate(self.joint_names if table is not None else []):
                 values = np.asarray(table, dtype=float)[:, j]

@@ -15,6 +15,7 @@ from rodgen.calibration.checks.held_out import HeldOut, held_out
 from rodgen.calibration.checks.lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.calibration.determinacy import Determinacy, determinacy
 from rodgen.calibration.noise import NoiseFloor, noise_floor
+from rodgen.calibration.noise.attitude_noise import estimated_arm
 from rodgen.calibration.noise.correlation import Dependence, dependence
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem, one_thread_in_blas
@@ -29,6 +30,7 @@ from rodgen.calibration.words import measured
 from rodgen.data.observations import Observations
 from rodgen.errors import shown
 from rodgen.machines.machine import Machine
+from rodgen.machines.measured import TURNS
 from rodgen.machines.model import model_of
 from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
@@ -44,6 +46,8 @@ LOSSES = ("linear", "huber")
 
 UNEQUAL = 1.5
 """Ratio of stated uncertainties from which an error that is not weighted does not show what was found."""
+SAME_ARM = 0.02
+"""Relative change of a lever arm that changes no estimate by a hundredth of its standard deviation."""
 COMPILE_FROM = 20_000
 """Rows from which on a fit by least squares is done with compiled kernels. NumPy needs some 15 evaluations of few rows,
 0.002 to 0.04 s, where the compiler works for 0.2 to 1.3 s; with 20 000 rows both take as long. A fit that looks for
@@ -164,12 +168,30 @@ class FittedModel:
                 if gone.any():
                     problem.leave_out(gone)
                 solution, free = fit_in_stages(problem)
-                return cls._finished(problem, solution, free, gone)
+                return cls._finished(problem, solution, free, gone).balanced()
             found = robust_fit(problem, lambda: fit_in_stages(problem))
             fit = cls._finished(problem, found.solution, found.free, found.outliers)
+            if not observations.arm_is_known:
+                return cls.to(machine, fit.balanced().observations, loss=loss, compiled=compiled)
             outliers = fit.with_bodies(fit.outliers)
             fit = fit if np.array_equal(outliers, fit.outliers) else fit.refit(outliers=outliers)
             return replace(fit, loss=loss)
+
+    def balanced(self) -> Self:
+        """Return the fit of poses in which positions and attitudes count by their own noise, estimated apart.
+
+        Itself where that is known.
+        """
+        fit = self
+        while not fit.observations.arm_is_known:
+            arm = fit.noise_arm
+            known = abs(np.log(arm / fit.observations.arm)) < SAME_ARM
+            if known:
+                return replace(fit, observations=replace(fit.observations, arm_is_known=True))
+            o = replace(fit.observations, arm=arm, arm_is_known=True)
+            fit = fit.refit(observations=o, outliers=fit.outliers)
+            fit = replace(fit, observations=replace(o, arm_is_known=False))
+        return fit
 
     @classmethod
     def _finished(
@@ -200,6 +222,14 @@ class FittedModel:
         machine = in_its_mode(replace(model.machine, values=values, joints=joints), problem.observations)
         machine = with_what_was_seen(machine, problem.observations)
         return cls(machine, problem.observations, problem, solution, tuple(free), outliers, loss)
+
+    @property
+    def noise_arm(self) -> float:
+        """The ratio of the noise of positions to that of attitudes by the residuals, length unit; where stated, that."""
+        o = self.observations
+        if o.sigma is not None or not self.machine.measurand.has_attitude:
+            return o.arm
+        return estimated_arm(self.problem, self.solution, self.free, ~self.outliers)
 
     def with_bodies(self, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return rows that are wrong, (n,), with the others of their poses where these were measured as poses."""
@@ -306,10 +336,35 @@ class FittedModel:
         return np.pi / 648000 if self.unit == "arcsec" else 1.0
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """What each component of a residual is shown in: :attr:`unit`, but for the turns of poses."""
+        return tuple("arcsec" if x in TURNS else self.unit for x in self.machine.measurand.components)
+
+    @property
+    def in_units(self) -> Array:
+        """What brings components of residuals from :attr:`unit` to :attr:`units`, (m,)."""
+        angle = 648000 / np.pi / self.observations.arm
+        return np.array([angle if x in TURNS else 1.0 for x in self.machine.measurand.components])
+
+    @property
+    def error_text(self) -> str:
+        """The rms of the residuals, of poses that of positions and that of attitudes."""
+        if not self.machine.measurand.has_attitude:
+            return f"rms {self.rms:.4g} {self.unit} per reading"
+        squares = np.mean(self.residuals[~self.outliers] ** 2, axis=0) * self.in_units**2
+        place, turn = np.sqrt(squares[:3].mean()), np.sqrt(squares[3:].mean())
+        stated = "stated" if self.observations.sigma is not None else "by the residuals"
+        return (
+            f"rms {place:.4g} {self.unit} of a coordinate and {turn:.4g} {self.units[-1]} of a turn; turns count as "
+            f"lengths on an arm of {self.observations.arm:.4g} {self.unit}, the ratio of both noises ({stated})"
+        )
+
+    @property
     def residuals(self) -> Residuals:
         """Measured less predicted, (n, m), in :attr:`unit`; as a DataFrame with the measurements.
 
-        Of directions: the angle on the sphere, split into a horizontal part and one towards the zenith.
+        Of directions: the angle on the sphere, split into a horizontal part and one towards the zenith. Of poses also
+        the rotation vector about the axes of the measuring frame, times the arm of the observations.
         """
         return Residuals.of(self, self._residuals)
 

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.problem.attitudes import attitude_columns
 from rodgen.data.units import parse_unit
+from rodgen.machines.measured import TURNS
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -26,7 +28,9 @@ def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
     -------
     dict of str to ndarray
         ``predicted_x`` … and ``residual_x`` … in the unit of the column ``x``. Of directions the prediction, and the
-        angle between both, split into a horizontal part (to the left) and one towards the zenith. ``outlier``, 1 or 0.
+        angle between both, split into a horizontal part (to the left) and one towards the zenith. Of poses also the
+        predicted attitude, in the notation of the readings, and the rotation vector from there to these.
+        ``outlier``, 1 or 0.
         A row that is a copy of another has what that has.
     """
     measurand = fit.machine.measurand
@@ -38,11 +42,18 @@ def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
         parts = zip(("horizontal", "vertical"), fit.residuals.T, strict=True)
         found |= {f"residual_{part} [{fit.unit}]": values for part, values in parts}
     else:
-        residuals = fit.residuals * fit.unit_factor
-        for label, values in (("predicted", fit.observations.reading - residuals), ("residual", residuals)):
-            for name, part in zip(names, values.T, strict=True):
-                unit = str(fit.observations.data.columns[name].unit)
+        data, residuals = fit.observations.data, fit.residuals * fit.unit_factor
+        reading = fit.observations.reading
+        of_places = residuals[:, : reading.shape[1]]
+        for label, values in (("predicted", reading - of_places), ("residual", of_places)):
+            for name, part in zip(names, values.T, strict=False):
+                unit = str(data.columns[name].unit)
                 found[f"{label}_{name} [{unit}]"] = part / parse_unit(unit).factor(fit.machine.length_unit)
+        if measurand.has_attitude:
+            attitudes = fit.problem.attitudes(fit.solution.theta, fit.solution.frame)
+            found |= {f"predicted_{name}": part for name, part in attitude_columns(attitudes, data).items()}
+            turns = (residuals * fit.in_units)[:, 3:]
+            found |= {f"residual_{name} [arcsec]": part for name, part in zip(TURNS, turns.T, strict=True)}
     found["outlier"] = fit.outliers.astype(np.int8)
     rows = fit.observations.counted_as
     return found if rows is None else {name: values[rows] for name, values in found.items()}

@@ -116,7 +116,7 @@ def _lines(fit: Fit) -> Iterator[str]:
     if gross := on_gross_readings(fit):
         yield gross
     yield from contradictions(fit)
-    yield f"rms {fit.rms:.4g} {fit.unit} per reading. {fit.noise.text}"
+    yield f"{fit.error_text}. {fit.noise.text}"
     if fit.degrees_of_freedom < 1:
         yield NOTHING_LEFT
     elif fit.lack_of_fit and fit.solution.converged:

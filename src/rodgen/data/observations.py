@@ -49,10 +49,10 @@ class Observations:
     covariates : mapping of str to ndarray, shape (n,)
         Every column without a meaning of its own, by name; temperatures from the reference, too.
     reading : ndarray, shape (n, 3), or (n, 1) for distances
-        Directions have length 1. NaN where readings may be missing and are.
+        Directions have length 1. NaN where readings may be missing and are. Of poses the points.
     sigma : ndarray like `reading`, or None
         Standard uncertainty of each component, from the columns ``u_…`` or the machine's ``noise``; None where neither
-        is given.
+        is given. Of poses (n, 6), those of attitudes times `arm`.
     target : ndarray of int, shape (n,)
         Index into the machine's targets.
     run : ndarray of int, shape (n,)
@@ -67,6 +67,13 @@ class Observations:
         Names of all columns in the data.
     pose_start : ndarray, shape (n, k), or None
         Of a closed chain: the platform's pose on the nominal machine, near which a model solves for its own.
+    attitude : ndarray, shape (n, 3, 3), or None
+        Of poses the measured attitudes: the axes of the body as columns, in the measuring frame.
+    arm : float
+        Of poses the lever arm by which turns are lengths, length unit: the ratio of the noise of positions to that of
+        attitudes.
+    arm_is_known : bool
+        False until a fit has estimated it.
     counted_as : ndarray of int, or None
         Of each row of the table as it was given, copies included, the row here that it is counted as; None where it has
         no copies. Parts of the observations do not have it.
@@ -90,6 +97,9 @@ class Observations:
     travel: NDArray[np.float64]
     columns_given: frozenset[str]
     pose_start: NDArray[np.float64] | None = None
+    attitude: NDArray[np.float64] | None = None
+    arm: float = 1.0
+    arm_is_known: bool = True
     counted_as: NDArray[np.int_] | None = None
 
     @property
@@ -205,6 +215,8 @@ class Observations:
             run_names=self.run_names,
             travel=self.travel,
             columns_given=self.columns_given,
+            arm=self.arm,
+            arm_is_known=self.arm_is_known,
         )
 
     def arrays(self) -> Iterator[NDArray[Any]]:
@@ -220,7 +232,7 @@ class Observations:
         return f"Observations({self.machine.name!r}, {self.data!r})"
 
 
-_BY_ROW = ("q", "s", "v", "t", "load", "reading", "sigma", "target", "run", "pose", "pose_start")
+_BY_ROW = ("q", "s", "v", "t", "load", "reading", "sigma", "target", "run", "pose", "pose_start", "attitude")
 
 
 def _rows(array: NDArray[Any], rows: Any) -> NDArray[Any]:

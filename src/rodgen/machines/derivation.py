@@ -24,6 +24,7 @@ from rodgen.errors import RodgenError
 from rodgen.machines.algebra import Algebra, TapeBuilder, on_tape, with_sympy
 from rodgen.machines.closed_chain_derivation import closed_chain, pose_of
 from rodgen.machines.effects.formula import Formula
+from rodgen.machines.measured import TURNS
 from rodgen.machines.structure import MOMENTS, TENSION, Structure, Term
 
 if TYPE_CHECKING:
@@ -63,9 +64,10 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
     -------
     list of Kernel
         With the inputs ``rows``, ``g``, ``e``; see :mod:`rodgen.machines.structure` for their layouts. ``place``
-        has the output ``place``: the predicted point or direction; ``residual`` measured less predicted, times the
-        weight; ``residual_and_jacobian`` that and ``residual_jacobian``, (components, slots). Of a closed chain also
-        ``pose``: where its platform is, as a start for other values.
+        has the output ``place``: the predicted point or direction, of poses followed by the matrix of the attitude;
+        ``residual`` measured less predicted, times the weight; ``residual_and_jacobian`` that and
+        ``residual_jacobian``, (components, slots). Of a closed chain also ``pose``: where its platform is, as a start
+        for other values.
     """
     place = ModelSteps(structure, "place", with_residual=False).kernel()
     residual = ModelSteps(structure, "residual").kernel()
@@ -92,7 +94,7 @@ def derive_programs(structure: Structure) -> list[Program]:
     inputs = {name: (len(x),) for name, x in residual.inputs.items() if name != "freedom"}
     values = residual.outputs["residual"]
     outputs: dict[str, dict[str, tuple[tuple[int, ...], Sequence[Any]]]] = {
-        "place": {"place": ((3,), place.outputs["place"])},
+        "place": {"place": ((len(place.outputs["place"]),), place.outputs["place"])},
         "residual": {"residual": ((len(values),), values)},
     }
     if variables:
@@ -472,21 +474,34 @@ class ModelSteps:
         s = self.structure
         free = self.known("target") + self.freedoms("target", "xyz") if s.moving else self.varied("target", 0)
         value = self.let("target", free)
-        return self.displaced(value, [n for n, term in enumerate(s.terms) if term.target], self.zero, None)
+        here = [n for n, term in enumerate(s.terms) if term.target]
+        return self.displaced(value, here, self.zero, None, moves=s.moving)
 
-    def displaced(self, x: Vector, numbers: Sequence[int], pivot: Vector, j: int | None) -> Vector:
-        """Move x by the sum of some effects: D x = P + R(w)(x - P) + t."""
+    def axes(self) -> list[Vector]:
+        """Return the axes of the target with all joints at zero, turned by its freedoms."""
+        turned = self.matrix(3, 3, self.g["target_rotation", 0])
+        if not self.structure.target:
+            return [turned[:, i] for i in range(3)]
+        turn = self.let("turn", self.matrix(3, 3, self.g["target_turns", 0]) * self.freedoms("target", TURNS))
+        return [self.let("axis", turned[:, i] + turn.cross(turned[:, i])) for i in range(3)]
+
+    def displaced(
+        self, x: Vector, numbers: Sequence[int], pivot: Vector, j: int | None, *, moves: bool
+    ) -> Vector:
+        """Move x by the sum of some effects: D x = P + R(w)(x - P) + t; a direction is only turned."""
         motion = self.rigid(numbers, pivot, j)
         if motion is None:
             return x
         t, w = motion
+        if not moves:
+            return x if w == self.zero else self.let("moved", self.by_vector(x, w))
         if w != self.zero:
             arm = self.let("arm", x - pivot)
             x = self.by_vector(arm, w) + pivot
-        return self.let("moved", x + t if self.structure.moving else x)
+        return self.let("moved", x + t)
 
-    def carried(self, x: Vector) -> Vector:
-        """Carry the target by all joints, with their errors."""
+    def carried(self, x: Vector, *, moves: bool) -> Vector:
+        """Carry a point of the last body, or a direction in it, by all joints, with their errors."""
         s = self.structure
         for j in reversed(range(len(s.joints))):
             here = [n for n, term in enumerate(s.terms) if term.joint == j]
@@ -501,12 +516,13 @@ class ModelSteps:
                 q = self.let("reading", sum((self.term(n, part) for n, part in readings), q))
             if s.joints[j].revolute:
                 turn = self.turn(q) if readings else self.ideal_turn[j]
-                arm = self.let("arm", x - self.point[j])
-                x = self.let("carried", self.about_axis(arm, self.axis[j], turn) + self.point[j])
-            elif s.moving:
+                point = self.point[j] if moves else self.zero
+                arm = self.let("arm", x - point)
+                x = self.let("carried", self.about_axis(arm, self.axis[j], turn) + point)
+            elif moves:
                 x = self.let("carried", x + self.axis[j] * q)
-            moves = [n for n in here if any(component != "reading" for component, _ in s.terms[n].parts)]
-            x = self.displaced(x, moves, self.point[j], j)
+            errors = [n for n in here if any(component != "reading" for component, _ in s.terms[n].parts)]
+            x = self.displaced(x, errors, self.point[j], j, moves=moves)
         return x
 
     def lifted(self, x: Vector) -> Vector:
@@ -529,7 +545,7 @@ class ModelSteps:
         cosine = self.let("cosine", self.select(is_small, 1 - square * _series(square, 2), self.cos(angle)))
         return self.let("lifted", x * cosine + (up - x * c) * (f * by_sine))
 
-    def framed(self, x: Vector) -> Vector:
+    def framed(self, x: Vector, *, moves: bool) -> Vector:
         """Move by the frame's own motions: those that differ from row to row, the shift, the free frame."""
         s = self.structure
         whole = [
@@ -537,22 +553,22 @@ class ModelSteps:
             for n, term in enumerate(s.terms)
             if term.joint is None and not term.target and term.component not in {"lift", "factor", "factors"}
         ]
-        x = self.displaced(x, whole, self.zero, None)
+        x = self.displaced(x, whole, self.zero, None, moves=moves)
         if s.shift:
             turned = self.matrix(3, 3, self.g["shift_rotation", 0]) * x
             turns = self.matrix(3, 3, self.g["shift_turns", 0])
             x = self.let("turned", turned)
-            x = x + (turns * self.freedoms("shift", ("rx", "ry", "rz"))).cross(x)
-            if s.moving:
+            x = x + (turns * self.freedoms("shift", TURNS)).cross(x)
+            if moves:
                 x = x + self.known("shift") + self.freedoms("shift", "xyz")
             x = self.let("shifted", x)
         if s.frame:
-            x = self.let("inner", x + self.freedoms("frame", ("rx", "ry", "rz")).cross(x))
+            x = self.let("inner", x + self.freedoms("frame", TURNS).cross(x))
             x = self.matrix(3, 3, self.g["frame_rotation", 0]) * x
-            if s.moving:
+            if moves:
                 x = x + self.known("frame") + self.freedoms("frame", "xyz")
             x = self.let("seen", x)
-        return s.measurand.seen(self, x)
+        return x
 
     def factor(self) -> Any:
         """Return what the instrument multiplies its readings by."""
@@ -572,13 +588,19 @@ class ModelSteps:
     def kernel(self) -> Kernel:
         """Return the kernel."""
         s = self.structure
-        carry = partial(closed_chain, self) if s.kinematics.is_closed else self.carried
-        place = self.framed(self.lifted(carry(self.target())))
+        moves = s.moving
+        carry = partial(closed_chain, self) if s.kinematics.is_closed else partial(self.carried, moves=moves)
+        place = s.measurand.seen(self, self.framed(self.lifted(carry(self.target())), moves=moves))
+        axes = None
+        if s.measurand.has_attitude:
+            turned = (self.carried(axis, moves=False) for axis in self.axes())
+            axes = self.matrix.hstack(*(self.framed(axis, moves=False) for axis in turned))
         if not self.with_residual:
-            self.builder.output("place", place, unit="1", doc="predicted point or direction")
+            found = place if axes is None else self.matrix([*place, *axes])
+            self.builder.output("place", found, unit="1", doc="predicted point or direction")
             return self.builder.build()
         reading = self.matrix([self.column["reading", i] for i in range(s.measurand.inputs)])
-        residual = s.measurand.residual(self, reading, place)
+        residual = s.measurand.residual(self, reading, place, axes)
         weights = [self.column["weight", i] for i in range(s.components)]
         weighted = self.matrix([r * w for r, w in zip(residual, weights, strict=True)])
         self.builder.output("residual", weighted, unit="1", doc="measured less predicted, times the weight")

@@ -10,6 +10,7 @@ import numpy as np
 from rodgen.errors import InputFileError
 from rodgen.machines.model import Model
 from rodgen.machines.parts import Effect, Joint, Vector
+from rodgen.machines.rigid import rotation_vector
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
@@ -65,7 +66,10 @@ def fixed_machine(machine: Machine) -> Machine:
         point, _ = rigid.target(theta, k)
         moves = machine.measurand.moving or any(rigid.value(theta, "target", k, x) for x in "ab")
         scaled = _vector(point) if machine.measurand.moving else _unit(point)
-        targets.append(replace(target, point=scaled if moves else target.point))
+        attitude = target.attitude
+        if machine.measurand.has_attitude:
+            attitude = _vector(rotation_vector(rigid.attitude(theta, k)))
+        targets.append(replace(target, point=scaled if moves else target.point, attitude=attitude))
 
     numbers: dict[str, Any] = {name: rigid.number(theta, name) for name in machine.kinematics.numbers}
     numbers = {name: value if len(value) > 1 else value[0] for name, value in numbers.items()}

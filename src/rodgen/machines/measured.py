@@ -1,4 +1,4 @@
-"""What is measured: a point, a direction or a distance, and all that differs between the three.
+"""What is measured: a point, a direction, a distance or a pose, and all that differs between them.
 
 Everything else asks the measurand. Only files call it by its name.
 """
@@ -22,19 +22,32 @@ __all__ = [
     "DIRECTION",
     "DISTANCE",
     "MEASURANDS",
+    "NOTATIONS",
     "POINT",
+    "POSE",
     "READING_COLUMNS",
     "Direction",
     "Distance",
     "Measurand",
     "Measured",
     "Point",
+    "Pose",
 ]
 
 Array: TypeAlias = NDArray[np.float64]
 Vector: TypeAlias = tuple[float, float, float]
 
 TURNS = ("rx", "ry", "rz")
+
+NOTATIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "rotation vector": TURNS,
+        "roll, pitch and yaw": ("roll", "pitch", "yaw"),
+        "quaternion": ("qw", "qx", "qy", "qz"),
+        "matrix": tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
+    }
+)
+"""The ways to write an attitude in a table, and their columns."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +80,9 @@ class Measurand:
         Components of the motion of a frame that a reading depends on.
     has_origin : bool
         Whether it is measured from a point.
+    has_attitude : bool
+        Whether the attitude of a body is read, too. Its residual is a rotation vector about the axes of the measuring
+        frame, times a lever arm (`Observations.arm`): a length, as those of the place.
     unchanged_by : mapping of str to str
         Components of effects that do not change a reading, and why.
     """
@@ -83,6 +99,7 @@ class Measurand:
     freedoms: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     rigid: ClassVar[tuple[str, ...]] = ("x", "y", "z", *TURNS)
     has_origin: ClassVar[bool] = False
+    has_attitude: ClassVar[bool] = False
     unchanged_by: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     def unit(self, length: str) -> str:
@@ -119,7 +136,7 @@ class Measurand:
         """Return where the instrument sees a place, (3, 1)."""
         return place
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
+    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return measured less predicted, (components, 1).
 
         Parameters
@@ -129,6 +146,8 @@ class Measurand:
         reading : Matrix, shape (inputs, 1)
         place : Matrix, shape (3, 1)
             As :meth:`seen`.
+        axes : Matrix, shape (3, 3), optional
+            The attitude: the axes of the body, as columns.
         """
         raise NotImplementedError
 
@@ -139,14 +158,15 @@ class Point(Measurand):
 
     kind = "point"
     words = "points x, y, z"
-    columns = components = labels = ("x", "y", "z")
+    columns: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    components = labels = columns
     inputs = 3
 
     def seen(self, steps: ModelSteps, place: Any) -> Any:
         """Return the place as a multiple of the instrument's unit."""
         return steps.scaled(place * steps.factor())
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
+    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the difference of the coordinates."""
         return reading - place
 
@@ -197,7 +217,7 @@ class Direction(Measurand):
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.where(size > 0, residuals * (2 * np.arctan(size / 2) / size), residuals))
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
+    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the stereographic image of the prediction, seen from opposite the reading, along two vectors."""
         measured, first, second = reading[:3, :], reading[3:6, :], reading[6:, :]
         factor = steps.let("stereographic", -2 / (1 + measured.dot(place)))
@@ -216,18 +236,52 @@ class Distance(Measurand):
     has_origin = True
     unchanged_by = MappingProxyType({"factors": "no distance: it has no axes"})
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
+    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the difference of the distances."""
         arm = steps.let("arm", place - steps.known("origin"))
         distance = steps.let("distance", steps.length(arm) * steps.factor())
         return type(reading)([reading[0] - distance])
 
 
-POINT, DIRECTION, DISTANCE = Point(), Direction(), Distance()
-MEASURANDS: Mapping[str, Measurand] = MappingProxyType({m.kind: m for m in (POINT, DIRECTION, DISTANCE)})
+@dataclass(frozen=True)
+class Pose(Point):
+    """The coordinates of a point of a body, and the body's attitude."""
+
+    kind = "pose"
+    words = "poses: points x, y, z and attitudes"
+    columns = components = labels = ("x", "y", "z", *TURNS)
+    inputs = 12
+    freedoms = ("x", "y", "z", *TURNS)
+    has_attitude = True
+
+    def error(self, residuals: Array) -> Array:
+        """Return the residuals: a turn is as long as 2 tan(angle / 2), the angle but for a twelfth of its cube."""
+        return residuals
+
+    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
+        """Return the difference of the coordinates, and the Rodrigues vector that turns the prediction to the reading.
+
+        With the axes m of the body as predicted and r as measured it is 2 Σ m × r / (1 + Σ m · r), 2 tan(angle / 2)
+        long: without a branch, and finite up to half a turn.
+        """
+        matrix = type(reading)
+        read = matrix(3, 3, list(reading[3:, :]))
+        across = steps.zero
+        along = 1
+        for i in range(3):
+            across = across + axes[:, i].cross(read[:, i])
+            along = along + axes[:, i].dot(read[:, i])
+        turn = across * steps.let("rodrigues", 2 / along)
+        return matrix([*(reading[:3, :] - place), *turn])
+
+
+POINT, DIRECTION, DISTANCE, POSE = Point(), Direction(), Distance(), Pose()
+MEASURANDS: Mapping[str, Measurand] = MappingProxyType(
+    {m.kind: m for m in (POINT, DIRECTION, DISTANCE, POSE)}
+)
 """All measurands, by their names in machine files."""
-READING_COLUMNS = frozenset(column for measurand in MEASURANDS.values() for column in measurand.columns)
-"""Columns of measurements that are readings."""
+READING_COLUMNS = frozenset(column for m in (POINT, DIRECTION, DISTANCE) for column in m.columns)
+"""Columns of measurements that are readings of any machine; where poses are read, those of `NOTATIONS` are, too."""
 
 
 @dataclass(frozen=True)
@@ -236,19 +290,22 @@ class Measured:
 
     Attributes
     ----------
-    kind : {"point", "direction", "distance"}
+    kind : {"point", "direction", "distance", "pose"}
     frame : {"machine", "free"}
         Readings are in machine axes, or in a frame that is found with the rest.
     origin : tuple of float, length 3, or None
         Where a distance is measured from, in the measuring frame.
     noise : float or None
-        Standard uncertainty of a scalar reading.
+        Standard uncertainty of a scalar reading; of poses that of a coordinate.
+    attitude_noise : float or None
+        Standard uncertainty of an attitude about each axis; stated where and only where `noise` of poses is.
     """
 
     kind: str
     frame: str
     origin: Vector | None = None
     noise: float | None = None
+    attitude_noise: float | None = None
 
     @property
     def measurand(self) -> Measurand:

@@ -254,6 +254,11 @@ class Model:
         u, v = self._target_bases[k]
         return tilted(point, u, v, np.array([self.value(theta, "target", k, x) for x in "ab"]))
 
+    def attitude(self, theta: Array, k: int) -> Array:
+        """Return the matrix of a target's attitude, (3, 3): its axes as columns, in machine axes."""
+        turn = np.array([self.value(theta, "target", k, x) for x in TURNS])
+        return np.asarray(rotation_matrix(turn) @ self._attitudes[k])
+
     # The parts of ``g`` that change are written into a copy of the constant ones, for all joints, targets and set-ups
     # at once: a small fit spends most of its time here.
 
@@ -290,6 +295,15 @@ class Model:
             g[:, start : start + 3] = targets[of_target]
             if not s.moving:
                 g[:, start + 3 : start + 9] = by[count:].swapaxes(1, 2).reshape(-1, 6)[of_target]
+        if s.measurand.has_attitude and s.target:
+            of_target = np.array([target for target, _ in groups], np.intp)
+            turns = values[self._target_turns][of_target]
+            parts = {
+                "target_rotation": rotation_matrix(turns) @ self._attitudes[of_target],
+                "target_turns": left_jacobian(turns),
+            }
+            for name, value in parts.items():
+                g[:, at[name, 0] : at[name, 0] + 9] = value.reshape(-1, 9)
         if s.shift:
             of_run = np.array([run for _, run in groups], np.intp)
             shifts = values[self._shift_numbers(int(of_run.max(initial=0)) + 1)]
@@ -345,6 +359,8 @@ class Model:
             return np.array([first if name == "start" else last - first])
         if name == "target":
             return np.array([machine.targets[target].point for target, _ in groups])
+        if name == "target_rotation":
+            return self._attitudes[[target for target, _ in groups]].reshape(-1, 9)
         if name == "gravity":
             return np.array(machine.gravity)
         if name in {"level_u", "level_v"}:
@@ -419,9 +435,20 @@ class Model:
         return np.array([target.point for target in self.machine.targets], float)
 
     @functools.cached_property
+    def _attitudes(self) -> Array:
+        return rotation_matrix(np.array([target.attitude for target in self.machine.targets], float))
+
+    @functools.cached_property
     def _target_numbers(self) -> NDArray[np.intp]:
+        return self._numbers_of_targets("xyz")
+
+    @functools.cached_property
+    def _target_turns(self) -> NDArray[np.intp]:
+        return self._numbers_of_targets(TURNS)
+
+    def _numbers_of_targets(self, components: Sequence[str]) -> NDArray[np.intp]:
         targets = range(len(self.machine.targets))
-        return self._numbers([("target", k, x) for k in targets for x in "xyz"]).reshape(-1, 3)
+        return self._numbers([("target", k, x) for k in targets for x in components]).reshape(-1, 3)
 
     def _shift_numbers(self, runs: int) -> NDArray[np.intp]:
         return self._numbers([("shift", run, x) for run in range(runs) for x in (*"xyz", *TURNS)]).reshape(

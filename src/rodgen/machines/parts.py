@@ -99,10 +99,13 @@ class Target:
     name : str
     point : tuple of float, length 3
         In machine axes; of length 1 where directions are measured.
+    attitude : tuple of float, length 3
+        Rotation vector in radians, in machine axes, that turns these to the target's own; where poses are measured.
     """
 
     name: str
     point: Vector
+    attitude: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

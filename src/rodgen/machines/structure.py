@@ -244,6 +244,10 @@ class Structure:
         yield "target", 0, 3
         if self.target and not self.moving:
             yield from (("target_by_a", 0, 3), ("target_by_b", 0, 3))
+        if self.measurand.has_attitude:
+            yield "target_rotation", 0, 9
+            if self.target:
+                yield "target_turns", 0, 9
         if self.centre:
             yield "centre", 0, 3
         if self.centre or any(term.uses_gravity for term in self.terms):

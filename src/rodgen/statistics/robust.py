@@ -16,7 +16,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 HALF_OF_NORMAL = 0.6745
 """Standard deviations within which half of normal errors are."""
-HUBER = {1: 1.3449975, 2: 1.5011411, 3: 1.6279879}
+HUBER = {1: 1.3449975, 2: 1.5011411, 3: 1.6279879, 6: 1.8693377}
 """Tuning constant k by m: 95 % efficiency for m normal components, (E[ψ′/m + (m-1)ψ/(mz)])² / (E[ψ²]/m) = 0.95."""
 
 

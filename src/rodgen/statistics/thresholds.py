@@ -135,6 +135,11 @@ class EvidencePolicy(NamedTuple):
     """Effects that full fits do not confirm, after each of which effects are selected anew."""
     changed_rows: float = 1e-3
     """Share of the rows that may change between outlier and not without a new selection of effects."""
+    same_arm: float = 0.1
+    """Relative change of the ratio of two noises without which effects are not selected anew: weights that are a tenth
+    off cost a four-hundredth of what estimates know, ..."""
+    balanced: int = 3
+    """... and times at most that they are: the ratio is then as good as the effects that were found."""
 
 
 class OutlierPolicy(NamedTuple):

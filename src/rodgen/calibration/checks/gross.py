@@ -120,9 +120,10 @@ def how_far_off(fit: FittedModel, offs: Sequence[float], components: Sequence[st
     components : sequence of str
         Of the readings.
     """
-    several = len(fit.machine.measurand.components) > 1
+    names = fit.machine.measurand.components
+    shown = dict(zip(names, zip(fit.in_units, fit.units, strict=True), strict=True))
     listed = [
-        f"{_signed(off)} {fit.unit}{f' {in_component(name)}' if several else ''}"
+        f"{_signed(off * shown[name][0])} {shown[name][1]}{f' {in_component(name)}' if len(names) > 1 else ''}"
         for off, name in zip(offs[: GROSS.named], components, strict=False)
     ]
     more = f" and {len(offs) - GROSS.named} more" if len(offs) > GROSS.named else ""

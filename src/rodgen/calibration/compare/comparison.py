@@ -91,8 +91,9 @@ class Comparison:
 
     @property
     def rms(self) -> NDArray[np.float64]:
-        """Root mean square of each component, (m,), in :attr:`unit`, without outliers."""
-        return np.sqrt(np.mean(self.fit.residuals[~self.fit.outliers] ** 2, axis=0))  # type: ignore[no-any-return]
+        """Root mean square of each component, (m,), in the fit's `units`, without outliers."""
+        squares = np.mean(self.fit.residuals[~self.fit.outliers] ** 2, axis=0)
+        return np.sqrt(squares) * self.fit.in_units  # type: ignore[no-any-return]
 
     @property
     def worst_rows(self) -> NDArray[np.intp]:
@@ -156,7 +157,7 @@ class Comparison:
             ``gross``: readings that are grossly wrong: ``row``, ``component``, ``off``, ``others`` (what others are off
             at most);
             ``rows_looked_at``: fewer where there are very many;
-            ``components``: ``name``, ``rms`` of each;
+            ``components``: ``name``, ``rms`` and ``unit`` of each;
             ``sentences``: those that are printed; ``claims``: those of them that say that something is there;
             ``depends_on``: what was found beyond chance, each given those before: ``covariate``, ``components`` (what
             it was found in: components, or ``"along JOINT"`` for a joint's reading), ``explained`` (part of the
@@ -191,7 +192,10 @@ class Comparison:
             "gross": [one.to_dict(self.fit.observations) for one in self.fit.gross_readings],
             "unit": self.unit,
             "rms": self.fit.rms,
-            "components": [{"name": n, "rms": float(r)} for n, r in zip(components, self.rms, strict=True)],
+            "components": [
+                {"name": n, "rms": float(r), "unit": unit}
+                for n, r, unit in zip(components, self.rms, self.fit.units, strict=True)
+            ],
             "sentences": self.sentences,
             "claims": self.claims,
             "depends_on": [
@@ -214,8 +218,12 @@ class Comparison:
             "tests": tests,
             "table": list(self.table),
             "drift": [
-                {"component": n, "change": d.change, "p_value": self.p_value(d.log10_p, len(components))}
-                for n, d in zip(components, self.drifts, strict=True)
+                {
+                    "component": n,
+                    "change": d.change * part,
+                    "p_value": self.p_value(d.log10_p, len(components)),
+                }
+                for n, d, part in zip(components, self.drifts, self.fit.in_units.tolist(), strict=True)
                 if d
             ],
             "correlation": [
@@ -287,7 +295,7 @@ class Comparison:
         ]
 
     def _row(self, row: int) -> dict[str, Any]:
-        residual = zip(self.components, self.fit.residuals[row].tolist(), strict=True)
+        residual = zip(self.components, (self.fit.residuals[row] * self.fit.in_units).tolist(), strict=True)
         place = self.fit.observations.data.place(int(row))
         return {"row": self._number(row), "place": place, "residual": dict(residual)}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -162,7 +163,7 @@ def _drifts(comparison: Comparison) -> str:
     for c, drift in enumerate(comparison.drifts):
         if drift and drift.log10_p < np.log10(COMPARISON.in_time / m):
             where = f" {_where(comparison, c)}" if m > 1 else ""
-            found.append(f"{drift.change:+.3g} {comparison.unit}{where}")
+            found.append(f"{drift.change * comparison.fit.in_units[c]:+.3g} {comparison.fit.units[c]}{where}")
     return f"by {joined(found)}" if found else ""
 
 
@@ -353,10 +354,10 @@ def _best(dependence: Dependence) -> int | None:
 
 
 def _largest(comparison: Comparison) -> Iterator[str]:
-    o, unit = comparison.fit.observations, comparison.unit
+    o, fit = comparison.fit.observations, comparison.fit
     each = ", ".join(
         f"{name} {three_digits(r)} {unit}"
-        for name, r in zip(comparison.components, comparison.rms, strict=True)
+        for name, r, unit in zip(comparison.components, comparison.rms, fit.units, strict=True)
     )
     yield f"rms by component: {each}"
     regions = [
@@ -369,15 +370,17 @@ def _largest(comparison: Comparison) -> Iterator[str]:
         yield f"worst where {plain(worst.region.text, 90)}: {there} ({_p(worst.log10_p)})"
     yield "largest residuals" + (", in their stated uncertainties:" if comparison.fit.weighted else ":")
     for row in comparison.worst_rows:
+        parts = zip(comparison.components, fit.residuals[row] * fit.in_units, fit.units, strict=True)
+        by_unit = [(unit, [*group]) for unit, group in groupby(parts, key=lambda part: part[2])]
         values = ", ".join(
-            f"{name} {value:+.3g}"
-            for name, value in zip(comparison.components, comparison.fit.residuals[row], strict=True)
+            f"{', '.join(f'{name} {value:+.3g}' for name, value, _ in group)} {unit}"
+            for unit, group in by_unit
         )
         at = ", ".join(
             f"{plain(joint.name)} {o.data.columns[joint.name].values[row]:.6g} {o.data.columns[joint.name].unit}"
             for joint in comparison.fit.machine.joints
         )
-        yield f"  {o.data.place(int(row))}: {values} {unit} ({at})"
+        yield f"  {o.data.place(int(row))}: {values} ({at})"
 
 
 # words -------------------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ its place. `assemble` puts the answer together.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
@@ -100,15 +101,30 @@ def diagnose(
         with reporting(progress):
             fitted = fitted.fit(observations)
     with reporting(progress), one_thread_in_blas():
-        known = fitted.machine.known
-        diagnosis = _Search(Subject.of(fitted, others, prefer, doubted=True)).run()
-        final = diagnosis.final
-        if final.machine.known == known:
-            return diagnosis
-        bounded = final.refit(replace(final.machine, known=known))
-        if bounded.without_bounds is None:  # with what was found, the bounds are right
-            return _Search(Subject.of(fitted, others, prefer)).run()
-        return replace(diagnosis, wrong_bounds=held_at_bounds(bounded, final))
+        diagnosis = _diagnosed(fitted, others, prefer)
+        for _ in range(EVIDENCE.balanced):
+            arm = diagnosis.final_with_forms.noise_arm
+            if abs(math.log(arm / diagnosis.base.observations.arm)) < EVIDENCE.same_arm:
+                break
+            # what was found was in the noise of positions or attitudes before: weights as without it
+            fitted = fitted.refit(observations=replace(fitted.observations, arm=arm), outliers=fitted.outliers)
+            diagnosis = _diagnosed(fitted, others, prefer)
+        return diagnosis
+
+
+def _diagnosed(
+    fitted: Fit, others: Observations | None, prefer: Collection[tuple[str, str | None]]
+) -> Diagnosis:
+    """Return the diagnosis of a fit as it weights its readings."""
+    known = fitted.machine.known
+    diagnosis = _Search(Subject.of(fitted, others, prefer, doubted=True)).run()
+    final = diagnosis.final
+    if final.machine.known == known:
+        return diagnosis
+    bounded = final.refit(replace(final.machine, known=known))
+    if bounded.without_bounds is None:  # with what was found, the bounds are right
+        return _Search(Subject.of(fitted, others, prefer)).run()
+    return replace(diagnosis, wrong_bounds=held_at_bounds(bounded, final))
 
 
 class _Search:

@@ -41,6 +41,9 @@ def frame_motion(model: Model, o: Observations, theta: Array, frame: Frame, weig
     if not measurand.moving:
         return np.asarray(-np.einsum("mni,kni,nm->nmk", np.stack(o.basis), turns, weight))
     motions = np.concatenate([np.broadcast_to(axes[:, None], turns.shape), turns])
+    if measurand.has_attitude:
+        turned = np.concatenate([np.zeros((3, 3)), axes])[:, None] * o.arm
+        motions = np.concatenate([motions, np.broadcast_to(turned, motions.shape)], axis=2)
     if measurand.is_place:
         return np.asarray(-np.einsum("kni,ni->nik", motions, weight))
     arm = place - np.asarray(model.machine.measured.origin)

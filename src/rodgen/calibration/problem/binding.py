@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem.assembly_modes import closed
+from rodgen.calibration.problem.attitudes import ANGULAR, UnfitAttitudeError, matrices
 from rodgen.data.measurements import Measurements, plain_name
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach, poses
 from rodgen.data.spool import empty
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
 from rodgen.errors import InputFileError, joined, nearest_hint, shown
-from rodgen.machines.measured import MEASURANDS
+from rodgen.machines.measured import MEASURANDS, NOTATIONS, TURNS
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
@@ -108,6 +109,12 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
     run, run_names = binder.run()
     target = binder.target()
     reading = binder.reading(may_be_missing=allow_missing_readings)
+    attitude = binder.attitude(may_be_missing=allow_missing_readings)
+    sigma = binder.sigma()
+    arm = 1.0
+    if attitude is not None:
+        arm = _arm(machine, q, sigma)
+        sigma = None if sigma is None else sigma * np.repeat([1.0, arm], 3)
     load = binder.optional("load", FORCE)
     travel = [
         joint.travel or ((column.min(), column.max()) if data.rows else (0.0, 0.0))
@@ -124,13 +131,16 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
         temperature=binder.temperatures(),
         covariates=binder.covariates(),
         reading=reading,
-        sigma=binder.sigma(),
+        sigma=sigma,
         target=target,
         run=run,
         run_names=run_names,
         pose=poses(commands, run),
         travel=np.array(travel, dtype=float).reshape(-1, 2),
         columns_given=frozenset(data.columns),
+        attitude=attitude,
+        arm=arm,
+        arm_is_known=attitude is None or sigma is not None,
     )
     if machine.kinematics.is_closed:
         observations = closed(observations, by_readings=not allow_missing_readings)
@@ -160,10 +170,13 @@ class _Binder:
         self.data = data
         self.columns: Mapping[str, Any] = data.columns  # Numbers, or Names of a target or run
         self.joints = [joint.name for joint in machine.joints]
-        self.readings = machine.measurand.columns
+        self.uncertain = machine.measurand.columns  # what has columns u_...
+        self.readings = tuple(name for name in self.uncertain if name not in TURNS)
         self.own = {"target", "run", "t", "load", *self.joints, *self.readings}
         self.own |= {f"{prefix}{name}" for prefix in ("dir_", "v_", "T_") for name in self.joints}
-        self.own |= {f"u_{name}" for name in self.readings}
+        self.own |= {f"u_{name}" for name in self.uncertain}
+        if machine.measurand.has_attitude:
+            self.own |= {name for names in NOTATIONS.values() for name in names}
 
     # faults --------------------------------------------------------------------------------------------------
 
@@ -196,7 +209,7 @@ class _Binder:
             for prefix, what, names in (
                 ("dir_", "joint", self.joints),
                 ("v_", "joint", self.joints),
-                ("u_", "reading", list(self.readings)),
+                ("u_", "reading", list(self.uncertain)),
             ):
                 if name.startswith(prefix):
                     rest = name.removeprefix(prefix)
@@ -368,6 +381,39 @@ class _Binder:
             raise self._wrong_cell(column, row, _number(column, row), expected)
         return reading
 
+    def attitude(self, *, may_be_missing: bool) -> NDArray[np.float64] | None:
+        """Return the attitudes of poses as matrices, (n, 3, 3); None where none are measured."""
+        if not self.machine.measurand.has_attitude:
+            return None
+        given = {
+            notation: [name for name in names if name in self.columns]
+            for notation, names in NOTATIONS.items()
+        }
+        used = [notation for notation, names in given.items() if names]
+        if len(used) != 1:
+            if not used and may_be_missing:
+                return np.broadcast_to(np.eye(3), (self.data.rows, 3, 3))
+            found = (
+                f"attitudes in {len(used)} notations, {joined(used)}" if used else "no columns of an attitude"
+            )
+            expected = "one of " + "; ".join(", ".join(names) for names in NOTATIONS.values())
+            raise InputFileError(self.data.file, self.data.header_place, found, expected)
+        (notation,) = used
+        names = NOTATIONS[notation]
+        numbers = empty((self.data.rows, len(names)))
+        for i, name in enumerate(names):
+            if name not in self.columns:
+                raise self._missing(name, f"all of {joined(names)}")
+            if notation in ANGULAR:
+                self._scaled(self.column(name, ANGLE), numbers[:, i])
+            else:
+                numbers[:, i] = self._unitless(self.columns[name], f"{joined(names)} are a {notation}")
+        try:
+            return matrices(notation, numbers)
+        except UnfitAttitudeError as error:
+            place = f"{self.data.place(error.row)}, columns {joined(names)}"
+            raise InputFileError(self.data.file, place, error.found, error.expected) from None
+
     def _normalized(self, reading: NDArray[np.float64]) -> NDArray[np.float64]:
         length = np.sqrt(np.einsum("ij,ij->i", reading, reading))
         wrong = ~(np.abs(length - 1.0) <= UNIT_LENGTH_TOLERANCE)
@@ -381,22 +427,25 @@ class _Binder:
 
     def sigma(self) -> NDArray[np.float64] | None:
         """Return the standard uncertainties of the readings, None where they are not stated."""
-        noise = self.machine.measured.noise
-        shape = (self.data.rows, len(self.readings))
-        given = [name for name in self.readings if f"u_{name}" in self.columns]
+        measured = self.machine.measured
+        noises = [measured.attitude_noise if name in TURNS else measured.noise for name in self.uncertain]
+        shape = (self.data.rows, len(self.uncertain))
+        given = [name for name in self.uncertain if f"u_{name}" in self.columns]
         if not given:
-            return None if noise is None else np.broadcast_to(noise, shape)
+            return None if noises[0] is None else np.broadcast_to(np.array(noises, float), shape)
         sigma = empty(shape)
-        for i, name in enumerate(self.readings):
+        for i, (name, noise) in enumerate(zip(self.uncertain, noises, strict=True)):
             column = self.columns.get(f"u_{name}")
             if column is None:
                 if noise is None:
-                    every = joined(f"u_{other}" for other in self.readings)
+                    every = joined(f"u_{other}" for other in self.uncertain)
                     expected = f"all of {every}, or noise in the machine file"
                     raise self._missing(f"u_{name}", expected)
                 sigma[:, i] = noise
                 continue
-            if self.machine.measurand.moving:
+            if name in TURNS:
+                self._checked(column, ANGLE)
+            elif self.machine.measurand.moving:
                 self._checked(column, LENGTH)
             elif column.unit is not None:
                 self._checked(column, ANGLE)
@@ -449,6 +498,19 @@ class _Binder:
             is_temperature |= column.unit is not None and parse_unit(column.unit).dimension == TEMPERATURE
             found[name] = self._temperature(column) if is_temperature else self._scaled(column)
         return found
+
+
+def _arm(machine: Machine, q: NDArray[np.float64], sigma: NDArray[np.float64] | None) -> float:
+    """Return the lever arm at which the noise of attitudes is as large as that of positions.
+
+    Where no noise is stated, one to begin with: the size of the machine, as if all errors were turns of its joints.
+    """
+    if sigma is not None and len(sigma):
+        return float(np.sqrt(np.mean(sigma[:, :3] ** 2) / np.mean(sigma[:, 3:] ** 2)))
+    points = np.array([x.point for of in (machine.joints, machine.targets) for x in of])
+    slides = [j for j, joint in enumerate(machine.joints) if not joint.revolute]
+    travel = np.ptp(q[:, slides], axis=0).max(initial=0.0) if len(q) else 0.0
+    return float(max(np.ptp(points, axis=0).max(), travel)) or 1.0
 
 
 def _number(column: Any, row: int) -> str:

@@ -25,6 +25,7 @@ from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import OFFSETS, SCALES
 from rodgen.machines.effects.plausibility import plausibility
+from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import row_effects
 from rodgen.statistics.thresholds import DETERMINACY, NEGLIGIBLE_WEIGHT, SELECTION
@@ -211,6 +212,12 @@ class Problem:
         measurand = self.model.structure.measurand
         return np.asarray(1.0 / measurand.component_sigma(o.sigma, None if measurand.moving else o.basis))
 
+    @functools.cached_property
+    def _arms(self) -> Array:
+        """What makes lengths of the components of a residual in a kernel, (m,): the lever arm of turns."""
+        arm = self.observations.arm
+        return np.array([arm if name in TURNS else 1.0 for name in self.model.structure.measurand.components])
+
     def _groups(self) -> Iterator[_Group]:
         o = self.observations
         runs = o.run if self.model.structure.shift else np.zeros(self.rows, int)
@@ -240,8 +247,10 @@ class Problem:
         if kind == "reading":
             if of < 3:
                 return o.reading[rows, of]
+            if o.attitude is not None:
+                return o.attitude[rows, (of - 3) // 3, of % 3]
             return o.basis[of // 3 - 1][rows, of % 3]
-        return self.weight[rows, of]
+        return self.weight[rows, of] * self._arms[of]
 
     @functools.cached_property
     def _kept(self) -> list[Array] | None:
@@ -271,7 +280,7 @@ class Problem:
         self.weight = self.base_weight * factor[:, None]
         self._equations, self._jacobians = {}, {}
         for group, kept in zip(self.groups, self._kept or (), strict=False):
-            kept[:, -self.components :] = self.weight[group.rows]
+            kept[:, -self.components :] = self.weight[group.rows] * self._arms
 
     def leave_out(self, rows: NDArray[np.bool_]) -> None:
         """Give some rows, (n,), a negligible weight, and the others what the data state."""
@@ -566,17 +575,28 @@ class Problem:
 
     def places(self, theta: Array, frame: Frame) -> Array:
         """Return the predicted points or directions, (n, 3)."""
+        return self._placed(theta, frame)[:, :3]
+
+    def attitudes(self, theta: Array, frame: Frame) -> Array:
+        """Return the predicted attitudes of poses, (n, 3, 3)."""
+        return self._placed(theta, frame)[:, 3:].reshape(-1, 3, 3)
+
+    def _placed(self, theta: Array, frame: Frame) -> Array:
         self.follow(theta, frame)
-        return self._by_row("place", theta, frame, 3)
+        return self._by_row("place", theta, frame, 12 if self.model.structure.measurand.has_attitude else 3)
 
     def read_as_predicted(self, theta: Array, frame: Frame) -> Problem:
-        """Return the problem with the predicted directions as readings; residuals are angles from these.
+        """Return the problem with the predicted directions and attitudes as readings; residuals are angles from these.
 
         Of points and distances, whose residuals are differences, it stays as it is.
         """
-        if self.model.structure.moving:
+        if self.model.structure.measurand.has_attitude:
+            read = replace(self.observations, attitude=self.attitudes(theta, frame))
+        elif self.model.structure.moving:
             return self
-        return Problem(self.model, replace(self.observations, reading=self.places(theta, frame)))
+        else:
+            read = replace(self.observations, reading=self.places(theta, frame))
+        return Problem(self.model, read)
 
     def predicted(self, theta: Array, frame: Frame) -> Array:
         """Return the predicted readings, (n, 3) or (n, 1)."""

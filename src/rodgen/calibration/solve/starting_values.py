@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.problem.nearest_frame import nearest_frame
+from rodgen.calibration.problem.nearest_frame import nearest_attitudes, nearest_frame, nearest_rotation
 from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.machines.effects.definition import StartSearch
+from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Frame
+from rodgen.machines.rigid import rotation_matrix, rotation_vector
 from rodgen.stages import step
 from rodgen.statistics.columns import fall_from_products, orthonormal_basis, project_out, unit_diagonal
 from rodgen.statistics.decompositions import eigh, lstsq
@@ -58,6 +60,9 @@ def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
     around are tried when the residuals are a visible part of the readings' spread.
     """
     model = problem.model
+    if model.structure.measurand.has_attitude:
+        turned = with_attitudes(thinned(problem), theta, free)
+        theta = min((theta, turned), key=lambda t: problem.cost(t, nearest_frames(problem, t)[0]))
 
     def fitted(theta: Array, frame: Frame) -> Solution:
         return minimise(problem, theta, frame, free, progress=step)
@@ -91,6 +96,8 @@ def nearest_frames(problem: Problem, theta: Array) -> list[Frame]:
 
     Of these and one that was fitted before, only the better one: the instrument stands there still, or elsewhere now.
     """
+    if not problem.model.structure.frame:
+        return [Frame.identity()]
     frames, known = _in_closed_form(thinned(problem), theta), Frame.fitted(problem.model.machine.values)
     if known is not None:
         return [min((known, *frames), key=lambda frame: problem.cost(theta, frame))]
@@ -104,8 +111,40 @@ def _in_closed_form(problem: Problem, theta: Array) -> list[Frame]:
         return [Frame.identity()]
     if not problem.model.structure.measurand.is_place:
         return [_standing(problem, at) for at in trilaterated(places, readings[:, 0])]
+    if problem.model.structure.measurand.has_attitude:
+        attitudes = problem.attitudes(theta, Frame.identity())
+        read = np.asarray(problem.observations.attitude) * problem.weight[:, 3, None, None]
+        turn = nearest_rotation(np.einsum("nij,nkj->ik", read, attitudes))
+        share = problem.weight[:, 0] / problem.weight[:, 0].sum()
+        return [Frame(turn, share @ readings - turn @ (share @ places))]
     moving = problem.model.structure.moving
     return [nearest_frame(places, readings, problem.weight[:, 0] ** 2, moving=moving)]
+
+
+def with_attitudes(problem: Problem, theta: Array, free: Sequence[int]) -> Array:
+    """Return the values with those attitudes of targets that are free as attitudes were read.
+
+    The frame is found with that of the target with most rows, then the others in this frame.
+    """
+    model, o = problem.model, problem.observations
+    assert o.attitude is not None
+    predicted = problem.attitudes(theta, Frame.identity())
+    numbers = [[model.index.get(("target", k, x)) for x in TURNS] for k in range(len(model.machine.targets))]
+    theta, frame = theta.copy(), np.eye(3)
+    if not np.isfinite(predicted).all():  # the fit says so
+        return theta
+    counts = np.bincount(o.target, minlength=len(numbers))
+    for k in np.argsort(-counts, kind="stable"):
+        of = o.target == k
+        if not counts[k] or not set(numbers[k]) <= set(free):
+            continue
+        if model.structure.frame and k == np.argmax(counts):
+            frame, body = nearest_attitudes(predicted[of], o.attitude[of])
+        else:
+            body = nearest_rotation(np.einsum("nji,lj,nlk->ik", predicted[of], frame.T, o.attitude[of]))
+        turned = model.attitude(theta, k) @ body @ rotation_matrix(model.machine.targets[k].attitude).T
+        theta[numbers[k]] = rotation_vector(turned)
+    return theta
 
 
 def _others(problem: Problem, theta: Array) -> Iterator[Frame]:

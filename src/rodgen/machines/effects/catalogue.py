@@ -561,6 +561,9 @@ _TARGET = (
     ).with_directions(
         Formula.parse("a*U + b*V", file="catalogue", place="target_offset"),
         _in("arcsec", "a b"),
+    ).with_poses(
+        Formula.parse("rx*EX + ry*EY + rz*EZ", file="catalogue", place="target_offset"),
+        _in("arcsec", "rx ry rz"),
     ),
 )  # fmt: skip
 

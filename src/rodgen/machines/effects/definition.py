@@ -119,6 +119,8 @@ class EffectDefinition:
         Whether the drive of a joint causes it, so that a passive joint has none.
     directions : EffectDefinition or None
         The same effect where directions are measured, if its parameters differ there; see :meth:`for_measurand`.
+    poses : EffectDefinition or None
+        The same where poses are.
     """
 
     name: str
@@ -142,6 +144,7 @@ class EffectDefinition:
     of_directions: bool = False
     of_drive: bool = False
     directions: EffectDefinition | None = None
+    poses: EffectDefinition | None = None
 
     @property
     def formulas(self) -> tuple[Formula, ...]:
@@ -175,9 +178,10 @@ class EffectDefinition:
     def for_measurand(self, measurand: Measurand) -> EffectDefinition:
         """Return the definition for what is measured.
 
-        Where it is directions, a frame shift has no translation, and a target has two freedoms.
+        Where it is directions, a frame shift has no translation, and a target has two freedoms; of poses it has six.
         """
-        return self if measurand.moving or self.directions is None else self.directions
+        other = self.poses if measurand.has_attitude else None if measurand.moving else self.directions
+        return self if other is None else other
 
     @property
     def equation(self) -> str:
@@ -194,6 +198,8 @@ class EffectDefinition:
         said = COMPONENTS[self.component]
         if self.component in _TURNED and "{length}" not in self.parameters.values():
             said = _TURNED[self.component]
+        elif slope and "{slope}" not in said:
+            said += " and turned by the rotation vector {slope}"
         if self.component == "reading" and re.fullmatch(r"-[^ ]+", formula):
             said, formula = "reading -= {formula}", formula[1:]
         if self.component == "lift" and formula.startswith("-"):
@@ -307,6 +313,11 @@ class EffectDefinition:
     def with_directions(self, formula: Formula, parameters: Mapping[str, str]) -> EffectDefinition:
         """Return the definition with another formula where directions are measured."""
         return replace(self, directions=replace(self, formula=formula, parameters=parameters, slope=None))
+
+    def with_poses(self, slope: Formula, parameters: Mapping[str, str]) -> EffectDefinition:
+        """Return the definition with a rotation vector, and its parameters, where poses are measured."""
+        parameters = {**self.parameters, **parameters}
+        return replace(self, poses=replace(self, slope=slope, parameters=parameters, directions=None))
 
 
 def component_dimension(component: str, at: str, measurand: Measurand = POINT) -> Dimension:

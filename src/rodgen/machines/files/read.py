@@ -109,8 +109,8 @@ _KEYS = {
         "passive",
         "counterbalance",
     ),
-    "target": ("name", "point"),
-    "measured": ("kind", "frame", "from", "noise"),
+    "target": ("name", "point", "attitude"),
+    "measured": ("kind", "frame", "from", "noise", "attitude_noise"),
     "estimate": ("parameters",),
     "effect": (
         "name",
@@ -131,7 +131,7 @@ _MISSING = {
     "joint": "one block for each joint, the base's first",
     "target": "one block or more, each with name and point",
     "geometry": "R, r and what else the family needs in it",
-    "measured": 'kind = "point" (or "direction" or "distance") and frame = "machine" (or "free") in it',
+    "measured": 'kind = "point" (or "direction", "distance" or "pose") and frame = "machine" (or "free") in it',
 }
 
 
@@ -179,7 +179,7 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         gravity=environment.get("gravity", _DIRECTION, (0.0, 0.0, -1.0)),
         reference_temperature=environment.get("reference_temperature", NUMBER, 20.0),
         joints=_legs(kinematics) if kinematics.is_closed else tuple(_joints(top, per_radian)),
-        targets=_targets(top, measured.measurand, closed=kinematics.is_closed),
+        targets=_targets(top, measured.measurand, per_radian, closed=kinematics.is_closed),
         measured=measured,
         file=file,
         kinematics=kinematics,
@@ -359,7 +359,17 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     origin = table.get("from", _POINT) if measurand.has_origin else None
     own = per_radian if measurand.dimension == ANGLE else 1.0
     noise = table.get("noise", _noise_in(measurand.dimension, length, own), None)
-    return Measured(kind, frame, origin, noise)
+    attitude_noise = table.get("attitude_noise", _noise_in(ANGLE, length, per_radian), None)
+    if attitude_noise is not None and not measurand.has_attitude:
+        raise table.error(
+            "attitude_noise", f"given together with kind = {kind!r}", "it with kind = 'pose' only"
+        )
+    if measurand.has_attitude and (noise is None) != (attitude_noise is None):
+        given, lacking = (
+            ("noise", "attitude_noise") if attitude_noise is None else ("attitude_noise", "noise")
+        )
+        raise table.error(lacking, f"missing, while {given} is stated", "both of them, or neither")
+    return Measured(kind, frame, origin, noise, attitude_noise)
 
 
 def _joints(top: Table, per_radian: float) -> list[Joint]:
@@ -413,7 +423,14 @@ def _legs(kinematics: Kinematics) -> tuple[Joint, ...]:
     return tuple(Joint(name, "leg") for name in kinematics.legs)
 
 
-def _targets(top: Table, measurand: Measurand, *, closed: bool) -> tuple[Target, ...]:
+def _targets(top: Table, measurand: Measurand, per_radian: float, *, closed: bool) -> tuple[Target, ...]:
+    if closed and measurand.has_attitude:
+        raise InputFileError(
+            top.file,
+            "[measured], kind",
+            f"{measurand.kind!r} of a parallel machine",
+            "'point' or 'direction'",
+        )
     if closed and "target" not in top:
         if not measurand.moving:
             raise InputFileError(
@@ -421,10 +438,14 @@ def _targets(top: Table, measurand: Measurand, *, closed: bool) -> tuple[Target,
             )
         return (Target(PLATFORM, _ORIGIN),)
     point = _POINT if measurand.moving else _DIRECTION
-    return tuple(
-        Target(table.get("name", PLACE_NAME), table.get("point", point))
-        for table in _named_blocks(top, "target", MOST_TARGETS, PLACE_NAME)
-    )
+    found = []
+    for table in _named_blocks(top, "target", MOST_TARGETS, PLACE_NAME):
+        if "attitude" in table and not measurand.has_attitude:
+            given = f"given together with kind = {measurand.kind!r}"
+            raise table.error("attitude", given, "it with kind = 'pose' only")
+        attitude = table.get("attitude", VECTOR.then(_scaled(per_radian)), _ORIGIN)
+        found.append(Target(table.get("name", PLACE_NAME), table.get("point", point), attitude))
+    return tuple(found)
 
 
 def _named_blocks(top: Table, key: str, most: int, kind: Kind[str]) -> list[Table]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rodgen.data.units import ANGLE, unit_factor
 from rodgen.machines.known import unit_of
-from rodgen.machines.parts import Effect, Joint, Known, StatedPlausibility
+from rodgen.machines.parts import Effect, Joint, Known, StatedPlausibility, Target
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -76,10 +76,7 @@ def machine_text(machine: Machine) -> str:
             f"reference_temperature = {decimal(machine.reference_temperature)}",
         ],
         *_chain_blocks(machine),
-        *(
-            ["[[target]]", f"name = {_toml_string(target.name)}", f"point = {_vector(target.point)}"]
-            for target in machine.targets
-        ),
+        *(_target_lines(machine, target) for target in machine.targets),
         ["[measured]", f"kind = {_toml_string(measured.kind)}", f"frame = {_toml_string(measured.frame)}"],
     ]
     if measured.origin is not None:
@@ -87,6 +84,8 @@ def machine_text(machine: Machine) -> str:
     if measured.noise is not None:
         noise = decimal(measured.noise, machine.file_factor(machine.measurand.dimension))
         blocks[-1].append(f"noise = {noise}")
+    if measured.attitude_noise is not None:
+        blocks[-1].append(f"attitude_noise = {decimal(measured.attitude_noise, machine.file_factor(ANGLE))}")
     if machine.estimate:
         blocks.append(["[estimate]", f"parameters = [{', '.join(map(_toml_string, machine.estimate))}]"])
     if machine.known:
@@ -97,6 +96,14 @@ def machine_text(machine: Machine) -> str:
         blocks.append(["[plausibility]", *(_plausible_line(*entry) for entry in machine.plausible.items())])
     blocks += [_effect_lines(machine, effect) for effect in machine.effects]
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+
+
+def _target_lines(machine: Machine, target: Target) -> list[str]:
+    lines = ["[[target]]", f"name = {_toml_string(target.name)}", f"point = {_vector(target.point)}"]
+    if any(target.attitude):
+        numbers = ", ".join(decimal(x, machine.file_factor(ANGLE)) for x in target.attitude)
+        lines.append(f"attitude = [{numbers}]")
+    return lines
 
 
 def _known_line(machine: Machine, key: str, known: Known) -> str:
@@ -259,6 +266,8 @@ def _measured(machine: Machine) -> str:
         dimension = measured.measurand.dimension
         size = measured.noise / machine.file_factor(dimension)
         noise = f", noise {size:.6g} {machine.file_unit(dimension)}"
+    if measured.attitude_noise is not None:
+        noise += f" and {measured.attitude_noise / machine.file_factor(ANGLE):.6g} {machine.file_unit(ANGLE)}"
     return f"{measured.kind}{origin} {frame}{noise}"
 
 

@@ -1,0 +1,319 @@
+"""Readings of poses: position and attitude of a body, against the plain simulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hidden_effects import Hidden, board, hidden
+from machine_cases import (
+    FRAME_TURNS,
+    FREE_FRAME,
+    JOINTS,
+    ROWS,
+    TARGETS,
+    Case,
+    data_for,
+    joint,
+    machine_file,
+    possible,
+)
+from machine_simulator import Simulated
+from scipy.spatial.transform import Rotation
+from test_machine_jacobians import STENCILS, moved, step
+
+from rodgen.calibration.residual_columns import residual_columns
+from rodgen.data.measurements import Measurements
+from rodgen.errors import InputFileError
+from rodgen.machines.fixed import fixed_machine
+from rodgen.machines.machine import Machine
+
+pytestmark = pytest.mark.xdist_group("poses")
+ATTITUDE = [0.4, -1.1, 2.0]
+
+
+@pytest.fixture(autouse=True)
+def on_numpy(monkeypatch):
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+
+
+def posed(*, estimate: Any = ("B.axis", "C.axis", "B.point", "C.point", "target"), **more: Any) -> Case:
+    """Return a machine whose poses are read, with every effect at A, at Z and of the whole machine."""
+    file = machine_file(
+        JOINTS, TARGETS, kind="pose", frame="free", estimate=estimate, gravity=(0.6, 0, -0.8), **more
+    )
+    file["target"][0]["attitude"] = ATTITUDE
+    file["effect"] = possible(file, places=["A", "Z", None, "p", "r"])
+    return Case(file, data_for(file, ROWS, np.random.default_rng(4)))
+
+
+def turns(matrices: np.ndarray) -> np.ndarray:
+    """Return rotation vectors."""
+    return Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec()
+
+
+# the model -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("estimate", [("C.axis", "B.point", "target"), ("B.axis",)])
+def test_poses_are_those_of_the_simulator_and_columns_its_derivatives(estimate):
+    case = posed(estimate=estimate)
+    keys = [key for key in case.model.keys if not key.startswith("frame.")]
+    assert any(key.endswith(("target.p.rx", "p.target_offset.rx")) for key in keys)
+    values = case.sizeable(keys, 30.0) | FREE_FRAME
+    expected = case.simulated(values)
+    assert np.abs(case.predicted(values) - expected).max() < 1e-9  # 1000 mm, half a degree, 5 mm
+    # readings some 10 degrees off, as far as a rough start is
+    rng = np.random.default_rng(3)
+    off = Rotation.from_rotvec(0.1 * rng.normal(size=(ROWS, 3))).as_matrix()
+    read = Rotation.from_matrix(off @ expected[:, 3:].reshape(-1, 3, 3)).as_rotvec()
+    case = case.changed(data=case.data | {f"r{x} [rad]": read[:, i] for i, x in enumerate("xyz")})
+    arm = case.observations.arm
+
+    def residuals(reading: np.ndarray) -> np.ndarray:
+        turned = case.observations.attitude @ reading[:, 3:].reshape(-1, 3, 3).swapaxes(1, 2)
+        vector = turns(turned)
+        angle = np.linalg.norm(vector, axis=1, keepdims=True)
+        return np.concatenate(
+            [case.observations.reading - reading[:, :3], arm * 2 * np.tan(angle / 2) * vector / angle], axis=1
+        )
+
+    assert (
+        np.abs(case.problem.residuals(case.theta(values), case.frame(values)) - residuals(expected)).max()
+        < 1e-9
+    )
+    jacobian = case.problem.jacobian(case.theta(values), case.frame(values))
+    wrong = {}
+    chosen = keys if "target" in estimate else [key for key in keys if "target" in key]
+    turning = [key for key in case.model.keys if ".r" in key or ".axis." in key]
+    for key in {*chosen[::7], *turning[:: 1 if "target" in estimate else 3]}:
+        h = step(case, key, values)
+        difference = (
+            sum(
+                factor * sign * residuals(moved(case, values, key, sign * n * h))
+                for n, factor in STENCILS[8].items()
+                for sign in (1, -1)
+            )
+            / h
+        )
+        size = np.abs(difference).max()
+        error = np.abs(jacobian[:, :, case.model.keys[key]] - difference).max() / size
+        if not error < 1e-9:
+            wrong[key] = error
+    assert wrong == {}
+
+
+# readings ------------------------------------------------------------------------------------------------------
+
+ARM = machine_file(
+    [
+        joint("J1", "revolute", [0, 0, 1]),
+        joint("J2", "revolute", [0, 1, 0], [0, 0, 400]),
+        joint("J3", "revolute", [0, 1, 0], [0, 0, 850]),
+        joint("J4", "revolute", [1, 0, 0], [300, 0, 870]),
+        joint("J5", "revolute", [0, 1, 0], [420, 0, 870]),
+        joint("J6", "revolute", [1, 0, 0], [500, 0, 870]),
+    ],
+    [[530, 20, 900]],
+    kind="pose",
+    frame="free",
+    estimate=["target"],
+)
+SEEN = {"target.p.rx": 1.2, "target.p.ry": -2.0, "target.p.rz": 0.8, "target.p.x": 12.0, **FREE_FRAME}
+SIGMA = (0.05, 2e-4)
+
+
+def measured(
+    values: Any = SEEN, rows: int = 40, *, file: Any = ARM, noise: Any = SIGMA, seed: int = 5
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Return commands and readings of the simulator."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-1.3, 1.3, (rows, len(file["joint"])))
+    simulated = Simulated(file, values)
+    reading = simulated.with_noise(simulated.measure(q), np.repeat(noise, 3), rng)
+    columns = {f"{j['name']} [rad]": q[:, i] for i, j in enumerate(file["joint"])}
+    return columns | {f"{x} [mm]": reading[:, i] for i, x in enumerate("xyz")}, reading[:, 3:].reshape(
+        -1, 3, 3
+    )
+
+
+def written(notation: str, attitude: np.ndarray) -> dict[str, np.ndarray]:
+    """Return columns of an attitude, by SciPy."""
+    if notation == "matrix":
+        return {f"r{i + 1}{j + 1}": attitude[:, i, j] for i in range(3) for j in range(3)}
+    rotations = Rotation.from_matrix(attitude)
+    if notation == "quaternion":
+        signs = np.where(np.arange(len(attitude)) % 3 == 0, -1.0, 1.0)[:, None]
+        return dict(zip(("qx", "qy", "qz", "qw"), (signs * rotations.as_quat()).T, strict=True))
+    if notation == "rotation vector":
+        return {
+            f"{x} [deg]": v for x, v in zip(FRAME_TURNS, np.degrees(rotations.as_rotvec()).T, strict=True)
+        }
+    return {
+        f"{x} [rad]": v for x, v in zip(("roll", "pitch", "yaw"), rotations.as_euler("xyz").T, strict=True)
+    }
+
+
+NOTATIONS = ("matrix", "quaternion", "rotation vector", "roll, pitch and yaw")
+
+
+def test_the_four_notations_say_the_same():
+    columns, attitude = measured()
+    for notation in NOTATIONS:
+        case = Case(ARM, {**columns, **written(notation, attitude)})
+        assert np.abs(case.observations.attitude - attitude).max() < 1e-12, notation
+        fit = case.machine.fit(Measurements.from_frame(case.data))
+        back = residual_columns(fit)
+        for name, values in written(
+            notation, fit.problem.attitudes(fit.solution.theta, fit.solution.frame)
+        ).items():
+            assert np.abs(np.abs(back[f"predicted_{name}"]) - np.abs(values)).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            {"qw": [2.0, 0.5], "qx": [0.0, 0.5], "qy": [0.0, 0.5], "qz": [0.0, 0.5]},
+            "a quaternion of length 2",
+        ),
+        (
+            {"qw": [1.0, 0.0], "qx": [0.0, 0.0], "qy": [0.0, 0.0], "qz": [0.0, 0.0]},
+            "a quaternion of length 0",
+        ),
+        ({"qw": [1.0, 1.0], "qx": [0.0, 0.0], "qy": [0.0, 0.0]}, "no column 'qz'"),
+        ({}, "no columns of an attitude"),
+        ({f"{x} [deg]": [0.0, 0.0] for x in ("rx", "ry", "rz", "roll")}, "attitudes in 2 notations"),
+        ({x: [0.0, 0.0] for x in ("rx", "ry", "rz")}, "no unit"),
+        (written("matrix", np.array([np.eye(3), np.diag([1.0, 1.0, -1.0])])), "a matrix that mirrors"),
+        (written("matrix", np.array([np.eye(3), 1.01 * np.eye(3)])), "a matrix whose columns are off"),
+    ],
+)
+def test_what_is_no_attitude_is_one_sentence(change, said):
+    columns = {name: values[:2] for name, values in measured()[0].items()}
+    with pytest.raises(InputFileError, match=said) as error:
+        _ = Case(ARM, {**columns, **change}).observations
+    message = str(error.value)
+    assert "\n" not in message
+    if "length 0" in said or "matrix" in said:
+        assert "row 1 (from 0)" in message
+    if "length 2" in said:
+        assert "row 0 (from 0)" in message
+
+
+# fits ----------------------------------------------------------------------------------------------------------
+
+
+def fitted(values: Any = SEEN, file: Any = ARM, **more: Any) -> Any:
+    columns, attitude = measured(values, file=file, **more)
+    case = Case(file, {**columns, **written("quaternion", attitude)})
+    return case.machine.fit(Measurements.from_frame(case.data))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_frame_and_attitude_of_the_target_are_found_wherever_they_are(seed):
+    rng = np.random.default_rng(seed)
+    turns = Rotation.random(2, rng=rng).as_rotvec().ravel()
+    wanted = dict(zip(("frame.rx", "frame.ry", "frame.rz", *list(SEEN)[:3]), turns, strict=True))
+    fit = fitted({**SEEN, **wanted})
+    assert fit.solution.converged
+    for key, estimate in fit.estimates.items():
+        true = {**SEEN, **wanted}.get(key, 0.0)
+        if not key.startswith(("frame.r", "target.p.r")):  # of 2 pi less they are the same
+            assert abs(estimate.value - true) < 5 * estimate.std, key
+    assert 0.8 < fit.rms / SIGMA[0] < 1.2
+
+
+def test_a_table_leaves_open_where_the_body_is_along_its_axis_and_how_it_is_turned_about_it():
+    fit = fitted(file=ARM | {"joint": ARM["joint"][:1]})
+    assert 0.8 < fit.rms / SIGMA[0] < 1.2
+    along, about = ({key for key, _ in one.parts} for one in fit.determinacy.directions)
+    assert along == {"frame.x", "frame.y", "frame.z", "target.p.z"}
+    assert about >= {"target.p.x", "target.p.y", "target.p.rz"}
+
+
+def test_the_noise_of_positions_and_attitudes_is_estimated_apart():
+    for noise in ((0.05, 2e-4), (0.5, 2e-5)):
+        fit = fitted(noise=noise, rows=80)
+        assert fit.observations.arm == pytest.approx(noise[0] / noise[1], rel=0.15)
+        assert fit.rms == pytest.approx(noise[0], rel=0.1)
+        file = ARM | {"measured": ARM["measured"] | {"noise": noise[0], "attitude_noise": noise[1]}}
+        stated = fitted(noise=noise, rows=80, file=file)
+        assert stated.observations.arm == pytest.approx(noise[0] / noise[1])
+        assert stated.chi_square / stated.degrees_of_freedom == pytest.approx(1.0, abs=0.2)
+        ratio = {key: e.std / stated.estimates[key].std for key, e in fit.estimates.items()}
+        assert all(0.8 < r < 1.2 for r in ratio.values())
+
+
+def test_uncertainties_of_rows_weight_positions_and_attitudes():
+    columns, attitude = measured(noise=SIGMA)
+    u = {f"u_{x} [mm]": np.full(40, SIGMA[0]) for x in "xyz"} | {
+        f"u_r{x} [rad]": np.full(40, SIGMA[1]) for x in "xyz"
+    }
+    case = Case(ARM, {**columns, **written("matrix", attitude), **u})
+    fit = case.machine.fit(Measurements.from_frame(case.data))
+    assert fit.chi_square / fit.degrees_of_freedom == pytest.approx(1.0, abs=0.2)
+    del u["u_rz [rad]"]
+    with pytest.raises(InputFileError, match="no column 'u_rz'"):
+        _ = Case(ARM, {**columns, **written("matrix", attitude), **u}).observations
+
+
+def test_a_fitted_machine_predicts_what_the_fit_did():
+    stated = {"noise": SIGMA[0], "attitude_noise": SIGMA[1]}
+    parameters = ["target", "J3.axis", "J2.point"]
+    file = ARM | {"estimate": {"parameters": parameters}, "measured": ARM["measured"] | stated}
+    fit = fitted({**SEEN, "J3.axis.a": 0.003}, file)
+    again = fixed_machine(fit.machine)
+    fixed = again.fit(fit.observations.data)
+    assert fixed.rms == pytest.approx(fit.rms, rel=1e-9)
+    assert again.targets[0].attitude == pytest.approx(
+        [fit.machine.values[f"target.p.{x}"] for x in FRAME_TURNS]
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"noise": 0.1}, "attitude_noise.*missing, while noise is stated"),
+        ({"kind": "point", "attitude_noise": 0.1}, "attitude_noise.*with kind = 'pose' only"),
+    ],
+)
+def test_a_file_states_both_noises_or_none(change, said):
+    with pytest.raises(InputFileError, match=said):
+        _ = Case(ARM | {"measured": ARM["measured"] | change}, {}).machine
+
+
+# hidden effects ------------------------------------------------------------------------------------------------
+
+
+def diagnosed(case: Hidden, folder: Path, *, attitudes: bool = True) -> Any:
+    """Diagnose as a user would, with the attitudes or without."""
+    machine, data = case.write(folder)
+    text = machine.read_text(encoding="utf-8")
+    if not attitudes:
+        text = "\n".join(line for line in text.splitlines() if "attitude_noise" not in line)
+        text = text.replace('"pose"', '"point"')
+    machine.write_text(text, encoding="utf-8")
+    return Machine.load(machine).fit(Measurements.load(data)).diagnose()
+
+
+def named(diagnosis: Any) -> list[tuple[str, str | None]]:
+    return [step.effect.identity for step in diagnosis.steps]
+
+
+def equals(diagnosis: Any) -> set[tuple[str, str | None]]:
+    return {alias.effect.identity for step in diagnosis.steps for alias in step.indistinguishable_from}
+
+
+@pytest.mark.parametrize("state_noise", [pytest.param(True, marks=pytest.mark.slow), False])
+def test_an_effect_of_the_last_joint_shows_in_attitudes_that_positions_do_not_tell(state_noise, tmp_path):
+    """A flange that wobbles turns the board and moves its middle as a radial motion does, which turns nothing."""
+    case = hidden(
+        board(np.random.default_rng(3)), 3, [("tilt_error_motion", "J6")], raises=2.0, state_noise=state_noise
+    )
+    whole, points = (diagnosed(case, tmp_path / str(k), attitudes=k) for k in (True, False))
+    assert named(whole) == [("tilt_error_motion", "J6")]
+    assert not equals(whole)
+    assert {*named(points), *equals(points)} >= {("tilt_error_motion", "J6"), ("radial_error_motion", "J6")}
