@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 from test_machine_jacobians import STENCILS, moved, step
 
 from rodgen.calibration.residual_columns import residual_columns
+from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.fixed import fixed_machine
@@ -283,6 +284,45 @@ def test_a_fitted_machine_predicts_what_the_fit_did():
 def test_a_file_states_both_noises_or_none(change, said):
     with pytest.raises(InputFileError, match=said):
         _ = Case(ARM | {"measured": ARM["measured"] | change}, {}).machine
+
+
+# what follows from a fit -----------------------------------------------------------------------------------------
+
+
+def test_a_prediction_has_attitudes_with_uncertainties_that_hold():
+    fit = fitted(seed=3)
+    design = {f"J{j} [rad]": np.linspace(-1, 1, 7) * (-1) ** j for j in range(1, 7)}
+    prediction = fit.predict(Measurements.from_frame(design))
+    columns = prediction.columns()
+    exact = Simulated(ARM, SEEN).measure(np.stack(list(design.values()), -1))
+    u = np.stack([columns[f"model_u_{x} [mm]"] for x in "xyz"], -1)
+    places = np.stack([columns[f"predicted_{x} [mm]"] for x in "xyz"], -1)
+    assert np.sqrt(np.mean(((places - exact[:, :3]) / u) ** 2)) == pytest.approx(1.0, abs=0.5)
+    vectors = np.stack([columns[f"predicted_r{x} [rad]"] for x in "xyz"], -1)
+    u = np.stack([columns[f"model_u_r{x} [arcsec]"] for x in "xyz"], -1) * np.pi / 648000
+    off = Rotation.from_rotvec(vectors).as_matrix() @ exact[:, 3:].reshape(-1, 3, 3).swapaxes(1, 2)
+    assert np.sqrt(np.mean((turns(off) / u) ** 2)) == pytest.approx(1.0, abs=0.5)
+
+
+def test_simulated_poses_have_the_noise_that_was_typed():
+    columns, attitude = measured(noise=(0.0, 0.0), rows=200)
+    case = Case(ARM, {**columns, **written("quaternion", attitude)})
+    made = simulate(case.machine, Measurements.from_frame(case.data), noise="0.2mm, 40 arcsec", seed=2)
+    assert {"qw", "qx", "qy", "qz"} <= made.columns.keys()
+    fit = case.machine.fit(made.data)
+    assert fit.rms == pytest.approx(0.2, rel=0.1)
+    assert fit.observations.arm == pytest.approx(0.2 / (40 * np.pi / 648000), rel=0.1)
+    with pytest.raises(InputFileError, match="1 number; expected that of a coordinate and that of a turn"):
+        simulate(case.machine, Measurements.from_frame(case.data), noise="0.2mm")
+
+
+@pytest.mark.slow
+def test_attitudes_that_are_the_inverse_are_a_mistake_that_a_check_mends():
+    file = ARM | {"joint": [ARM["joint"][0], ARM["joint"][3]]}
+    columns, attitude = measured(file=file)
+    data = Measurements.from_frame({**columns, **written("matrix", attitude.swapaxes(1, 2))})
+    check = Case(file, {}).machine.fit(data).check()
+    assert "the attitudes are those of the measuring frame in the body" in check.repairs[0].words
 
 
 # hidden effects ------------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.residuals import Residuals
-from rodgen.calibration.solve.least_squares import Solution, minimise, nearest
+from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, nearest
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
 from rodgen.calibration.words import measured
@@ -46,6 +46,8 @@ LOSSES = ("linear", "huber")
 
 UNEQUAL = 1.5
 """Ratio of stated uncertainties from which an error that is not weighted does not show what was found."""
+BALANCED = 10
+"""Times at most that the lever arm of poses is estimated anew: usually three."""
 SAME_ARM = 0.02
 """Relative change of a lever arm that changes no estimate by a hundredth of its standard deviation."""
 COMPILE_FROM = 20_000
@@ -182,16 +184,22 @@ class FittedModel:
 
         Itself where that is known.
         """
-        fit = self
-        while not fit.observations.arm_is_known:
-            arm = fit.noise_arm
-            known = abs(np.log(arm / fit.observations.arm)) < SAME_ARM
-            if known:
-                return replace(fit, observations=replace(fit.observations, arm_is_known=True))
-            o = replace(fit.observations, arm=arm, arm_is_known=True)
-            fit = fit.refit(observations=o, outliers=fit.outliers)
-            fit = replace(fit, observations=replace(o, arm_is_known=False))
-        return fit
+        if self.observations.arm_is_known:
+            return self
+        fit, free = self, self.free
+        for _ in range(BALANCED):
+            before, arm = fit.observations.arm, fit.noise_arm
+            if abs(np.log(arm / before)) < SAME_ARM:
+                break
+            problem = Problem(fit.problem.model, replace(fit.observations, arm=arm))
+            if fit.outliers.any():
+                problem.leave_out(fit.outliers)
+            solution = minimise(problem, fit.solution.theta, fit.solution.frame, free, damping=NEAR)
+            fit = self._finished(problem, solution, free, fit.outliers)
+        known = replace(fit.observations, arm_is_known=True)
+        if any(p.optional for p in fit.parameters):  # what the data call for depends on the weights
+            return fit.refit(observations=known, outliers=fit.outliers)
+        return replace(fit, observations=known)
 
     @classmethod
     def _finished(
@@ -225,7 +233,7 @@ class FittedModel:
 
     @property
     def noise_arm(self) -> float:
-        """The ratio of the noise of positions to that of attitudes by the residuals, length unit; where stated, that."""
+        """The ratio of the noise of positions to that of attitudes, by the residuals where it is not stated."""
         o = self.observations
         if o.sigma is not None or not self.machine.measurand.has_attitude:
             return o.arm

@@ -7,7 +7,8 @@ model lacks is not in it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -15,9 +16,11 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import open_legs
+from rodgen.calibration.problem.attitudes import attitude_columns
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, shown
+from rodgen.machines.measured import TURNS
 from rodgen.views import data_frame, html_of_table
 
 if TYPE_CHECKING:
@@ -27,6 +30,7 @@ __all__ = ["Prediction", "predict"]
 
 Array: TypeAlias = NDArray[np.float64]
 
+ARCSEC = np.pi / 648000
 ROUNDING = 1e-6
 """Part of what its parameters change one by one below which a combination of them changes nothing."""
 
@@ -41,13 +45,16 @@ class Prediction:
         Length unit of the machine; unit vectors where directions are measured.
     covariance : ndarray, shape (n, m, m)
         Of the place, length unit squared: m is 3 for points and 1 for distances; of directions the angles to the left
-        and upwards, rad², m = 2. NaN where it is not determined, and where the noise is not known.
+        and upwards, rad², m = 2; of poses also of the turn about each axis of the measuring frame, rad, m = 6. NaN
+        where it is not determined, and where the noise is not known.
     determined : ndarray of bool, shape (n,)
         Whether the data of the fit determine the place.
     names : tuple of str
         What is predicted, as columns of measurements call it.
     unit : str
         Of a scalar reading, and of `u`.
+    attitude : mapping of str to ndarray, shape (n,)
+        Of poses the columns of the attitude, in the notation of the design, or as a rotation vector; else none.
     """
 
     place: Array
@@ -55,22 +62,30 @@ class Prediction:
     determined: NDArray[np.bool_]
     names: tuple[str, ...]
     unit: str
+    attitude: Mapping[str, Array] = field(default_factory=dict)
     _factor: float = 1.0
 
     @property
     def u(self) -> Array:
-        """Standard uncertainties, (n, m), in :attr:`unit`: the model's own, without the noise of a reading."""
-        return np.asarray(np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)) / self._factor)
+        """Standard uncertainties, (n, m), in :attr:`unit`: the model's own, without the noise of a reading.
+
+        Those of turns are in arcsec.
+        """
+        factors = [ARCSEC if name in TURNS else self._factor for name in self.names]
+        u = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+        return np.asarray(u / factors[: u.shape[1]])
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return the prediction as columns of a table, ``determined`` 1 or 0."""
         turns = self.names[0] == "ux"
         unit = "" if turns else f" [{self.unit}]"
         found: dict[str, NDArray[Any]] = {
-            f"predicted_{n}{unit}": x for n, x in zip(self.names, self.place.T, strict=True)
+            f"predicted_{n}{unit}": x for n, x in zip(self.names, self.place.T, strict=False)
         }
+        found |= {f"predicted_{n}": x for n, x in self.attitude.items()}
         parts = ("horizontal", "vertical") if turns else self.names
-        found |= {f"model_u_{n} [{self.unit}]": x for n, x in zip(parts, self.u.T, strict=True)}
+        for n, x in zip(parts, self.u.T, strict=True):
+            found[f"model_u_{n} [{'arcsec' if n in TURNS else self.unit}]"] = x
         return found | {"determined": self.determined.astype(np.int8)}
 
     def to_pandas(self) -> Any:
@@ -121,7 +136,7 @@ def predict(fit: FittedModel, design: Any) -> Prediction:
     o = bind(fit.machine, design, allow_missing_readings=True)
     o = _in_known_runs(fit, o)
     measurand = model.structure.measurand
-    reading = np.ones((o.n, len(measurand.columns)))
+    reading = np.ones(o.reading.shape)
     problem = Problem(model, replace(o, sigma=None, reading=reading))
     theta, frame = fit.solution.theta, fit.solution.frame
     with one_thread_in_blas():
@@ -132,8 +147,15 @@ def predict(fit: FittedModel, design: Any) -> Prediction:
         jacobian = problem.read_as_predicted(theta, frame).jacobian(theta, frame)
         covariance = np.einsum("nip,pq,njq->nij", jacobian, fit.covariance, jacobian, optimize=True)
         determined = _determined(jacobian, fit.determinacy.null) & np.isfinite(place).all(axis=1)
+        attitude = {}
+        if measurand.has_attitude:
+            arms = np.repeat([1.0, o.arm], 3)
+            covariance /= arms[:, None] * arms
+            turned = problem.attitudes(theta, frame)
+            attitude = attitude_columns(turned, design, fit.machine.angle_unit)
     covariance[~determined] = np.nan
-    return Prediction(place, covariance, determined, measurand.columns, fit.unit, fit.unit_factor)
+    names = measurand.columns
+    return Prediction(place, covariance, determined, names, fit.unit, attitude, fit.unit_factor)
 
 
 def _in_known_runs(fit: FittedModel, o: Observations) -> Observations:

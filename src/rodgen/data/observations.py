@@ -194,6 +194,10 @@ class Observations:
         kept, counted_as = np.unique(found, return_inverse=True)
         return replace(self.take(kept), counted_as=counted_as)
 
+    def read_as(self, other: Observations) -> Observations:
+        """Return the observations with the readings of others, row by row."""
+        return replace(self, reading=other.reading, attitude=other.attitude, sigma=other.sigma)
+
     def take(self, rows: Any) -> Observations:
         """Return some of the rows; numbers of poses and runs stay what they were.
 

@@ -102,6 +102,12 @@ class Measurand:
     has_attitude: ClassVar[bool] = False
     unchanged_by: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
+    @property
+    def read_columns(self) -> frozenset[str]:
+        """Every column that may hold a reading: of an attitude those of all notations."""
+        attitudes = NOTATIONS.values() if self.has_attitude else ()
+        return frozenset(self.columns).union(*attitudes)
+
     def unit(self, length: str) -> str:
         """Return the unit of residuals, given the machine file's unit of length."""
         return length

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.machines.effects.catalogue import SCALES
+from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Model
 from rodgen.statistics.thresholds import CHECK
 
@@ -70,7 +71,9 @@ def tolerances(model: Model, moved: float, *, usual: bool) -> Array:
         "geometry": shift * size,
         "target": aim if model.structure.moving else turn,
     }
-    return np.array([of_kind.get(kind, np.inf) for kind in model.kinds])
+    # how a body is turned in itself is a matter of which of its axes are read, and no fault of a file
+    turned = [p.slot[0] == "target" and p.slot[-1] in TURNS for p in model.parameters]
+    return np.where(turned, np.inf, [of_kind.get(kind, np.inf) for kind in model.kinds])
 
 
 def relative_corrections(model: Model, theta: Array, moved: float) -> Array:

@@ -107,7 +107,9 @@ def diagnose(
             if abs(math.log(arm / diagnosis.base.observations.arm)) < EVIDENCE.same_arm:
                 break
             # what was found was in the noise of positions or attitudes before: weights as without it
-            fitted = fitted.refit(observations=replace(fitted.observations, arm=arm), outliers=fitted.outliers)
+            fitted = fitted.refit(
+                observations=replace(fitted.observations, arm=arm), outliers=fitted.outliers
+            )
             diagnosis = _diagnosed(fitted, others, prefer)
         return diagnosis
 

@@ -8,9 +8,11 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from rodgen.calibration.problem.attitudes import attitude_numbers
 from rodgen.data.observations import Observations
 from rodgen.data.tables.writer import open_sink
 from rodgen.data.units import parse_unit
+from rodgen.machines.measured import TURNS
 
 __all__ = ["write_mended_data"]
 
@@ -37,9 +39,12 @@ def write_mended_data(mended: Observations, observations: Observations, path: st
         changed[f"v_{joint.name}"] = mended.v[:, j]
         changed[f"dir_{joint.name}"] = mended.s[:, j].astype(float)
     for i, name in enumerate(machine.measurand.columns):
-        changed[name] = mended.reading[:, i]
+        if i < mended.reading.shape[1]:
+            changed[name] = mended.reading[:, i]
         if mended.sigma is not None:
-            changed[f"u_{name}"] = mended.sigma[:, i]
+            changed[f"u_{name}"] = mended.sigma[:, i] / (mended.arm if name in TURNS else 1.0)
+    if mended.attitude is not None:
+        changed |= attitude_numbers(mended.attitude, data)
     columns: dict[str, pa.Array] = {}
     for name, column in data.columns.items():
         values = column.values

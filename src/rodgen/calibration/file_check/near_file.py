@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import minimise
-from rodgen.calibration.solve.starting_values import nearest_frames
+from rodgen.calibration.solve.starting_values import nearest_frames, with_attitudes
 from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
@@ -208,13 +208,15 @@ def fit_near(
     """
     model = Model(machine, observations.travel, observations.run_names, compiled=compiled)
     problem = _NearProblem(model, observations)
+    free = [i for i, p in enumerate(model.parameters) if p.hold is None and not (p.searched or p.optional)]
     theta = model.start()
+    if observations.attitude is not None:
+        theta = with_attitudes(problem, theta, free)
     frame = _first_frame(problem, theta)
     residual = problem.residuals(theta, frame)
     if not np.isfinite(residual).all():
         return None
     moved = motion(problem, theta)
-    free = [i for i, p in enumerate(model.parameters) if p.hold is None and not (p.searched or p.optional)]
     usual = tolerances(model, moved, usual=True)
     for i, parameter in enumerate(model.parameters):
         if parameter.slot[0] == "e" and i in free:

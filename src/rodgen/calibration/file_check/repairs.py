@@ -264,7 +264,7 @@ def _of_units(machine: Machine, observations: Observations, moves: NDArray[np.bo
                 )
     if not machine.measurand.moving:
         return
-    names = machine.measurand.columns
+    names = machine.measurand.columns[:3]
     written = str(columns[names[0]].unit)
     for unit, factor in _other_units(written, LENGTHS):
         yield Repair(
@@ -306,7 +306,7 @@ def _columns_scaled(numbers: Sequence[int], factor: float) -> Callable[[Observat
 def _readings_scaled(factor: float) -> Callable[[Observations], Observations]:
     def changed(o: Observations) -> Observations:
         sigma = None if o.sigma is None else o.sigma * factor
-        return replace(o, reading=o.reading * factor, sigma=sigma)
+        return replace(o, reading=o.reading * factor, sigma=sigma, arm=o.arm * factor)
 
     return changed
 
@@ -332,7 +332,10 @@ def _of_readings(machine: Machine) -> Iterator[Repair]:
     """Yield the ways in which three columns may be exchanged, or have other signs."""
     if not machine.measurand.is_place:
         return
-    columns = machine.measurand.columns
+    columns = machine.measurand.columns[:3]
+    if machine.measurand.has_attitude:
+        words = "the attitudes are those of the measuring frame in the body, not of the body in the measuring frame"
+        yield Repair(words, "attitudes", 2, True, rows=_attitudes_inverted)
     if machine.measured.frame == "free":  # a free frame turns as it likes: only the handedness counts
         x = columns[0]
         yield Repair(
@@ -367,10 +370,15 @@ def _of_readings(machine: Machine) -> Iterator[Repair]:
 
 def _readings_turned(order: Sequence[int], signs: Sequence[int]) -> Callable[[Observations], Observations]:
     def changed(o: Observations) -> Observations:
-        sigma = None if o.sigma is None else o.sigma[:, list(order)]
+        sigma = None if o.sigma is None else o.sigma[:, [*order, *range(3, o.sigma.shape[1])]]
         return replace(o, reading=o.reading[:, list(order)] * np.array(signs, float), sigma=sigma)
 
     return changed
+
+
+def _attitudes_inverted(o: Observations) -> Observations:
+    assert o.attitude is not None
+    return replace(o, attitude=np.ascontiguousarray(o.attitude.swapaxes(1, 2)))
 
 
 def _of_columns(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:

@@ -356,5 +356,5 @@ def _with_neighbours(o: Observations, chosen: np.ndarray[Any, np.dtype[np.int_]]
     inner = chosen[(chosen >= far) & (chosen < o.n - far)]
     found = {0: o.take(inner)}
     for k in several:
-        found[k] = replace(o.take(inner + k), reading=found[0].reading, sigma=found[0].sigma)
+        found[k] = o.take(inner + k).read_as(found[0])
     return found

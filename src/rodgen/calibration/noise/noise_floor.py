@@ -317,7 +317,9 @@ def _pairs(fit: FittedModel) -> Iterator[tuple[NDArray[np.int_], Array, Array]]:
         along = [(y - x) / distance[:, None]] * 2 if measurand.moving else [_tangent(x, y), _tangent(y, x)]
         variance = np.full(len(i), 2.0)
         if o.sigma is not None:
-            variance = sum(np.sum((e * o.sigma[k]) ** 2, axis=1) for e, k in zip(along, (i, j), strict=True))
+            variance = sum(
+                np.sum((e * o.sigma[k, :3]) ** 2, axis=1) for e, k in zip(along, (i, j), strict=True)
+            )
         yield i, distance, variance
 
 

@@ -317,8 +317,7 @@ class Campaign:
         """Return what the first model predicts for readings, (n, m)."""
         fit = self.models[0].fit
         seen = self.surroundings.observations(pool, None if self.o.t is None else self.surroundings.begin)
-        residuals = Problem(fit.problem.model, seen).residuals(fit.solution.theta, fit.solution.frame)
-        return np.asarray(seen.reading - residuals)
+        return Problem(fit.problem.model, seen).predicted(fit.solution.theta, fit.solution.frame)
 
     # what could be settled -----------------------------------------------------------------------------------
 

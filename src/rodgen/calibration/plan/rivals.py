@@ -168,7 +168,7 @@ class Rivals:
         """Return each model linearized at its fit, for readings that are as the first model predicts them."""
         first = rivals[0].fit
         problem = Problem(first.problem.model, planned)
-        planned = replace(planned, reading=problem.predicted(first.solution.theta, first.solution.frame))
+        planned = problem.predicted_observations(first.solution.theta, first.solution.frame)
         found = []
         for rival in rivals:
             solution = rival.fit.solution

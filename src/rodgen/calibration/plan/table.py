@@ -28,7 +28,7 @@ def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str,
     o = surroundings.o
     columns = o.data.columns
     names = [joint.name for joint in machine.joints]
-    readings = machine.measurand.columns
+    readings = machine.measurand.read_columns
     targets = [target.name for target in machine.targets]
     found: dict[str, list[Any]] = {}
 

@@ -16,7 +16,7 @@ from rodgen.machines.rigid import rotation_matrix, rotation_vector
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
 
-__all__ = ["ANGULAR", "UnfitAttitudeError", "attitude_columns", "matrices", "numbers_of"]
+__all__ = ["ANGULAR", "UnfitAttitudeError", "attitude_columns", "attitude_numbers", "matrices", "numbers_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -100,17 +100,21 @@ def attitude_columns(attitude: Array, data: Measurements, angle: str = "deg") ->
     angle : str
         Unit of angles where the table has none.
     """
-    notation = next(
-        (n for n, names in NOTATIONS.items() if set(names) & data.columns.keys()), "rotation vector"
-    )
     found = {}
-    for name, values in zip(NOTATIONS[notation], numbers_of(notation, attitude).T, strict=True):
+    for name, values in attitude_numbers(attitude, data).items():
         unit = ""
-        if notation in ANGULAR:
+        if name[0] != "q" and not name[1:].isdigit():
             unit = (name in data.columns and data.columns[name].unit) or angle
             values = values / parse_unit(unit).factor()
         found[f"{name} [{unit}]" if unit else name] = values
     return found
+
+
+def attitude_numbers(attitude: Array, data: Measurements) -> dict[str, Array]:
+    """Return attitudes (n, 3, 3) as numbers by the names of columns, in the notation that a table has, in radians."""
+    given = (n for n, names in NOTATIONS.items() if set(names) & data.columns.keys())
+    notation = next(given, "rotation vector")
+    return dict(zip(NOTATIONS[notation], numbers_of(notation, attitude).T, strict=True))
 
 
 def numbers_of(notation: str, attitude: Array) -> Array:

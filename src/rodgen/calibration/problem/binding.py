@@ -174,9 +174,7 @@ class _Binder:
         self.readings = tuple(name for name in self.uncertain if name not in TURNS)
         self.own = {"target", "run", "t", "load", *self.joints, *self.readings}
         self.own |= {f"{prefix}{name}" for prefix in ("dir_", "v_", "T_") for name in self.joints}
-        self.own |= {f"u_{name}" for name in self.uncertain}
-        if machine.measurand.has_attitude:
-            self.own |= {name for names in NOTATIONS.values() for name in names}
+        self.own |= {f"u_{name}" for name in self.uncertain} | machine.measurand.read_columns
 
     # faults --------------------------------------------------------------------------------------------------
 

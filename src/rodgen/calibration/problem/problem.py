@@ -590,16 +590,19 @@ class Problem:
 
         Of points and distances, whose residuals are differences, it stays as it is.
         """
-        if self.model.structure.measurand.has_attitude:
-            read = replace(self.observations, attitude=self.attitudes(theta, frame))
-        elif self.model.structure.moving:
+        if self.model.structure.moving and not self.model.structure.measurand.has_attitude:
             return self
-        else:
-            read = replace(self.observations, reading=self.places(theta, frame))
-        return Problem(self.model, read)
+        return Problem(self.model, self.predicted_observations(theta, frame))
+
+    def predicted_observations(self, theta: Array, frame: Frame) -> Observations:
+        """Return the observations with what is predicted as readings."""
+        read = replace(self.observations, reading=self.predicted(theta, frame))
+        if not self.model.structure.measurand.has_attitude:
+            return read
+        return replace(read, attitude=self.attitudes(theta, frame))
 
     def predicted(self, theta: Array, frame: Frame) -> Array:
-        """Return the predicted readings, (n, 3) or (n, 1)."""
+        """Return the predicted readings, (n, 3) or (n, 1); of poses the points."""
         if self.model.structure.measurand.is_place:
             return self.places(theta, frame)
         return np.asarray(self.observations.reading - self.residuals(theta, frame))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.problem.attitudes import attitude_columns
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.simulate.simulator import Simulator, with_reading
 from rodgen.data.measurements import Measurements, Numbers
@@ -24,6 +25,7 @@ from rodgen.machines.effects.rules import UnfitEffectError
 from rodgen.machines.effects.typed import effect_with, typed_effect
 
 if TYPE_CHECKING:
+    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
 
 __all__ = ["Simulation", "simulate"]
@@ -85,7 +87,8 @@ def simulate(
         Draw one more effect from the catalogue, which shows in this design.
     noise : float or str, optional
         Standard deviation of a scalar reading, such as ``"2um"``, or a number in the machine file's length unit (for
-        directions in arcsec). Left out: what data or machine state, else none.
+        directions in arcsec); of poses two, such as ``"0.02mm, 20arcsec"``. Left out: what data or machine state, else
+        none.
     seed : int, optional
         The same seed gives the same data; left out, it is drawn, and stands in the truth.
 
@@ -128,7 +131,8 @@ def simulate(
         known.append(simulator.drawn_of_catalogue(known))
     exact = simulator.read(known)
     columns = _columns(design, machine, simulator.noisy(exact), simulator.sigma)
-    given = {name: column for name, column in design.columns.items() if name not in machine.measurand.columns}
+    readings = machine.measurand.read_columns
+    given = {name: column for name, column in design.columns.items() if name not in readings}
     ordered = {name: columns.get(name) or given[name] for name in design.columns}
     truth = {
         "machine": machine.file or machine.name,
@@ -160,11 +164,15 @@ def _effect(machine: Machine, text: str) -> tuple[Effect, str | None]:
 
 
 def _columns(
-    design: Measurements, machine: Machine, reading: Array, sigma: Array | None
+    design: Measurements, machine: Machine, read: Observations, sigma: Array | None
 ) -> dict[str, Numbers]:
     """Return the columns of readings, in the units that the design has for them, to a thousandth of the noise."""
     found = {}
-    for name, values in zip(machine.measurand.columns, reading.T, strict=True):
+    if read.attitude is not None:
+        for text, values in attitude_columns(read.attitude, design, machine.angle_unit).items():
+            name, _, written = text.rstrip("]").partition(" [")
+            found[name] = Numbers(name, written or None, values)
+    for name, values in zip(machine.measurand.columns, read.reading.T, strict=False):
         unit = None
         factor = 1.0
         if machine.measurand.moving:

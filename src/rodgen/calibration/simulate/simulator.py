@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import open_legs
-from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, typed_quantity, unit_factor
+from rodgen.data.units import ANGLE, TIME, UnitError, typed_quantity, unit_factor
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.model import Frame, Model
+from rodgen.machines.rigid import rotation_matrix, rotation_vector
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
@@ -52,6 +53,15 @@ def with_reading(observations: Observations, reading: Any) -> Observations:
     return replace(observations, reading=np.broadcast_to(reading, observations.reading.shape))
 
 
+def _difference(of: Observations, to: Observations) -> Array:
+    """Return how readings differ, (n, m), internal units; turns of poses as lengths on their arm."""
+    found = of.reading - to.reading
+    if of.attitude is None or to.attitude is None:
+        return found
+    turns = rotation_vector(of.attitude @ to.attitude.swapaxes(1, 2))
+    return np.concatenate([found, of.arm * turns], axis=1)
+
+
 class Simulator:
     """A machine with a design.
 
@@ -61,7 +71,8 @@ class Simulator:
     observations : Observations
         The design; its readings do not matter, but that they are finite.
     noise : float, str or None
-        Typed, in the machine's length unit, or arcsec for directions; None: what is stated.
+        Typed, in the machine's length unit, or arcsec for directions; of poses a text with two, of a coordinate and of
+        a turn. None: what is stated.
     seed : int
 
     Attributes
@@ -80,19 +91,33 @@ class Simulator:
         self.random = np.random.default_rng(seed)
         self.unit = machine.measurand.unit(machine.length_unit)
         self.unit_factor, _ = unit_factor(self.unit, machine.length_unit)
-        self.sigma = observations.sigma if noise is None else np.broadcast_to(self._noise(noise), (1, 1))
+        self.sigma = observations.sigma if noise is None else self._typed(noise)
         step = -(-observations.n // LOOKED_AT)
         self.some = observations if step <= 1 else observations.take(slice(None, None, step))
 
-    def _noise(self, noise: float | str) -> float:
-        """Return a typed noise in internal units."""
+    def _typed(self, noise: float | str) -> Array:
+        """Return a typed noise in internal units, (1, 1), or of poses (1, 6)."""
+        if not self.machine.measurand.has_attitude:
+            return np.array([[self._noise(noise, self.unit)]])
+        parts = str(noise).split(",")
+        if len(parts) != 2:
+            expected = "that of a coordinate and that of a turn, such as '0.02mm, 20arcsec'"
+            raise InputFileError(
+                "noise", str(noise), f"{len(parts)} number{'s' * (len(parts) > 1)}", expected
+            )
+        place, turn = (
+            self._noise(text, unit) for text, unit in zip(parts, (self.unit, "arcsec"), strict=True)
+        )
+        return np.repeat([place, turn * self.observations.arm], 3)[None]
+
+    def _noise(self, noise: float | str, without: str) -> float:
+        """Return a typed noise in internal units; `without` is the unit of a number without one."""
+        factor, dimension = unit_factor(without, self.machine.length_unit)
         if not isinstance(noise, str):
-            return float(noise) * self.unit_factor
-        such = "0.5arcsec" if self.unit == "arcsec" else "2um"
-        expected = f"a number from 0 up with its unit, such as {such}"
-        dimension = ANGLE if self.unit == "arcsec" else LENGTH
+            return float(noise) * factor
+        expected = f"a number from 0 up with its unit, such as {'0.5arcsec' if dimension == ANGLE else '2um'}"
         try:
-            number = typed_quantity(noise, dimension, self.machine.length_unit, self.unit_factor)
+            number = typed_quantity(noise.strip(), dimension, self.machine.length_unit, factor)
         except UnitError as error:
             raise InputFileError("noise", noise, error.found, expected) from None
         if number < 0:
@@ -101,8 +126,8 @@ class Simulator:
 
     # readings ------------------------------------------------------------------------------------------------
 
-    def read(self, effects: Sequence[Hidden], observations: Observations | None = None) -> Array:
-        """Return readings without noise, (n, 3) or (n, 1)."""
+    def read(self, effects: Sequence[Hidden], observations: Observations | None = None) -> Observations:
+        """Return the observations with readings without noise."""
         o = observations or self.observations
         machine = self.machine
         for each in effects:
@@ -111,8 +136,8 @@ class Simulator:
         model = Model(machine, o.travel, o.run_names)
         problem = Problem(model, o)
         theta, frame = model.start(), Frame.identity()
-        found = problem.predicted(theta, frame)
-        bad = ~np.isfinite(found).all(axis=1)
+        found = problem.predicted_observations(theta, frame)
+        bad = ~np.isfinite(found.reading).all(axis=1)
         if bad.any():
             row = int(np.argmax(bad))
             if machine.kinematics.is_closed:
@@ -121,34 +146,39 @@ class Simulator:
             raise InputFileError(o.data.file, o.data.place(row), "the model is not finite here", expected)
         return found
 
-    def noisy(self, exact: Array) -> Array:
+    def noisy(self, exact: Observations) -> Observations:
         """Return readings with noise."""
         if self.sigma is None:
             return exact
+        if exact.attitude is not None:
+            noise = self.sigma * self.random.normal(size=(exact.n, 6))
+            turned = rotation_matrix(noise[:, 3:] / exact.arm) @ exact.attitude
+            return replace(exact, reading=exact.reading + noise[:, :3], attitude=turned)
         if self.machine.measurand.moving:
-            return exact + self.sigma * self.random.normal(size=exact.shape)
-        variance = np.broadcast_to(self.sigma**2, exact.shape)
-        read = exact.copy()
-        for across in with_reading(self.observations, exact).basis:
+            noise = self.sigma * self.random.normal(size=exact.reading.shape)
+            return replace(exact, reading=exact.reading + noise)
+        variance = np.broadcast_to(self.sigma**2, exact.reading.shape)
+        read = exact.reading.copy()
+        for across in exact.basis:
             spread = np.sqrt(np.sum(across**2 * variance, axis=1))
-            read += across * (spread * self.random.normal(size=len(exact)))[:, None]
-        return np.asarray(read / np.linalg.norm(read, axis=1, keepdims=True))
+            read += across * (spread * self.random.normal(size=exact.n))[:, None]
+        return replace(exact, reading=np.asarray(read / np.linalg.norm(read, axis=1, keepdims=True)))
 
     def _rms(self, change: Array) -> float:
         """Return the root mean square of a change, per scalar reading, internal units."""
         scalars = len(self.machine.measurand.components)
         return float(np.sqrt(np.sum(change**2) / max(len(change) * scalars, 1)))
 
-    def _left(self, reading: Array) -> float:
+    def _left(self, read: Observations) -> float:
         """Return what the machine's own fit leaves of readings of `some` rows, internal units."""
-        return fit(self.machine, with_reading(self.some, reading)).rms * self.unit_factor
+        return fit(self.machine, replace(read, arm_is_known=True)).rms * self.unit_factor
 
-    def change(self, exact: Array) -> dict[str, Any]:
+    def change(self, exact: Observations) -> dict[str, Any]:
         """Return by how much the effects change the readings, and what a fit without them leaves of that."""
-        some = exact[:: -(-len(exact) // LOOKED_AT) or 1]
+        some = exact.take(slice(None, None, -(-exact.n // LOOKED_AT) or 1))
         plain = self.read([], self.some)
         return {
-            "rms": self._rms(some - plain) / self.unit_factor,
+            "rms": self._rms(_difference(some, plain)) / self.unit_factor,
             "left_by_a_fit": self._left(some) / self.unit_factor,
             "unit": self.unit,
         }
@@ -232,7 +262,7 @@ class Simulator:
         for p in parameters:
             if not (p.searched or p.optional or p.hold is not None):
                 tried = self.read([Hidden(effect, {**fixed, p.key: TRIAL})], self.some)
-                felt = self._rms(tried - plain) / TRIAL
+                felt = self._rms(_difference(tried, plain)) / TRIAL
                 sizes[p.key] = float(self.random.normal()) / felt if felt > 0 else 0.0
         if not any(sizes.values()):
             return None
@@ -242,10 +272,10 @@ class Simulator:
             return Hidden(effect, fixed | {key: factor * size for key, size in sizes.items()})
 
         # of noise size first: large ones would not be in proportion
-        factor = noise / self._rms(self.read([scaled(noise)], self.some) - plain) * noise
+        factor = noise / self._rms(_difference(self.read([scaled(noise)], self.some), plain)) * noise
         changed = self.read([scaled(factor)], self.some)
         left = self._left(changed)
-        if not left * MOSTLY_ABSORBED > self._rms(changed - plain):
+        if not left * MOSTLY_ABSORBED > self._rms(_difference(changed, plain)):
             return None
         return scaled(factor * wanted / left)
 
@@ -283,4 +313,8 @@ class Simulator:
         """Return the noise as plain data."""
         if self.sigma is None:
             return {"rms": 0.0, "unit": self.unit}
-        return {"rms": float(np.sqrt(np.mean(self.sigma**2))) / self.unit_factor, "unit": self.unit}
+        found = {"rms": float(np.sqrt(np.mean(self.sigma[:, :3] ** 2))) / self.unit_factor, "unit": self.unit}
+        if self.machine.measurand.has_attitude:
+            turns = self.sigma[:, 3:] / self.observations.arm * 648000 / np.pi
+            found |= {"rms_of_turns": float(np.sqrt(np.mean(turns**2))), "unit_of_turns": "arcsec"}
+        return found

@@ -29,6 +29,7 @@ __all__ = [
     "thinned",
     "trilaterated",
     "wave_falls",
+    "with_attitudes",
 ]
 
 Array: TypeAlias = NDArray[np.float64]

@@ -276,7 +276,8 @@ def _check_own(machine: Machine, effect: Effect) -> None:
                 f"{name!r}, a word of formulas and the name of a joint",
                 "another name for the joint",
             )
-        if name in READING_COLUMNS and (machine.measurand.moving or name not in SKY):
+        readings = READING_COLUMNS | machine.measurand.read_columns
+        if name in readings and (machine.measurand.moving or name not in SKY):
             raise UnfitEffectError("formula", f"{name!r}, the reading itself", "what the reading depends on")
 
 

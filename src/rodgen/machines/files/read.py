@@ -463,6 +463,10 @@ def _named_blocks(top: Table, key: str, most: int, kind: Kind[str]) -> list[Tabl
 def _check_names(machine: Machine) -> None:
     """Check that joints and targets have different names: an effect is identified by its name and its place."""
     joints = [joint.name for joint in machine.joints]
+    reading = next((name for name in joints if name in machine.measurand.read_columns), None)
+    if reading is not None:
+        found = f"{shown(reading)}, a column of readings"
+        raise InputFileError(str(machine.file), f"joint {reading}, name", found, "another name")
     names = [*joints, *(target.name for target in machine.targets)]
     twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is None:
