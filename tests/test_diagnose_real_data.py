@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from diagnosis_checks import allowed, far_aliases, format_errors, refitted
 from urdf import chain_of
@@ -210,8 +212,8 @@ def test_the_positioner_s_answer_has_no_size_that_no_machine_has():
                 assert estimate.std < 0.5
 
 
-def robot(folder: Path):
-    """Return the diagnosis of the nominal robot, the board's places as points; frame and board are fitted."""
+def robot(folder: Path, kind: str = "point", estimate: Sequence[str] = ("target",)):
+    """Return a fit of the nominal robot to the board's places, as points or as poses; frame and board are fitted."""
     joints, board = chain_of(measurements("ur10/robot.urdf"), "wrist_3_link")
     lines = ['name = "UR10"', "[units]", 'length = "mm"', 'angle = "rad"']
     for joint in joints:
@@ -221,24 +223,45 @@ def robot(folder: Path):
         'name = "board"',
         f"point = {board}",
         "[measured]",
-        'kind = "point"',
+        f'kind = "{kind}"',
         'frame = "free"',
     ]
     machine, data = folder / "machine.toml", folder / "data.csv"
-    machine.write_text("\n".join([*lines, "[estimate]", 'parameters = ["target"]']) + "\n")
+    machine.write_text("\n".join([*lines, "[estimate]", f"parameters = {json.dumps(estimate)}"]) + "\n")
     with measurements("ur10/calibration.csv").open(encoding="utf-8") as file, data.open("w") as out:
         names = [joint["name"] for joint in joints]
         writer = csv.writer(out)
-        writer.writerow([*(f"{name} [rad]" for name in names), "x [m]", "y [m]", "z [m]"])
-        writer.writerows([row[name] for name in (*names, "x1", "y1", "z1")] for row in csv.DictReader(file))
-    return fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()
+        turns = {"phix1": "roll", "phiy1": "pitch", "phiz1": "yaw"} if kind == "pose" else {}
+        columns = {name: f"{name} [rad]" for name in names} | {f"{x}1": f"{x} [m]" for x in "xyz"}
+        columns |= {name: f"{turn} [rad]" for name, turn in turns.items()}
+        writer.writerow(columns.values())
+        writer.writerows([row[name] for name in columns] for row in csv.DictReader(file))
+    return fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
 
 
 def test_twenty_three_poses_of_a_robot_show_nothing_beyond_their_two_millimetres(tmp_path_factory):
     """With all axes and points free, 42 parameters, 1.5 mm are left, but 2.6 mm on poses left out."""
-    found = robot(tmp_path_factory.mktemp("ur10"))
+    found = robot(tmp_path_factory.mktemp("ur10")).diagnose()
     assert found.rms.before == pytest.approx(2.0, abs=0.01)  # as the data's SOURCE.txt has it
     assert found.verdict in ("nothing_missing", "cannot_tell")
     assert found.steps == ()
     assert found.unexplained == ()
     assert found.rms.before_held_out == pytest.approx(2.33, abs=0.02)
+
+
+def test_attitudes_say_more_of_the_robot_s_wrist_than_positions(tmp_path):
+    """The last axes are known two and three times as well from poses as from places of one point."""
+    joints = ("elbow_joint", "wrist_1_joint", "wrist_2_joint")
+    estimate = ["target", *(f"{name}.axis" for name in joints)]
+    points, poses = (robot(tmp_path, kind, estimate) for kind in ("point", "pose"))
+    ratios = {
+        key: poses.estimates[key].std / estimate.std
+        for key, estimate in points.estimates.items()
+        if ".axis." in key
+    }
+    assert max(ratios.values()) < 1
+    assert max(ratio for key, ratio in ratios.items() if key.startswith("wrist_1")) < 0.6
+    assert max(ratio for key, ratio in ratios.items() if key.startswith("wrist_2")) < 0.4
+    place, turn = np.sqrt(np.mean((poses.residuals * poses.in_units).reshape(-1, 2, 3) ** 2, axis=(0, 2)))
+    assert place < 2.1
+    assert turn < 800
