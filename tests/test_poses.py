@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,7 @@ from machine_cases import (
     TARGETS,
     Case,
     data_for,
+    effect,
     joint,
     machine_file,
     possible,
@@ -28,6 +32,7 @@ from rodgen.calibration.residual_columns import residual_columns
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
+from rodgen.machines.emit import emit
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.machine import Machine
 
@@ -323,6 +328,38 @@ def test_attitudes_that_are_the_inverse_are_a_mistake_that_a_check_mends():
     data = Measurements.from_frame({**columns, **written("matrix", attitude.swapaxes(1, 2))})
     check = Case(file, {}).machine.fit(data).check()
     assert "the attitudes are those of the measuring frame in the body" in check.repairs[0].words
+
+
+def test_emitted_code_corrects_place_and_attitude_of_the_tool(tmp_path, compiler):
+    """With the corrected commands the simulated machine is, and is turned, where the nominal one would be."""
+    wrong = {"J2.zero_offset.a": 0.004, "J3.axis.a": 0.003, "J5.axis.b": -0.002, "J4.point.a": 0.4}
+    effects = [effect("zero_offset", "J2")]
+    file = ARM | {"effect": effects, "estimate": {"parameters": ["target", "J3.axis", "J5.axis", "J4.point"]}}
+    fit = fitted({**SEEN, **wrong}, file, noise=(0.0, 0.0))
+    emit(fit.machine, "numpy", tmp_path, name="arm")
+    emit(fit.machine, "c", tmp_path, name="arm")
+    monkey = runpy.run_path(str(tmp_path / "arm.py"))
+    q = np.random.default_rng(7).uniform(-1.2, 1.2, (12, 6))
+    wanted = monkey["ideal"](q)
+    corrected, status, distance = monkey["compensate"](wanted, q)
+    assert (status == monkey["CONVERGED"]).all()
+    assert distance.max() < 1e-6
+    held = {key: value for key, value in SEEN.items() if key.startswith("target")}
+    real, nominal = Simulated(file, held | wrong).measure(corrected), Simulated(file, held).measure(q)
+    before = Simulated(file, held | wrong).measure(q)
+    assert np.abs(before - nominal).max(axis=0)[[0, 1, 2, 3]].min() > 1e-3
+    assert np.abs(real - nominal).max() < 1e-5
+    files = [str(tmp_path / name) for name in ("arm.c", "arm_test.c")]
+    subprocess.run(
+        [compiler, "-std=c99", "-O0", "-Wall", "-Wextra", "-Werror", *files, "-o", tmp_path / "t", "-lm"],
+        check=True,
+    )
+    done = subprocess.run([tmp_path / "t"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    tests = subprocess.run(
+        [sys.executable, "test_arm.py"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert tests.returncode == 0, tests.stdout
 
 
 # hidden effects ------------------------------------------------------------------------------------------------

@@ -59,6 +59,10 @@ def emit(
     frame shifts of several runs: set-ups are not a property of the machine. The head of each file lists what is in it
     and what is not.
 
+    Where poses were measured a place is twelve numbers: x, y, z and the matrix of the attitude, row by row. A
+    compensation brings both to what is wanted, with six joints exactly; with fewer it finds the nearest, where turns
+    count as lengths on an arm as long as the machine is large.
+
     A machine that was fitted to distances moves a point as well, and its commands are corrected to places: a single
     distance does not define one.
 

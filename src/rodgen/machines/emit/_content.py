@@ -27,6 +27,7 @@ from rodgen.machines.emit._kernels import (
 from rodgen.machines.emit._scope import Scope, scope_of
 from rodgen.machines.kinematics import OnLegs
 from rodgen.machines.model import Model
+from rodgen.machines.rigid import rotation_vector
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
@@ -150,17 +151,24 @@ class Content:
         """Whether a place is a direction."""
         return not self.scope.machine.measurand.moving
 
+    @property
+    def numbers(self) -> int:
+        """How many numbers a place has: a point and the matrix of an attitude have twelve."""
+        return 12 if self.scope.machine.measurand.has_attitude else 3
+
     @cached_property
     def is_bound(self) -> bool:
         """Whether the ideal machine moves a target on a curve or a surface only, as a rotary table does."""
         freedoms = 0
         for sample in self.samples[:LOOKED_AT]:
             here = np.array(sample.ideal)
+            levers = np.where(np.arange(len(here)) < 3, 1.0, self.size)
             moves = []
             for j, weight in enumerate(self.weight):
                 q = list(sample.q)
                 q[j] += NEARBY * weight
-                moves.append(np.array(_exact(self.ideal, tuple(q), {}, sample.target)) - here)
+                moved = np.array(_exact(self.ideal, tuple(q), {}, sample.target)) - here
+                moves.append(moved * levers)
             freedoms = max(
                 freedoms, int(np.linalg.matrix_rank(np.array(moves), tol=IN_LINE * NEARBY * self.size))
             )
@@ -185,8 +193,8 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
         scope=scope,
         fitted=fitted,
         ideal=ideal,
-        aim=aim_kernel(measurand, len(joints)),
-        step=step_kernel(measurand, len(joints)),
+        aim=aim_kernel(measurand, len(joints), size),
+        step=step_kernel(measurand, len(joints), size),
         fields=tuple(_fields(scope.machine, fitted)),
         lowest=tuple(float(low) for low, _ in limits),
         highest=tuple(float(high) for _, high in limits),
@@ -204,8 +212,12 @@ def _ideal(scope: Scope) -> Machine:
     """
     machine, targets = scope.machine, scope.machine.targets
     if machine.measurand.moving:
-        places = [scope.model.target(scope.model.start(), k)[0].tolist() for k in range(len(targets))]
+        model, theta = scope.model, scope.model.start()
+        places = [model.target(theta, k)[0].tolist() for k in range(len(targets))]
         targets = tuple(replace(target, point=tuple(x)) for target, x in zip(targets, places, strict=True))
+        if machine.measurand.has_attitude:
+            turns = [rotation_vector(model.attitude(theta, k)).tolist() for k in range(len(targets))]
+            targets = tuple(replace(t, attitude=tuple(x)) for t, x in zip(targets, turns, strict=True))
     return replace(machine, targets=targets, effects=(), estimate=(), values={})
 
 
@@ -253,6 +265,7 @@ _PARTS = {
     "shift": "frame shift, {length}",
     "shift_rotation": "frame shift, rotation",
     "target": "target {target}",
+    "target_rotation": "attitude of target {target}",
     "R": "radius of the joints on the base, {length}",
     "r": "radius of the joints on the platform, {length}",
     "q": "from the middle of the platform's joints to its centre, {length}",
@@ -414,5 +427,5 @@ def _exact(
     try:
         place = kernels.place.evaluate(kernels.inputs(q, columns, target))["place"]
     except (ArithmeticError, ValueError, mpmath.libmp.ComplexResult):
-        return (np.nan,) * 3
+        return (np.nan,) * kernels.place.port("place").size
     return tuple(float(x) for x in place)

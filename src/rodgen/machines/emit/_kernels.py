@@ -302,19 +302,49 @@ def _component(i: int, length: int) -> str:
 # what a compensation repeats ---------------------------------------------------------------------------------
 
 
-def aim_kernel(measurand: Measurand, joints: int) -> Kernel:
+def _turns(rates: sp.Matrix, axes: sp.Matrix) -> sp.Matrix:
+    """Return ½ Σ m × m′ over the axes m of a body, columns of a matrix: the rotation vector of their rates m′."""
+    half = sp.Rational(1, 2)
+    return sum((axes[:, i].cross(rates[:, i]) for i in range(3)), sp.zeros(3, 1)) * half
+
+
+def _exact(arm: float) -> sp.Expr:
+    """Return a round number near a lever arm, whose size hardly matters."""
+    return sp.Rational(f"{arm:.3g}")
+
+
+def _with_turns(place: sp.Matrix, jacobian: sp.Matrix, arm: float) -> sp.Matrix:
+    """Return the derivative of a pose, (6, joints): of its point, and its turns times an arm."""
+    axes = sp.Matrix(3, 3, list(place[3:, :]))
+    columns = (
+        _turns(sp.Matrix(3, 3, list(jacobian[3:, j])), axes) * _exact(arm) for j in range(jacobian.cols)
+    )
+    return sp.Matrix.vstack(jacobian[:3, :], sp.Matrix.hstack(*columns))
+
+
+def aim_kernel(measurand: Measurand, joints: int, arm: float) -> Kernel:
     """Write the kernel of how far a place is from the wanted one, and how each joint pulls it there.
 
-    Outputs: ``error`` (3), of a direction in its tangent plane, as long as the chord; ``distance``, of directions
-    the angle; ``pull`` (joints): Jᵀ error; ``reach`` (joints): how far the place goes with each joint.
+    Outputs: ``error`` (3), of a direction in its tangent plane, as long as the chord, (6) of a pose, turns times `arm`;
+    ``distance``, of directions the angle; ``pull`` (joints): Jᵀ error; ``reach`` (joints): how far the place goes with
+    each joint.
     """
     k = KernelBuilder(
         "aim", summary="How far it is to the wanted place, and which joints pull.", source=SOURCE
     )
-    place = k.input("place", 3, unit="1", doc="where the machine is")
-    jacobian = k.input("place_jacobian", (3, joints), unit="1", doc="its derivative")
-    wanted = k.input("wanted", 3, unit="1", doc="where it should be")
-    gap = k.let("gap", wanted - place)
+    size = 12 if measurand.has_attitude else 3
+    place = k.input("place", size, unit="1", doc="where the machine is")
+    jacobian = k.input("place_jacobian", (size, joints), unit="1", doc="its derivative")
+    wanted = k.input("wanted", size, unit="1", doc="where it should be")
+    if measurand.has_attitude:
+        axes, goal = (sp.Matrix(3, 3, list(x[3:, :])) for x in (place, wanted))
+        along = k.let("along", 1 + sum(axes[:, i].dot(goal[:, i]) for i in range(3)))
+        safe = k.let("safe", select(along > sp.Rational(1, 10**6), along, sp.Rational(1, 10**6)))
+        turn = _turns(goal, axes) * (4 * _exact(arm) / safe)
+        gap = k.let("gap", sp.Matrix.vstack(wanted[:3, :] - place[:3, :], turn))
+        jacobian = k.let("slopes", _with_turns(place, jacobian, arm))
+    else:
+        gap = k.let("gap", wanted - place)
     square = k.let("square", gap.dot(gap))
     if not measurand.moving:
         # cos² of half the angle, and the part of the gap across the direction brought to the length of the chord
@@ -333,18 +363,21 @@ def aim_kernel(measurand: Measurand, joints: int) -> Kernel:
     return k.build()
 
 
-def step_kernel(measurand: Measurand, joints: int) -> Kernel:
+def step_kernel(measurand: Measurand, joints: int, arm: float) -> Kernel:
     """Write the kernel of a damped step of the joints towards the wanted place, the least one where several do.
 
     A weight of 0 holds a joint; the damping is relative to the mean square of the scaled Jacobian.
     """
     k = KernelBuilder("step", summary="The least step of the joints towards the wanted place.", source=SOURCE)
-    place = k.input("place", 3, unit="1", doc="where the machine is")
-    jacobian = k.input("place_jacobian", (3, joints), unit="1", doc="its derivative")
-    error = k.input("error", 3, unit="1", doc="from the place to the wanted one")
+    size, errors = (12, 6) if measurand.has_attitude else (3, 3)
+    place = k.input("place", size, unit="1", doc="where the machine is")
+    jacobian = k.input("place_jacobian", (size, joints), unit="1", doc="its derivative")
+    error = k.input("error", errors, unit="1", doc="from the place to the wanted one")
     weight = k.input("weight", joints, unit="1", doc="how freely each joint moves")
     damping = k.input("damping", unit="1", doc="0 for Newton's step")
-    scaled = k.let("scaled", sp.Matrix(3, joints, lambda i, j: jacobian[i, j] * weight[j]))
+    if measurand.has_attitude:
+        jacobian = k.let("slopes", _with_turns(place, jacobian, arm))
+    scaled = k.let("scaled", sp.Matrix(errors, joints, lambda i, j: jacobian[i, j] * weight[j]))
     freedoms = len(measurand.freedoms)
     few = joints <= freedoms
     square = scaled.T * scaled if few else scaled * scaled.T

@@ -85,6 +85,8 @@ def _common(content: Content) -> dict[str, Any]:
         "targets": machine.targets,
         "length": machine.length_unit,
         "directions": content.directions,
+        "dim": content.numbers,
+        "errors": 6 if content.numbers == 12 else 3,
         "at_rest": "NEAREST" if content.is_bound else "UNREACHABLE",
         "unlimited": bool(np.isinf(content.highest).any()),
         "statuses": [{"name": name, "doc": doc} for name, doc in STATUSES],
@@ -139,7 +141,11 @@ def _words(content: Content) -> Iterator[str]:
         "A place is a unit vector: the direction of a target in machine axes."
         if content.directions
         else "A place is that of a target, in machine axes."
+        if content.numbers == 3
+        else "A place is x, y, z of a target and the matrix of its attitude, row by row, in machine axes."
     )
+    if content.numbers == 12:
+        yield f"Of distances, turns count as lengths on an arm of {content.size:.6g} {length}."
     yield ""
     for j, joint in enumerate(machine.joints):
         ends = "" if joint.travel is None else ", {:.9g} to {:.9g}".format(*joint.travel)

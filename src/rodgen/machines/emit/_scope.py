@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.errors import InputFileError, shown
-from rodgen.machines.measured import DIRECTION, POINT, Measured
+from rodgen.machines.measured import DIRECTION, POINT, POSE, Measured
 from rodgen.machines.model import Model
 from rodgen.machines.parts import Effect
 from rodgen.machines.structure import row_effects
@@ -43,12 +43,13 @@ def scope_of(machine: Machine, travel: Any = None) -> Scope:
     """Return the part of a fitted model that belongs to the machine; see :func:`rodgen.machines.emit.emit`."""
     left_out = dict(_left_out(machine))
     reasons = [(shown(effect.title), why) for effect, why in left_out.items()]
-    measured = machine.measured
+    measured, measurand = machine.measured, machine.measurand
+    seen = POSE if measurand.has_attitude else POINT if measurand.moving else DIRECTION
     if measured.frame == "free":
         reasons.insert(0, ("the free frame", "where the instrument stood"))
     own = replace(
         machine,
-        measured=Measured((POINT if machine.measurand.moving else DIRECTION).kind, "machine"),
+        measured=Measured(seen.kind, "machine"),
         effects=tuple(e for e in machine.effects if e not in left_out),
     )
     model = Model(own, travel)
