@@ -57,7 +57,7 @@ def test_a_file_is_simulated_and_found_again(kind):
     assert not found.wrong, found.summary()
     fitted = machine.fit(data)
     size = 0.5 if noise == "0.5arcsec" else 0.002
-    assert fitted.rms == pytest.approx(size, rel=0.15)  # of 160 numbers at least, less a few freedoms
+    assert fitted.rms == pytest.approx(size, rel=3 / np.sqrt(2 * data.rows))  # three deviations
 
 
 @pytest.mark.parametrize("kind", [*CODES, "table-table BC"])

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import FAILED, OK, Command, show
 from rodgen.cli._outputs import Outputs, add_plot, figures_for
-from rodgen.cli._values import quantity
+from rodgen.cli._values import Quantity, quantity
 from rodgen.errors import InputFileError, shown
 from rodgen.files import read_start
 
@@ -61,6 +62,12 @@ def add_to(command: Command) -> None:
         metavar="LENGTH,ANGLE",
         type=_units,
         help="of a table: units of columns without, such as mm,deg",
+    )
+    made.add_argument(
+        "--ballbar",
+        metavar="PLANE=RADIUS",
+        type=_ballbar,
+        help="of a table with angle and radius, or its deviation: the circle, such as XY=150mm",
     )
     made.add_argument(
         "--base", metavar="LINK", help="of a URDF: the link that stands still; default: the root"
@@ -212,10 +219,22 @@ def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[s
         except UnexpectedError as error:
             raise InputFileError("command line", "--column", error.found, error.expected) from None
     units = options.units or (("m", "rad") if _URDF in kinds else None)
-    columns, notes = measurements_of(made.machine, kinds[_READINGS], stated, units)
+    ballbar = None
+    if options.ballbar:
+        plane, size = options.ballbar
+        ballbar = plane, size.to(made.machine.length_unit)[0]
+    columns, notes = measurements_of(made.machine, kinds[_READINGS], stated, units, ballbar)
     if units and not options.units:
         notes.append("Columns without a unit are in m and rad, as the URDF is; --units says otherwise.")
     return replace(made, columns=columns, notes=(*made.notes, *notes))
+
+
+def _ballbar(text: str) -> tuple[str, Quantity]:
+    """Read --ballbar."""
+    plane, _, size = text.partition("=")
+    if not re.fullmatch("[XYZ]{2}", plane) or len(set(plane)) != 2:
+        raise argparse.ArgumentTypeError(f"{shown(text)} is not two axes and a radius, such as XY=150mm")
+    return plane, quantity("--ballbar", "XY=150mm", positive=True)(size)
 
 
 def _units(text: str) -> tuple[str, str]:

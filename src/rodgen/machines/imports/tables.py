@@ -21,6 +21,7 @@ from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, read_foreign
 from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, parse_unit
 from rodgen.errors import InputFileError, listed, nearest_name, shown
 from rodgen.machines.files.columns import ColumnSource
+from rodgen.machines.imports.deviations import as_distances, of_ballbar
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.machine import Machine
 
@@ -58,6 +59,7 @@ def measurements_of(
     files: Sequence[str],
     stated: Mapping[str, ColumnSource],
     units: tuple[str, str] | None = None,
+    ballbar: tuple[str, float] | None = None,
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the columns of a measurement file, by names with units, and notes on what was taken for what.
 
@@ -70,6 +72,8 @@ def measurements_of(
         What is known of columns.
     units : tuple of (str, str), optional
         Length and angle of columns that give none.
+    ballbar : tuple of (str, float), optional
+        Plane and nominal radius of circles; see :func:`rodgen.machines.imports.deviations.of_ballbar`.
 
     Raises
     ------
@@ -81,7 +85,9 @@ def measurements_of(
     stems = [os.path.splitext(os.path.basename(file))[0] for file in files]
     targets = [target.name for target in machine.targets]
     for file, stem in zip(files, stems, strict=True):
-        columns, said = _of_table(machine, read_foreign(file), stated, units)
+        table = read_foreign(file)
+        table = of_ballbar(machine, table, *ballbar) if ballbar else as_distances(machine, table)
+        columns, said = _of_table(machine, table, stated, units)
         rows = len(next(iter(columns.values())))
         if "target" not in columns and (stem in targets or len(targets) == 1 < len(files)):
             columns["target"] = [stem if stem in targets else targets[0]] * rows
