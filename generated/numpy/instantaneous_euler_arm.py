@@ -157,7 +157,7 @@ def _is_foreign(x: Any) -> bool:
     """Return whether this is an array of another library than NumPy."""
     if isinstance(x, (np.ndarray, np.generic, float)):
         return False
-    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] == "torch"
+    return hasattr(x, "__array_namespace__") or type(x).__module__.partition(".")[0] in ("cupy", "torch")
 
 
 def _namespace(arguments: Any) -> Any:
