@@ -69,3 +69,9 @@ def test_what_chance_explains_in_addition_to_an_effect_is_listed_in_the_place_of
     (square,) = [step for step in found.steps if step.effect.name == "squareness"]
     assert any(note.startswith("squareness at X is not reported") for note in found.notes)
     assert "squareness at X" in {a.effect.title for a in square.indistinguishable_from}
+
+
+def test_lengths_of_two_legs_and_a_scale_are_named_for_a_joint_that_imitates_them(diagnosed):
+    found = diagnosed("tricept", 25)  # it has leg_zero_offset at A0, A1 and, seen through these, A-1
+    assert {"leg_zero_offset at A0", "leg_zero_offset at A1", "leg_scale at A0"} < set(titles(found))
+    assert not any(step.effect.name == "platform_joint_offset" for step in found.steps)

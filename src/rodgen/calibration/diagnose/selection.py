@@ -250,10 +250,30 @@ class Selection(Criteria):
                 for c in self.space.candidates
                 if _is_of_a_leg(c) and c.effect.place in legs and c not in gone
             ]
+            alone += self._with_lengths(kept, gone, included)
             costs = [self.cost(some, included) for some in alone]
             if costs and min(costs) < self.cost(included, included):
                 return self._of_one_cause(alone[int(np.argmin(costs))])
         return included
+
+    def _with_lengths(
+        self, kept: list[Candidate], gone: Sequence[Candidate], best: Sequence[Candidate]
+    ) -> Iterator[list[Candidate]]:
+        """Yield sets with wrong lengths of several legs, and one effect more, in the place of a joint that is off.
+
+        A joint's three coordinates do nearly what the lengths of two legs do, which are set together.
+        """
+        lengths = [c for c in self.space.candidates if c.effect.name == "leg_zero_offset" and c not in best]
+        if len(lengths) < 2 or not any(c.effect.name.endswith("joint_offset") for c in gone):
+            return
+        several = self._cheapest(kept, lengths, best)
+        if len(several) < len(kept) + 2:
+            return
+        for score in self.scores(several)[: SELECTION.pairs]:
+            tried = [*several, score.candidate]
+            new = [c for c in tried if c not in kept]
+            if all(self.is_needed([c for c in tried if c is not n], n) for n in new):
+                yield tried
 
     def _likeliest(self, included: Sequence[Candidate]) -> list[Candidate]:
         """Return the effects, each exchanged for the likeliest of those that the data cannot tell from it."""
