@@ -11,7 +11,7 @@ from scipy import stats
 Record = dict[str, Any]
 
 
-def interval(hits: int, trials: int, level: float = 0.95) -> tuple[float, float]:
+def interval(hits: float, trials: float, level: float = 0.95) -> tuple[float, float]:
     """Return the Clopper-Pearson interval of a proportion.
 
     >>> [round(x, 3) for x in interval(0, 100)]
@@ -23,7 +23,19 @@ def interval(hits: int, trials: int, level: float = 0.95) -> tuple[float, float]
     return low, high
 
 
-def verdict(hits: int, trials: int, bar: tuple[float, float]) -> str:
+def design_effect(pairs: Sequence[Sequence[int]]) -> float:
+    """Return how many trials count as one where those of a group (hits, trials) fail together; 1 at least.
+
+    >>> design_effect([(6, 6), (6, 6), (0, 6), (6, 6)])
+    6.0
+    """
+    hits, trials = np.array(pairs, float).reshape(-1, 2).T
+    share = hits.sum() / max(trials.sum(), 1)
+    alone = share * (1 - share) * trials.sum()
+    return max(1.0, float(((hits - share * trials) ** 2).sum() / alone)) if alone > 0 else 1.0
+
+
+def verdict(hits: float, trials: float, bar: tuple[float, float]) -> str:
     """Return whether a share is within its required bounds: with confidence, by the estimate alone, or not.
 
     >>> verdict(0, 1000, (0, 0.02)), verdict(1, 60, (0, 0.02)), verdict(9, 60, (0, 0.02))
@@ -36,11 +48,16 @@ def verdict(hits: int, trials: int, bar: tuple[float, float]) -> str:
     return "kept" if bar[0] <= low and high <= bar[1] else "kept so far"
 
 
-def line(title: str, hits: int, trials: int, bar: tuple[float, float] | None = None) -> str:
-    """Return a line with a share, its interval, its required bounds and whether it keeps them."""
+def line(
+    title: str, hits: int, trials: int, bar: tuple[float, float] | None = None, alike: float = 1.0
+) -> str:
+    """Return a line with a share, its interval, its required bounds and whether it keeps them.
+
+    So many trials as `alike` says count as one.
+    """
     if not trials:
         return f"{title:<58} no draws"
-    low, high = interval(hits, trials)
+    low, high = interval(hits / alike, trials / alike)
     text = f"{title:<58} {hits:5d}/{trials:<5d} {hits / trials:7.1%}  [{low:6.1%}, {high:6.1%}]"
     if bar is None:
         return text
@@ -51,7 +68,13 @@ def line(title: str, hits: int, trials: int, bar: tuple[float, float] | None = N
         if bar[0] == 0
         else f"{bar[0]:.0%}-{bar[1]:.0%}"
     )
-    return f"{text}  {wanted:>8}  {verdict(hits, trials, bar)}"
+    return f"{text}  {wanted:>8}  {verdict(hits / alike, trials / alike, bar)}"
+
+
+def coverage(title: str, pairs: Sequence[Sequence[int]], bar: tuple[float, float]) -> str:
+    """Return a line on intervals of confidence, of which those of one machine (held, all) hold or fail together."""
+    held, counted = (sum(pair[i] for pair in pairs) for i in (0, 1))
+    return line(title, held, counted, bar, design_effect(pairs))
 
 
 def table(records: Sequence[Record], seconds: float) -> str:
@@ -198,13 +221,11 @@ def as_met(records: Sequence[Record]) -> list[str]:
     for at_rest, where in ((True, "set-up at rest"), (False, "wandering set-up")):
         for what in ("effects", "geometry"):
             some = [r["coverage"][what] for r in records if "coverage" in r and at_rest != bool(r["wanders"])]
-            held, counted = (sum(pair[i] for pair in some) for i in (0, 1))
-            lines.append(line(f"  95 % intervals of {what}, {where}", held, counted, (0.94, 0.96)))
+            lines.append(coverage(f"  95 % intervals of {what}, {where}", some, (0.94, 0.96)))
     for what in ("effects", "geometry"):
         some = [r["coverage_true"][what] for r in records if "coverage_true" in r]
-        held, counted = (sum(pair[i] for pair in some) for i in (0, 1))
         title = f"    those of {what} in fits with the true effects, all at rest"
-        lines.append(line(title, held, counted, (0.94, 0.96)))
+        lines.append(coverage(title, some, (0.94, 0.96)))
     lines.append(
         line(
             "  a size that no machine has", sum(bool(r["impossible"]) for r in records), len(records), (0, 0)
