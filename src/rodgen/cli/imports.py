@@ -7,7 +7,7 @@ import contextlib
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rodgen.cli._console import FAILED, OK, Command, show
 from rodgen.cli._outputs import Outputs, add_plot, figures_for
@@ -114,29 +114,22 @@ def _run(options: argparse.Namespace) -> int:
             said += ["", f"{options.output}:", machine.describe()]
         wrong, observations = False, None
         if made.columns:
+            import pyarrow as pa
+
             from rodgen.calibration.file_check import check
             from rodgen.data.measurements import Measurements
+            from rodgen.data.tables import table_bytes
 
             data = Measurements.from_frame(made.columns, name=options.data)
             checked = check(machine, data)
             wrong, observations = bool(checked.wrong), checked.observations
             said += ["", f"{options.data}: {data.rows} rows", checked.summary()]
-            _write(options.data, made.columns)
+            table = pa.table({name: pa.array(column) for name, column in made.columns.items()})
+            outputs.add(options.data, table_bytes(options.data, table))
         if figures is not None:
             figures.save_figure(figures.skeleton(machine, observations), options.plot)
     show("\n".join(said))
     return FAILED if wrong else OK
-
-
-def _write(file: str, columns: Mapping[str, Any]) -> None:
-    import pyarrow as pa
-
-    from rodgen.data.tables import open_sink
-
-    table = pa.table({name: pa.array(column) for name, column in columns.items()})
-    with open_sink(file, table.schema) as sink:
-        for batch in table.to_batches():
-            sink.write(sink.encode(batch))
 
 
 _URDF, _TABLE, _RUN, _MODEL = "a URDF", "a Denavit-Hartenberg table", "a pointing run", "a model of TPOINT"

@@ -21,7 +21,7 @@ from rodgen.data.tables.columns import Column, EveryColumn
 from rodgen.data.tables.mapped import Answer, MapSummary, Progress, Result, map_table
 from rodgen.data.tables.pairs import PAIR_COLUMNS, Pairs, read_pairs
 from rodgen.data.tables.reader import Rows, Table, open_frame, open_table
-from rodgen.data.tables.writer import open_sink
+from rodgen.data.tables.writer import open_sink, table_bytes
 
 __all__ = [
     "PAIR_COLUMNS",
@@ -41,4 +41,5 @@ __all__ = [
     "open_sink",
     "open_table",
     "read_pairs",
+    "table_bytes",
 ]

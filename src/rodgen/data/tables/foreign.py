@@ -25,6 +25,8 @@ _EXPECTED = "a table: CSV or other text, .xlsx or .mat"
 _UNIT = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P<other>[^()]*)\))")
 _COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*")
 _BLANK = {"", "nan", "na", "n/a", "-", "--", "none", "null"}
+LARGEST = 100_000_000
+"""Bytes of a text."""
 MOST_PREAMBLE = 60
 """Lines above a header at most."""
 
@@ -111,7 +113,7 @@ def read_foreign(path: str | os.PathLike[str]) -> ForeignTable:
 
 
 def _of_text(file: str) -> ForeignTable:
-    lines = decoded(read_input(file, _EXPECTED), file).removeprefix("\ufeff").splitlines()
+    lines = decoded(read_input(file, _EXPECTED, largest=LARGEST), file).removeprefix("\ufeff").splitlines()
     head = [line for line in lines if line.strip()][:MOST_PREAMBLE]
     if not head:
         raise InputFileError(file, "file", "an empty file", _EXPECTED)

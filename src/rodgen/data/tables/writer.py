@@ -25,7 +25,7 @@ import pyarrow.csv as pa_csv
 from rodgen.errors import InputFileError, shown
 from rodgen.files import AtomicFile, is_device, unwritable
 
-__all__ = ["Sink", "open_sink"]
+__all__ = ["Sink", "open_sink", "table_bytes"]
 
 # Row groups of a few MB per column are read fast; larger ones would only stay in memory longer.
 _ROW_GROUP = 1 << 17
@@ -39,7 +39,7 @@ class Sink(abc.ABC):
     As a context manager it completes the output when its block ends without an error, and otherwise leaves nothing.
     """
 
-    def __init__(self, place: AtomicFile | _Stdout, schema: pa.Schema) -> None:
+    def __init__(self, place: AtomicFile | _Stdout | _Memory, schema: pa.Schema) -> None:
         self._place = place
         self._schema = schema
         self._streams: list[Any] = []  # each writes to the one after it
@@ -141,6 +141,28 @@ def open_sink(
     return _CsvSink(AtomicFile(file), schema, compress=name.endswith(".gz"))
 
 
+def table_bytes(file: str, table: pa.Table) -> bytes:
+    """Return the content of a file with a table, for one that is written together with others.
+
+    Parameters
+    ----------
+    file : str
+        Its name, as for `open_sink`, which says what to write.
+    table : pyarrow.Table
+
+    Raises
+    ------
+    InputFileError
+        When its name has no known ending.
+    """
+    sink = open_sink(file, table.schema)
+    sink._place = place = _Memory(file)
+    with sink:
+        for batch in table.to_batches():
+            sink.write(sink.encode(batch))
+    return place.getvalue()
+
+
 def _check_csv_holds(file: str, schema: pa.Schema) -> None:
     for field in schema:
         if pa.types.is_nested(field.type):
@@ -186,6 +208,30 @@ class _Stdout:
             raise
         except OSError as error:
             raise unwritable(self.file, error) from None
+
+
+class _Memory(io.BytesIO):
+    """A file in memory."""
+
+    def __init__(self, file: str) -> None:
+        super().__init__()
+        self.file = file
+
+    def open(self) -> IO[bytes]:
+        return self
+
+    def close(self) -> None:  # the sink closes what it wrote to
+        pass
+
+    def commit(self) -> None:
+        pass
+
+    def discard(self) -> None:
+        pass
+
+    @contextlib.contextmanager
+    def located(self) -> Iterator[None]:
+        yield
 
 
 class _Unclosed:

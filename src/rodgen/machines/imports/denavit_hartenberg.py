@@ -36,6 +36,7 @@ CONVENTIONS = {
 _ORDER = {"standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha)", "modified": "Tx(a) Rx(alpha) Tz(d) Rz(theta)"}
 _NUMBERS: dict[str, Dimension] = {"theta": ANGLE, "d": LENGTH, "a": LENGTH, "alpha": ANGLE}
 _EXAMPLE = "theta [deg],d [mm],a [mm],alpha [deg]"
+_LARGEST = 1e12
 _SIGNS = ("+1", "-1")
 
 
@@ -94,6 +95,9 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
         unit, rows = _of_csv(file)
     if not 0 < len(rows) <= MOST_JOINTS:
         raise InputFileError(file, "file", f"{len(rows)} rows", f"1 to {MOST_JOINTS}, one for each joint")
+    largest = max(abs(getattr(row, key)) for row in rows for key in _NUMBERS)
+    if not largest < _LARGEST:
+        raise InputFileError(file, "file", f"a number of {largest:g}", "lengths and angles of a usual size")
     names: list[str] = []
     for row in rows:
         names.append(machine_name(row.name, names, joint=True))
