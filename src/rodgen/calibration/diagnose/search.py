@@ -50,6 +50,7 @@ from rodgen.statistics.thresholds import EVIDENCE
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
+    from rodgen.data.observations import Observations
 
 __all__ = ["diagnose"]
 
