@@ -266,6 +266,19 @@ def test_uncertainties_of_rows_weight_positions_and_attitudes():
         _ = Case(ARM, {**columns, **written("matrix", attitude), **u}).observations
 
 
+def test_wrong_rows_are_found_by_their_place_or_their_attitude():
+    columns, attitude = measured(rows=60)
+    columns["x [mm]"][12] += 3
+    for row, angle in ((7, 0.05), (30, 2.8)):
+        attitude[row] = attitude[row] @ Rotation.from_rotvec([angle, 0, 0]).as_matrix()
+    case = Case(ARM, {**columns, **written("quaternion", attitude)})
+    fit = case.machine.fit(Measurements.from_frame(case.data), loss="huber")
+    assert fit.outlier_numbers == [7, 12, 30]
+    assert fit.observations.arm == pytest.approx(SIGMA[0] / SIGMA[1], rel=0.2)
+    turned = np.linalg.norm((fit.residuals * fit.in_units)[[7, 30], 3:], axis=1) * np.pi / 648000
+    assert turned == pytest.approx([0.05, 2.8], abs=1e-3)
+
+
 def test_a_fitted_machine_predicts_what_the_fit_did():
     stated = {"noise": SIGMA[0], "attitude_noise": SIGMA[1]}
     parameters = ["target", "J3.axis", "J2.point"]

@@ -379,7 +379,7 @@ class FittedModel:
     @cached_property
     def _residuals(self) -> Array:
         r = self.problem.residuals(self.solution.theta, self.solution.frame)
-        return np.asarray(self.machine.measurand.error(r) / self.unit_factor)
+        return np.asarray(self.machine.measurand.error(r, self.observations.arm) / self.unit_factor)
 
     @property
     def relative_residuals(self) -> Array:

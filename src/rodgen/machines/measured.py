@@ -132,8 +132,8 @@ class Measurand:
         """
         return sigma
 
-    def error(self, residuals: Array) -> Array:
-        """Return residuals (n, components) as errors in internal units: lengths or angles."""
+    def error(self, residuals: Array, arm: float = 1.0) -> Array:
+        """Return residuals (n, components) as errors in internal units: lengths or angles; turns times an arm."""
         return residuals
 
     # as SymPy --------------------------------------------------------------------------------------------------
@@ -156,6 +156,13 @@ class Measurand:
             The attitude: the axes of the body, as columns.
         """
         raise NotImplementedError
+
+
+def _angles(residuals: Array) -> Array:
+    """Return vectors as long as the angles whose vectors 2 tan(angle / 2) long are given, (n, k)."""
+    size = np.linalg.norm(residuals, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(size > 0, residuals * (2 * np.arctan(size / 2) / size), residuals))
 
 
 @dataclass(frozen=True)
@@ -217,11 +224,9 @@ class Direction(Measurand):
         assert basis is not None
         return np.asarray(np.sqrt(np.stack([np.sum(e**2 * sigma**2, axis=-1) for e in basis], axis=-1)))
 
-    def error(self, residuals: Array) -> Array:
+    def error(self, residuals: Array, arm: float = 1.0) -> Array:
         """Return angles; residuals are as long as 2 tan(angle / 2)."""
-        size = np.linalg.norm(residuals, axis=1, keepdims=True)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(np.where(size > 0, residuals * (2 * np.arctan(size / 2) / size), residuals))
+        return _angles(residuals)
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the stereographic image of the prediction, seen from opposite the reading, along two vectors."""
@@ -260,9 +265,9 @@ class Pose(Point):
     freedoms = ("x", "y", "z", *TURNS)
     has_attitude = True
 
-    def error(self, residuals: Array) -> Array:
-        """Return the residuals: a turn is as long as 2 tan(angle / 2), the angle but for a twelfth of its cube."""
-        return residuals
+    def error(self, residuals: Array, arm: float = 1.0) -> Array:
+        """Return differences of coordinates, and rotation vectors; residuals of turns are 2 tan(angle / 2) long."""
+        return np.concatenate([residuals[:, :3], arm * _angles(residuals[:, 3:] / arm)], axis=1)
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the difference of the coordinates, and the Rodrigues vector that turns the prediction to the reading.

@@ -261,7 +261,7 @@ class _Without:
             residuals = problem.residuals_at([(s.theta, s.frame) for s in solutions])
             for k, solution, residual in zip(numbers, solutions, residuals, strict=True):
                 ends = bool(solution.converged and solution.cost <= self.left[k])
-                yield ends, fit.machine.measurand.error(residual) / fit.unit_factor
+                yield ends, fit.machine.measurand.error(residual, fit.observations.arm) / fit.unit_factor
 
     def _near(self, problem: Problem, k: int) -> tuple[Array, Frame]:
         """Return where the fit without a fold is to first order."""
