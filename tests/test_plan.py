@@ -30,6 +30,7 @@ from simulated_fits import fit_to, measure
 
 from rodgen.calibration.diagnose import Diagnosis, diagnose
 from rodgen.calibration.plan import Plan, PlanError, plan, plan_for
+from rodgen.calibration.plan.table import as_text
 from rodgen.calibration.problem.binding import bind
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
@@ -72,7 +73,6 @@ def test_data_from_one_side_are_continued_from_that_side():
 
 
 QUICK = ("one_radius", "bearing", "one_side", "one_load")
-REFUSED = pytest.mark.xfail(reason="a scale refused for its single position is not among the alternatives")
 
 
 @pytest.mark.parametrize(
@@ -81,10 +81,7 @@ REFUSED = pytest.mark.xfail(reason="a scale refused for its single position is n
         pytest.param(
             make,
             seed,
-            marks=[
-                *([] if seed == 1 and make.__name__ in QUICK else [slow]),
-                *([REFUSED] if make is never_moved and seed > 1 else []),
-            ],
+            marks=[] if seed == 1 and make.__name__ in QUICK else slow,
         )
         for make in LOOPS
         for seed in range(4)
@@ -131,6 +128,31 @@ def test_even_plan_of_the_same_size_settles_less():
             ours.append(trial.resolved(*trial.after(found)))
             even.append(trial.resolved(loop.file, joined(loop.columns, loop.grid(found.count))))
     assert sum(ours) >= sum(even) + 2
+
+
+def test_positions_that_are_to_show_a_function_of_one_joint_are_not_those_of_two_ends(trials):
+    found = trials["never_moved"].plan(24)
+    parts = np.bincount((np.array(found.rows["X [mm]"]) / 100).astype(int), minlength=8)
+    assert np.count_nonzero(parts) >= 3
+    assert parts.max() <= -(-found.count // 3)
+
+
+def test_what_more_positions_would_tell_is_planned_for(trials):
+    found = trials["never_moved"].fit.diagnose()
+    assert found.verdict == "cannot_tell"
+    assert found.reason.startswith(
+        "More positions of a joint would tell whether scale at X, zero_offset at X,"
+    )
+    assert found.plan(24).count
+
+
+def test_people_read_no_more_digits_than_they_can_set():
+    columns = {"X [mm]": [0.0, 104.3000001, 700.0], "A [deg]": [0.25, 1 / 3, 0.5], "target": ["p"] * 3}
+    assert [line.split() for line in as_text(columns)[1:]] == [
+        ["0", "0.25", "p"],
+        ["104.3", "0.3333", "p"],
+        ["700", "0.5", "p"],
+    ]
 
 
 # what it says ----------------------------------------------------------------------------------------------------

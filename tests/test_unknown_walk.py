@@ -68,7 +68,7 @@ def test_a_warm_up_that_a_walk_may_do_is_said_to_be(tmp_path):
     """Walks within two thirds of the noise explain as much; independent readings would have p = 1e-13."""
     machine, data = real("trunnion", 8).write(tmp_path)
     found = rodgen.Machine.load(machine).fit(rodgen.Measurements.load(data)).diagnose()
-    note = "Warm_up_drift is not reported: a set-up that wanders may do the same (p = 0.04"
+    note = "warm_up_drift is not reported: a set-up that wanders may do the same (p = 0.04"
     assert any(n.startswith(note) and "more readings in the same time" in n for n in found.notes)
 
 

@@ -157,7 +157,7 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
         log10 = walks / LN10 + float(np.log10(tries))
     log10 = min(max(log10, by_position / LN10), 0.0)
     only_at = few_positions(models.added[0], larger.observations) if of_kind else None
-    as_a_walk = at_rest < np.log10(EFFECT_TEST.significant) < log10
+    as_a_walk = bool(np.isfinite(walks)) and at_rest < np.log10(EFFECT_TEST.significant) < log10
     return EffectTest(p_of_log10(log10), log10, statistic, dof, design_effect, only_at, as_a_walk)
 
 

@@ -266,7 +266,7 @@ def why_not_earned(
         if worth.as_a_walk:
             return f"a set-up that wanders may do the same ({chance(worth.p_value)}). {FASTER}"
         few = few_positions(effect, after.observations)
-        with_few = f" with {few[1]} positions of {few[0]}: {MORE}" if few else ""
+        with_few = f" with {few[1]} position{'s' * (few[1] > 1)} of {few[0]}: {MORE}" if few else ""
         of_all = worth.p_value * tests
         rarely = f"{how_rarely(of_all)} ({chance(worth.p_value)})"
         return (rarely if of_all < 0.5 else f"chance explains as much ({chance(worth.p_value)})") + with_few

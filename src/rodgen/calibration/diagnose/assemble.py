@@ -180,11 +180,12 @@ def assemble_diagnosis(
             jump(evidence.sensitivities, evidence.sensitivities.residual_of(last)),
             moved_one_way(evidence.sensitivities, correlation),
         ]
-        rest = "" if forms else uneven(final, too_many) or disagreement(final, correlation)
-    open_ = [c.effect.title for c in evidence.undecided]
-    if open_ and not (rest or steps or forms):
-        are = "are" if open_[1:] else "is"
-        rest = f"More positions of a joint would tell whether {some(open_)} {are} there."
+        rest = "" if forms else uneven(final, too_many)
+        if evidence.undecided and not (rest or steps or forms):
+            open_ = [c.effect.title for c in evidence.undecided]
+            are = "are" if open_[1:] else "is"
+            rest = f"More positions of a joint would tell whether {some(open_)} {are} there."
+        rest = rest or ("" if forms else disagreement(final, correlation))
     if not (rest or steps or forms):
         rest = _impossible(found.explanation.selection.too_large(found.explanation.kept))
     verdict, reason = "nothing_missing", None
@@ -225,6 +226,7 @@ def assemble_diagnosis(
         last.estimates,
         _could_hide(evidence) if verdict == "nothing_missing" else (),
         confirmed.sets(),
+        tuple(c.effect for c in evidence.undecided),
     )
 
 

@@ -321,6 +321,8 @@ class Diagnosis:
         Of two steps each, the likeliest first.
     wrong_bounds : str
         A sentence on bounds of the machine file that the readings contradict, and that the fits are without; or empty.
+    undecided : tuple of Effect
+        Effects of which more positions of a joint would tell whether they are there.
     """
 
     verdict: str
@@ -337,6 +339,7 @@ class Diagnosis:
     estimates: Mapping[str, Estimate] = field(default_factory=dict, repr=False)
     could_hide: tuple[Detectable, ...] = field(default=(), repr=False)
     indistinguishable_sets: tuple[SetAlias, ...] = ()
+    undecided: tuple[Effect, ...] = ()
     wrong_bounds: str = ""
 
     _repr_html_ = html_of
@@ -403,15 +406,18 @@ class Diagnosis:
     @property
     def open_questions(self) -> OpenQuestions:
         """What the data leave open, for a plan of measurements."""
+        alternatives = [
+            (step.effect, *(alias.effect for alias in step.indistinguishable_from))
+            for step in self.steps
+            if step.indistinguishable_from
+        ]
+        if not self.steps and len(self.undecided) > 1:
+            alternatives.append(self.undecided)
         return OpenQuestions(
             base=self.base,
             final=self.final_with_forms,
             found=tuple(one.effect for one in self.found),
-            alternatives=tuple(
-                (step.effect, *(alias.effect for alias in step.indistinguishable_from))
-                for step in self.steps
-                if step.indistinguishable_from
-            ),
+            alternatives=tuple(alternatives),
             invisible=self.unseen,
             dependent=self.correlation is not None and not self.correlation.independent,
             wanders=self.correlation is not None

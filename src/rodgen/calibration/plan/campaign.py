@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.checks.positions import distinct_positions, position_of
 from rodgen.calibration.plan.chosen_places import brought_to, listed_readings
-from rodgen.calibration.plan.design import Coordinates, Moves, Pair, Sharpen, Task, both_ways
+from rodgen.calibration.plan.design import PARTS, Coordinates, Moves, Pair, Sharpen, Task, both_ways
 from rodgen.calibration.plan.pool import READINGS, levels, readings
 from rodgen.calibration.plan.rivals import Rival, Rivals
 from rodgen.calibration.plan.rows import Rows, Surroundings
@@ -208,13 +209,34 @@ class Campaign:
             longest = float(np.max(self.way[finite] / pace.speed[finite], initial=0.0)) + pace.settle
             self.way = pace.speed * (longest or 1.0)
         position = pool.q / np.where(self.way > 0, self.way, 1.0)
-        self.moves = Moves(poses, position if pace is not None else None)
+        self.moves = Moves(poses, position if pace is not None else None, self._parts_of_travel(pool))
         q = np.asarray(o.q)
         new = np.any((pool.q < q.min(axis=0)) | (pool.q > q.max(axis=0)), axis=1).astype(float)
         new += ~np.isin(pool.target, o.target)
         if o.load is not None:
             new += ~np.isin(pool.load, o.load)
         self.effort = EFFORT * new
+
+    def _parts_of_travel(self, pool: Rows) -> NDArray[np.int_] | None:
+        """Return in which part of their travel joints are, (n, k), of which an effect in question is a function.
+
+        Where the data have many positions of a joint, further ones may be anywhere.
+        """
+        o, asked = self.o, self.rivals.asked
+        names = {position_of(effect, o) for place, effect in asked.items() if place in self.counted}
+        poses = len(np.unique(o.pose))
+        of = [
+            j
+            for j, joint in enumerate(self.machine.joints)
+            if joint.name in names
+            and np.ptp(self.travel[j]) > 0
+            and distinct_positions(np.asarray(o.q[:, j]), poses) is not None
+        ]
+        if not of:
+            return None
+        low, high = self.travel[of].T
+        parts = (pool.q[:, of] - low) / (high - low) * PARTS
+        return np.asarray(np.clip(parts, 0, PARTS - 1).astype(int))
 
     def _readings(self, travel: Array | None = None, **how: Any) -> Rows:
         """Return readings within the travel, or another one; see :func:`rodgen.calibration.plan.pool.readings`."""

@@ -26,7 +26,18 @@ from numpy.typing import NDArray
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
 
-__all__ = ["SWEEPS", "Coordinates", "Linearized", "Moves", "Pair", "Sharpen", "Task", "both_ways", "chosen"]
+__all__ = [
+    "PARTS",
+    "SWEEPS",
+    "Coordinates",
+    "Linearized",
+    "Moves",
+    "Pair",
+    "Sharpen",
+    "Task",
+    "both_ways",
+    "chosen",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -45,6 +56,10 @@ SWEEPS = 4
 """How often every reading is exchanged at most; the search ends before where a sweep gains less than a thousandth."""
 TOGETHER = 1e-3
 """What it is worth that a reading is taken where another one is: a move less."""
+PARTS, FEWEST_PARTS = 8, 3
+"""Parts of a travel, of equal length, and from how many of them readings come that are to show the function of one
+coordinate: a diagnosis leaves positions out, and a line is seen without one of three. With two, as many as differ most,
+scales of slides that had never moved were not found; with four a quarter more readings were needed."""
 LONG_MOVE = 0.3
 """Where moves are said to cost time: a reading as far from the others as the longest move must bring so much more than
 one that is near, as a part of what the readings that are considered differ by."""
@@ -253,10 +268,24 @@ class Moves:
         Equal where readings can be taken in one pose.
     position : ndarray, shape (N, J), or None
         In longest moves of each joint; None where moves are not said to cost time.
+    parts : ndarray of int, shape (N, K), or None
+        In which part of the travel joints are whose effects in question are seen at distinct positions only.
     """
 
     poses: NDArray[np.int_]
     position: Array | None = None
+    parts: NDArray[np.int_] | None = None
+
+    def allowed(self, picked: list[int], n: int) -> NDArray[np.bool_]:
+        """Return which readings may follow others, (N,), if n are to come from at least `FEWEST_PARTS` of each travel.
+
+        Any, where none may: a list of poses may have fewer.
+        """
+        found = np.ones(len(self.poses), np.bool_)
+        for part in np.empty((0, 0), int) if self.parts is None else self.parts.T:
+            count = np.bincount(part[picked], minlength=int(part.max()) + 1)
+            found &= count[part] < max(-(-n // FEWEST_PARTS), 1)
+        return found if found.any() else ~found
 
     def cost(self, picked: list[int], value: Array) -> Array:
         """Return what is to be subtracted from the value of each reading, (N,); it is negative in the same pose."""
@@ -287,8 +316,8 @@ class _ReadingSearch:
         self.every_b = {k: np.einsum("nmr,nmi->ri", self.j[k], d, optimize=True) for k, d in self.d.items()}
         self.every_c = {k: np.sum(d**2, axis=(0, 1)) for k, d in self.d.items()}
 
-    def best(self, picked: list[int], background: float) -> tuple[int, float]:
-        """Return the reading that does best in addition to others, and the value that is then reached."""
+    def best(self, picked: list[int], background: float, count: int) -> tuple[int, float]:
+        """Return the reading of so many that does best in addition to others, and the value that is then reached."""
         task = self.task
         inverse, influence, own = {}, {}, {}
         gains = np.zeros((self.n, len(task.pairs)))
@@ -316,6 +345,8 @@ class _ReadingSearch:
         shown = value - self.effort - self.moves.cost(picked, value)
         if len(picked) < self.n:
             shown[picked] = -np.inf  # the same reading once more would share what was wrong with it
+        if (may := self.moves.allowed(picked, count) & np.isfinite(shown)).any():
+            shown[~may] = -np.inf
         k = int(np.argmax(shown))
         return k, float(value[k])
 
@@ -347,13 +378,13 @@ def chosen(
     search = _ReadingSearch(task, models, moves, effort)
     picked: list[int] = []
     for left in range(n - 1, -1, -1):
-        picked.append(search.best(picked, left / search.n)[0])
+        picked.append(search.best(picked, left / search.n, n)[0])
     best = -np.inf
     for _ in range(sweeps):
         before = best
         for i in range(n):
             others = picked[:i] + picked[i + 1 :]
-            k, value = search.best(others, 0.0)
+            k, value = search.best(others, 0.0, n)
             picked[i], best = k, value
         if not best > before + 1e-3 * abs(before):
             break

@@ -19,6 +19,8 @@ MOST_GAINS = 6
 """Gains of a goal in its table; the others are counted."""
 WIDTH = 100
 """Of a line of text."""
+NONE = 0.005
+"""Chi-square below which it is none."""
 HARDLY = 0.005
 """A smaller probability, or one as near to 1, is given in words."""
 
@@ -98,7 +100,9 @@ def _chances(goal: Goal) -> Iterator[str]:
 def _table(goal: Goal) -> Iterator[str]:
     """Yield a small table of what is expected."""
     if goal.kind == "separate":
-        yield "By how much the wrong effect fits worse, in chi-square"
+        better = any(gain.now is not None and gain.now < -NONE for gain in goal.gains[:MOST_GAINS])
+        sign = " (below zero: it fits better)" if better else ""
+        yield f"By how much the wrong effect fits worse, in chi-square{sign}"
         rows = [["", "now", "then", "needed", "chance"]]
     else:
         yield "Standard deviations"
@@ -118,7 +122,8 @@ def _cells(gain: Gain) -> list[str]:
         then = "unknown" if gain.determined else "open"  # where the noise is not known
         stds = [(gain.now, "open"), (gain.after, then)]
         return [gain.of, *(lacking if x is None else f"± {x:.3g}{unit}" for x, lacking in stds)]
-    found = [f"{x:.3g}" if x is not None else "" for x in (gain.now, gain.after, gain.needed)]
+    sizes = (gain.now, gain.after, gain.needed)
+    found = ["" if x is None else f"{x:.3g}" if abs(x) > NONE else "0" for x in sizes]
     return [gain.of, *found, "" if gain.probability is None else _percent(gain.probability)]
 
 

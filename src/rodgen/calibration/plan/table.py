@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["as_csv", "as_text", "table"]
 
 DIGITS = 9
+TO_BE_SET, TO_BE_MET = 4, 2
+"""Digits of the range of a column that people read, as of positions, and of temperatures, which can hardly be set."""
 
 
 def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str, list[Any]]:
@@ -58,7 +61,8 @@ def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str,
             usual = usual_by_target(o, np.asarray(column.values), len(targets))
             found[column.text] = usual[rows.target].tolist()
         elif not hasattr(column, "codes"):  # temperatures and covariates, as they were
-            found[column.text] = [float(x) for x in np.asarray(column.values)[rows.state]]
+            values = np.asarray(column.values)
+            found[column.text] = np.round(values[rows.state], _decimals(values, TO_BE_MET)).tolist()
     if "target" not in columns and len(targets) > 1:
         found["target"] = [targets[k] for k in rows.target]
     return found
@@ -73,13 +77,25 @@ def as_csv(columns: Mapping[str, Sequence[Any]]) -> str:
     return stream.getvalue()
 
 
+def _decimals(values: Any, digits: int) -> int:
+    """Return the decimals that tell so many digits of the range of values, or of themselves where all are alike."""
+    size = float(np.ptp(values)) or float(np.abs(values).max(initial=0.0))
+    return digits - 1 - math.floor(math.log10(size)) if size > 0 else 0
+
+
+def _for_people(values: Sequence[Any]) -> Sequence[Any]:
+    if not all(isinstance(value, float) for value in values):
+        return values
+    return [float(x) + 0.0 for x in np.round(values, _decimals(values, TO_BE_SET))]
+
+
 def _cell(value: Any) -> str:
     return f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
 
 
 def as_text(columns: Mapping[str, Sequence[Any]]) -> list[str]:
     """Return a table as lines for people."""
-    cells = [[name, *map(_cell, values)] for name, values in columns.items()]
+    cells = [[name, *map(_cell, _for_people(values))] for name, values in columns.items()]
     widths = [max(map(len, column)) for column in cells]
     return [
         "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
