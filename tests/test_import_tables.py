@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -178,6 +179,30 @@ def test_ur10_s_measurements_fit_its_urdf(tmp_path, rodgen_command: Run):
     assert "nothing looks wrong" in out
     # 2.0 mm in SOURCE.txt, of an independent fit with frame and target free
     assert Machine.load(machine).fit(Measurements.load(data)).rms == pytest.approx(2.0, abs=0.05)
+
+
+def test_ur10_s_attitudes_are_read_where_they_are_named(tmp_path, rodgen_command: Run):
+    if not UR10.exists():
+        pytest.skip(f"needs {UR10}, which is not part of this repository")
+    machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
+    named = [
+        f"--column={name}=phi{axis}1" for name, axis in zip(("roll", "pitch", "yaw"), "xyz", strict=True)
+    ]
+    links = ("--base", "base_link", "--tip", "wrist_3_link")
+    figure = tmp_path / "f.html"
+    code, out, err = rodgen_command(
+        "import", UR10 / "robot.urdf", UR10 / "calibration.csv", *links, *named, "-o", machine, "-d", data,
+        "--plot", figure,
+    )  # fmt: skip
+    assert (code, err) == (0, "")
+    assert "roll, pitch, yaw are attitudes: roll, pitch and yaw." in out
+    assert "measured: pose in a free frame" in out
+    assert figure.stat().st_size > 1e6
+    fit = Machine.load(machine).fit(Measurements.load(data))
+    turn = re.search(r"([\d.]+) mm of a coordinate and ([\d.]+) arcsec of a turn", fit.summary())
+    # 2.0 mm in SOURCE.txt; angles between poses agree with the URDF to 0.007 rad, 1444 arcsec, there
+    assert float(turn[1]) == pytest.approx(2.0, abs=0.1)
+    assert float(turn[2]) < 1444
 
 
 GOOD = "C [deg],x [mm],y [mm],z [mm],target\n0,150,0,30,ball_1\n90,0,150,30,ball_1\n"

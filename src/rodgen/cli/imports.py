@@ -197,6 +197,7 @@ def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[s
     from rodgen.machines.files.columns import column_source, stated_columns
     from rodgen.machines.files.toml import parse, read_text
     from rodgen.machines.imports.tables import measurements_of
+    from rodgen.machines.measured import NOTATIONS
 
     if made.columns:
         raise InputFileError(kinds[_READINGS][0], "file", "a table, and a pointing run", "one of the two")
@@ -216,10 +217,15 @@ def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[s
     if options.ballbar:
         plane, size = options.ballbar
         ballbar = plane, size.to(made.machine.length_unit)[0]
-    columns, notes = measurements_of(made.machine, kinds[_READINGS], stated, units, ballbar)
+    fresh = _MACHINE not in kinds
+    machine = made.machine
+    columns, notes = measurements_of(machine, kinds[_READINGS], stated, units, ballbar, attitudes=fresh)
+    names = {name.partition(" [")[0] for name in columns}
+    if fresh and any(names >= set(notation) for notation in NOTATIONS.values()):
+        machine = replace(machine, measured=replace(machine.measured, kind="pose"))
     if units and not options.units:
         notes.append("Columns without a unit are in m and rad, as the URDF is; --units says otherwise.")
-    return replace(made, columns=columns, notes=(*made.notes, *notes))
+    return replace(made, machine=machine, columns=columns, notes=(*made.notes, *notes))
 
 
 def _ballbar(text: str) -> tuple[str, Quantity]:

@@ -8,6 +8,7 @@ import sys
 from rodgen.cli._console import OK, Command, located, show
 from rodgen.cli._outputs import Outputs
 from rodgen.cli._values import quantity
+from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
 
@@ -18,9 +19,12 @@ Write a machine file with comments, to be changed to your machine.
   rodgen new equatorial-german --latitude 48.1deg -o mount.toml
   rodgen new table-table --code "[w C B b X Y Z t]" -o machine.toml
 
-Without KIND, a terminal is asked; else the kinds are listed. CODE is that of ISO 10791: the axes in order from the
+Without KIND the kinds are listed, and a terminal is asked. CODE is that of ISO 10791: the axes in order from the
 workpiece w over the bed b to the tool t.
 """
+
+
+_latitude = quantity("--latitude", "31.7deg", dimension="angle")
 
 
 def add_to(command: Command) -> None:
@@ -34,7 +38,7 @@ def add_to(command: Command) -> None:
     made.add_argument(
         "--latitude",
         metavar="ANGLE",
-        type=quantity("--latitude", "31.7deg", dimension="angle"),
+        type=_latitude,
         help="of an equatorial mount, such as 31.7deg",
     )
 
@@ -42,21 +46,23 @@ def add_to(command: Command) -> None:
 def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.files.read import machine_of
     from rodgen.machines.machine import Machine
-    from rodgen.machines.templates import KINDS, machine_template
+    from rodgen.machines.templates import CODES, KINDS, machine_template
 
-    kind = options.kind
+    kind, code, latitude = options.kind, options.code, options.latitude
     if kind is None:
         width = max(map(len, KINDS))
-        listed = "\n".join(f"  {name:{width}}  {words}" for name, words in KINDS.items())
+        show("\n".join(f"  {name:{width}}  {words}" for name, words in KINDS.items()))
         if not (sys.stdin and sys.stdin.isatty() and sys.stdout and sys.stdout.isatty()):
-            show(listed)
             return OK
-        show(listed)
-        kind = input("Which kind? ").strip()
-    latitude = options.latitude.to("rad")[0] if options.latitude else None
+        kind = _answer("Which kind?")
+        if kind in CODES and code is None:
+            code = _answer(f"Axes from the workpiece w over the bed b to the tool t? [{CODES[kind]}]") or None
+        if kind.startswith("equatorial") and latitude is None:
+            latitude = _latitude(f"{_answer('Latitude in degrees?')}deg")
+    north = latitude.to("rad")[0] if latitude else None
     with located("command line", "rodgen new", "a kind of 'rodgen new'"), Outputs() as outputs:
         outputs.claim(options.output)
-        text = machine_template(kind, code=options.code, latitude=latitude)
+        text = machine_template(kind, code=code, latitude=north)
         machine = machine_of(text, options.output or kind, Machine)
         if options.output:
             outputs.add(options.output, text.encode())
@@ -65,3 +71,11 @@ def _run(options: argparse.Namespace) -> int:
         end="\n" if options.output else "",
     )
     return OK
+
+
+def _answer(question: str) -> str:
+    """Return the answer to a question; the end of input is none."""
+    try:
+        return input(f"{question} ").strip()
+    except EOFError:
+        raise InputFileError("standard input", "file", "no answer", "KIND and the options of it") from None

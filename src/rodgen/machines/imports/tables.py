@@ -24,6 +24,7 @@ from rodgen.machines.files.columns import ColumnSource
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.machine import Machine
+from rodgen.machines.measured import NOTATIONS
 
 __all__ = ["measurements_of"]
 
@@ -60,6 +61,8 @@ def measurements_of(
     stated: Mapping[str, ColumnSource],
     units: tuple[str, str] | None = None,
     ballbar: tuple[str, float] | None = None,
+    *,
+    attitudes: bool = False,
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the columns of a measurement file, by names with units, and notes on what was taken for what.
 
@@ -74,6 +77,8 @@ def measurements_of(
         Length and angle of columns that give none.
     ballbar : tuple of (str, float), optional
         Plane and nominal radius of circles; see :func:`rodgen.machines.imports.deviations.of_ballbar`.
+    attitudes : bool
+        Whether attitudes are taken though the machine reads points.
 
     Raises
     ------
@@ -87,7 +92,7 @@ def measurements_of(
     for file, stem in zip(files, stems, strict=True):
         table = read_foreign(file)
         table = of_ballbar(machine, table, *ballbar) if ballbar else as_distances(machine, table)
-        columns, said = _of_table(machine, table, stated, units)
+        columns, said = _of_table(machine, table, stated, units, attitudes or machine.measurand.has_attitude)
         rows = len(next(iter(columns.values())))
         if "target" not in columns and (stem in targets or len(targets) == 1 < len(files)):
             columns["target"] = [stem if stem in targets else targets[0]] * rows
@@ -111,14 +116,19 @@ def measurements_of(
 
 
 def _of_table(
-    machine: Machine, table: ForeignTable, stated: Mapping[str, ColumnSource], units: tuple[str, str] | None
+    machine: Machine,
+    table: ForeignTable,
+    stated: Mapping[str, ColumnSource],
+    units: tuple[str, str] | None,
+    attitudes: bool,
 ) -> tuple[dict[str, list[Any]], list[str]]:
     columns = _Columns(table, notes=list(table.notes))
     _take_stated(columns, stated)
-    readings = machine.measurand.columns
     for joint in machine.joints:
         _take_named(columns, joint.name, (), machine)
-    wide = {} if all(name in columns.found for name in readings) else _take_readings(columns, machine)
+    if attitudes:
+        _take_attitude(columns, machine)
+    wide = {} if all(name in columns.found for name in _places(machine)) else _take_readings(columns, machine)
     for column in table.columns:
         if column.name in _KEPT or column.name.startswith(_PREFIXES):
             _take_named(columns, column.name, (), machine)
@@ -180,13 +190,29 @@ def _take_named(columns: _Columns, name: str, others: Sequence[str], machine: Ma
     return False
 
 
+def _places(machine: Machine) -> tuple[str, ...]:
+    """Return the columns of a reading but for those of an attitude."""
+    return machine.measurand.columns[:3]
+
+
+def _take_attitude(columns: _Columns, machine: Machine) -> None:
+    """Take the columns of an attitude, in the first notation that is there."""
+    names = {*columns.found, *(_plain(column.name) for column in columns.table.columns)}
+    for words, notation in NOTATIONS.items():
+        if set(notation) <= names:
+            for name in notation:
+                _take_named(columns, name, (), machine)
+            columns.notes.append(f"{', '.join(notation)} are attitudes: {words}.")
+            return
+
+
 def _plain(name: str) -> str:
     return re.sub(r"[\s_.-]+", "_", name.strip().lower())
 
 
 def _take_readings(columns: _Columns, machine: Machine) -> dict[str, dict[str, ForeignColumn]]:
     """Take the columns of readings; return those of wide rows, by target and axis."""
-    readings = machine.measurand.columns
+    readings = _places(machine)
     if machine.measured.kind == "direction":
         for pair, mount in _PAIRS.items():
             names = [column.name for column in columns.table.columns]
@@ -234,7 +260,9 @@ def _check_all(columns: _Columns, machine: Machine, wide: Mapping[str, Any]) -> 
     headers = [column.header for column in columns.table.columns]
     needed = [joint.name for joint in machine.joints]
     pair = any(all(name in columns.found for name in names) for names in _PAIRS)
-    needed += [] if wide or pair else machine.measurand.columns
+    needed += [] if wide or pair else _places(machine)
+    if machine.measurand.has_attitude and not any(columns.found.keys() >= set(n) for n in NOTATIONS.values()):
+        needed += NOTATIONS["rotation vector"]
     for name in needed:
         if name not in columns.found:
             what = f"joint {name}" if name in {joint.name for joint in machine.joints} else name
@@ -347,7 +375,7 @@ def _unit(
     wanted = joints[name].dimension if name in joints else None
     if name in ("x", "y", "z", "d"):
         wanted = LENGTH
-    if name in ("az", "el", "ha", "dec"):
+    if name in ("az", "el", "ha", "dec", "rx", "ry", "rz", "roll", "pitch", "yaw"):
         wanted = ANGLE
     if unit in ("h", "hour", "hours", "hr") and wanted == ANGLE:
         return "deg", 15.0

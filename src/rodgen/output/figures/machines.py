@@ -129,7 +129,7 @@ def _seen(machine: Machine, observations: Observations) -> tuple[Array, Array] |
     first = observations.take(np.arange(min(MOST_READINGS, observations.n)))
     model = Model(machine, first.travel, first.run_names, compiled=False)
     predicted = Problem(model, first).places(model.start(), Frame.identity())
-    measured = np.array(first.reading)
+    measured = np.array(first.reading[:, :3])
     whole = np.isfinite(measured).all(axis=1) & np.isfinite(predicted).all(axis=1)
     predicted, measured = predicted[whole], measured[whole]
     if machine.measured.frame == "free" and len(measured) > 2:
