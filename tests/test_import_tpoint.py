@@ -214,6 +214,33 @@ def test_each_format_gives_the_same_run(form, tmp_path):
         assert any("refraction is left to the model" in note for note in run.notes)
 
 
+def test_an_alt_azimuth_run_may_have_right_ascensions(tmp_path):
+    """The same directions, and the same encoders, as azimuths and elevations by spherical trigonometry."""
+    text = RUN.replace("EQUAT", "ALTAZ")
+    (tmp_path / "a.dat").write_text(text)
+    run = read_pointings(tmp_path / "a.dat")
+    phi = np.radians(31.688778)
+    h, d = (
+        np.radians([[22.5, 22.5 + 1 / 24], [-20.0, -20 + 1 / 24]]),
+        np.radians([[10, 10 + 20 / 3600], [-0.5, -0.5 + 20 / 3600]]),
+    )
+    el = np.arcsin(np.sin(phi) * np.sin(d) + np.cos(phi) * np.cos(d) * np.cos(h))
+    az = np.arctan2(-np.cos(d) * np.sin(h), np.cos(phi) * np.sin(d) - np.sin(phi) * np.cos(d) * np.cos(h))
+    np.testing.assert_allclose(run.commanded, np.stack([az[:, 1], el[:, 1]], -1), atol=1e-8)
+    np.testing.assert_allclose(run.seen, ALTAZ.direction(az[:, 0], el[:, 0]), atol=1e-8)
+
+
+def test_azimuths_may_be_from_north(tmp_path, rodgen_command: Run):
+    (tmp_path / "a.dat").write_text("Run\n:ALTAZ\n31 41 19.6 2021 8 21\n10 20 10.1 20.2\n100 40 100.1 40.2\n")
+    north = read_pointings(tmp_path / "a.dat", from_south=False)
+    np.testing.assert_allclose(np.degrees(north.commanded), [[10.1, 20.2], [100.1, 40.2]])
+    south = read_pointings(tmp_path / "a.dat")
+    np.testing.assert_allclose(np.degrees(south.commanded), [[169.9, 20.2], [79.9, 40.2]])
+    files = ("-o", tmp_path / "m.toml", "-d", tmp_path / "d.csv")
+    _, out, _ = rodgen_command("import", tmp_path / "a.dat", "--azimuth", "north", *files)
+    assert "Azimuths of the file run from north through east." in out
+
+
 def test_refraction_is_that_of_an_independent_formula(tmp_path):
     pytest.importorskip("erfa")
     (tmp_path / "a.dat").write_text(RUN.replace("2021 8 21", "2021 8 21 13.0 741 2608 0.2"))
@@ -267,7 +294,6 @@ def test_a_model_and_a_run_make_one_machine(tmp_path, rodgen_command: Run):
     ("old", "new", "expected"),
     [
         (": EQUAT\n", "", "file: no mount; expected :ALTAZ or :EQUAT"),
-        (": EQUAT", ": ALTAZ", "line 6: 14 numbers of a record, which are hour angles"),
         ("+31 41 19.6 2021 8 21", "31.7", "line 5: 1 numbers of the site; expected latitude (deg"),
         ("2021 8 21", "8 21 2021", "line 5: '+31 41 19.6 8 21 2021'; expected a latitude"),
         ("-0 30 0", "-O 30 0", "line 7: '-O'; expected numbers between blanks"),

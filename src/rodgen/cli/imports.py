@@ -81,6 +81,12 @@ def add_to(command: Command) -> None:
         help="of a Denavit-Hartenberg table: the link after each joint, or before it",
     )
     made.add_argument(
+        "--azimuth",
+        choices=("south", "north"),
+        default="south",
+        help="of a pointing run: where azimuth is 0; it runs through east",
+    )
+    made.add_argument(
         "--latitude",
         metavar="ANGLE",
         type=quantity("--latitude", "31.7deg", dimension="angle"),
@@ -164,7 +170,7 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
     elif _RUN in kinds or _MODEL in kinds:
         run, model = (kinds.get(kind, [None])[0] for kind in (_RUN, _MODEL))
         latitude = options.latitude.to("rad")[0] if options.latitude else None
-        made = machine_from_tpoint(run, model, latitude=latitude)
+        made = machine_from_tpoint(run, model, latitude=latitude, from_south=options.azimuth == "south")
     else:
         file = kinds[_READINGS][0]
         raise InputFileError(

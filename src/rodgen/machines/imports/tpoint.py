@@ -17,7 +17,11 @@ __all__ = ["machine_from_tpoint"]
 
 
 def machine_from_tpoint(
-    run: str | None, model: str | None = None, *, latitude: float | None = None
+    run: str | None,
+    model: str | None = None,
+    *,
+    latitude: float | None = None,
+    from_south: bool = True,
 ) -> Imported:
     """Return the mount of a pointing run, or with the terms of a model, or both.
 
@@ -27,6 +31,8 @@ def machine_from_tpoint(
         The files; one of them at least.
     latitude : float, optional
         rad; of an equatorial mount, where no run gives it.
+    from_south : bool
+        Whether azimuths of the run are from south through east, else from north.
 
     Returns
     -------
@@ -37,7 +43,7 @@ def machine_from_tpoint(
     ------
     InputFileError
     """
-    pointings = read_pointings(run) if run else None
+    pointings = read_pointings(run, from_south=from_south) if run else None
     terms = read_model(model) if model else None
     mount = pointings.mount if pointings else (terms and terms.mount) or ALTAZ
     if latitude is None and pointings and pointings.site:

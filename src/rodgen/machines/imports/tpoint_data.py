@@ -7,7 +7,8 @@ numbers temperature, pressure, height, humidity, wavelength), then a record an o
    deg ' "), and the sidereal time (h m): 17 numbers;
 2. apparent place of the star, the telescope's place, the sidereal time: 14;
 3. observed hour angle (h m s) and declination of the star, and the telescope's: 12;
-4. observed coordinates of the star and the telescope's in degrees: 4. Azimuth is from south (0) through east (90).
+4. observed coordinates of the star and the telescope's in degrees: 4. Azimuth is from south (0) through east (90), or
+   from north.
 
 Up to three auxiliary readings may follow. Places of stars in 1 and 2 are reduced to what is observed: precession,
 nutation and aberration, by ERFA, at 0 h of the date that the file gives; diurnal aberration, but with ``:NODA``;
@@ -116,12 +117,14 @@ def is_pointing_run(start: bytes) -> bool:
     return any(re.match(r"\s*:\s*(ALTAZ|EQUAT)\b", line, re.I) for line in lines) or start.startswith(b"CAT:")
 
 
-def read_pointings(path: str | os.PathLike[str]) -> Pointings:
+def read_pointings(path: str | os.PathLike[str], *, from_south: bool = True) -> Pointings:
     """Return a pointing run.
 
     Parameters
     ----------
     path : str or os.PathLike
+    from_south : bool
+        Whether azimuths of a TPOINT file are from south (0) through east (90), else from north.
 
     Raises
     ------
@@ -133,7 +136,8 @@ def read_pointings(path: str | os.PathLike[str]) -> Pointings:
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
     if any(line.startswith("RAA:") for _, line in lines):
         return _of_log(file, lines)
-    return _of_tpoint(file, [(number, line) for number, line in lines if line and not line.startswith("!")])
+    told = [(number, line) for number, line in lines if line and not line.startswith("!")]
+    return _of_tpoint(file, told, from_south=from_south)
 
 
 # TPOINT's files ---------------------------------------------------------------------------------------------
@@ -147,7 +151,7 @@ class _Record:
     auxiliary: tuple[float, ...]
 
 
-def _of_tpoint(file: str, lines: Sequence[tuple[int, str]]) -> Pointings:
+def _of_tpoint(file: str, lines: Sequence[tuple[int, str]], *, from_south: bool) -> Pointings:
     if not lines:
         raise InputFileError(file, "file", "no lines", _EXPECTED)
     (_, caption), *rest = lines
@@ -173,27 +177,28 @@ def _of_tpoint(file: str, lines: Sequence[tuple[int, str]]) -> Pointings:
             file, "file", "no observations", "the record of the site, then a line for each star"
         )
     form = records[0].form
-    if mount is ALTAZ and form != 4:
-        found = f"{len(records[0].values)} numbers of a record, which are hour angles or right ascensions"
-        raise InputFileError(file, f"line {records[0].line}", found, "four numbers with :ALTAZ, or :EQUAT")
     values = np.array([record.values for record in records])
     notes = [f"Observations are of format {form}: {_WORDS[form]}."]
     time = None
     if form == 4:
         angles = np.radians(values)
         if mount is ALTAZ:
-            angles[:, ::2] = np.pi - angles[:, ::2]
-            notes.append("Azimuths of the file run from south through east; here from north through east.")
+            angles[:, ::2] = np.pi - angles[:, ::2] if from_south else angles[:, ::2]
+            notes.append(f"Azimuths of the file run from {'south' if from_south else 'north'} through east.")
         seen = mount.direction(angles[:, 0], angles[:, 1])
         commanded = angles[:, 2:]
     else:
-        star, telescope, sidereal = _hour_angles(file, records, site)
+        star, commanded, sidereal = _hour_angles(file, records, site)
         seen = EQUATORIAL.direction(*star.T)
-        commanded = telescope
         if sidereal is not None:
             seen = _observed(seen, site, diurnal="NODA" not in options)
             time = _elapsed(sidereal)
             notes += _on_reduction(site, "NODA" in options)
+        if mount is ALTAZ:
+            seen = seen @ _level(site.latitude)
+            x, y, z = (EQUATORIAL.direction(*commanded.T) @ _level(site.latitude)).T
+            commanded = np.stack([np.arctan2(x, y), np.arcsin(np.clip(z, -1, 1))], axis=-1)
+            notes.append("Hour angles and declinations of star and telescope became azimuths and elevations.")
     unused = sorted(set(options) - {*_OPTIONS, "NODA", "ALLSKY"})
     notes += [f"Options that are not used: {', '.join(unused)}."] if unused else []
     auxiliary = np.array([record.auxiliary for record in records], float).reshape(len(records), -1)
@@ -321,6 +326,12 @@ def _observed(seen: Array, site: Site, *, diurnal: bool) -> Array:
     size = np.linalg.norm(across, axis=1, keepdims=True)
     across = np.divide(across, size, out=np.zeros_like(across), where=size > 0)
     return np.asarray(np.cos(lift)[:, None] * seen + np.sin(lift)[:, None] * across)
+
+
+def _level(latitude: float) -> Array:
+    """Return the matrix that takes rows from the equatorial mount's frame to east, north and up."""
+    cos, sin = math.cos(latitude), math.sin(latitude)
+    return np.array([[0.0, 1.0, 0.0], [-sin, 0.0, cos], [cos, 0.0, sin]]).T
 
 
 def _on_reduction(site: Site, no_diurnal: bool) -> Iterator[str]:
