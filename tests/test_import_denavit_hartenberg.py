@@ -17,7 +17,7 @@ from rodgen.machines.mechanism import to_mechanism
 
 Run = Callable[..., tuple[int, str, str]]
 PAGE = (Path(__file__).parent.parent / "docs" / "import.md").read_text(encoding="utf-8")
-UR, KUKA = re.findall(r"```csv\n(joint.*?)```", PAGE, re.DOTALL)[:2]
+UR, KUKA = re.findall(r"```text\n(joint.*?)```", PAGE, re.DOTALL)[:2]
 MITSUBISHI = re.search(r"```toml\n(name = \"RV.*?)```", PAGE, re.DOTALL)[1]
 SLIDING = """type,theta [rad],d [m],a [inch],alpha [deg]
 R,0.3,0.2,4,90
