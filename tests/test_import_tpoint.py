@@ -278,6 +278,20 @@ def test_mean_places_are_reduced_as_the_almanac_does(tmp_path):
     assert run.auxiliary.tolist() == [[-2.0, 7.0]]
 
 
+@pytest.mark.parametrize("second", ["S  186 2248.2854    0.000   0.0000", "T 42 1.13 0.0 0.0 extra", ""])
+def test_a_model_is_known_by_its_terms(second, tmp_path, rodgen_command: Run):
+    (tmp_path / "model.dat").write_text(
+        f"ROTSE-III\n{second}\nIH -320.4815 0.1\n= ID -15.07\n&CH  -56.0 9\nEND\n"
+    )
+    code, out, err = rodgen_command(
+        "import", tmp_path / "model.dat", "--latitude", "35.9deg", "-o", tmp_path / "m.toml"
+    )
+    assert (code, err) == (0, "")
+    assert "model.dat: a model, whose terms are held effects: IH, ID, CH" in out
+    held = {effect.title: dict(effect.hold) for effect in Machine.load(tmp_path / "m.toml").effects}
+    assert held["zero_offset at HA"]["a"] == pytest.approx(np.radians(-320.4815 / 3600))
+
+
 def test_a_model_and_a_run_make_one_machine(tmp_path, rodgen_command: Run):
     (tmp_path / "run.dat").write_text(RUN)
     name = model_file(tmp_path, {"IH": -10.0, "TF": 5.0})

@@ -100,13 +100,10 @@ def _is_term_for(term: str, mount: Mount) -> bool:
 
 
 def is_model(start: bytes) -> bool:
-    """Return whether the first bytes of a file are those of a model."""
-    lines = start.decode("utf-8", "replace").splitlines()
-    return (
-        len(lines) > 2
-        and bool(re.match(r"\s*[A-Z]\s+\d+\s+[\d.]+\s", lines[1]))
-        and bool(_LINE.match(lines[2].strip()))
-    )
+    """Return whether the first bytes of a file are those of a model: END, and a term that is known."""
+    lines = [line.partition("!")[0].strip() for line in start.decode("utf-8", "replace").splitlines()]
+    terms = [found["name"] for line in lines[2:] if (found := _LINE.fullmatch(line))]
+    return "END" in lines and any(term in TERMS or own_term(term) is not None for term in terms)
 
 
 def read_model(path: str | os.PathLike[str]) -> TpointModel:
