@@ -282,7 +282,7 @@ Made by `python docs/make_accuracy.py`; seed {seed}, {count} inputs a row, refer
 Each row is a family of inputs that are hard in one way. The error of an input is the larger of the two axes' distances
 from the exact axes of the given numbers. *Worst* is the largest error over cond·ε, where cond is
 `axis_condition` and ε the spacing of floating-point numbers at 1 (2⁻⁵² in float64, 2⁻²³ in float32): the
-tests allow at most 4 in every family; [certified](certified.md) for all inputs is 16. *Median* is in units of ε.
+tests allow at most 4 in every family; [certified](certified.md) for all inputs is 12. *Median* is in units of ε.
 
 float64, the compiled kernels (`{backend}` on the machine that made this page), the NumPy module, the C alone, and the
 paper's own formulas with the sign of the root corrected:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from flint import arb
@@ -18,6 +19,7 @@ from rounding import (
     EPS,
     FUNCTION_ULPS,
     ROOM,
+    BallNumPy,
     Box,
     Certificate,
     Number,
@@ -58,9 +60,9 @@ def axis_box(box: Box, largest: str, usual: bool) -> float:
     else:
         a, g = x, y
         (sin_a, cos_a), (sin_h, cos_h), sin_g, sin_sum = a.sin_cos(), both, g.sin(), (2 * a + g).sin()
-    for sine in (sin_a, cos_a, sin_h, cos_h, sin_g, sin_sum):
-        if not sine > 0:
-            raise UndecidedError
+    divisors = (cos_a, sin_h, sin_g, sin_sum, *([sin_a, cos_h] if usual else []))
+    if not all(x > 0 for x in divisors):
+        raise UndecidedError
     under = sin_g * sin_sum
     # relative difference of the lengths
     e = arb(0, min(5e-4, 0.51 * float((sin_a * cos_a).abs_upper()))) if usual else arb(0, 1e-3)
@@ -90,10 +92,10 @@ def axis_box(box: Box, largest: str, usual: bool) -> float:
         u = [tape.input(x) for x in (cos_a, -sin_a, zero)]
         v = [tape.input((1 + e) * x) for x in (cos_a, sin_a, zero)]
         if usual:
-            T = tape.number(sin_h / cos_h, ulps=FUNCTION_ULPS)
+            T = tape.number(lambda: sin_h / cos_h, ulps=FUNCTION_ULPS)
             axes, root_squared = solve_axis_usual(Balls(tape), u, v, T, exact)
             return max(bounds(tape, axes))
-        S, C = (tape.number(x, ulps=FUNCTION_ULPS) for x in (sin_h, cos_h))
+        S, C = (tape.number(lambda x=x: x, ulps=FUNCTION_ULPS) for x in (sin_h, cos_h))
         axes, m_squared, r_squared, root_squared, area_squared = solve_axis(Balls(tape), u, v, S, C, exact)
         # the conditions for two axes, for turns to both sides
         band = 8 * EPS * S.value * (1 + arb.pi()) * abs(C.value) * (1 + arb(0, 1e-9))
@@ -115,10 +117,16 @@ RIGHT = math.nextafter(math.pi / 2, 2)
 """Not below a right angle."""
 
 
-def axis_boxes(low: float) -> list[Box]:
-    """Return boxes of all pairs of which none is the largest of three numbers whose sum is a right angle."""
-    sides = logarithmic(low, RIGHT / 2, 2)
-    return [(x, y) for x in sides for y in sides if x[0] + y[0] + max(x[0], y[0]) <= RIGHT]
+def axis_boxes(x_least: float, y_least: float) -> list[Box]:
+    """Return boxes of all pairs of which none is the largest of three numbers whose sum is a right angle.
+
+    Numbers below 1e-4 are in one box with 0, where the least is 0.
+    """
+    sides = [
+        [*([] if least else [(0.0, 1e-4)]), *logarithmic(least or 1e-4, RIGHT / 2, 2)]
+        for least in (x_least, y_least)
+    ]
+    return [(x, y) for x in sides[0] for y in sides[1] if x[0] + y[0] + max(x[0], y[0]) <= RIGHT]
 
 
 def rotate_box(box: Box) -> float:
@@ -134,52 +142,59 @@ def rotate_box(box: Box) -> float:
     return bounds(tape, [rotate(Balls(tape), rho, turn)])[0]
 
 
-def direction(box: Box) -> list[arb]:
-    """Return a rotation's axis whose largest component is 1.
-
-    A box of rotations has the number of that component, the ratios of the others to it, and its ratio to w in the
-    quaternion.
-    """
-    (largest, _), b, c, _ = box
-    ratios = [ball(*b), ball(*c)]
-    ratios.insert(int(largest), arb(1))
-    return ratios
+def direction(largest: int, *ratios: Number) -> list[Any]:
+    """Return a rotation's axis whose largest component is 1."""
+    found: list[Any] = list(ratios)
+    found.insert(largest, ratios[0].tape.input(arb(1)))
+    return found
 
 
-def quaternion(box: Box) -> list[arb]:
-    """Return w, x, y, z, of any length."""
-    t = box[3]
-    if t[1] <= 1:
-        return [arb(1), *(ball(*t) * x for x in direction(box))]
-    return [1 / ball(*t), *direction(box)]
+def quaternion(axis: Sequence[Number], t: Number, small: bool) -> list[Number]:
+    """Return w, x, y, z, of any length; t is the ratio of the largest component of the axis to w."""
+    return [t.tape.input(arb(1)), *(t * x for x in axis)] if small else [1.0 / t, *axis]
 
 
-def sine_and_cosine(box: Box) -> tuple[arb, arb]:
+def sine_and_cosine(axis: Sequence[Number], t: Number) -> tuple[Number, Number]:
     """Return those of half the rotation's angle."""
-    w, *v = quaternion(box)
-    square = sum((x * x for x in v), arb(0))
-    return (square / (w * w + square)).sqrt(), (w * w / (w * w + square)).sqrt()
+    tangent = t * sum((x * x for x in axis), t * 0.0).sqrt()
+    cosine = 1.0 / (1.0 + tangent * tangent).sqrt()
+    return tangent * cosine, cosine
 
 
-def rodrigues_vector(box: Box) -> list[arb]:
+def rodrigues_vector(axis: Sequence[Number], t: Number, small: bool) -> list[Number]:
     """Return the Rodrigues vector of such a quaternion."""
-    return [2 * ball(*box[3]) * x for x in direction(box)]
+    return [2.0 * t * x for x in axis]
 
 
-def axis_angle(box: Box) -> list[arb]:
+def axis_angle(axis: Sequence[Number], t: Number, small: bool) -> list[Number]:
     """Return the axis of such a quaternion, of any length, and its angle."""
-    axis = direction(box)
-    length = sum((x * x for x in axis), arb(0)).sqrt()
-    return [*axis, 2 * (ball(*box[3]) * length).atan()]
+    length = sum((x * x for x in axis), t * 0.0).sqrt()
+    return [*axis, BallNumPy(t.tape).arctan2(t * length, 1.0) * 2.0]
+
+
+def matrix(axis: Sequence[Number], t: Number, small: bool) -> list[Number]:
+    """Return the matrix of such a quaternion, row by row."""
+    w, *v = quaternion(axis, t, small)
+    squares = [x * x for x in (w, *v)]
+    double = 2.0 / (squares[0] + squares[1] + squares[2] + squares[3])
+    found = []
+    for i, j in itertools.product(range(3), repeat=2):
+        if i == j:
+            found.append(1.0 - double * (squares[(i + 1) % 3 + 1] + squares[(i + 2) % 3 + 1]))
+        else:
+            turned = w * v[3 - i - j]
+            found.append(double * (v[i] * v[j] + (turned if (i - j) % 3 == 1 else -turned)))
+    return found
 
 
 REPRESENTATIONS = {
-    "axis_angle": (axis_angle, ((3, "sine"), (1, "1"))),
-    "rodrigues_vector": (rodrigues_vector, ((3, "cosine"),)),
-    "matrix": (None, ((9, "1"),)),
-    "quaternion": (quaternion, ((4, "1"),)),
+    "axis_angle": (axis_angle, ((3, "sine"), (1, "1")), 0.0),
+    "rodrigues_vector": (rodrigues_vector, ((3, "cosine"),), 0.0),
+    "matrix": (matrix, ((1, "1"),) * 9, 4 * EPS),
+    "quaternion": (quaternion, ((1, "1"),) * 4, 0.0),
 }
-"""What gives each, and what it consists of: how many numbers, and what their error is multiplied by.
+"""What gives each, what it consists of (how many numbers, and what their error is multiplied by), and how far a given
+one is off a rotation.
 
 It is the error of each number, but of three the length. That of an axis is multiplied by the sine of half the angle,
 that of a Rodrigues vector, over its length, by the cosine: the smaller they are, the less is an axis or a length
@@ -190,20 +205,28 @@ determined.
 def conversion(
     name: str, source: str, outputs: tuple[tuple[int, str], ...], module: object = rotations
 ) -> Callable[[Box], float]:
-    """Return the measure of a conversion: its largest error over eps."""
+    """Return the measure of a conversion: its largest error over eps.
+
+    A box of rotations has the number of the axis's largest component, the ratios of the others to it, and its ratio to
+    w in the quaternion.
+    """
+    made, _, within = REPRESENTATIONS[source]
 
     def measure(box: Box) -> float:
-        values = REPRESENTATIONS[source][0](box)
-        sine, cosine = sine_and_cosine(box)
-        factors = {"1": arb(1), "sine": sine, "cosine": cosine * cosine / (2 * sine)}
+        (largest, _), *sides = box
 
         def program(tape: Tape) -> float:
-            results = iter(body(module, name, tape)(*(tape.input(x) for x in values)))
-            parts, weights = [], []
-            for count, weight in outputs:
-                part = [next(results) for _ in range(count)]
-                parts += [part] if count == 3 else [[x] for x in part]
-                weights += [upper(factors[weight])] * (1 if count == 3 else count)
+            factors = {"1": arb(1)}
+
+            def inputs(b: Number, c: Number, t: Number) -> list[Number]:
+                axis = direction(int(largest), b, c)
+                sine, cosine = sine_and_cosine(axis, t)
+                factors.update(sine=sine.value, cosine=(cosine * cosine / (2.0 * sine)).value)
+                return made(axis, t, sides[2][1] <= 1)
+
+            results = iter(body(module, name, tape)(*tape.inputs(sides, inputs, within)))
+            parts = [[next(results) for _ in range(count)] for count, _ in outputs]
+            weights = [upper(factors[weight]) for _, weight in outputs]
             return max(b * w for b, w in zip(bounds(tape, parts), weights, strict=True))
 
         return max(paths(program))
@@ -272,26 +295,70 @@ CONVERSIONS = {
     "axis_angle_from_quaternion": 6,
     "rodrigues_vector_from_quaternion": 4,
     "matrix_from_quaternion": 15,
+    "quaternion_from_matrix": 4,
+    "rodrigues_vector_from_matrix": 8,
+    "axis_angle_from_matrix": 14,
 }
 """Bound of each, in eps; the weights of the errors are those of `REPRESENTATIONS`."""
 
 
 def claims() -> list[Claim]:
     """Return all claims."""
-    names = {"a": "a", "g": "h - a", "k": "π/2 - h"}
+    small: list[Box] = [((0.3, 0.305), (0.4, 0.405)), ((0.01, 0.0103), (0.1, 0.103))]
     found = [
         Claim(
             "solve_axis",
             "cond eps",
-            f"{program}; {names[largest]} is the largest, the others are at least {least:g}",
-            16,
+            where,
+            12,
             lambda box, largest=largest, usual=usual: axis_box(box, largest, usual),
-            axis_boxes(least),
-            [((0.3, 0.305), (0.4, 0.405)), ((0.01, 0.0103), (0.1, 0.103))],
+            axis_boxes(x, y),
+            [*small, *more],
         )
-        for usual, program in ((True, "the program for usual inputs"), (False, "that for all inputs"))
-        for largest in names
-        for least in [1e-2 if usual and largest == "g" else 1e-4]  # the tangent of a half turn is huge
+        for usual, largest, where, x, y, more in (
+            (
+                True,
+                "a",
+                "the program for usual inputs; a is the largest, the others are at least 0.0001",
+                1e-4,
+                1e-4,
+                [],
+            ),
+            # the tangent of a half turn is huge
+            (
+                True,
+                "g",
+                "the program for usual inputs; h - a is the largest, the others are at least 0.01",
+                1e-2,
+                1e-2,
+                [],
+            ),
+            (
+                True,
+                "k",
+                "the program for usual inputs; π/2 - h is the largest, the others are at least 0.0001",
+                1e-4,
+                1e-4,
+                [],
+            ),
+            (
+                False,
+                "a",
+                "that for all inputs; a is the largest, h - a is at least 1e-6",
+                1e-6,
+                0,
+                [((0.3, 0.305), (0, 1e-4))],
+            ),
+            (False, "g", "that for all inputs; h - a is the largest", 0, 0, [((0, 1e-4), (0, 1e-4))]),
+            (
+                False,
+                "k",
+                "that for all inputs; π/2 - h is the largest, h - a is at least 1e-6",
+                0,
+                1e-6,
+                [((0, 1e-4), (0.3, 0.305))],
+            ),
+        )
     ]
     directions = list(itertools.pairwise(np.linspace(0, np.pi, 9).tolist()))
     found.append(
@@ -313,8 +380,10 @@ def claims() -> list[Claim]:
         target, _, source = name.partition("_from_")
         measure = conversion(name, source, REPRESENTATIONS[target][1])
         found.append(Claim(name, "eps", turns, bound, measure, rotation_boxes(), near))
-    measure = conversion("chi_from_quaternion", "quaternion", ((1, "1"),) * 3, instantaneous_euler)
-    found.append(Claim("chi_from_quaternion", "eps", turns, 7, measure, rotation_boxes(), near))
+    for source, bound in (("quaternion", 7), ("matrix", 16)):
+        name = f"chi_from_{source}"
+        measure = conversion(name, source, ((1, "1"),) * 3, instantaneous_euler)
+        found.append(Claim(name, "eps", turns, bound, measure, rotation_boxes(), near))
     found += [
         Claim(
             "tricept_legs",
@@ -355,21 +424,21 @@ BOTTOM = """
 - **Counted in.** ε is 2⁻⁵². The error of an axis is a length; in conversions it is multiplied by the sine of half
   the angle, and that of a Rodrigues vector, over its length, by the cosine: the axis of a small turn and the
   length of the vector of a half turn are hardly determined. Of matrices and quaternions it is that of the worst
-  number, and of angles in rad.
+  number, and of angles in rad. The elements of a given matrix may be off those of a rotation by 4 ε.
 - **Assumed.** Sine, cosine, tangent and arc tangent are off by at most one unit in the last place; nothing
   overflows or underflows; no flag changes arithmetic. A product and a sum that are rounded once, as on processors
   with fused operations, are included.
 - **`solve_axis`.** Points anywhere, of any length; half the angle between them is a, half the angle of the
-  rotation h, of either sign, up to a turn. Lengths differ by up to 1e-3 of them, in the program for usual inputs
-  by as much as it takes. The roundings of a vector's components have a bound in any orientation, so boxes have
-  two dimensions. The tests find at most 4 cond ε in each of their [families](accuracy.md); that no input exceeds
-  4 is not certified.
+  rotation h, of either sign, up to a turn; half turns and points on the axis are among them. What is left out are
+  points within 1e-6 rad of where both axes meet, h = a. Lengths differ by up to 1e-3 of them, in the program for usual
+  inputs by as much as it takes. The roundings of a vector's components have a bound in any orientation, so boxes have
+  two dimensions. At single inputs this bound is up to 9.4 cond ε, however small the boxes; the tests find at most
+  4 cond ε in each of their [families](accuracy.md), as roundings do not conspire.
 - **Conversions.** Components of the axis have one sign. The others follow: changed signs of components change
   signs and places in the program, and rounding has no preferred sign. The largest component may be any.
-- **Not certified.** Conversions from matrices, whose nine elements depend on each other, which balls do not know:
-  boxes would have to be too small. What is nearer to a case where nothing is determined than the rows say, a half
-  turn of `solve_axis` among it; which status is given there; `tricept_direct` and other iterations, kernels that
-  are not listed, and float32.
+- **Not certified.** What is nearer to a case where nothing is determined than the rows say; which status is given
+  there; `tricept_direct` and other iterations, which repeat a program of a hundred operations until it settles, so that
+  balls hold too much unless boxes are very small; kernels that are not listed; and float32.
 """
 
 

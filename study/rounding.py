@@ -10,6 +10,11 @@ that of exact arithmetic by at most
 over all roundings k, where the derivatives, by reverse accumulation, are balls, too, taken at all inputs *and*
 all roundings. So the bound holds; no term of second order is dropped. FPTaylor (Solovyev et al., 2015) bounds
 first and second order apart.
+
+Where inputs depend on each other, as the elements of a rotation matrix do, they are functions of a few parameters, of
+which the box is. A number then has a second ball, by the mean value theorem again: that of its value at the middle of
+the box, and its slopes over the box times half the sides. 1 + m₁₁ + m₂₂ + m₃₃ is four times the square of w there, and
+not the sum of four intervals.
 """
 
 from __future__ import annotations
@@ -17,7 +22,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -60,35 +65,65 @@ class Tape:
         Numbers that are moved by a vector of at most so many times u.
     choices : list of bool
         The outcomes that are taken, in their order, for conditions that both hold and fail in the box.
+    halves : list of arb
+        Balls around 0 that hold what parameters differ from the middle of the box.
+    exact : bool
+        Whether nothing is rounded: inputs are made of parameters.
     """
 
     choices: list[bool] = field(default_factory=list)
+    halves: list[arb] = field(default_factory=list)
+    exact: bool = False
     parents: list[list[tuple[int, arb]]] = field(default_factory=list)
     roundings: list[tuple[list[int], float]] = field(default_factory=list)
     asked: dict[Any, bool] = field(default_factory=dict)
 
-    def number(self, value: arb, parents: Sequence[tuple[Number, arb]] = (), ulps: float = 0.5) -> Number:
-        """Return the result of an operation that is rounded by some units in the last place."""
-        if not value.is_finite() or not all(d.is_finite() for _, d in parents):
+    def number(
+        self, function: Callable[..., arb], operands: Sequence[tuple[Number, arb]] = (), ulps: float = 0.5
+    ) -> Number:
+        """Return what an operation, of operands with derivatives, gives, rounded by units in the last place."""
+        value = function(*(x.value for x, _ in operands))
+        if not value.is_finite() or not all(d.is_finite() for _, d in operands):
             raise UndecidedError
-        size = upper(value)
-        off = sum(upper(d) * p.off for p, d in parents) * ROOM  # by the roundings before
-        if ulps:
-            own = 2 * ulps * size
+        off = sum(upper(d) * x.off for x, d in operands) * ROOM  # by the roundings before
+        middle, slopes = None, ()
+        if self.halves and all(x.middle is not None for x, _ in operands):
+            middle = function(*(x.middle for x, _ in operands))
+            slopes = tuple(
+                sum((d * x.slopes[k] for x, d in operands), arb(0)) for k in range(len(self.halves))
+            )
+            centred = middle + sum((d * h for d, h in zip(slopes, self.halves, strict=True)), arb(0, off))
+            if centred.is_finite():
+                value = value.intersection(centred)
+        if ulps and not self.exact:
+            own = 2 * ulps * upper(value)
             value, off = value * (1 + arb(0, 2 * ulps * U)), (off + own * U) * ROOM
             self.roundings.append(([len(self.parents)], own))
-        self.parents.append([(p.index, d) for p, d in parents])
-        return Number(self, len(self.parents) - 1, value, off)
+        self.parents.append([(x.index, d) for x, d in operands])
+        return Number(self, len(self.parents) - 1, value, off, middle, slopes)
 
-    def input(self, value: arb) -> Number:
+    def input(self, value: Any, middle: arb | None = None, slopes: tuple[arb, ...] = ()) -> Number:
         """Return an input: it is what it is, without an error."""
-        return self.number(value, ulps=0)
+        self.parents.append([])
+        if middle is None and value.rad() == 0:
+            middle, slopes = value, (arb(0),) * len(self.halves)
+        return Number(self, len(self.parents) - 1, value, 0.0, middle, slopes)
+
+    def inputs(self, box: Box, made: Callable[..., Sequence[Number]], within: float = 0.0) -> list[Number]:
+        """Return inputs that are functions of parameters in a box, but for `within` (an absolute difference)."""
+        middles = [(arb(low) + arb(high)) / 2 for low, high in box]
+        self.halves = [ball(*side) - middle for side, middle in zip(box, middles, strict=True)]
+        self.exact = True
+        ones = [tuple(arb(int(j == k)) for j in range(len(box))) for k in range(len(box))]
+        found = made(*map(self.input, (ball(*side) for side in box), middles, ones))
+        self.exact = False
+        return [self.input(x.value + arb(0, within), x.middle + arb(0, within), x.slopes) for x in found]
 
     def rounded(self, numbers: Sequence[Number], size: float) -> list[Number]:
         """Move numbers together by a vector of at most `size` times u."""
         self.roundings.append(([x.index for x in numbers], size))
         by = size * U * ROOM
-        return [Number(self, x.index, x.value + arb(0, by), x.off + by) for x in numbers]
+        return [replace(x, value=x.value + arb(0, by), off=x.off + by) for x in numbers]
 
     def decide(self, key: Any) -> bool:
         """Return the outcome of a condition that may hold and may fail; the same each time it is asked."""
@@ -130,12 +165,18 @@ class Number:
         All values, whatever the roundings.
     off : float
         How far roundings move it at most.
+    middle : arb, optional
+        Its value without roundings at the middle of the box, where it is a function of parameters.
+    slopes : tuple of arb
+        Its derivatives by them in the box, without roundings.
     """
 
     tape: Tape
     index: int
     value: arb
     off: float
+    middle: arb | None = None
+    slopes: tuple[arb, ...] = ()
 
     def _with(self, other: Any) -> Number:
         return other if isinstance(other, Number) else self.tape.input(arb(other))
@@ -144,11 +185,11 @@ class Number:
         if not isinstance(other, Number) and other == 0:
             return self
         b = self._with(other)
-        return self.tape.number(self.value + b.value, [(self, arb(1)), (b, arb(1))])
+        return self.tape.number(lambda x, y: x + y, [(self, arb(1)), (b, arb(1))])
 
     def __sub__(self, other: Any) -> Number:
         b = self._with(other)
-        return self.tape.number(self.value - b.value, [(self, arb(1)), (b, arb(-1))])
+        return self.tape.number(lambda x, y: x - y, [(self, arb(1)), (b, arb(-1))])
 
     def __rsub__(self, other: Any) -> Number:
         return self._with(other) - self
@@ -156,41 +197,39 @@ class Number:
     def __mul__(self, other: Any) -> Number:
         if isinstance(other, Number):
             if other is self:
-                return self.tape.number(self.value * self.value, [(self, 2 * self.value)])
-            return self.tape.number(self.value * other.value, [(self, other.value), (other, self.value)])
+                return self.tape.number(lambda x: x * x, [(self, 2 * self.value)])
+            return self.tape.number(lambda x, y: x * y, [(self, other.value), (other, self.value)])
         exact = math.frexp(abs(other))[0] in {0.0, 0.5}  # a power of two
-        return self.tape.number(self.value * other, [(self, arb(other))], ulps=0 if exact else 0.5)
+        return self.tape.number(lambda x: x * other, [(self, arb(other))], ulps=0 if exact else 0.5)
 
     def __truediv__(self, other: Any) -> Number:
         if not isinstance(other, Number) and math.frexp(abs(other))[0] == 0.5:
             return self * (1 / other)
         b = self._with(other)
-        quotient = self.value / b.value
-        return self.tape.number(quotient, [(self, 1 / b.value), (b, -quotient / b.value)])
+        slope = 1 / b.value
+        return self.tape.number(lambda x, y: x / y, [(self, slope), (b, -self.value * slope * slope)])
 
     def __rtruediv__(self, other: Any) -> Number:
-        quotient = other / self.value
-        return self.tape.number(quotient, [(self, -quotient / self.value)])
+        return self.tape.number(lambda x: other / x, [(self, -other / self.value / self.value)])
 
     def __neg__(self) -> Number:
-        return self.tape.number(-self.value, [(self, arb(-1))], ulps=0)
+        return self.tape.number(lambda x: -x, [(self, arb(-1))], ulps=0)
 
     __radd__, __rmul__ = __add__, __mul__
 
     def sqrt(self) -> Number:
         """Return the square root."""
-        root = self.value.sqrt()
-        return self.tape.number(root, [(self, 1 / (2 * root))])
+        return self.tape.number(arb.sqrt, [(self, 1 / (2 * self.value.sqrt()))])
 
     def function(self, name: str) -> Number:
         """Return sine or cosine."""
         sine, cosine = self.value.sin_cos()
-        value, d = (sine, cosine) if name == "sin" else (cosine, -sine)
-        return self.tape.number(value, [(self, d)], ulps=FUNCTION_ULPS)
+        function, slope = (arb.sin, cosine) if name == "sin" else (arb.cos, -sine)
+        return self.tape.number(function, [(self, slope)], ulps=FUNCTION_ULPS)
 
     def __abs__(self) -> Number:
         sign = arb(1) if self.value > 0 else arb(-1) if self.value < 0 else arb(0, 1)
-        return self.tape.number(abs(self.value), [(self, sign)], ulps=0)
+        return self.tape.number(abs, [(self, sign)], ulps=0)
 
     def _compared(self, other: Any, sign: int) -> Condition:
         b = other.value if isinstance(other, Number) else arb(other)
@@ -275,7 +314,7 @@ class BallNumPy:
         y, x = self._number(y), self._number(x)
         square = y.value * y.value + x.value * x.value
         parents = [(y, x.value / square), (x, -y.value / square)]
-        return self.tape.number(arb.atan2(y.value, x.value), parents, ulps=FUNCTION_ULPS)
+        return self.tape.number(arb.atan2, parents, ulps=FUNCTION_ULPS)
 
 
 def body(module: Any, name: str, tape: Tape) -> Callable[..., tuple[Any, ...]]:

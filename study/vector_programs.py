@@ -8,6 +8,7 @@ tests/test_certified.py checks that these programs, on floats, give bit for bit 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -114,7 +115,7 @@ class Balls(Floats):
         if isinstance(x, list):
             return [self.known(part, v) for part, v in zip(x, value, strict=True)]
         closer = (value + arb(0, x.off)).intersection(x.value)
-        return Number(self.tape, x.index, closer, x.off)
+        return replace(x, value=closer)
 
     def off(self, x: Any, size: float) -> Any:
         """Return a number that is off by so many u."""
