@@ -47,7 +47,10 @@ class _Problem:
         self.total_weight, self.at_bounds = 1.0, lambda theta: {}
         self.freedom = lambda adjusted: max(rows * components - adjusted, 1)
         self.parameters = parameters
-        self.model = SimpleNamespace(kinds=("peer",) * parameters)  # none is of a frame
+        # none is of a frame, and none is searched for
+        self.model = SimpleNamespace(
+            kinds=("peer",) * parameters, parameters=(SimpleNamespace(searched=None),) * parameters
+        )
 
     def normal_equations(self, theta: np.ndarray, _: Any) -> NormalEquations:
         if self.exact.normal_equations:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rodgen.codegen.rows import row_kernels
 from rodgen.data.units import ANGLE, LENGTH, Dimension, unit_factor
+from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.measured import TURNS
 from rodgen.machines.parameters import Parameter, parameters_of
 from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
@@ -197,6 +198,18 @@ class Model:
     def _measuring(self, dimension: Dimension) -> NDArray[np.bool_]:
         length = self.machine.length_unit
         return np.array([unit_factor(p.unit, length)[1] == dimension for p in self.parameters], bool)
+
+    @functools.cached_property
+    def effect_sizes(self) -> tuple[Array, Array]:
+        """Usual and largest sizes of the parameters of effects, internal units, (parameters,); NaN if not known."""
+        found = np.full((2, len(self.parameters)), np.nan)
+        for effect in self.machine.effects:
+            sizes = plausibility(self.machine, effect).sizes
+            for i, parameter in enumerate(self.parameters):
+                size = sizes.get(parameter.key.rpartition(".")[2]) if effect.owns(parameter.key) else None
+                if size:
+                    found[:, i] = size.usual, size.largest
+        return found[0], found[1]
 
     @functools.cached_property
     def farthest(self) -> float:
@@ -463,7 +476,7 @@ class Model:
         They are not to be written to.
         """
         common = self._common_slots
-        if self.structure.centre and not self.structure.moving and self.structure.target:
+        if not self.has_constant_slots:
             common = common.copy()
             by = self._tilted(self._and_zero(theta))[1][len(self._axes) :]
             rows, numbers, kept = self._centre_at
@@ -475,6 +488,11 @@ class Model:
                 if (index := self.index.get((kind, number, component))) is not None:
                     matrix[row, index] = 1.0
             yield matrix
+
+    @property
+    def has_constant_slots(self) -> bool:
+        """Whether :meth:`slots` are the same for all values: but for the mean of several directions they are."""
+        return not (self.structure.centre and not self.structure.moving and self.structure.target)
 
     @functools.cached_property
     def _split_slots(self) -> list[tuple[int, str, str, int]]:

@@ -24,7 +24,6 @@ from rodgen.calibration.problem.file_values import FileValues
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import OFFSETS, SCALES
-from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import row_effects
@@ -105,6 +104,7 @@ class Problem:
         self._pairs = tuple((group.target, group.run) for group in self.groups)
         self._equations: dict[tuple[bytes, ...], tuple[float, Array, Array]] = {}
         self._jacobians: dict[tuple[bytes, ...], list[list[Array]]] = {}
+        self._constant_slots: list[tuple[NDArray[np.intp], Array]] | None = None
 
     @property
     def scale(self) -> float:
@@ -129,25 +129,12 @@ class Problem:
         fine = is_effect & np.array([p.effect not in coarse for p in model.parameters], bool)
         part = np.where(fine, DETERMINACY.largest_effect, DETERMINACY.largest_turn)
         largest = part * np.where(model.turns, 1.0, np.where(model.ways, distance, np.inf))
-        usual, largest_possible = self._sizes
+        usual, largest_possible = model.effect_sizes
         largest = np.fmin(largest, np.where(fine, SELECTION.shrunk * usual, np.inf))
         change = np.where(is_effect, part * distance, np.inf)
         is_free = is_effect & (model.known[1] == 0.0) & np.isfinite(largest_possible)
         possible = np.divide(1.0, largest_possible, out=np.zeros(len(usual)), where=is_free)
         return FileValues(largest, change, model.anchored, *model.known, possible)
-
-    @property
-    def _sizes(self) -> tuple[Array, Array]:
-        """Usual and largest sizes of the parameters of effects, internal units, (parameters,); NaN if not known."""
-        machine = self.model.machine
-        found = np.full((2, len(self.model.parameters)), np.nan)
-        for effect in machine.effects:
-            sizes = plausibility(machine, effect).sizes
-            for i, parameter in enumerate(self.model.parameters):
-                size = sizes.get(parameter.key.rpartition(".")[2]) if effect.owns(parameter.key) else None
-                if size:
-                    found[:, i] = size.usual, size.largest
-        return found[0], found[1]
 
     def at_bounds(self, theta: Array) -> dict[int, str]:
         """Return the numbers of the parameters that are at a bound, and whether it is their lowest or highest."""
@@ -468,11 +455,9 @@ class Problem:
         """Return cost, JᵀJ and Jᵀr from the products of each group, with respect to what the kernels have."""
         p = len(self.model.parameters)
         cost, A, b = 0.0, np.zeros((p, p)), np.zeros(p)
-        for gram, slots in zip(grams, self.model.slots(theta, self._pairs), strict=True):
+        for gram, (own, used) in zip(grams, self._own_slots(theta), strict=True):
             cost += float(gram[-1, -1])
-            own = np.flatnonzero(slots.any(axis=0))  # few of many targets' parameters
-            used = slots[:, own]
-            A[np.ix_(own, own)] += used.T @ gram[:-1, :-1] @ used
+            A[own[:, None], own] += used.T @ gram[:-1, :-1] @ used
             b[own] += used.T @ gram[:-1, -1]
         return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
 
@@ -620,13 +605,26 @@ class Problem:
             return
         self.follow(theta, frame)
         evaluation = self._evaluation("residual_and_jacobian", theta, frame)
-        slots = list(self.model.slots(theta, self._pairs))
+        slots = self._own_slots(theta)
         for number, group, start, stop in self._blocks():
             _, jacobian = evaluation(number, group, start, stop)
-            own = np.flatnonzero(slots[number].any(axis=0))  # few of many targets' parameters
-            block = np.zeros((*jacobian.shape[:2], slots[number].shape[1]))
-            block[:, :, own] = jacobian @ slots[number][:, own]
+            own, used = slots[number]
+            block = np.zeros((*jacobian.shape[:2], len(self.model.parameters)))
+            block[:, :, own] = jacobian @ used
             yield group.block(start, stop), block
+
+    def _own_slots(self, theta: Array) -> list[tuple[NDArray[np.intp], Array]]:
+        """Return, for each group, its parameters, few of many targets', and the derivative of the slots by these."""
+        if self._constant_slots is not None:
+            return self._constant_slots
+        every = np.arange(len(self.model.parameters))
+        made = []
+        for slots in self.model.slots(theta, self._pairs):
+            own = np.flatnonzero(slots.any(axis=0)) if len(self._pairs) > 1 else every
+            made.append((own, slots[:, own] if len(own) < len(every) else slots))
+        if self.model.has_constant_slots:
+            self._constant_slots = made
+        return made
 
 
 def _place(theta: Array, frame: Frame) -> tuple[bytes, ...]:

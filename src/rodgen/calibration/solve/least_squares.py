@@ -283,19 +283,21 @@ def _steps(
     for iteration in range(1, max_iterations + 1):
         scaled, scale = unit_diagonal(square[block])
         downhill = -gradient[index] / scale
-        prior = near.stated(cost / left)
+        prior, whole = near.stated(cost / left), None
         if near.knows_sizes:
             whole = np.linalg.solve(scaled + damping * unit, downhill)
             promised = max(cost - float(2 * whole @ downhill - whole @ scaled @ whole), 0.0)
             prior = np.concatenate([prior, near.sizes(theta[index] + whole / scale, promised / left)])
         if len(prior):
             near.add(prior, scaled, downhill, theta, scale)
+            whole = None
         way = unit
         if kept is not None and len(kept):
             way = across = _across(kept / scale)
             scaled, downhill = across @ scaled @ across + unit - across, across @ downhill
+            whole = None
         damped = scaled + damping * unit
-        scaled_step = solve(damped, downhill)
+        scaled_step = solve(damped, downhill) if whole is None else whole
         if iteration > patience:
             promised = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
             across = near.across_idle(square, downhill, scale, max(cost - float(promised), 0.0) / left)
