@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.rotation import matrix_from_rodrigues_vector
 from rodgen.machines.rigid import rotation_matrix
 
 if TYPE_CHECKING:
@@ -323,6 +322,7 @@ class ThreeSpsS(OnLegs):
         legs : ndarray, shape (n, 3)
         """
         from rodgen.kinematics import three_sps_s
+        from rodgen.kinematics.rotation import matrix_from_rodrigues_vector
 
         geometry = self._geometry()
         apart = np.sum((legs[:, None] - self.legs_at(begins)) ** 2, axis=2)

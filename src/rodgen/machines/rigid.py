@@ -69,10 +69,8 @@ def left_jacobian(w: ArrayLike) -> Array:
 
 def rotation_vector(matrix: ArrayLike) -> Array:
     """Return the rotation vector of a rotation matrix, in radians, at most π long."""
-    from rodgen.kinematics.rotation import axis_angle_from_matrix
-
-    axis, angle, _ = axis_angle_from_matrix(np.asarray(matrix, float))
-    return np.asarray(np.asarray(axis, float) * np.asarray(angle, float)[..., None])
+    axis, angle, _ = kernels.axis_angle_from_matrix(np.asarray(matrix, float))
+    return np.asarray(axis * angle[..., None])
 
 
 def tilted(axis: ArrayLike, u: ArrayLike, v: ArrayLike, tilt: ArrayLike) -> tuple[Array, Array]:

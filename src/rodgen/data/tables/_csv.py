@@ -20,7 +20,6 @@ from typing import IO, Any, cast
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 from numpy.typing import NDArray
 
@@ -28,6 +27,12 @@ from rodgen.data.tables.columns import Column, EveryColumn
 from rodgen.data.tables.table import READABLE, Block, NoNumberError, Rows, Table
 from rodgen.errors import InputFileError, shown
 from rodgen.files import unreadable
+
+# What `Array.cast` and pyarrow.compute call: that writes 300 functions when it is imported, which takes 15 ms.
+try:
+    from pyarrow._compute import CastOptions, call_function
+except ImportError:
+    from pyarrow.compute import CastOptions, call_function
 
 __all__ = ["CsvTable"]
 
@@ -298,19 +303,19 @@ class CsvTable(Table):
 
     def _floats(self, column: pa.StringArray) -> NDArray[np.float64]:
         try:
-            return cast("NDArray[np.float64]", column.cast(pa.float64()).to_numpy())
+            return _numbers(column)
         except pa.ArrowInvalid:
             # Blanks around a number are common in files written by hand and by Fortran.
-            column = pc.utf8_trim_whitespace(column)
+            column = call_function("utf8_trim_whitespace", [column])
         try:
-            return cast("NDArray[np.float64]", column.cast(pa.float64()).to_numpy())
+            return _numbers(column)
         except pa.ArrowInvalid:
             # A file has one first fault: halving finds it in the time of one more cast.
             low, high = 0, len(column)
             while high - low > 1:
                 middle = (low + high) // 2
                 try:
-                    column.slice(low, middle - low).cast(pa.float64())
+                    _numbers(column.slice(low, middle - low))
                     low = middle
                 except pa.ArrowInvalid:
                     high = middle
@@ -398,3 +403,8 @@ def _read(stream: Any, size: int) -> bytes:
 
 def _peek(raw: IO[bytes]) -> bytes:
     return bytes(raw.peek(2)[:2]) if hasattr(raw, "peek") else b""
+
+
+def _numbers(column: pa.StringArray) -> NDArray[np.float64]:
+    found = call_function("cast", [column], CastOptions.safe(pa.float64()))
+    return cast("NDArray[np.float64]", found.to_numpy())

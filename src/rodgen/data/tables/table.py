@@ -12,7 +12,6 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from rodgen.data.tables.columns import Column, EveryColumn, Match, match_columns
@@ -229,6 +228,8 @@ class Table(abc.ABC):
                 faults.append((int(np.argmin(finite)), match.index))
             values.append(column)
         for match in self.text:
+            import pyarrow.compute as pc  # takes 15 ms, and most tables hold numbers only
+
             column = plain(columns[match.index])
             names = pc.fill_null(pc.utf8_trim_whitespace(column.cast(pa.string())), "")
             if match.index in self._needed:
