@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from typing import TypeAlias
 
 import numpy as np
@@ -290,12 +290,12 @@ class Term:
     factors: tuple[Factor, ...]
     at: str | None = None
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of coefficients."""
         return math.prod(factor.count for factor in self.factors)
 
-    @property
+    @cached_property
     def searched(self) -> tuple[float, ...]:
         """The values that were searched for."""
         return tuple(value for factor in self.factors for value in factor.values)
@@ -305,7 +305,7 @@ class Term:
         """Number of coefficients and searched values."""
         return self.count + len(self.searched)
 
-    @property
+    @cached_property
     def family(self) -> tuple[tuple[int, str], ...]:
         """Drivers and kinds, whatever the orders and values."""
         return tuple((factor.driver, factor.kind) for factor in self.factors)

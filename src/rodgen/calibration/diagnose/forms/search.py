@@ -10,6 +10,7 @@ each is looked for anew, given the others: the first was found when they were st
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -378,21 +379,21 @@ class _Search:
     def _short_list(self) -> list[Piece]:
         """Return the best terms of every kind and place by the scores on some rows."""
         chosen: list[Piece] = []
-        counts: dict[Any, int] = {}
-        limits = (
-            (lambda t, c: t, OF_TERM),
-            (lambda t, c: t.family, OF_FAMILY),
-            (lambda t, c: ("at", c), OF_SENSITIVITY),
-        )
+        at: dict[int, int] = defaultdict(int)
+        of_family: dict[Any, int] = defaultdict(int)
+        of_term: dict[Term, int] = defaultdict(int)
         for score, term, sensitivity in self.screen.best(self._score):
             if not score > -np.inf or len(chosen) >= SHORT_LIST:
                 break
-            keys = [(key(term, sensitivity), limit) for key, limit in limits]
-            if any(counts.get(key, 0) >= limit for key, limit in keys):
-                continue
-            for key, _ in keys:
-                counts[key] = counts.get(key, 0) + 1
-            chosen.append(Piece.whole(term, sensitivity))
+            if (  # the quickest to ask first
+                at[sensitivity] < OF_SENSITIVITY
+                and of_family[term.family] < OF_FAMILY
+                and of_term[term] < OF_TERM
+            ):
+                at[sensitivity] += 1
+                of_family[term.family] += 1
+                of_term[term] += 1
+                chosen.append(Piece.whole(term, sensitivity))
         return chosen
 
     def _scored(self, pieces: Sequence[Piece]) -> list[tuple[float, float, Piece]]:
