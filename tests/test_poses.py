@@ -375,6 +375,52 @@ def test_emitted_code_corrects_place_and_attitude_of_the_tool(tmp_path, compiler
     assert tests.returncode == 0, tests.stdout
 
 
+# attitudes alone ---------------------------------------------------------------------------------------------------
+
+
+def of_attitudes(file: Any = ARM, **measured: Any) -> Any:
+    """Return a machine file of which only attitudes are read."""
+    targets = [{"name": "p"} | {key: t[key] for key in ("attitude",) if key in t} for t in file["target"]]
+    return file | {"target": targets, "measured": {"kind": "orientation", "frame": "free"} | measured}
+
+
+def test_attitudes_alone_say_what_they_say_in_poses():
+    """Where positions count for nothing, a pose says of frame, body and axes what its attitude says."""
+    estimate = {"parameters": ["target", "J3.axis", "J5.axis"]}
+    effects = [effect("tilt_error_motion", "J4")]
+    file = ARM | {"estimate": estimate, "effect": effects}
+    truth = {**SEEN, "J3.axis.a": 0.003, "J4.tilt_error_motion.u_c2": 0.001}
+    columns, attitude = measured(truth, file=file)
+    data = {name: x for name, x in columns.items() if name.startswith("J")} | written("quaternion", attitude)
+    alone = Case(of_attitudes(file), data).machine.fit(Measurements.from_frame(data))
+    u = {f"u_{x} [mm]": np.full(40, 20.0) for x in "xyz"}
+    u |= {f"u_r{x} [rad]": np.full(40, SIGMA[1]) for x in "xyz"}
+    case = Case(file, {**columns, **written("quaternion", attitude), **u})
+    poses = case.machine.fit(Measurements.from_frame(case.data))
+    assert np.sqrt(alone.chi_square / alone.degrees_of_freedom) == pytest.approx(SIGMA[1], rel=0.15)
+    turns_of = [key for key in alone.estimates if key.startswith(("frame.r", "target.p.r", "J"))]
+    assert {"frame.rx", "target.p.rx", "J3.axis.a", "J4.tilt_error_motion.v_s1"} <= set(turns_of)
+    assert turns_of == list(alone.estimates)
+    for key in turns_of:
+        one, other = alone.estimates[key], poses.estimates[key]
+        assert one.value == pytest.approx(other.value, abs=0.05 * other.std)
+    columns = residual_columns(alone)
+    assert {"predicted_qw", "residual_rx [arcsec]"} <= columns.keys()
+    prediction = alone.predict(Measurements.from_frame(data)).columns()
+    assert {"predicted_qw", "model_u_rx [arcsec]"} <= prediction.keys()
+    assert alone.compare().to_dict()["components"][0]["unit"] == "arcsec"
+
+
+def test_an_effect_is_found_in_attitudes_alone():
+    columns, attitude = measured({**SEEN, "J5.encoder_eccentricity.a": 0.001}, 60)
+    data = {name: x for name, x in columns.items() if name.startswith("J")} | written("matrix", attitude)
+    machine = Case(of_attitudes(noise=SIGMA[1]), data).machine
+    found = machine.fit(Measurements.from_frame(data)).diagnose()
+    assert named(found) == [("encoder_eccentricity", "J5")]
+    made = simulate(machine, Measurements.from_frame(data), seed=1)
+    assert {"r11", "r33"} <= made.columns.keys()
+
+
 # hidden effects ------------------------------------------------------------------------------------------------
 
 

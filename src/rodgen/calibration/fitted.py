@@ -351,13 +351,13 @@ class FittedModel:
     @property
     def in_units(self) -> Array:
         """What brings components of residuals from :attr:`unit` to :attr:`units`, (m,)."""
-        angle = 648000 / np.pi / self.observations.arm
+        angle = 1.0 if self.unit == "arcsec" else 648000 / np.pi / self.observations.arm
         return np.array([angle if x in TURNS else 1.0 for x in self.machine.measurand.components])
 
     @property
     def error_text(self) -> str:
         """The rms of the residuals, of poses that of positions and that of attitudes."""
-        if not self.machine.measurand.has_attitude:
+        if len(set(self.units)) == 1:
             return f"rms {self.rms:.4g} {self.unit} per reading"
         squares = np.mean(self.residuals[~self.outliers] ** 2, axis=0) * self.in_units**2
         place, turn = np.sqrt(squares[:3].mean()), np.sqrt(squares[3:].mean())

@@ -79,9 +79,9 @@ class Prediction:
         """Return the prediction as columns of a table, ``determined`` 1 or 0."""
         turns = self.names[0] == "ux"
         unit = "" if turns else f" [{self.unit}]"
-        found: dict[str, NDArray[Any]] = {
-            f"predicted_{n}{unit}": x for n, x in zip(self.names, self.place.T, strict=False)
-        }
+        found: dict[str, NDArray[Any]] = {}
+        if self.names != TURNS:  # attitudes have no place
+            found = {f"predicted_{n}{unit}": x for n, x in zip(self.names, self.place.T, strict=False)}
         found |= {f"predicted_{n}": x for n, x in self.attitude.items()}
         parts = ("horizontal", "vertical") if turns else self.names
         for n, x in zip(parts, self.u.T, strict=True):
@@ -149,7 +149,7 @@ def predict(fit: FittedModel, design: Any) -> Prediction:
         determined = _determined(jacobian, fit.determinacy.null) & np.isfinite(place).all(axis=1)
         attitude = {}
         if measurand.has_attitude:
-            arms = np.repeat([1.0, o.arm], 3)
+            arms = np.array([o.arm if name in TURNS else 1.0 for name in measurand.columns])
             covariance /= arms[:, None] * arms
             turned = problem.attitudes(theta, frame)
             attitude = attitude_columns(turned, design, fit.machine.angle_unit)

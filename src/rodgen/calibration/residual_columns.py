@@ -36,14 +36,14 @@ def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
     measurand = fit.machine.measurand
     names = measurand.columns
     found: dict[str, NDArray[Any]] = {}
-    if not measurand.moving:
+    if measurand.is_direction:
         places = fit.problem.places(fit.solution.theta, fit.solution.frame)
         found |= {f"predicted_{name}": values for name, values in zip(names, places.T, strict=True)}
         parts = zip(("horizontal", "vertical"), fit.residuals.T, strict=True)
         found |= {f"residual_{part} [{fit.unit}]": values for part, values in parts}
     else:
         data, residuals = fit.observations.data, fit.residuals * fit.unit_factor
-        reading = fit.observations.reading
+        reading = fit.observations.reading if measurand.moving else residuals[:, :0]
         of_places = residuals[:, : reading.shape[1]]
         for label, values in (("predicted", reading - of_places), ("residual", of_places)):
             for name, part in zip(names, values.T, strict=False):
@@ -52,7 +52,7 @@ def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
         if measurand.has_attitude:
             attitudes = fit.problem.attitudes(fit.solution.theta, fit.solution.frame)
             found |= {f"predicted_{name}": part for name, part in attitude_columns(attitudes, data).items()}
-            turns = (residuals * fit.in_units)[:, 3:]
+            turns = (fit.residuals * fit.in_units)[:, -3:]
             found |= {f"residual_{name} [arcsec]": part for name, part in zip(TURNS, turns.T, strict=True)}
     found["outlier"] = fit.outliers.astype(np.int8)
     rows = fit.observations.counted_as

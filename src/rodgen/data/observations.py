@@ -49,7 +49,8 @@ class Observations:
     covariates : mapping of str to ndarray, shape (n,)
         Every column without a meaning of its own, by name; temperatures from the reference, too.
     reading : ndarray, shape (n, 3), or (n, 1) for distances
-        Directions have length 1. NaN where readings may be missing and are. Of poses the points.
+        Directions have length 1. NaN where readings may be missing and are. Of poses the points, of attitudes alone the
+        z axes of the bodies.
     sigma : ndarray like `reading`, or None
         Standard uncertainty of each component, from the columns ``u_…`` or the machine's ``noise``; None where neither
         is given. Of poses (n, 6), those of attitudes times `arm`.

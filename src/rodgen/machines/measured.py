@@ -23,6 +23,7 @@ __all__ = [
     "DISTANCE",
     "MEASURANDS",
     "NOTATIONS",
+    "ORIENTATION",
     "POINT",
     "POSE",
     "READING_COLUMNS",
@@ -30,6 +31,7 @@ __all__ = [
     "Distance",
     "Measurand",
     "Measured",
+    "Orientation",
     "Point",
     "Pose",
 ]
@@ -72,6 +74,8 @@ class Measurand:
         Of noise and residuals.
     moving : bool
         Whether a translation changes a reading; a direction is only turned.
+    is_direction : bool
+        Whether a reading is a unit vector.
     is_place : bool
         Whether a reading is where the target is seen; else a function of it.
     freedoms : tuple of str
@@ -95,6 +99,7 @@ class Measurand:
     inputs: ClassVar[int]
     dimension: ClassVar[Dimension] = LENGTH
     moving: ClassVar[bool] = True
+    is_direction: ClassVar[bool] = False
     is_place: ClassVar[bool] = True
     freedoms: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     rigid: ClassVar[tuple[str, ...]] = ("x", "y", "z", *TURNS)
@@ -196,9 +201,10 @@ class Direction(Measurand):
     inputs = 9
     dimension = ANGLE
     moving = False
-    freedoms = ("a", "b")
+    is_direction = True
+    freedoms: ClassVar[tuple[str, ...]] = ("a", "b")
     rigid = TURNS
-    unchanged_by = MappingProxyType(
+    unchanged_by: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
             "translation": "no direction: it only moves",
             "point": "no direction: it only moves",
@@ -270,25 +276,65 @@ class Pose(Point):
         return np.concatenate([residuals[:, :3], arm * _angles(residuals[:, 3:] / arm)], axis=1)
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
-        """Return the difference of the coordinates, and the Rodrigues vector that turns the prediction to the reading.
-
-        With the axes m of the body as predicted and r as measured it is 2 Σ m × r / (1 + Σ m · r), 2 tan(angle / 2)
-        long: without a branch, and finite up to half a turn.
-        """
-        matrix = type(reading)
-        read = matrix(3, 3, list(reading[3:, :]))
-        across = steps.zero
-        along = 1
-        for i in range(3):
-            across = across + axes[:, i].cross(read[:, i])
-            along = along + axes[:, i].dot(read[:, i])
-        turn = across * steps.let("rodrigues", 2 / along)
-        return matrix([*(reading[:3, :] - place), *turn])
+        """Return the differences of the coordinates, and the Rodrigues vector from the prediction to the reading."""
+        return type(reading)([*(reading[:3, :] - place), *_turn_to(steps, axes, reading[3:, :])])
 
 
-POINT, DIRECTION, DISTANCE, POSE = Point(), Direction(), Distance(), Pose()
+def _turn_to(steps: ModelSteps, axes: Any, read: Any) -> Any:
+    """Return the Rodrigues vector that turns predicted axes of a body to those that were read, (3, 1).
+
+    With the axes m of the body as predicted and r as measured it is 2 Σ m × r / (1 + Σ m · r), 2 tan(angle / 2) long:
+    without a branch, and finite up to half a turn.
+    """
+    goal = type(read)(3, 3, list(read))
+    across = steps.zero
+    along = 1
+    for i in range(3):
+        across = across + axes[:, i].cross(goal[:, i])
+        along = along + axes[:, i].dot(goal[:, i])
+    return across * steps.let("rodrigues", 2 / along)
+
+
+@dataclass(frozen=True)
+class Orientation(Measurand):
+    """The attitude of a body, wherever it is."""
+
+    kind = "orientation"
+    words = "attitudes"
+    columns = components = labels = TURNS
+    inputs = 9
+    dimension = ANGLE
+    moving = False
+    is_place = False
+    freedoms = rigid = TURNS
+    has_attitude = True
+    unchanged_by = Direction.unchanged_by
+
+    def unit(self, length: str) -> str:
+        """Return arcsec."""
+        return "arcsec"
+
+    def arm(self, length: str) -> str:
+        """Return 1: arms are multiples of a unit vector's length."""
+        return "1"
+
+    def size(self, reading: Array) -> float:
+        """Return 1."""
+        return 1.0
+
+    def error(self, residuals: Array, arm: float = 1.0) -> Array:
+        """Return rotation vectors; residuals are 2 tan(angle / 2) long."""
+        return _angles(residuals)
+
+    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
+        """Return the Rodrigues vector that turns the prediction to the reading."""
+        return _turn_to(steps, axes, reading)
+
+
+POINT, DIRECTION, DISTANCE = Point(), Direction(), Distance()
+POSE, ORIENTATION = Pose(), Orientation()
 MEASURANDS: Mapping[str, Measurand] = MappingProxyType(
-    {m.kind: m for m in (POINT, DIRECTION, DISTANCE, POSE)}
+    {m.kind: m for m in (POINT, DIRECTION, DISTANCE, POSE, ORIENTATION)}
 )
 """All measurands, by their names in machine files."""
 READING_COLUMNS = frozenset(column for m in (POINT, DIRECTION, DISTANCE) for column in m.columns)
@@ -301,7 +347,7 @@ class Measured:
 
     Attributes
     ----------
-    kind : {"point", "direction", "distance", "pose"}
+    kind : {"point", "direction", "distance", "pose", "orientation"}
     frame : {"machine", "free"}
         Readings are in machine axes, or in a frame that is found with the rest.
     origin : tuple of float, length 3, or None

@@ -306,7 +306,7 @@ class Model:
             of_target = np.array([target for target, _ in groups], np.intp)
             start = at["target", 0]
             g[:, start : start + 3] = targets[of_target]
-            if not s.moving:
+            if s.measurand.is_direction:
                 g[:, start + 3 : start + 9] = by[count:].swapaxes(1, 2).reshape(-1, 6)[of_target]
         if s.measurand.has_attitude and s.target:
             of_target = np.array([target for target, _ in groups], np.intp)

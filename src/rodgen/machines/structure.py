@@ -242,7 +242,7 @@ class Structure:
             if any(term.uses_travel for term in terms):
                 yield from (("start", j, 1), ("length", j, 1))
         yield "target", 0, 3
-        if self.target and not self.moving:
+        if self.target and self.measurand.is_direction:
             yield from (("target_by_a", 0, 3), ("target_by_b", 0, 3))
         if self.measurand.has_attitude:
             yield "target_rotation", 0, 9
@@ -337,7 +337,7 @@ def _term(machine: Machine, effect: Effect) -> Term:
     texts = definition.formulas
     columns: dict[str, tuple[str, int | str]] = {}
     sky = frozenset[str]()
-    if definition.own and not machine.measurand.moving and not machine.kinematics.is_closed:
+    if definition.own and machine.measurand.is_direction and not machine.kinematics.is_closed:
         sky = SKY - set(names) - definition.parameters.keys()
     for name in sorted(frozenset().union(*(f.names for f in texts))):
         if name in definition.parameters or name == "pi" or name in sky:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import within_reach
-from rodgen.machines.machine import Machine, Target
+from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 
 __all__ = ["Variation", "elsewhere", "variations"]
@@ -133,7 +133,7 @@ class _Generator:
         places = [np.array(self.place()) for _ in self.machine.targets]
         if directions:
             places = [place / np.linalg.norm(place) for place in places]
-        targets = [Target(t.name, tuple(p)) for t, p in zip(self.machine.targets, places, strict=True)]
+        targets = (replace(t, point=tuple(p)) for t, p in zip(self.machine.targets, places, strict=True))
         return replace(self.machine, targets=tuple(targets))
 
 

@@ -330,12 +330,12 @@ def _enlarged(machine: Machine, factor: float) -> Machine:
 
 def _of_readings(machine: Machine) -> Iterator[Repair]:
     """Yield the ways in which three columns may be exchanged, or have other signs."""
-    if not machine.measurand.is_place:
-        return
-    columns = machine.measurand.columns[:3]
     if machine.measurand.has_attitude:
         words = "the attitudes are those of the measuring frame in the body, not of the body in the measuring frame"
         yield Repair(words, "attitudes", 2, True, rows=_attitudes_inverted)
+    if not machine.measurand.is_place:
+        return
+    columns = machine.measurand.columns[:3]
     if machine.measured.frame == "free":  # a free frame turns as it likes: only the handedness counts
         x = columns[0]
         yield Repair(
@@ -417,7 +417,7 @@ def _of_targets(machine: Machine, observations: Observations) -> Iterator[Repair
                     2,
                     machine=_exchanged_of("targets", "point", i, j),
                 )
-    if len(targets) == 1 and not machine.measurand.moving:
+    if len(targets) == 1 and machine.measurand.is_direction:
         for k, sign in product(range(3), (1.0, -1.0)):
             point = tuple(sign * float(i == k) for i in range(3))
             if np.dot(point, targets[0].point) < ALONG:

@@ -38,6 +38,8 @@ def frame_motion(model: Model, o: Observations, theta: Array, frame: Frame, weig
     turns = np.stack(
         [np.cross(axis, place if not measurand.moving else place - place.mean(axis=0)) for axis in axes]
     )
+    if not measurand.moving and measurand.has_attitude:
+        return np.asarray(-np.einsum("km,nm->nmk", axes, weight))
     if not measurand.moving:
         return np.asarray(-np.einsum("mni,kni,nm->nmk", np.stack(o.basis), turns, weight))
     motions = np.concatenate([np.broadcast_to(axes[:, None], turns.shape), turns])

@@ -241,7 +241,7 @@ def replicates(fit: FittedModel, *, weighted: bool = False) -> Replicates:
 def _in_one_basis(fit: FittedModel, order: NDArray[np.int_], group: NDArray[np.int_]) -> Array:
     """Return residuals; those of directions along the basis of their group's first row, for near the pole it turns."""
     residuals: Array = fit.residuals[order]
-    if fit.problem.model.structure.moving:
+    if not fit.machine.measurand.is_direction:
         return residuals
     left, above = (e[order] for e in fit.observations.basis)
     across = residuals[:, :1] * left + residuals[:, 1:] * above

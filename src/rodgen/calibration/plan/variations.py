@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from rodgen.calibration.plan.campaign import Campaign
 from rodgen.calibration.plan.candidate_plan import CandidatePlan, plan_campaign, rough_plan
 from rodgen.kinematics.axis_fit.moments import tangents
-from rodgen.machines.machine import Target
 from rodgen.statistics.thresholds import PLAN
 
 if TYPE_CHECKING:
@@ -95,7 +94,9 @@ def _with_a_new_target(question: Question) -> Iterator[Machine]:
         x, y, z = (
             float(f"{v:.4g}") + 0.0 for v in np.where(np.abs(point) < 1e-9 * size, 0.0, point).tolist()
         )
-        yield replace(machine, targets=(*machine.targets, Target(name, (x, y, z))))
+        yield replace(
+            machine, targets=(*machine.targets, replace(machine.targets[0], name=name, point=(x, y, z)))
+        )
 
 
 def about_axis(joint: Joint, points: Array) -> tuple[Array, Array]:

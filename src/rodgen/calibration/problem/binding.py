@@ -108,11 +108,15 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
     s = binder.approach(commands)
     run, run_names = binder.run()
     target = binder.target()
-    reading = binder.reading(may_be_missing=allow_missing_readings)
     attitude = binder.attitude(may_be_missing=allow_missing_readings)
+    weighs = attitude is not None and machine.measurand.moving  # positions against attitudes
+    if attitude is None or weighs:
+        reading = binder.reading(may_be_missing=allow_missing_readings)
+    else:
+        reading = np.ascontiguousarray(attitude[:, :, 2])
     sigma = binder.sigma()
     arm = 1.0
-    if attitude is not None:
+    if weighs:
         arm = _arm(machine, q, sigma)
         sigma = None if sigma is None else sigma * np.repeat([1.0, arm], 3)
     load = binder.optional("load", FORCE)
@@ -140,7 +144,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
         columns_given=frozenset(data.columns),
         attitude=attitude,
         arm=arm,
-        arm_is_known=attitude is None or sigma is not None,
+        arm_is_known=not weighs or sigma is not None,
     )
     if machine.kinematics.is_closed:
         observations = closed(observations, by_readings=not allow_missing_readings)
@@ -426,7 +430,8 @@ class _Binder:
     def sigma(self) -> NDArray[np.float64] | None:
         """Return the standard uncertainties of the readings, None where they are not stated."""
         measured = self.machine.measured
-        noises = [measured.attitude_noise if name in TURNS else measured.noise for name in self.uncertain]
+        turns = measured.attitude_noise if self.machine.measurand.moving else measured.noise
+        noises = [turns if name in TURNS else measured.noise for name in self.uncertain]
         shape = (self.data.rows, len(self.uncertain))
         given = [name for name in self.uncertain if f"u_{name}" in self.columns]
         if not given:

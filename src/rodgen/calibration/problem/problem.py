@@ -197,7 +197,8 @@ class Problem:
         if o.sigma is None:
             return np.broadcast_to(1.0, (self.rows, self.components))
         measurand = self.model.structure.measurand
-        return np.asarray(1.0 / measurand.component_sigma(o.sigma, None if measurand.moving else o.basis))
+        basis = o.basis if measurand.is_direction else None
+        return np.asarray(1.0 / measurand.component_sigma(o.sigma, basis))
 
     @functools.cached_property
     def _arms(self) -> Array:
@@ -232,10 +233,11 @@ class Problem:
         if kind == "start":
             return o.pose_start[rows, of]  # type: ignore[index]
         if kind == "reading":
+            of_attitude = of - self.model.structure.measurand.inputs + 9
+            if o.attitude is not None and of_attitude >= 0:
+                return o.attitude[rows, of_attitude // 3, of_attitude % 3]
             if of < 3:
                 return o.reading[rows, of]
-            if o.attitude is not None:
-                return o.attitude[rows, (of - 3) // 3, of % 3]
             return o.basis[of // 3 - 1][rows, of % 3]
         return self.weight[rows, of] * self._arms[of]
 
@@ -581,14 +583,17 @@ class Problem:
 
     def predicted_observations(self, theta: Array, frame: Frame) -> Observations:
         """Return the observations with what is predicted as readings."""
-        read = replace(self.observations, reading=self.predicted(theta, frame))
         if not self.model.structure.measurand.has_attitude:
-            return read
-        return replace(read, attitude=self.attitudes(theta, frame))
+            return replace(self.observations, reading=self.predicted(theta, frame))
+        attitude = self.attitudes(theta, frame)
+        return replace(self.observations, reading=self.predicted(theta, frame), attitude=attitude)
 
     def predicted(self, theta: Array, frame: Frame) -> Array:
-        """Return the predicted readings, (n, 3) or (n, 1); of poses the points."""
-        if self.model.structure.measurand.is_place:
+        """Return the predicted readings, (n, 3) or (n, 1): of poses the points, of attitudes alone z axes."""
+        measurand = self.model.structure.measurand
+        if measurand.has_attitude and not measurand.moving:
+            return np.ascontiguousarray(self.attitudes(theta, frame)[:, :, 2])
+        if measurand.is_place:
             return self.places(theta, frame)
         return np.asarray(self.observations.reading - self.residuals(theta, frame))
 

@@ -172,6 +172,8 @@ def _columns(
         for text, values in attitude_columns(read.attitude, design, machine.angle_unit).items():
             name, _, written = text.rstrip("]").partition(" [")
             found[name] = Numbers(name, written or None, values)
+        if not machine.measurand.moving:
+            return found
     for name, values in zip(machine.measurand.columns, read.reading.T, strict=False):
         unit = None
         factor = 1.0

@@ -58,8 +58,8 @@ def _difference(of: Observations, to: Observations) -> Array:
     found = of.reading - to.reading
     if of.attitude is None or to.attitude is None:
         return found
-    turns = rotation_vector(of.attitude @ to.attitude.swapaxes(1, 2))
-    return np.concatenate([found, of.arm * turns], axis=1)
+    turns = of.arm * rotation_vector(of.attitude @ to.attitude.swapaxes(1, 2))
+    return np.concatenate([found, turns], axis=1) if of.machine.measurand.moving else turns
 
 
 class Simulator:
@@ -97,7 +97,7 @@ class Simulator:
 
     def _typed(self, noise: float | str) -> Array:
         """Return a typed noise in internal units, (1, 1), or of poses (1, 6)."""
-        if not self.machine.measurand.has_attitude:
+        if not (self.machine.measurand.has_attitude and self.machine.measurand.moving):
             return np.array([[self._noise(noise, self.unit)]])
         parts = str(noise).split(",")
         if len(parts) != 2:
@@ -151,9 +151,10 @@ class Simulator:
         if self.sigma is None:
             return exact
         if exact.attitude is not None:
-            noise = self.sigma * self.random.normal(size=(exact.n, 6))
-            turned = rotation_matrix(noise[:, 3:] / exact.arm) @ exact.attitude
-            return replace(exact, reading=exact.reading + noise[:, :3], attitude=turned)
+            noise = self.sigma * self.random.normal(size=(exact.n, len(self.machine.measurand.components)))
+            turned = rotation_matrix(noise[:, -3:] / exact.arm) @ exact.attitude
+            read = exact.reading + noise[:, :3] if self.machine.measurand.moving else turned[:, :, 2]
+            return replace(exact, reading=read, attitude=turned)
         if self.machine.measurand.moving:
             noise = self.sigma * self.random.normal(size=exact.reading.shape)
             return replace(exact, reading=exact.reading + noise)
@@ -314,7 +315,7 @@ class Simulator:
         if self.sigma is None:
             return {"rms": 0.0, "unit": self.unit}
         found = {"rms": float(np.sqrt(np.mean(self.sigma[:, :3] ** 2))) / self.unit_factor, "unit": self.unit}
-        if self.machine.measurand.has_attitude:
+        if self.machine.measurand.has_attitude and self.machine.measurand.moving:
             turns = self.sigma[:, 3:] / self.observations.arm * 648000 / np.pi
             found |= {"rms_of_turns": float(np.sqrt(np.mean(turns**2))), "unit_of_turns": "arcsec"}
         return found

@@ -110,12 +110,14 @@ def _in_closed_form(problem: Problem, theta: Array) -> list[Frame]:
     places = problem.places(theta, Frame.identity())
     if not np.isfinite(places).all():  # the fit says so
         return [Frame.identity()]
-    if not problem.model.structure.measurand.is_place:
+    if problem.model.structure.measurand.has_origin:
         return [_standing(problem, at) for at in trilaterated(places, readings[:, 0])]
     if problem.model.structure.measurand.has_attitude:
         attitudes = problem.attitudes(theta, Frame.identity())
-        read = np.asarray(problem.observations.attitude) * problem.weight[:, 3, None, None]
+        read = np.asarray(problem.observations.attitude) * problem.weight[:, -1, None, None]
         turn = nearest_rotation(np.einsum("nij,nkj->ik", read, attitudes))
+        if not problem.model.structure.moving:
+            return [Frame(turn, np.zeros(3))]
         share = problem.weight[:, 0] / problem.weight[:, 0].sum()
         return [Frame(turn, share @ readings - turn @ (share @ places))]
     moving = problem.model.structure.moving
@@ -152,7 +154,7 @@ def _others(problem: Problem, theta: Array) -> Iterator[Frame]:
     """Yield frames all around: for distances from all sides, else with the rotations of a cube; the means agree."""
     mean_reading = problem.observations.reading.mean(axis=0)
     mean_place = problem.places(theta, Frame.identity()).mean(axis=0)
-    if not problem.model.structure.measurand.is_place:  # how the frame is turned changes nothing
+    if problem.model.structure.measurand.has_origin:  # how the frame is turned changes nothing
         for side in np.array([s for s in np.ndindex(3, 3, 3) if s != (1, 1, 1)]) - 1.0:
             yield _standing(problem, mean_place + mean_reading * side / np.linalg.norm(side))
         return

@@ -173,7 +173,7 @@ class _Check:
                     f"{name!r}, which only a joint has",
                     "a joint by its name, or an effect at a joint",
                 )
-            if name in SKY and not self.measurand.moving:
+            if name in SKY and self.measurand.is_direction:
                 continue
             if name not in WORDS and self.columns is not None and name not in self.columns:
                 columns = ", ".join(self.columns) or "none"
@@ -183,7 +183,7 @@ class _Check:
         wanted = component_dimension(component, self.at, self.measurand)
         known: dict[str, Dimension | None] = dict.fromkeys(formula.names)
         known |= self.columns or {}
-        known |= {} if self.measurand.moving else dict.fromkeys(SKY, ANGLE)
+        known |= dict.fromkeys(SKY, ANGLE) if self.measurand.is_direction else {}
         known |= {joint: coordinate_dimension(kind) for joint, kind in self.joints.items()}
         own = coordinate_dimension(self.at)
         known |= {"t": TIME, "F": FORCE, "q": own, "s": ONE, "v": own / TIME, "T": TEMPERATURE}

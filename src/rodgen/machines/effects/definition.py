@@ -180,8 +180,14 @@ class EffectDefinition:
 
         Where it is directions, a frame shift has no translation, and a target has two freedoms; of poses it has six.
         """
-        other = self.poses if measurand.has_attitude else None if measurand.moving else self.directions
-        return self if other is None else other
+        if measurand.moving:
+            return self.poses if measurand.has_attitude and self.poses else self
+        if measurand.has_attitude and self.poses and self.poses.slope:
+            turned = {
+                name: unit for name, unit in self.poses.parameters.items() if name not in self.parameters
+            }
+            return replace(self, formula=self.poses.slope, parameters=turned, directions=None)
+        return self.directions or self
 
     @property
     def equation(self) -> str:

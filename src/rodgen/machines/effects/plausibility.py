@@ -259,7 +259,7 @@ def kind_of_machine(machine: Machine) -> str:
     A telescope has two revolute joints at least, and directions are measured; a robot has five at least.
     """
     turning = sum(joint.revolute for joint in machine.joints)
-    if not machine.measurand.moving and turning > 1:
+    if machine.measurand.is_direction and turning > 1:
         return "telescope"
     return "robot" if turning >= FEWEST_JOINTS_OF_A_ROBOT else "machine tool"
 

@@ -190,7 +190,7 @@ def _check_place(machine: Machine, effect: Effect) -> None:
 def _check_acts(machine: Machine, effect: Effect) -> None:
     measurand, definition = machine.measurand, effect.definition
     nothing = measurand.unchanged_by.get(definition.component)
-    if measurand.moving and definition.of_directions:
+    if not measurand.is_direction and definition.of_directions:
         nothing = f"no {measurand.kind}: it is an error of lines of sight"
     if not measurand.moving:
         slides = machine.kind_of(effect.place) == "prismatic"
@@ -277,7 +277,7 @@ def _check_own(machine: Machine, effect: Effect) -> None:
                 "another name for the joint",
             )
         readings = READING_COLUMNS | machine.measurand.read_columns
-        if name in readings and (machine.measurand.moving or name not in SKY):
+        if name in readings and not (machine.measurand.is_direction and name in SKY):
             raise UnfitEffectError("formula", f"{name!r}, the reading itself", "what the reading depends on")
 
 

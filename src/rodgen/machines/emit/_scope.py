@@ -44,6 +44,12 @@ def scope_of(machine: Machine, travel: Any = None) -> Scope:
     left_out = dict(_left_out(machine))
     reasons = [(shown(effect.title), why) for effect, why in left_out.items()]
     measured, measurand = machine.measured, machine.measurand
+    if measurand.has_attitude and not measurand.moving:
+        found, expected = (
+            f"{measurand.kind!r}, which tells no place",
+            "a machine whose points or poses are read",
+        )
+        raise InputFileError(machine.file or machine.name, "[measured], kind", found, expected)
     seen = POSE if measurand.has_attitude else POINT if measurand.moving else DIRECTION
     if measured.frame == "free":
         reasons.insert(0, ("the free frame", "where the instrument stood"))

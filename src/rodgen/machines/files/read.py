@@ -131,7 +131,8 @@ _MISSING = {
     "joint": "one block for each joint, the base's first",
     "target": "one block or more, each with name and point",
     "geometry": "R, r and what else the family needs in it",
-    "measured": 'kind = "point" (or "direction", "distance" or "pose") and frame = "machine" (or "free") in it',
+    "measured": 'kind = "point" (or "direction", "distance", "pose", "orientation") and frame = "machine" (or '
+    '"free") in it',
 }
 
 
@@ -360,11 +361,12 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     own = per_radian if measurand.dimension == ANGLE else 1.0
     noise = table.get("noise", _noise_in(measurand.dimension, length, own), None)
     attitude_noise = table.get("attitude_noise", _noise_in(ANGLE, length, per_radian), None)
-    if attitude_noise is not None and not measurand.has_attitude:
+    both = measurand.has_attitude and measurand.moving
+    if attitude_noise is not None and not both:
         raise table.error(
             "attitude_noise", f"given together with kind = {kind!r}", "it with kind = 'pose' only"
         )
-    if measurand.has_attitude and (noise is None) != (attitude_noise is None):
+    if both and (noise is None) != (attitude_noise is None):
         given, lacking = (
             ("noise", "attitude_noise") if attitude_noise is None else ("attitude_noise", "noise")
         )
@@ -442,9 +444,13 @@ def _targets(top: Table, measurand: Measurand, per_radian: float, *, closed: boo
     for table in _named_blocks(top, "target", MOST_TARGETS, PLACE_NAME):
         if "attitude" in table and not measurand.has_attitude:
             given = f"given together with kind = {measurand.kind!r}"
-            raise table.error("attitude", given, "it with kind = 'pose' only")
+            raise table.error("attitude", given, "it with kind = 'pose' or 'orientation' only")
         attitude = table.get("attitude", VECTOR.then(_scaled(per_radian)), _ORIGIN)
-        found.append(Target(table.get("name", PLACE_NAME), table.get("point", point), attitude))
+        if measurand.has_attitude and not measurand.moving:  # where it is read does not matter
+            place = table.get("point", point, (0.0, 0.0, 1.0))
+        else:
+            place = table.get("point", point)
+        found.append(Target(table.get("name", PLACE_NAME), place, attitude))
     return tuple(found)
 
 
