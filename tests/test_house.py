@@ -165,6 +165,7 @@ def test_modules_import_each_other_in_no_circle_but_for_the_facade() -> None:
         for module, file in MODULES.items()
     }
     graph["rodgen.machines.machine"].remove("rodgen.calibration.fit")  # Machine.fit
+    graph["rodgen.machines.machine"].remove("rodgen.machines.emit")  # Machine.emit
     assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(MODULES)
 
 

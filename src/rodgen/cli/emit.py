@@ -1,4 +1,4 @@
-"""``rodgen emit``: a fitted machine as standalone code."""
+"""``rodgen emit``: a fitted machine as standalone code, or as what others read."""
 
 from __future__ import annotations
 
@@ -6,12 +6,19 @@ import argparse
 
 from rodgen.cli._console import Command, after_fits, notify, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
+from rodgen.machines.emit import FORMS
 
 __all__ = ["add_to"]
 
 _EMIT = f"""\
 Write a fitted machine as standalone code: its actual positions, their derivatives, the compensated commands, and a
-test. C99 without allocation, NumPy, or JAX.
+test. C99 without allocation, NumPy, or JAX. Or write it in a form that others read:
+
+  urdf, dh   its geometry, with what is constant in it: a URDF, or Denavit-Hartenberg tables, standard and modified
+  tpoint     a mount as a model of TPOINT
+  iso230     error motions of each axis over its travel (EXX, EBZ), and location errors (A0C)
+  screw      errors of position of each axis, as tables for SINUMERIK and LinuxCNC
+Each file says what of the fitted model is not in it.
 
 With DATA the machine is fitted first. Without DATA every parameter of MACHINE must have a value, as in a file from
 'rodgen fit -o'; that file is then the nominal machine, and its axes and points are not compensated.
@@ -21,10 +28,18 @@ With DATA the machine is fitted first. Without DATA every parameter of MACHINE m
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    emit = command("emit", _run, "a fitted machine as C, NumPy or JAX code", _EMIT)
+    emit = command(
+        "emit",
+        _run,
+        "a fitted machine as C, NumPy or JAX code, URDF, DH or TPOINT model, or tables of its errors",
+        _EMIT,
+    )
     add_files(emit, needed=False)
     emit.add_argument(
-        "--lang", choices=("c", "numpy", "jax"), required=True, help="C99, or Python with NumPy or JAX"
+        "--lang",
+        choices=FORMS,
+        required=True,
+        help="C99, Python with NumPy or JAX, or one of the forms above",
     )
     emit.add_argument("-o", "--output", metavar="FOLDER", default="build", help="default: %(default)s")
     add_loss(emit)

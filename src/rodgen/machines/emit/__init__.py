@@ -10,12 +10,16 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rodgen.errors import InputFileError, NotConvergedError, RodgenError, shown
+from rodgen.errors import InputFileError, NotConvergedError, RodgenError, listed, shown
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["emit"]
+__all__ = ["FORMS", "emit"]
+
+
+FORMS = ("c", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw")
+"""What a machine is written as."""
 
 
 def emit(
@@ -70,10 +74,13 @@ def emit(
     ----------
     machine : Machine
         Fitted, such as ``fit.machine``: every parameter has a value, fitted or held.
-    lang : {"c", "numpy", "jax"}
-        ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no allocation, no
-        state, no recursion, every loop bounded. ``"numpy"``: NAME.py and test_NAME.py, over many rows at once.
-        ``"jax"``: the same for JAX in double precision, on whatever device it has, for jit, vmap and grad.
+    lang : str
+        One of :data:`FORMS`. ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no
+        allocation, no state, no recursion, every loop bounded. ``"numpy"``: NAME.py and test_NAME.py, over many rows.
+        ``"jax"``: the same for JAX in double precision, on whatever device it has, for jit, vmap and grad. The geometry alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified
+        Denavit-Hartenberg table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each
+        axis over its travel, and location errors, with the names of ISO 230. ``"screw"``: the errors of position of
+        each axis as tables for SINUMERIK and LinuxCNC. Each file says what of the model is not in it.
     folder : str or os.PathLike
         Is made where there is none. All files are written, or none.
     name : str, optional
@@ -112,23 +119,54 @@ def emit(
     ...     [path.name for path in emit(table, "c", folder)]
     ['rotary_table.c', 'rotary_table.h', 'rotary_table_test.c']
     """
-    if lang not in {"c", "jax", "numpy"}:
-        raise RodgenError(f"no language {shown(lang)}; expected 'c', 'numpy' or 'jax'")
+    if lang not in FORMS:
+        raise RodgenError(f"no language {shown(lang)}; expected {listed(FORMS)}")
     from rodgen.files import write_files
-    from rodgen.machines.emit._content import content_of
+    from rodgen.machines.emit._content import content_of, named
     from rodgen.machines.emit._render import DO_NOT_EDIT, render
     from rodgen.machines.plausible import implausible_numbers
 
-    content = content_of(machine, name, travel)
+    if lang in ("c", "numpy", "jax"):
+        files = render(content_of(machine, name, travel), lang)
+    else:
+        files = _tables(machine, lang, named(machine, name), DO_NOT_EDIT, travel)
     if not force:
         wrong = (machine.doubts() if machine.doubts else "") or "; ".join(implausible_numbers(machine))
         if wrong:
             expected = "a machine that can be right, fitted to the end; --force, in Python force=True, writes it anyway"
             error = NotConvergedError if wrong == NotConvergedError.reason else InputFileError
             raise error(machine.file or machine.name, "file", wrong.rstrip("."), expected)
-    files = render(content, lang)
     for path in () if force else (Path(folder, each) for each in files):
-        if path.is_file() and DO_NOT_EDIT.encode() not in path.read_bytes():
+        if path.is_file() and not _written_by_rodgen(path, files[path.name], DO_NOT_EDIT):
             expected = "another folder; --force, in Python force=True, replaces it"
             raise InputFileError(path, "file", "stands there, and rodgen did not write it", expected)
     return write_files(Path(folder), files)
+
+
+def _tables(machine: Machine, form: str, name: str, note: str, travel: Any) -> dict[str, str]:
+    """Return the text of each file by its name."""
+    if form == "tpoint":
+        from rodgen.machines.emit._tpoint import tpoint_text
+
+        return {f"{name}.mod": tpoint_text(machine, note)}
+    if form in ("iso230", "screw"):
+        from rodgen.machines.emit._error_motions import iso_texts, screw_texts
+
+        return (iso_texts if form == "iso230" else screw_texts)(machine, name, note, travel)
+    from rodgen.machines.emit._denavit_hartenberg import table_texts
+    from rodgen.machines.emit._geometry import geometry_of
+    from rodgen.machines.emit._urdf import urdf_text
+
+    geometry = geometry_of(machine, travel)
+    return (
+        {f"{name}.urdf": urdf_text(geometry, name, note)}
+        if form == "urdf"
+        else table_texts(geometry, name, note)
+    )
+
+
+def _written_by_rodgen(path: Path, text: str, note: str) -> bool:
+    """Return whether a file has the note, or is a table, which has no place for it, with the same header."""
+    content = path.read_bytes()
+    header = text.partition("\n")[0].encode()
+    return note.encode() in content or (path.suffix == ".csv" and content.startswith(header))

@@ -34,7 +34,16 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parameters import Parameter
 
-__all__ = ["Content", "Field", "Sample", "constant_words", "content_of", "effect_words", "identifier"]
+__all__ = [
+    "Content",
+    "Field",
+    "Sample",
+    "constant_words",
+    "content_of",
+    "effect_words",
+    "identifier",
+    "named",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -177,7 +186,7 @@ class Content:
 
 def content_of(machine: Machine, name: str | None = None, travel: Any = None) -> Content:
     """Return the content of the files of a machine; see :func:`rodgen.machines.emit.emit`."""
-    chosen = identifier(machine.name) if name is None else _checked(name)
+    chosen = named(machine, name)
     scope = scope_of(machine, travel)
     fitted = machine_kernels(scope.model)
     ideal = machine_kernels(Model(_ideal(scope)), "ideal", "ideal_")
@@ -236,6 +245,11 @@ def identifier(text: str) -> str:
     if not name or not name[0].isalpha():
         name = f"machine_{name}".strip("_")
     return f"{name}_machine" if name in _TAKEN else name
+
+
+def named(machine: Machine, name: str | None) -> str:
+    """Return the name of a machine's files: the given one, checked, or one made from the machine's."""
+    return identifier(machine.name) if name is None else _checked(name)
 
 
 def _checked(name: str) -> str:

@@ -15,7 +15,7 @@ from rodgen.machines.parts import Effect, Joint, Known, StatedPlausibility, Targ
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["description", "effect_text", "machine_text"]
+__all__ = ["description", "effect_text", "machine_text", "toml_string"]
 
 
 # numbers and texts -------------------------------------------------------------------------------------------------
@@ -44,13 +44,13 @@ def _vector(values: Sequence[float], factor: float = 1.0) -> str:
     return f"[{', '.join(decimal(x, factor) for x in values)}]"
 
 
-def _toml_string(text: str) -> str:
+def toml_string(text: str) -> str:
     """Return a TOML string. JSON's escapes are valid in TOML, which wants DEL escaped too."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _toml_key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml_string(name)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_string(name)
 
 
 def _inline_table(items: Mapping[str, str]) -> str:
@@ -64,11 +64,11 @@ def machine_text(machine: Machine) -> str:
     """Return a complete machine file, without fitted numbers; it reads back as an equal machine."""
     measured = machine.measured
     blocks = [
-        [f"name = {_toml_string(machine.name)}", *_family_lines(machine)],
+        [f"name = {toml_string(machine.name)}", *_family_lines(machine)],
         [
             "[units]",
-            f"length = {_toml_string(machine.length_unit)}",
-            f"angle = {_toml_string(machine.angle_unit)}",
+            f"length = {toml_string(machine.length_unit)}",
+            f"angle = {toml_string(machine.angle_unit)}",
         ],
         [
             "[environment]",
@@ -77,7 +77,7 @@ def machine_text(machine: Machine) -> str:
         ],
         *_chain_blocks(machine),
         *(_target_lines(machine, target) for target in machine.targets),
-        ["[measured]", f"kind = {_toml_string(measured.kind)}", f"frame = {_toml_string(measured.frame)}"],
+        ["[measured]", f"kind = {toml_string(measured.kind)}", f"frame = {toml_string(measured.frame)}"],
     ]
     if measured.origin is not None:
         blocks[-1].append(f"from = {_vector(measured.origin)}")
@@ -87,7 +87,7 @@ def machine_text(machine: Machine) -> str:
     if measured.attitude_noise is not None:
         blocks[-1].append(f"attitude_noise = {decimal(measured.attitude_noise, machine.file_factor(ANGLE))}")
     if machine.estimate:
-        blocks.append(["[estimate]", f"parameters = [{', '.join(map(_toml_string, machine.estimate))}]"])
+        blocks.append(["[estimate]", f"parameters = [{', '.join(map(toml_string, machine.estimate))}]"])
     if machine.known:
         blocks.append(
             ["[known]", *(_known_line(machine, key, known) for key, known in machine.known.items())]
@@ -113,24 +113,24 @@ def _known_line(machine: Machine, key: str, known: Known) -> str:
     found = {}
     if known.prior is not None:
         mean, std = (decimal(x, factor) for x in known.prior)
-        found["prior"] = _toml_string(f"{mean} ± {std}{of}")
+        found["prior"] = toml_string(f"{mean} ± {std}{of}")
     if known.bounds is not None:
-        ends = (f"{x}" if math.isinf(x) else _toml_string(f"{decimal(x, factor)}{of}") for x in known.bounds)
+        ends = (f"{x}" if math.isinf(x) else toml_string(f"{decimal(x, factor)}{of}") for x in known.bounds)
         found["bounds"] = f"[{', '.join(ends)}]"
-    return f"{_toml_string(key)} = {_inline_table(found)}"
+    return f"{toml_string(key)} = {_inline_table(found)}"
 
 
 def _plausible_line(key: str, stated: StatedPlausibility) -> str:
     found = {} if stated.odds is None else {"odds": decimal(stated.odds)}
     sizes = {"usual": stated.usual, "largest": stated.largest}
-    found |= {name: f"[{', '.join(map(_toml_string, texts))}]" for name, texts in sizes.items() if texts}
-    found |= {} if stated.sign is None else {"sign": _toml_string(stated.sign)}
-    return f"{_toml_string(key)} = {_inline_table(found)}"
+    found |= {name: f"[{', '.join(map(toml_string, texts))}]" for name, texts in sizes.items() if texts}
+    found |= {} if stated.sign is None else {"sign": toml_string(stated.sign)}
+    return f"{toml_string(key)} = {_inline_table(found)}"
 
 
 def _family_lines(machine: Machine) -> list[str]:
     family = machine.kinematics.family
-    return [f"family = {_toml_string(family)}"] if family else []
+    return [f"family = {toml_string(family)}"] if family else []
 
 
 def _chain_blocks(machine: Machine) -> list[list[str]]:
@@ -150,8 +150,8 @@ def _chain_blocks(machine: Machine) -> list[list[str]]:
 def _joint_lines(joint: Joint, factor: float) -> list[str]:
     lines = [
         "[[joint]]",
-        f"name = {_toml_string(joint.name)}",
-        f"type = {_toml_string(joint.type)}",
+        f"name = {toml_string(joint.name)}",
+        f"type = {toml_string(joint.type)}",
         f"axis = {_vector(joint.axis)}",
         f"point = {_vector(joint.point)}",
     ]
@@ -160,7 +160,7 @@ def _joint_lines(joint: Joint, factor: float) -> list[str]:
     if joint.period is not None:
         lines.append(f"period = {decimal(joint.period, factor)}")
     words = {"encoder": joint.encoder, "drive": joint.drive}
-    lines += [f"{key} = {_toml_string(word)}" for key, word in words.items() if word is not None]
+    lines += [f"{key} = {toml_string(word)}" for key, word in words.items() if word is not None]
     lines += [f"{key} = true" for key in ("passive", "counterbalance") if getattr(joint, key)]
     return lines
 
@@ -171,22 +171,22 @@ def effect_text(machine: Machine, effect: Effect) -> str:
 
 
 def _effect_lines(machine: Machine, effect: Effect) -> list[str]:
-    lines = ["[[effect]]", f"name = {_toml_string(effect.name)}"]
+    lines = ["[[effect]]", f"name = {toml_string(effect.name)}"]
     if effect.place is not None:
         key = "target" if machine.kind_of(effect.place) == "target" else "joint"
-        lines.append(f"{key} = {_toml_string(effect.place)}")
+        lines.append(f"{key} = {toml_string(effect.place)}")
     definition = effect.definition
     if definition.own:
         parts = {"component": definition.component, "formula": definition.formula.text}
         if definition.others:
             parts = {definition.component: definition.formula.text}
             parts |= {component: formula.text for component, formula in definition.others}
-        lines += [f"{key} = {_toml_string(text)}" for key, text in parts.items()]
+        lines += [f"{key} = {toml_string(text)}" for key, text in parts.items()]
         if definition.parameters:
-            units = {name: _toml_string(unit) for name, unit in definition.parameters.items()}
+            units = {name: toml_string(unit) for name, unit in definition.parameters.items()}
             lines.append(f"parameters = {_inline_table(units)}")
         if definition.meaning:
-            lines.append(f"meaning = {_toml_string(definition.meaning)}")
+            lines.append(f"meaning = {toml_string(definition.meaning)}")
     if effect.hold:
         factors = _factors(machine, effect)
         held = {name: decimal(value, factors[name]) for name, value in effect.hold.items()}

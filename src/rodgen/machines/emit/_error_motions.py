@@ -1,0 +1,246 @@
+"""The errors of each axis over its travel, with the names of ISO 230-1 and ISO 230-7, and tables that take them out.
+
+An error motion is what the effects at a joint do to what it carries: three displacements and three turns, in machine
+axes, each the error's own: real less commanded. Effects that need more than the position of the joint (loads,
+temperatures, times, other joints) are named as left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.data.units import parse_unit
+from rodgen.errors import InputFileError
+from rodgen.machines.emit._geometry import CONSTANT, located
+from rodgen.machines.emit._scope import scope_of
+from rodgen.machines.rigid import complete_basis
+from rodgen.machines.structure import row_effects
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
+    from rodgen.machines.model import Model
+    from rodgen.machines.parts import Effect, Joint
+
+__all__ = ["iso_texts", "screw_texts"]
+
+Array = NDArray[np.float64]
+
+POINTS = 25
+"""Positions of a table over a travel, where no more are needed."""
+MOST_POINTS = 801
+INTERPOLATED = 0.02
+"""Part of the errors' range that linear interpolation between the points may be off."""
+_ALONG = 0.02
+"""Largest sine of an axis to a machine axis from which its errors are counted: ISO 230 knows axes along x, y and z."""
+_FUNCTIONS = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp, "sqrt": np.sqrt, "abs": np.abs}
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """A joint with the effects at it that follow its position alone."""
+
+    joint: Joint
+    number: int
+    effects: tuple[tuple[Effect, dict[str, float]], ...]
+    travel: tuple[float, float]
+    left_out: tuple[str, ...]
+
+    def errors(self, q: Array, s: float) -> Array:
+        """Return displacements and turns, (n, 6), internal units, at positions and for a direction of approach."""
+        axis = np.array(self.joint.axis, float)
+        u, v = complete_basis(axis)
+        low, high = self.travel
+        zeta = (q - low) / (high - low)
+        legendre = np.polynomial.legendre.legvander(2 * zeta - 1, 4).T
+        at = {f"P{k}": legendre[k][:, None] for k in range(1, 5)}
+        vectors = {"U": u, "V": v, "N": axis} | dict(zip(("EX", "EY", "EZ"), np.eye(3), strict=True))
+        found = np.zeros((len(q), 6))
+        own = slice(3, 6) if self.joint.revolute else slice(0, 3)
+        for effect, values in self.effects:
+            names = {"q": q[:, None], "s": s, "pi": math.pi, **at, **vectors, **values}
+            change = effect.definition.formula.evaluate(names, _FUNCTIONS, float)
+            if effect.definition.component == "reading":
+                found[:, own] += np.asarray(change) * axis
+            else:
+                found[:, slice(3, 6) if effect.definition.component == "rotation" else slice(0, 3)] += change
+        return found
+
+    def positions(self) -> tuple[Array, float]:
+        """Return the positions of a table, and the largest error of linear interpolation, part of the errors' range."""
+        count = POINTS
+        while True:
+            q = np.linspace(*self.travel, count)
+            middle = (q[1:] + q[:-1]) / 2
+            at, between = self.errors(q, 1.0), self.errors(middle, 1.0)
+            spread = np.ptp(at, axis=0)
+            off = np.abs((at[1:] + at[:-1]) / 2 - between).max(axis=0)
+            part = float(np.max(np.divide(off, spread, out=np.zeros(6), where=spread > 0)))
+            if part <= INTERPOLATED or 2 * count - 1 > MOST_POINTS:
+                return q, part
+            count = 2 * count - 1
+
+
+def _axes(machine: Machine, travel: Any) -> Iterator[_Axis]:
+    model: Model = scope_of(machine, travel).model
+    machine, theta = model.machine, model.start()
+    values = {p.key: float(x) for p, x in zip(model.parameters, theta, strict=True)}
+    for number, joint in enumerate(machine.joints):
+        known = {"q", "s", "pi", "U", "V", "N", "EX", "EY", "EZ", *(f"P{k}" for k in range(1, 5))}
+        taken, left_out = [], []
+        for effect in row_effects(machine):
+            if effect.place != joint.name:
+                continue
+            own = {x: effect.hold.get(x, values.get(effect.key(x), 0.0)) for x in effect.units(machine)}
+            definition = effect.definition
+            follows = set(definition.formula.names) <= known | own.keys() and not definition.others
+            if follows and definition.component in ("reading", "translation", "rotation"):
+                taken.append((effect, own))
+            elif effect.name not in CONSTANT:
+                left_out.append(f"{effect.title}: it depends on more than the position of {joint.name}")
+        low, high = joint.travel or model.travel[number]
+        if not high > low:
+            if not joint.revolute:
+                place = f"joint {joint.name}, travel"
+                raise InputFileError(
+                    machine.file or machine.name, place, "missing", "travel = [lowest, highest]"
+                )
+            low, high = 0.0, 2 * math.pi
+        yield _Axis(joint, number, tuple(taken), (float(low), float(high)), tuple(left_out))
+
+
+def iso_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, str]:
+    """Return a table of the error motions of each axis, one of location errors, and a page that says what they are."""
+    micron = parse_unit("um").factor(machine.length_unit)
+    second = parse_unit("arcsec").factor()
+    files, page = {}, [f"# {machine.name}: errors of its axes", "", note, ""]
+    page += [
+        "Errors are real less commanded, in machine axes: X, Y, Z displacements, A, B, C turns about x, y, z. The file",
+        "of an axis has its error motions over the travel (ISO 230-1, of a rotary axis ISO 230-7), both ways;",
+        f"`{name}_location.csv` the location errors: X0C the error in x of the position of C, A0C its tilt about x.",
+        "",
+    ]
+    for axis in _axes(machine, travel):
+        label = axis.joint.name
+        if not axis.effects:
+            page += [f"- {label}: no error motions.", *(f"  Not in it: {what}." for what in axis.left_out)]
+            continue
+        q, part = axis.positions()
+        factor = second * 3600 if axis.joint.revolute else 1.0
+        columns = {f"{label} [{'deg' if axis.joint.revolute else machine.length_unit}]": q / factor}
+        for sign, approach in ((1.0, "+"), (-1.0, "-")):
+            found = axis.errors(q, sign)
+            for k, error in enumerate("XYZABC"):
+                unit, size = ("um", micron) if k < 3 else ("arcsec", second)
+                columns[f"E{error}{label}{approach} [{unit}]"] = found[:, k] / size
+        files[f"{name}_{label}.csv"] = _csv(columns)
+        page.append(f"- `{name}_{label}.csv`: {len(q)} positions; between them linear interpolation is off by at most "
+                    f"{part:.2%} of an error's range.")  # fmt: skip
+        page += [f"  Not in it: {what}." for what in axis.left_out]
+    rows = list(_locations(machine, travel, micron, second))
+    files[f"{name}_location.csv"] = "symbol,value,unit\n" + "".join(
+        f"{s},{_digits(v)},{u}\n" for s, v, u in rows
+    )
+    return files | {f"{name}_errors.md": "\n".join(page) + "\n"}
+
+
+def _locations(
+    machine: Machine, travel: Any, micron: float, second: float
+) -> Iterator[tuple[str, float, str]]:
+    """Yield the location errors: of a slide its squareness, of a rotary axis its tilt and its place, and zeros."""
+    own = scope_of(machine, travel).machine
+    for joint, axis, point, zero in zip(own.joints, *located(own), strict=True):
+        nominal = _along_machine_axis(np.array(joint.axis, float))
+        turn = np.cross(nominal, axis)
+        shift = point - np.array(joint.point, float)
+        shift = shift - nominal * float(shift @ nominal)
+        for k, error in enumerate("ABC"):
+            if abs(nominal[k]) < 0.5:
+                yield f"{error}0{joint.name}", float(turn[k]) / second, "arcsec"
+        if joint.revolute:
+            for k, error in enumerate("XYZ"):
+                if abs(nominal[k]) < 0.5:
+                    yield f"{error}0{joint.name}", float(shift[k]) / micron, "um"
+        k = int(np.argmax(np.abs(nominal)))
+        error, size, unit = ("ABC", second, "arcsec") if joint.revolute else ("XYZ", micron, "um")
+        yield f"{error[k]}0{joint.name}", zero / size, unit
+
+
+def _along_machine_axis(axis: Array) -> Array:
+    """Return the machine axis that an axis is along, but for errors; itself where it is along none."""
+    k = int(np.argmax(np.abs(axis)))
+    nearest = np.sign(axis[k]) * np.eye(3)[k]
+    return nearest if float(np.linalg.norm(axis - nearest)) < _ALONG else axis
+
+
+def screw_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, str]:
+    """Return tables that take the errors of position out of each axis, in the forms of SINUMERIK and LinuxCNC."""
+    files = {}
+    for axis in _axes(machine, travel):
+        label, turns = axis.joint.name, axis.joint.revolute
+        scale = parse_unit("deg").factor() if turns else parse_unit("mm").factor(machine.length_unit)
+        along = np.array([0.0, 0, 0, *axis.joint.axis] if turns else [*axis.joint.axis, 0, 0, 0])
+        q, part = axis.positions()
+        forward, reverse = (axis.errors(q, s) @ along / scale for s in (1.0, -1.0))
+        if not np.any(forward) and not np.any(reverse):
+            continue
+        at, unit = q / scale, "deg" if turns else "mm"
+        said = [
+            f"{machine.name}, axis {label}. {note}",
+            f"{len(q)} points, {unit}; between them linear interpolation is off by at most {part:.2%} of the range.",
+            *(f"Not in it: {what}." for what in axis.left_out),
+        ]
+        rows = zip(at, at + forward, at + reverse, strict=True)
+        # LinuxCNC reads up to the first line that is not three numbers
+        files[f"{name}_{label}.comp"] = (
+            "".join(f"{x:.6f} {f:.6f} {r:.6f}\n" for x, f, r in rows) + f"# {note}\n"
+        )
+        files[f"{name}_{label}_eec.ini"] = _sinumerik(
+            label, at, (forward + reverse) / 2, forward - reverse, said
+        )
+    if not files:
+        found, expected = "no error of position", "an effect such as scale or backlash at a joint"
+        raise InputFileError(machine.file or machine.name, "[[effect]]", found, expected)
+    page = [
+        note,
+        "",
+        "*.comp: LinuxCNC, [JOINT_n] COMP_FILE with COMP_FILE_TYPE = 0: nominal, real when approached from below,",
+        "real when approached from above.",
+        "*_eec.ini: SINUMERIK, $AA_ENC_COMP, the mean of both approaches.",
+    ]
+    return files | {f"{name}_tables.md": "\n".join(page) + "\n"}
+
+
+def _sinumerik(label: str, at: Array, errors: Array, gap: Array, said: Sequence[str]) -> str:
+    lines = [f"; {line}" for line in said]
+    lines.append(
+        "; A positive value is an error by which the axis is too far: the control moves it back by as much."
+    )
+    if np.any(gap):
+        lines.append(f"; Positive less negative approach: {gap.mean():.6f} (reversal; for MD32450 BACKLASH)")
+    lines += ["CHANDATA(1)"]
+    lines += [f"$AA_ENC_COMP[0,{n},{label}]={_digits(e)}" for n, e in enumerate(errors)]
+    lines += [
+        f"$AA_ENC_COMP_STEP[0,{label}]={_digits(float(at[1] - at[0]))}",
+        f"$AA_ENC_COMP_MIN[0,{label}]={_digits(float(at[0]))}",
+        f"$AA_ENC_COMP_MAX[0,{label}]={_digits(float(at[-1]))}",
+        f"$AA_ENC_COMP_IS_MODULO[0,{label}]=0",
+        "M17",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _digits(value: float) -> str:
+    return f"{value:.6f}".rstrip("0").rstrip(".") if abs(value) >= 5e-7 else "0"
+
+
+def _csv(columns: dict[str, Array]) -> str:
+    rows = zip(*columns.values(), strict=True)
+    return "".join(
+        f"{','.join(row)}\n" for row in ([*columns], *([_digits(float(x)) for x in row] for row in rows))
+    )

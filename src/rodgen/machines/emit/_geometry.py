@@ -1,0 +1,135 @@
+"""The geometry of a fitted machine: its axes, points and targets with what a fit changed in them, and nothing else.
+
+What is a constant of the geometry is part of it: tilts and offsets of axes, zeros of joints, offsets of targets. All
+other effects, which depend on where the machine is, are named as left out: the forms that hold a geometry have no
+place for them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.errors import InputFileError
+from rodgen.machines.emit._scope import scope_of
+from rodgen.machines.fixed import fixed_machine
+from rodgen.machines.rigid import complete_basis, rotation_matrix, tilted
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
+
+__all__ = ["CONSTANT", "Geometry", "geometry_of", "located"]
+
+Array = NDArray[np.float64]
+
+CONSTANT = {"axis_tilt", "squareness", "axis_offset", "zero_offset", "target_offset"}
+"""Effects that are constants of the geometry."""
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A machine without effects, and what it lacks of the fitted one.
+
+    Attributes
+    ----------
+    machine : Machine
+    left_out : tuple of str
+        A sentence for each part of the model that is not in it.
+    """
+
+    machine: Machine
+    left_out: tuple[str, ...]
+
+
+def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
+    """Return the geometry of a fitted machine.
+
+    Raises
+    ------
+    InputFileError
+        When it is on legs, or a parameter has no value.
+    """
+    if machine.kinematics.is_closed:
+        raise InputFileError(machine.file or machine.name, "family", "a machine on legs", "a chain of joints")
+    scope = scope_of(machine, travel)
+    left_out = [f"{what}: {why}" for what, why in scope.left_out]
+    own = replace(
+        scope.machine,
+        effects=tuple(e for e in scope.machine.effects if e.name in CONSTANT and not e.definition.own),
+    )
+    left_out += [
+        f"{effect.title}: it depends on where the machine is, and how it came there"
+        for effect in scope.machine.effects
+        if effect not in own.effects
+    ]
+    fixed, lines = fixed_machine(own), located(own)
+    axes, points, zeros = lines
+    targets = [np.array(target.point, float) for target in fixed.targets]
+    held = _held(fixed)
+    for k, target in enumerate(fixed.targets):
+        offset = held.get(target.name, {}).get("target_offset", {})
+        if set(offset) <= {"x", "y", "z"}:
+            targets[k] = targets[k] + [offset.get(x, 0.0) for x in "xyz"]
+        else:
+            tilt = [offset.get(x, 0.0) for x in "ab"]
+            targets[k] = tilted(targets[k], *complete_basis(targets[k]), tilt)[0]
+    moving = machine.measurand.moving
+    for j in reversed(range(len(axes))):  # a joint's zero moves what it carries
+        turn: Array = np.eye(3)
+        way: Array = zeros[j] * axes[j]
+        if fixed.joints[j].revolute:
+            turn = rotation_matrix(way)
+            way = points[j] - turn @ points[j]
+        axes[j + 1 :] = [turn @ axis for axis in axes[j + 1 :]]
+        points[j + 1 :] = [turn @ point + way for point in points[j + 1 :]]
+        targets = [turn @ point + way if moving else turn @ point for point in targets]
+    rigid = replace(
+        fixed,
+        joints=tuple(
+            replace(joint, axis=_three(axis), point=_three(point))
+            for joint, axis, point in zip(fixed.joints, axes, points, strict=True)
+        ),
+        targets=tuple(
+            replace(target, point=_three(point)) for target, point in zip(fixed.targets, targets, strict=True)
+        ),
+        effects=(),
+    )
+    return Geometry(rigid, tuple(left_out))
+
+
+def located(machine: Machine) -> tuple[list[Array], list[Array], list[float]]:
+    """Return the fitted axes, points and zeros of joints, as they stand with the joints before at their own zeros."""
+    fixed = fixed_machine(
+        replace(
+            machine, effects=tuple(e for e in machine.effects if e.name in CONSTANT and not e.definition.own)
+        )
+    )
+    held = _held(fixed)
+    axes: list[Array] = []
+    points: list[Array] = []
+    zeros: list[float] = []
+    for joint in fixed.joints:
+        of = held.get(joint.name, {})
+        axis = np.array(joint.axis, float)
+        u, v = complete_basis(axis)
+        shift = of.get("axis_offset", {})
+        points.append(np.array(joint.point, float) + shift.get("a", 0.0) * u + shift.get("b", 0.0) * v)
+        tilt = of.get("axis_tilt", of.get("squareness", {}))
+        axes.append(tilted(axis, u, v, [tilt.get("a", 0.0), tilt.get("b", 0.0)])[0])
+        zeros.append(of.get("zero_offset", {}).get("a", 0.0))
+    return axes, points, zeros
+
+
+def _held(fixed: Machine) -> dict[str, dict[str, dict[str, float]]]:
+    found: dict[str, dict[str, dict[str, float]]] = {}
+    for effect in fixed.effects:
+        found.setdefault(str(effect.place), {})[effect.name] = dict(effect.hold)
+    return found
+
+
+def _three(vector: Array) -> tuple[float, float, float]:
+    x, y, z = (float(x) for x in vector)
+    return x, y, z

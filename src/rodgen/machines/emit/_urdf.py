@@ -1,0 +1,65 @@
+"""The geometry of a fitted machine as URDF: corrected axes and origins, the targets as links of their own."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rodgen.data.units import parse_unit
+
+if TYPE_CHECKING:
+    from rodgen.machines.emit._geometry import Geometry
+
+__all__ = ["urdf_text"]
+
+_UNLIMITED = 1000.0
+"""Limits, in m, that a slide without a travel gets: URDF demands some."""
+
+
+def urdf_text(geometry: Geometry, name: str, note: str) -> str:
+    """Return the file: metres, all frames parallel to the machine's axes where all joints are zero."""
+    machine = geometry.machine
+    metre = parse_unit(machine.length_unit).factor("m")
+    robot = ElementTree.Element("robot", name=name)
+    for line in (note, *(f"not in it: {what}" for what in geometry.left_out)):
+        robot.append(ElementTree.Comment(f" {line.replace('--', '- -')} "))
+    ElementTree.SubElement(robot, "link", name="base_link")
+    parent, place = "base_link", np.zeros(3)
+    for joint in machine.joints:
+        link = f"{joint.name}_link"
+        ElementTree.SubElement(robot, "link", name=link)
+        turns = joint.revolute
+        kind = ("revolute" if joint.travel else "continuous") if turns else "prismatic"
+        element = _joined(robot, joint.name, kind, parent, link, (np.array(joint.point) - place) * metre)
+        axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
+        ElementTree.SubElement(element, "axis", xyz=_numbers(axis))
+        if kind != "continuous":
+            scale = 1.0 if turns else metre
+            low, high = (x * scale for x in joint.travel) if joint.travel else (-_UNLIMITED, _UNLIMITED)
+            ElementTree.SubElement(
+                element, "limit", lower=repr(low), upper=repr(high), effort="1000", velocity="10"
+            )
+        parent, place = link, np.array(joint.point, float)
+    for target in machine.targets:
+        ElementTree.SubElement(robot, "link", name=target.name)
+        where = (np.array(target.point) - place) * metre
+        _joined(robot, f"{target.name}_fixed", "fixed", parent, target.name, where)
+    ElementTree.indent(robot)
+    return f'<?xml version="1.0"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
+
+
+def _joined(
+    robot: ElementTree.Element, name: str, kind: str, parent: str, child: str, origin: np.ndarray
+) -> ElementTree.Element:
+    joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
+    ElementTree.SubElement(joint, "parent", link=parent)
+    ElementTree.SubElement(joint, "child", link=child)
+    ElementTree.SubElement(joint, "origin", xyz=_numbers(origin), rpy="0 0 0")
+    return joint
+
+
+def _numbers(values: Sequence[float] | np.ndarray) -> str:
+    return " ".join(repr(round(float(x), 15) + 0.0) for x in values)

@@ -1,0 +1,270 @@
+"""What others read of a fitted machine: its poses there, by other readers, are those of the model."""
+
+import csv
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rodgen.calibration.simulate import simulate
+from rodgen.cli import main as cli
+from rodgen.data.measurements import Measurements
+from rodgen.errors import InputFileError
+from rodgen.machines.effects.symbols import symbols
+from rodgen.machines.imports.denavit_hartenberg import machine_from_table
+from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
+from rodgen.machines.imports.tpoint_model import read_model, with_terms
+from rodgen.machines.imports.urdf import machine_from_urdf
+from rodgen.machines.machine import Joint, Machine, Measured, Target
+
+ARC = np.pi / 648000
+
+
+def arm(**changed):
+    """Return an arm with a slide, errors of its geometry held and fitted, and a backlash that no geometry has."""
+    joints = (
+        Joint("X", "prismatic", (1.0, 0.0, 0.0), travel=(-200.0, 800.0)),
+        Joint("A1", "revolute", (0.0, 0.0, 1.0), (0.0, 0.0, 300.0), travel=(-3.0, 3.0)),
+        Joint("A2", "revolute", (0.0, 1.0, 0.0), (50.0, 0.0, 400.0)),
+        Joint("A3", "revolute", (0.0, 0.6, 0.8), (300.0, 20.0, 450.0), travel=(-2.0, 2.0)),
+    )
+    targets = (Target("ball", (400.0, 30.0, 500.0)), Target("tip", (420.0, -30.0, 480.0)))
+    machine = Machine(
+        "Arm", "mm", "deg", (0.0, 0.0, -1.0), 20.0, joints, targets, Measured("point", "machine"),
+        estimate=("A3.axis", "A3.point"),
+        values={"A3.axis.a": 2e-3, "A3.axis.b": -1e-3, "A3.point.a": 0.2, "A3.point.b": -0.1, **changed},
+    )  # fmt: skip
+    for name, place, hold in (
+        ("zero_offset", "A1", {"a": 0.2}),
+        ("zero_offset", "X", {"a": 0.7}),
+        ("axis_tilt", "A2", {"a": 0.1, "b": -0.2}),
+        ("axis_offset", "A2", {"a": 0.3, "b": 0.5}),
+        ("squareness", "X", {"a": -0.05, "b": 0.1}),
+        ("target_offset", "tip", {"x": 0.1, "y": -0.2, "z": 0.3}),
+    ):
+        machine = machine.add(machine.effect(name, place, hold=hold))
+    return machine
+
+
+def commands(count=12):
+    random = np.random.default_rng(5)
+    q = random.uniform(-1.5, 1.5, (count, 4)) * [300, 1, 1, 1]
+    named = {"X [mm]": q[:, 0]} | {f"A{j} [deg]": np.degrees(q[:, j]) for j in (1, 2, 3)}
+    return q, named | {"target": ["ball", "tip"] * (count // 2)}
+
+
+def places(machine, design):
+    made = simulate(machine, design, noise=0.0, seed=1).columns
+    return np.stack([made[f"{x} [mm]"] for x in "xyz"], axis=1)
+
+
+def test_a_urdf_has_the_poses_of_the_model_for_another_reader(tmp_path):
+    ikpy = pytest.importorskip("ikpy.chain")
+    machine = arm().add("backlash", joint="A1", hold={"b": 0.01})
+    (path,) = machine.emit("urdf", tmp_path)
+    assert "not in it: backlash at A1" in path.read_text()
+    q, design = commands()
+    expected = places(arm(), design)
+    for k, target in enumerate(("ball", "tip")):
+        names = [n for j in ("X", "A1", "A2", "A3") for n in (j, f"{j}_link")]
+        elements = ["base_link", *names, f"{target}_fixed", target]
+        chain = ikpy.Chain.from_urdf_file(
+            str(path), elements, symbolic=False, active_links_mask=[False, *[True] * 4, False]
+        )
+        for row in range(k, len(q), 2):
+            metres = q[row] * [1e-3, 1, 1, 1]
+            found = chain.forward_kinematics([0.0, *metres, 0.0])[:3, 3]
+            np.testing.assert_allclose(1000 * found, expected[row], atol=1e-6)
+
+
+def test_a_urdf_is_read_again(tmp_path):
+    (path,) = arm().emit("urdf", tmp_path)
+    again = machine_from_urdf(path, tip="tip").machine
+    _, design = commands()
+    design = {**design, "target": ["tip"] * 12}
+    joints = {f"{name} [{'mm' if name == 'X' else 'deg'}]": design[key] for name, key in
+              zip((j.name for j in again.joints), design, strict=False)}  # fmt: skip
+    here = replace(again, measured=Measured("point", "machine"), estimate=())
+    np.testing.assert_allclose(places(here, joints), places(arm(), design), atol=1e-6)
+    assert again.joints[1].travel == pytest.approx((-3, 3))
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_a_denavit_hartenberg_table_has_the_poses_of_the_model(tmp_path, convention):
+    arm().emit("dh", tmp_path)
+    path = tmp_path / f"arm_{convention}_dh.toml"
+    table = tomllib.loads(path.read_text())
+    base = np.array([[float(x) for x in line[1:].split()] for line in path.read_text().splitlines()
+                     if line.startswith("#   ")])  # fmt: skip
+    q, design = commands()
+    expected = places(arm(), design)[::2]
+    for row, place in zip(q[::2], expected, strict=True):
+        T = base
+        for value, joint in zip(row, table["joint"], strict=True):
+            theta = np.radians(joint["theta"]) + (value if joint["type"] == "R" else 0.0)
+            d = joint["d"] + (value if joint["type"] == "P" else 0.0)
+            turn, link = np.eye(4), np.eye(4)
+            turn[:3, :3], turn[2, 3] = Rotation.from_euler("z", theta).as_matrix(), d
+            link[:3, :3], link[0, 3] = (
+                Rotation.from_euler("x", joint["alpha"], degrees=True).as_matrix(),
+                joint["a"],
+            )
+            T = T @ (turn @ link if convention == "standard" else link @ turn)
+        np.testing.assert_allclose((T @ [*table["tool"], 1])[:3], place, atol=1e-6)
+    again = machine_from_table(path).machine
+    assert [joint.name for joint in again.joints] == ["X", "A1", "A2", "A3"]
+    assert again.joints[1].travel == pytest.approx((-3, 3))
+
+
+@pytest.mark.parametrize("mount", [ALTAZ, EQUATORIAL], ids=lambda mount: mount.name)
+@pytest.mark.parametrize("frame", ["machine", "free"])
+def test_a_model_of_tpoint_points_as_the_machine(tmp_path, mount, frame):
+    machine = mount.machine("Telescope", 0.6)
+    first, second = mount.joints
+    keys = [f"{name}.axis.{x}" for name in (first, second) for x in "ab"]
+    keys += ["target.boresight.a", "target.boresight.b"]
+    values = dict(zip(keys, np.array([30, -20, 15, -10, 25, -35]) * ARC, strict=True))
+    turn = {
+        "frame.rx": 40 * ARC,
+        "frame.ry": -50 * ARC,
+        "frame.rz": 60 * ARC,
+        "frame.x": 0,
+        "frame.y": 0,
+        "frame.z": 0,
+    }
+    values |= turn if frame == "free" else {}
+    fitted = replace(machine, measured=Measured("direction", frame), values=values)
+    fitted = fitted.add("tube_flexure", hold={"a": 12 / 3600})
+    (path,) = fitted.emit("tpoint", tmp_path)
+    terms = read_model(path).terms
+    assert terms["TF"] == pytest.approx(12, abs=1e-4)
+    random = np.random.default_rng(2)
+    q = np.column_stack([random.uniform(-3, 3, 40), random.uniform(0.3, 1.2, 40)])
+    design = {f"{n} [deg]": np.degrees(x) for n, x in zip(mount.joints, q.T, strict=True)}
+    seen = replace(fitted, measured=Measured("direction", "machine"))
+    made = simulate(seen, design, noise=0.0, seed=1).columns
+    star = np.stack([made[f"u{x}"] for x in "xyz"], axis=1)
+    if frame == "free":
+        star = star @ Rotation.from_rotvec([turn[f"frame.r{x}"] for x in "xyz"]).as_matrix().T
+    from_terms = mount.machine("Again", 0.6)
+    again = with_terms(from_terms, mount, read_model(path), 0.6, str(path))
+    read = simulate(again, design, noise=0.0, seed=1).columns
+    other = np.stack([read[f"u{x}"] for x in "xyz"], axis=1)
+    off = np.linalg.norm(np.cross(star, other), axis=1) / ARC
+    assert off.max() < 0.1  # second order: (100 arcsec)², and the last digit of a term
+
+
+def slide_and_table():
+    machine = Machine(
+        "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0,
+        (Joint("X", "prismatic", (1.0, 0.0, 0.0), travel=(0.0, 500.0)), Joint("C", "revolute", (0.0, 0.0, 1.0))),
+        (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"),
+    )  # fmt: skip
+    for name, place, hold in (
+        ("scale", "X", {"k": 3e-5}),
+        ("backlash", "X", {"b": 0.006}),
+        ("straightness", "X", {"u_2": 0.004, "v_3": 0.002, "u_3": 0, "u_4": 0, "v_2": 0, "v_4": 0}),
+        ("periodic_drive_error", "X", {"a": 0.002, "b": 0.001, "P": 40.0}),
+        ("encoder_eccentricity", "C", {"a": 10 / 3600, "b": 5 / 3600}),
+        ("axis_tilt", "C", {"a": 20 / 3600, "b": -30 / 3600}),
+        ("axis_offset", "C", {"a": 0.01, "b": 0.02}),
+        ("gravity_windup", "C", {"k": 0.001, "k2": 0.0}),
+    ):
+        machine = machine.add(machine.effect(name, place, hold={x: v for x, v in hold.items()
+                              if x in machine.effect(name, place).units(machine)}))  # fmt: skip
+    return machine
+
+
+def columns(path):
+    with open(path) as file:
+        rows = list(csv.reader(file))
+    return {name: np.array([float(row[k]) for row in rows[1:]]) for k, name in enumerate(rows[0])}
+
+
+def test_error_motions_are_those_of_the_model(tmp_path):
+    machine = slide_and_table()
+    slide_and_table().emit("iso230", tmp_path)
+    assert (
+        "gravity_windup at C: it depends on more than the position"
+        in (tmp_path / "table_errors.md").read_text()
+    )
+    table = columns(tmp_path / "table_X.csv")
+    bare = replace(machine, effects=())
+    only_x = replace(machine, effects=tuple(e for e in machine.effects if e.place == "X"))
+    for sign in "+-":
+        design = {
+            "X [mm]": table["X [mm]"],
+            "C [deg]": 0 * table["X [mm]"],
+            "dir_X": 0 * table["X [mm]"] + float(f"{sign}1"),
+        }
+        off = places(only_x, design) - places(bare, design)
+        for k, error in enumerate("XYZ"):
+            np.testing.assert_allclose(table[f"E{error}X{sign} [um]"], 1000 * off[:, k], atol=1e-5)
+    motion = columns(tmp_path / "table_C.csv")
+    angle = np.radians(motion["C [deg]"])
+    np.testing.assert_allclose(motion["ECC+ [arcsec]"], 10 * np.cos(angle) + 5 * np.sin(angle), atol=1e-6)
+
+
+def test_location_errors_have_the_signs_of_the_symbols(tmp_path):
+    slide_and_table().emit("iso230", tmp_path)
+    with (tmp_path / "table_location.csv").open() as file:
+        found = {row["symbol"]: float(row["value"]) for row in csv.DictReader(file)}
+    parameters = {"axis_tilt": {"a": 20, "b": -30}, "axis_offset": {"a": 10, "b": 20}}  # arcsec, um
+    for name in ("A0C", "B0C", "X0C", "Y0C"):
+        (symbol,) = symbols(name)
+        value = parameters[symbol.definition.name][symbol.relation.split()[0]]
+        assert found[name] == pytest.approx(value, rel=1e-3), name
+    assert found["B0X"] == found["C0X"] == 0
+
+
+def test_tables_of_a_screw_take_its_errors_out(tmp_path):
+    """As SINUMERIK (linear, value off the position) and LinuxCNC (nominal less real added) apply them."""
+    machine = slide_and_table()
+    machine.emit("screw", tmp_path)
+    values = np.loadtxt(tmp_path / "table_X.comp", comments="#")
+    lines = (tmp_path / "table_X_eec.ini").read_text().splitlines()
+    eec = {line.partition("=")[0]: float(line.partition("=")[2]) for line in lines if line.startswith("$")}
+    low, step = eec["$AA_ENC_COMP_MIN[0,X]"], eec["$AA_ENC_COMP_STEP[0,X]"]
+    compensation = [eec[f"$AA_ENC_COMP[0,{n},X]"] for n in range(len(values))]
+    np.testing.assert_allclose(low + step * np.arange(len(values)), values[:, 0], atol=1e-5)
+    wanted = np.linspace(5, 490, 97)
+
+    def error(commanded, sign):
+        design = {"X [mm]": commanded, "C [deg]": 0 * commanded, "dir_X": 0 * commanded + sign}
+        only = replace(machine, effects=tuple(e for e in machine.effects if e.place == "X"))
+        return places(only, design)[:, 0] - 100 - wanted
+
+    before = np.abs(error(wanted, 1.0)).max()
+    for sign, column in ((1.0, 1), (-1.0, 2)):
+        trim = np.interp(wanted, values[:, 0], values[:, 0] - values[:, column])
+        assert np.abs(error(wanted + trim, sign)).max() < 0.02 * before
+    mean = (error(wanted - np.interp(wanted, values[:, 0], compensation), 1.0)
+            + error(wanted - np.interp(wanted, values[:, 0], compensation), -1.0)) / 2  # fmt: skip
+    assert np.abs(mean).max() < 0.02 * before
+    assert "(reversal; for MD32450 BACKLASH)" in (tmp_path / "table_X_eec.ini").read_text()
+
+
+def test_what_cannot_be_written_is_one_sentence(tmp_path, capsys):
+    with pytest.raises(
+        InputFileError, match="no mount whose errors TPOINT's terms are; expected directions seen"
+    ):
+        arm().emit("tpoint", tmp_path)
+    with pytest.raises(InputFileError, match="no error of position; expected an effect such as scale"):
+        replace(ALTAZ.machine("Telescope", 0.6), estimate=()).emit("screw", tmp_path)
+    mount = ALTAZ.machine("Telescope", 0.6).add("backlash", joint="AZ", hold={"b": 0.001})
+    fitted = replace(mount, estimate=())
+    with pytest.raises(InputFileError, match=r"backlash at AZ: no term of TPOINT; expected effects that"):
+        fitted.emit("tpoint", tmp_path)
+    tricept = Path("examples/machines/tricept/machine.toml")
+    assert cli.main(["emit", str(tricept), "--lang", "urdf", "-o", str(tmp_path), "--force"]) == 2
+    assert "a machine on legs; expected a chain of joints" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "arm.urdf").write_text("mine")
+    with pytest.raises(InputFileError, match="stands there, and rodgen did not write it"):
+        arm().emit("urdf", tmp_path)
+    slide_and_table().emit("iso230", tmp_path)
+    slide_and_table().emit("iso230", tmp_path)  # over its own files
+    assert Measurements.load(tmp_path / "table_X.csv").rows > 20
