@@ -268,3 +268,48 @@ def test_what_cannot_be_written_is_one_sentence(tmp_path, capsys):
     slide_and_table().emit("iso230", tmp_path)
     slide_and_table().emit("iso230", tmp_path)  # over its own files
     assert Measurements.load(tmp_path / "table_X.csv").rows > 20
+
+
+def test_an_error_map_interpolates_as_well_as_it_says(tmp_path):
+    """Corrected by the map, linearly between its points, commands come to the nominal places."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    machine = slide_and_table()
+    joints = (machine.joints[0], replace(machine.joints[1], travel=(0.2, 1.2)))
+    machine = replace(
+        machine, joints=joints, effects=tuple(e for e in machine.effects if e.name != "gravity_windup")
+    )
+    machine.emit("map", tmp_path)
+    table = columns(tmp_path / "table_map_ball.csv")
+    page = (tmp_path / "table_map.md").read_text()
+    stated = float(page.partition("off by at most ")[2].split()[0])
+    largest = float(page.partition("largest error ")[2].split()[0])
+    assert stated < 0.1 * largest
+    axes = [np.unique(table["X [mm]"]), np.unique(table["C [deg]"])]
+    shape = [len(axis) for axis in axes]
+    error = np.stack([table[f"d{x} [mm]"] for x in "xyz"], axis=1).reshape(*shape, 3)
+    change = np.stack([table["correct_X [mm]"], table["correct_C [deg]"]], axis=1).reshape(*shape, 2)
+    assert np.isfinite(change).all()
+    random = np.random.default_rng(3)
+    q = random.uniform([0, np.degrees(0.2)], [500, np.degrees(1.2)], (200, 2))
+
+    def design(q):
+        return {"X [mm]": q[:, 0], "C [deg]": q[:, 1], "dir_X": 0 * q[:, 0] + 1}
+
+    mean = tuple(e for e in machine.effects if e.name != "backlash")  # the mean of both approaches
+    real, bare = replace(machine, effects=mean), replace(machine, effects=())
+    off = places(real, design(q)) - places(bare, design(q))
+    found = RegularGridInterpolator(axes, error)(q)
+    assert np.linalg.norm(found - off, axis=1).max() <= 1.2 * stated
+    corrected = q + RegularGridInterpolator(axes, change)(q)
+    left = (places(real, design(corrected)) - places(bare, design(q)))[:, :2]  # nothing moves z
+    assert np.linalg.norm(left, axis=1).max() <= 3 * stated
+
+
+def test_an_error_map_needs_travels_of_few_joints(tmp_path):
+    wide = arm()
+    joints = tuple(replace(joint, travel=(-1.0, 1.0)) for joint in wide.joints)
+    with pytest.raises(InputFileError, match="a travel of 4 joints; expected one of 1 to 3 joints"):
+        replace(wide, joints=joints).emit("map", tmp_path)
+    with pytest.raises(InputFileError, match="directions; expected points or distances"):
+        replace(ALTAZ.machine("Telescope", 0.6), estimate=()).emit("map", tmp_path)

@@ -18,6 +18,7 @@ test. C99 without allocation, NumPy, or JAX. Or write it in a form that others r
   tpoint     a mount as a model of TPOINT
   iso230     error motions of each axis over its travel (EXX, EBZ), and location errors (A0C)
   screw      errors of position of each axis, as tables for SINUMERIK and LinuxCNC
+  map        the error and the correction of commands on a grid over the travels of at most three joints, as CSV
 Each file says what of the fitted model is not in it.
 
 With DATA the machine is fitted first. Without DATA every parameter of MACHINE must have a value, as in a file from

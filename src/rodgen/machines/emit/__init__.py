@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["FORMS", "emit"]
 
 
-FORMS = ("c", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw")
+FORMS = ("c", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw", "map")
 """What a machine is written as."""
 
 
@@ -77,10 +77,11 @@ def emit(
     lang : str
         One of :data:`FORMS`. ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no
         allocation, no state, no recursion, every loop bounded. ``"numpy"``: NAME.py and test_NAME.py, over many rows.
-        ``"jax"``: the same for JAX in double precision, on whatever device it has, for jit, vmap and grad. The geometry alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified
-        Denavit-Hartenberg table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each
+        ``"jax"``: the same for JAX in double precision, on whatever device it has, for jit, vmap and grad. The geometry
+        alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified Denavit-Hartenberg table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each
         axis over its travel, and location errors, with the names of ISO 230. ``"screw"``: the errors of position of
-        each axis as tables for SINUMERIK and LinuxCNC. Each file says what of the model is not in it.
+        each axis as tables for SINUMERIK and LinuxCNC. ``"map"``: the error and the correction of commands on a grid
+        over the travels of at most three joints. Each file says what of the model is not in it.
     folder : str or os.PathLike
         Is made where there is none. All files are written, or none.
     name : str, optional
@@ -153,6 +154,10 @@ def _tables(machine: Machine, form: str, name: str, note: str, travel: Any) -> d
         from rodgen.machines.emit._error_motions import iso_texts, screw_texts
 
         return (iso_texts if form == "iso230" else screw_texts)(machine, name, note, travel)
+    if form == "map":
+        from rodgen.machines.emit._error_map import map_texts
+
+        return map_texts(machine, name, note, travel)
     from rodgen.machines.emit._denavit_hartenberg import table_texts
     from rodgen.machines.emit._geometry import geometry_of
     from rodgen.machines.emit._urdf import urdf_text

@@ -99,7 +99,7 @@ def machine_text(machine: Machine) -> str:
 
 
 def _target_lines(machine: Machine, target: Target) -> list[str]:
-    lines = ["[[target]]", f"name = {_toml_string(target.name)}", f"point = {_vector(target.point)}"]
+    lines = ["[[target]]", f"name = {toml_string(target.name)}", f"point = {_vector(target.point)}"]
     if any(target.attitude):
         numbers = ", ".join(decimal(x, machine.file_factor(ANGLE)) for x in target.attitude)
         lines.append(f"attitude = [{numbers}]")
