@@ -83,6 +83,9 @@ def map_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
         )
         reached = np.isin(status, (code["CONVERGED"], code["NEAREST"]))[:, None]
         change = np.where(reached, np.asarray(corrected) - grid, np.nan)
+        middle = _grid(content, moved, [(axis[1:] + axis[:-1]) / 2 for axis in axes])
+        between = middle + _mean_of_corners(change, axes)
+        left = code["forward"](between, **_conditions(content), target=k) - code["ideal"](middle, target=k)
         columns: dict[str, Array] = {}
         for label, values in (("{} [{}]", grid), ("correct_{} [{}]", change)):
             for j in moved:
@@ -95,7 +98,8 @@ def map_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
         count = " x ".join(str(len(axis)) for axis in axes)
         page.append(
             f"- `{name}_map_{target.name}.csv`: {count} points; largest error {largest:.3g} {unit}; interpolation is "
-            f"off by at most {off:.2g} {unit} ({off / largest if largest else 0.0:.1%}), in the middle of a cell."
+            f"off by at most {off:.2g} {unit} ({off / largest if largest else 0.0:.1%}), in the middle of a cell. "
+            f"Commands corrected there leave at most {np.linalg.norm(left, axis=1).max():.2g} {unit}."
         )
     return files | {f"{name}_map.md": "\n".join(page) + "\n"}
 
@@ -111,9 +115,7 @@ def _refined(
     """Return the axes of a grid, its points (n, joints), the errors there, and what interpolation is off."""
 
     def error(axes: list[Array]) -> tuple[Array, Array]:
-        grid = np.zeros((math.prod(map(len, axes)), len(content.machine.joints)))
-        for j, values in zip(moved, np.meshgrid(*axes, indexing="ij"), strict=True):
-            grid[:, j] = values.ravel()
+        grid = _grid(content, moved, axes)
         place = code["forward"](grid, **_conditions(content), target=target)
         return grid, np.asarray(place - code["ideal"](grid, target=target))
 
@@ -137,13 +139,28 @@ def _refined(
         if finer == counts or math.prod(finer) > MOST_ROWS:
             break
         counts = finer
+    middle = error([(axis[1:] + axis[:-1]) / 2 for axis in axes])[1]
+    off = float(np.linalg.norm(_mean_of_corners(errors, axes) - middle, axis=1).max())
+    return axes, grid, errors, max(off, *offs)
+
+
+def _grid(content: Content, moved: list[int], axes: list[Array]) -> Array:
+    """Return the points (n, joints) of a grid."""
+    grid = np.zeros((math.prod(map(len, axes)), len(content.machine.joints)))
+    for j, values in zip(moved, np.meshgrid(*axes, indexing="ij"), strict=True):
+        grid[:, j] = values.ravel()
+    return grid
+
+
+def _mean_of_corners(values: Array, axes: list[Array]) -> Array:
+    """Return what linear interpolation of values (n, k) on a grid gives in the middle of its cells."""
+    cells = values.reshape(*map(len, axes), -1)
+    sides = itertools.product((0, 1), repeat=len(axes))
     corners = [
         cells[tuple(slice(a, len(axis) - 1 + a) for a, axis in zip(side, axes, strict=True))]
-        for side in itertools.product((0, 1), repeat=len(moved))
+        for side in sides
     ]
-    middle = error([(axis[1:] + axis[:-1]) / 2 for axis in axes])[1].reshape(corners[0].shape)
-    off = float(np.linalg.norm(sum(corners) / len(corners) - middle, axis=-1).max())
-    return axes, grid, errors, max(off, *offs)
+    return np.asarray(sum(corners) / len(corners)).reshape(-1, cells.shape[-1])
 
 
 def _csv(columns: dict[str, Array], largest: float) -> str:
