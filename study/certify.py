@@ -429,11 +429,12 @@ BOTTOM = """
   overflows or underflows; no flag changes arithmetic. A product and a sum that are rounded once, as on processors
   with fused operations, are included.
 - **`solve_axis`.** Points anywhere, of any length; half the angle between them is a, half the angle of the
-  rotation h, of either sign, up to a turn; half turns and points on the axis are among them. What is left out are
-  points within 1e-6 rad of where both axes meet, h = a. Lengths differ by up to 1e-3 of them, in the program for usual
-  inputs by as much as it takes. The roundings of a vector's components have a bound in any orientation, so boxes have
-  two dimensions. At single inputs this bound is up to 9.4 cond ε, however small the boxes; the tests find at most
-  4 cond ε in each of their [families](accuracy.md), as roundings do not conspire.
+  rotation h, of either sign, up to a turn. In the program for all inputs half turns and points on the axis are among
+  them, and what is left out are points within 1e-6 rad of where both axes meet, h = a; in that for usual inputs, which
+  the kernel takes for some half turns, too, the rows say how near these it is certified. Lengths differ by up to 1e-3
+  of them, in the program for usual inputs by as much as it takes. The roundings of a vector's components have a bound
+  in any orientation, so boxes have two dimensions. At single inputs this bound is up to 9.4 cond ε, however small the
+  boxes; the tests find at most 4 cond ε in each of their [families](accuracy.md), as roundings do not conspire.
 - **Conversions.** Components of the axis have one sign. The others follow: changed signs of components change
   signs and places in the program, and rounding has no preferred sign. The largest component may be any.
 - **Not certified.** What is nearer to a case where nothing is determined than the rows say; which status is given
