@@ -61,6 +61,8 @@ def page(result: dict) -> str:
     if shares:
         best, title, name = max(shares)
         reached = "reached" if best >= GOAL else "**not reached**"
-        lines.append(f"\nThe goal of {GOAL} of the bandwidth is {reached}: {best:.2f} at best ({name}, {title}).")
+        lines.append(
+            f"\nThe goal of {GOAL} of the bandwidth is {reached}: {best:.2f} at best ({name}, {title})."
+        )
     lines += [f"\n{each['name']}: {each['failed']}." for each in result["contenders"] if "failed" in each]
     return "\n".join(lines) + "\n"
