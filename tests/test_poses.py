@@ -33,6 +33,8 @@ from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.emit import emit
+from rodgen.machines.files.read import machine_of
+from rodgen.machines.files.write import machine_text
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.machine import Machine
 
@@ -277,6 +279,47 @@ def test_wrong_rows_are_found_by_their_place_or_their_attitude():
     assert fit.observations.arm == pytest.approx(SIGMA[0] / SIGMA[1], rel=0.2)
     turned = np.linalg.norm((fit.residuals * fit.in_units)[[7, 30], 3:], axis=1) * np.pi / 648000
     assert turned == pytest.approx([0.05, 2.8], abs=1e-3)
+
+
+def test_correlated_errors_of_place_and_attitude_are_whitened():
+    rows, (place, turn) = 200, SIGMA
+    correlation = np.eye(6)
+    correlation[0, 4] = correlation[4, 0] = 0.9  # a camera that sees a tilt takes it for a shift
+    correlation[1, 3] = correlation[3, 1] = -0.9
+    columns, attitude = measured(rows=rows, noise=(0.0, 0.0))
+    noise = np.random.default_rng(1).multivariate_normal(np.zeros(6), correlation, rows)
+    for i, x in enumerate("xyz"):
+        columns[f"{x} [mm]"] = columns[f"{x} [mm]"] + place * noise[:, i]
+    attitude = Rotation.from_rotvec(turn * noise[:, 3:]).as_matrix() @ attitude
+    stated = ARM["measured"] | {"noise": place, "attitude_noise": turn}
+    whole, alone = (
+        Case(ARM | {"measured": stated | more}, {**columns, **written("matrix", attitude)})
+        for more in ({"correlation": correlation.tolist()}, {})
+    )
+    fits = [case.machine.fit(Measurements.from_frame(case.data)) for case in (whole, alone)]
+    seen = [np.cov(fit.relative_residuals.T) for fit in fits]
+    assert np.abs(seen[0] - np.eye(6)).max() < 0.25
+    assert seen[1][0, 4] > 0.7
+    assert fits[0].chi_square / fits[0].degrees_of_freedom == pytest.approx(1.0, abs=0.1)
+    # the same residuals; derivatives and weighted residuals are those of independent errors, whitened
+    at = fits[1].solution.theta, fits[1].solution.frame
+    whitening = np.linalg.inv(np.linalg.cholesky(correlation))
+    np.testing.assert_allclose(whole.problem.residuals(*at), alone.problem.residuals(*at), atol=1e-12)
+    for one, other in (
+        (p.jacobian(*at), p.residuals(*at, weighted=True)[..., None]) for p in [alone.problem]
+    ):
+        np.testing.assert_allclose(whole.problem.jacobian(*at), whitening @ one, rtol=1e-9, atol=1e-6)
+        found = whole.problem.residuals(*at, weighted=True)[..., None]
+        np.testing.assert_allclose(found, whitening @ other, rtol=1e-9, atol=1e-9)
+    text = machine_text(whole.machine)
+    assert machine_of(text, "again.toml", Machine).measured == whole.machine.measured
+    for wrong in (
+        correlation[:3].tolist(),
+        (correlation * 1.5).tolist(),
+        (correlation + np.eye(6, k=1)).tolist(),
+    ):
+        with pytest.raises(InputFileError, match="correlation"):
+            _ = Case(ARM | {"measured": stated | {"correlation": wrong}}, {}).machine
 
 
 def test_a_fitted_machine_predicts_what_the_fit_did():

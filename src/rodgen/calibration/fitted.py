@@ -383,9 +383,13 @@ class FittedModel:
 
     @property
     def relative_residuals(self) -> Array:
-        """Residuals of all rows, (n, m): in stated standard deviations, or in internal units where none is stated."""
-        found = self.problem.residuals(self.solution.theta, self.solution.frame)
-        return np.asarray(found * self.problem.base_weight)
+        """Residuals of all rows, (n, m): in stated standard deviations, or in internal units where none is stated.
+
+        Without their stated correlation.
+        """
+        found = self.problem.residuals(self.solution.theta, self.solution.frame) * self.problem.base_weight
+        whitening = self.machine.measured.whitening
+        return np.asarray(found if whitening is None else found @ whitening.T)
 
     @cached_property
     def rms(self) -> float:

@@ -603,6 +603,8 @@ class ModelSteps:
         residual = s.measurand.residual(self, reading, place, axes)
         weights = [self.column["weight", i] for i in range(s.components)]
         weighted = self.matrix([r * w for r, w in zip(residual, weights, strict=True)])
+        if s.correlated:
+            weighted = self.matrix(s.components, s.components, self.g["whitening", 0]) * weighted
         self.builder.output("residual", weighted, unit="1", doc="measured less predicted, times the weight")
         return self.builder.build()
 

@@ -356,6 +356,8 @@ class Measured:
         Standard uncertainty of a scalar reading; of poses that of a coordinate.
     attitude_noise : float or None
         Standard uncertainty of an attitude about each axis; stated where and only where `noise` of poses is.
+    correlation : tuple of tuple of float, or None
+        Of the errors of the components of a reading, (m, m); None where they are independent.
     """
 
     kind: str
@@ -363,6 +365,14 @@ class Measured:
     origin: Vector | None = None
     noise: float | None = None
     attitude_noise: float | None = None
+    correlation: tuple[tuple[float, ...], ...] | None = None
+
+    @property
+    def whitening(self) -> Array | None:
+        """The matrix that makes residuals independent, (m, m), each in its uncertainty; None where they are."""
+        if self.correlation is None:
+            return None
+        return np.linalg.inv(np.linalg.cholesky(np.array(self.correlation)))
 
     @property
     def measurand(self) -> Measurand:

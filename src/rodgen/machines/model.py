@@ -374,6 +374,8 @@ class Model:
             return np.array([machine.targets[target].point for target, _ in groups])
         if name == "target_rotation":
             return self._attitudes[[target for target, _ in groups]].reshape(-1, 9)
+        if name == "whitening":
+            return np.array(machine.measured.whitening, float).ravel()
         if name == "gravity":
             return np.array(machine.gravity)
         if name in {"level_u", "level_v"}:

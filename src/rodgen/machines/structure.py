@@ -164,6 +164,8 @@ class Structure:
     kinematics : type of Kinematics
     numbers : tuple of str
         Those numbers of a closed chain's geometry that are slots.
+    correlated : bool
+        Whether the errors of the components of a reading are correlated.
     """
 
     measurand: Measurand
@@ -174,6 +176,7 @@ class Structure:
     terms: tuple[Term, ...]
     kinematics: type[Kinematics] = Chain
     numbers: tuple[str, ...] = ()
+    correlated: bool = False
 
     @cached_property
     def moving(self) -> bool:
@@ -264,6 +267,8 @@ class Structure:
                 yield "frame", 0, 3
         if self.measurand.has_origin:
             yield "origin", 0, 3
+        if self.correlated:
+            yield "whitening", 0, self.components**2
         yield from (("acts", n, 1) for n, term in enumerate(self.terms) if term.target)
 
     @cached_property
@@ -322,6 +327,7 @@ def structure_of(machine: Machine) -> Structure:
         terms=tuple(_term(machine, effect) for effect in row_effects(machine)),
         kinematics=type(machine.kinematics),
         numbers=_free_numbers(machine),
+        correlated=machine.measured.correlation is not None,
     )
 
 

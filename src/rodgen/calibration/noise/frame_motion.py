@@ -32,6 +32,12 @@ def frame_motion(model: Model, o: Observations, theta: Array, frame: Frame, weig
         Of the fit.
     weight : ndarray, shape (n, m)
     """
+    found, whitening = _independent(model, o, theta, frame, weight), model.machine.measured.whitening
+    return found if whitening is None else whitening @ found
+
+
+def _independent(model: Model, o: Observations, theta: Array, frame: Frame, weight: Array) -> Array:
+    """Return them of independent errors."""
     with one_thread_in_blas():
         place = Problem(model, o).places(theta, frame)
     axes, measurand = frame.rotation.T, model.structure.measurand

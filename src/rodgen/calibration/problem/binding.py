@@ -115,6 +115,11 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
     else:
         reading = np.ascontiguousarray(attitude[:, :, 2])
     sigma = binder.sigma()
+    if sigma is None and machine.measured.correlation is not None:
+        expected = "columns u_…, or noise in the machine file"
+        raise InputFileError(
+            data.file, data.header_place, "no uncertainties, while correlation is stated", expected
+        )
     arm = 1.0
     if weighs:
         arm = _arm(machine, q, sigma)

@@ -513,7 +513,7 @@ class Problem:
         found = np.empty((len(points), self.rows, self.components))
         for group, residual in zip(self.groups, self._at_several("residual", points), strict=True):
             found[:, group.rows] = residual
-        return found / self.weight
+        return self.coloured(found) / self.weight
 
     def _at_several(self, name: str, points: Sequence[tuple[Array, Frame]]) -> Iterator[Any]:
         """Yield what a kernel gives at several points, (points, rows, ...), for each group."""
@@ -558,7 +558,12 @@ class Problem:
         """Return measured less predicted, (n, m), in the order of the data; internal units, or times the weight."""
         self.follow(theta, frame)
         found = self._by_row("residual", theta, frame, self.components)
-        return found if weighted else found / self.weight
+        return found if weighted else self.coloured(found) / self.weight
+
+    def coloured(self, whitened: Array) -> Array:
+        """Return weighted residuals, (..., m), with their correlation, where the machine file states one."""
+        whitening = self.model.machine.measured.whitening
+        return whitened if whitening is None else np.asarray(whitened @ np.linalg.inv(whitening).T)
 
     def places(self, theta: Array, frame: Frame) -> Array:
         """Return the predicted points or directions, (n, 3)."""

@@ -14,6 +14,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit, typed_quantity
 from rodgen.errors import InputFileError, listed, shown
 from rodgen.machines.effects.catalogue import NAMES
@@ -110,7 +112,7 @@ _KEYS = {
         "counterbalance",
     ),
     "target": ("name", "point", "attitude"),
-    "measured": ("kind", "frame", "from", "noise", "attitude_noise"),
+    "measured": ("kind", "frame", "from", "noise", "attitude_noise", "correlation"),
     "estimate": ("parameters",),
     "effect": (
         "name",
@@ -371,7 +373,33 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
             ("noise", "attitude_noise") if attitude_noise is None else ("attitude_noise", "noise")
         )
         raise table.error(lacking, f"missing, while {given} is stated", "both of them, or neither")
-    return Measured(kind, frame, origin, noise, attitude_noise)
+    correlation = table.get("correlation", _correlation(len(measurand.components)), None)
+    if correlation is not None and measurand.is_direction:
+        raise table.error("correlation", f"given together with kind = {kind!r}", "it with another kind")
+    return Measured(kind, frame, origin, noise, attitude_noise, correlation)
+
+
+def _correlation(m: int) -> Kind[tuple[tuple[float, ...], ...]]:
+    """Return the kind of a matrix of correlation coefficients of m components."""
+
+    def read(value: Any) -> tuple[tuple[float, ...], ...]:
+        rows = (
+            tuple(tuple(map(float, map(NUMBER.read, row))) for row in value) if _is_square(value, m) else ()
+        )
+        if not rows or any(rows[i][j] != rows[j][i] or rows[i][i] != 1 for i in range(m) for j in range(m)):
+            raise UnfitError
+        try:
+            np.linalg.cholesky(rows)
+        except np.linalg.LinAlgError:
+            raise UnfitError("a matrix that is not positive definite") from None
+        return rows
+
+    return Kind(f"{m} rows of {m} correlation coefficients, symmetric, with 1 on the diagonal", read)
+
+
+def _is_square(value: Any, m: int) -> bool:
+    lists = isinstance(value, list) and all(isinstance(row, list) for row in value)
+    return lists and [len(row) for row in value] == [m] * m
 
 
 def _joints(top: Table, per_radian: float) -> list[Joint]:

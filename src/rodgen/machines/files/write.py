@@ -86,6 +86,9 @@ def machine_text(machine: Machine) -> str:
         blocks[-1].append(f"noise = {noise}")
     if measured.attitude_noise is not None:
         blocks[-1].append(f"attitude_noise = {decimal(measured.attitude_noise, machine.file_factor(ANGLE))}")
+    if measured.correlation is not None:
+        rows = (f"[{', '.join(map(decimal, row))}]" for row in measured.correlation)
+        blocks[-1].append(f"correlation = [{', '.join(rows)}]")
     if machine.estimate:
         blocks.append(["[estimate]", f"parameters = [{', '.join(map(toml_string, machine.estimate))}]"])
     if machine.known:
