@@ -1243,6 +1243,29 @@ d.check(
 ).prove()
 
 # %% [markdown]
+# An encoder, an autocollimator or an inclinometer reads the angle $\alpha$ of a body about one axis $\vec e$ only. Of a
+# turn by $2h$ about $\vec n$ that is the *twist* $\varphi$: with the unit quaternion $(\cos h,\sin h\,\vec n)$ it has
+# $\tan(\varphi/2)=\tan h\;\vec n\cdot\vec e$, and for axes $\vec m_i$ that were $\vec e_i$ at zero the two sums above
+# are $4\cos h$ times the quaternion. The residual has no branch either, and whole turns do not count.
+
+# %%
+alpha = d.symbol("alpha", r"\alpha/2", "half of the angle that was read", "rad")
+half_twist = d.symbol("half_twist", r"\varphi/2", "half of the predicted twist", "rad")
+d.check(
+    "angle-residual",
+    equal(2 * sp.sin(2 * h), 4 * sp.cos(h) * sp.sin(h)),
+    equal(2 + 2 * sp.cos(2 * h), 4 * sp.cos(h) ** 2),
+    equal(
+        2
+        * (sp.sin(alpha) * sp.cos(half_twist) - sp.cos(alpha) * sp.sin(half_twist))
+        / (sp.cos(alpha) * sp.cos(half_twist) + sp.sin(alpha) * sp.sin(half_twist)),
+        2 * sp.tan(alpha - half_twist),
+    ),
+    text="The sums are 4 cos h times sin h n and cos h. From cosines and sines of the half angles, by any common "
+    "factor, the residual is 2 tan of half of what the reading is beyond the prediction.",
+).prove()
+
+# %% [markdown]
 # ## Gravity
 #
 # What is not balanced winds up drives and bends beams. The pose is the ideal one: $\vec r=\vec c-\vec P$ leads from the

@@ -30,6 +30,7 @@ READINGS = {
     "direction": ("ux", "uy", "uz"),
     "distance": ("d",),
     "pose": ("x", "y", "z", "rx", "ry", "rz"),
+    "angle": ("angle",),
 }
 FRAME_TURNS = ("rx", "ry", "rz")
 FRAME = ("frame.x", "frame.y", "frame.z", "frame.rx", "frame.ry", "frame.rz")

@@ -102,6 +102,17 @@ def unit(vector: ArrayLike) -> Array:
     return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
 
 
+def twist(turns: Array, axis: Array) -> Array:
+    """Give the angle of rotations (..., 3, 3) about an axis, after the shortest turn that carries the axis along."""
+    carried_axis = turns @ axis
+    across = np.cross(axis, carried_axis)
+    k = np.stack([np.cross(e, across) for e in np.eye(3)], -2)  # k x = across × x
+    swing = np.eye(3) + k + k @ k / (1 + carried_axis @ axis)[..., None, None]
+    u, v = complete(axis)
+    left = (swing.swapaxes(-1, -2) @ turns) @ u
+    return np.arctan2(left @ v, left @ u)
+
+
 def along(scalar: Array, vector: Array) -> Array:
     """Multiply one vector by a scalar of each row."""
     return np.asarray(scalar)[..., None] * vector
@@ -599,14 +610,14 @@ class Simulated:
         """Give the targets at zero, (targets, 3)."""
         targets = []
         for target in self.file["target"]:
-            p = np.array(target["point"], dtype=float)
-            names = {"direction": ("a", "b"), "pose": SIX}.get(self.kind, SIX[:3])
+            p = np.array(target.get("point", (0, 0, 1)), dtype=float)
+            names = {"direction": ("a", "b"), "pose": SIX, "angle": ("zero", "", "")}.get(self.kind, SIX[:3])
             moved = self._sum(target["name"], {"target", "target_offset"}, names)[:3]
             if self.kind == "direction":
                 u, v = complete(unit(p))
                 a, b = moved * self.radian
                 p = rotation(a * u + b * v) @ unit(p)
-            else:
+            elif self.kind != "angle":
                 p = p + moved
             targets.append(p)
         return np.array(targets)
@@ -614,6 +625,8 @@ class Simulated:
     def _attitudes(self) -> Array:
         """Give the attitudes of the targets at zero, (targets, 4, 4): turned by the file, then by what is wrong."""
         found = []
+        if self.kind == "angle":
+            return np.array([np.eye(4)] * len(self.target_names))
         for target in self.file["target"]:
             own = self._sum(target["name"], {"target", "target_offset"}, SIX)[3:] * self.radian
             found.append(rigid(own) @ rigid(np.array(target.get("attitude", [0, 0, 0])) * self.radian))
@@ -778,11 +791,17 @@ class Simulated:
         )
         seen = carried(rigid(moves * self.radian), seen) if directions else seen + moves
         read = self._read(carried(real, seen, directions=directions), columns, run)
-        if self.kind != "pose":
+        if self.kind not in {"pose", "angle"}:
             return read
         turned = real @ self._attitudes()[[self.target_names.index(name) for name in names]]
         for motion in (self._drift(columns, rows), self._set_up(run, rows), self._frame()):
             turned = motion @ turned
+        if self.kind == "angle":
+            zeros = {name: self._sum(name, {"target", "target_offset"}, ["zero"])[0] for name in set(names)}
+            zero = np.array([zeros[name] for name in names])
+            return (twist(turned[:, :3, :3], unit(self.file["measured"]["about"])) / self.radian + zero)[
+                :, None
+            ]
         return np.concatenate([read, turned[:, :3, :3].reshape(rows, 9)], axis=1)
 
     def _sky(self, q: Array, names: Sequence[str]) -> dict[str, Array]:

@@ -395,7 +395,7 @@ FAULTS = [
     (CUT["targets"], "",
      "[[target]]: missing; expected one block or more, each with name and point"),
     (CUT["measured"], "",
-     '[measured]: missing; expected kind = "point" (or "direction", "distance", "pose", "orientation") '
+     '[measured]: missing; expected kind = "point" (or "direction", "distance", "pose", "orientation", "angle") '
      'and frame = "machine" (or "free") in it'),
     ('name = "Gantry with a rotary C axis"', "",
      "name: missing; expected a text in quotes"),
@@ -423,7 +423,7 @@ FAULTS = [
      "joint C, passive: true, together with encoder = 'motor'; expected one of the two: nothing drives a "
      "passive joint"),
     ("noise = ", "sigma = ",
-     "[measured], sigma: unknown key; expected one of kind, frame, from, noise, attitude_noise, correlation"),
+     "[measured], sigma: unknown key; expected one of kind, frame, from, about, noise, attitude_noise, correlation"),
     ('meaning    = ', 'meanings = ',
      "[[effect]] 2, meanings: unknown key; expected 'meaning', perhaps"),
     (CUT["units"], "units = 3\n",
@@ -505,7 +505,7 @@ FAULTS = [
      "joint C, type: missing; expected 'prismatic' or 'revolute'"),
     # measured and estimate
     ('kind  = "point"', 'kind  = "position"',
-     "[measured], kind: 'position'; expected 'point', 'direction', 'distance', 'pose' or 'orientation'"),
+     "[measured], kind: 'position'; expected 'point', 'direction', 'distance', 'pose', 'orientation' or 'angle'"),
     ('frame = "machine"', "",
      "[measured], frame: missing; expected 'machine' or 'free'"),
     ('kind  = "point"', 'kind  = "point"\nfrom = [0, 0, 0]',

@@ -464,6 +464,72 @@ def test_an_effect_is_found_in_attitudes_alone():
     assert {"r11", "r33"} <= made.columns.keys()
 
 
+# angles --------------------------------------------------------------------------------------------------------
+
+
+def of_angles(**more: Any) -> Any:
+    """Return the file of a tilting table on a turning one, whose turn about a leaning axis is read."""
+    joints = [joint("C", "revolute", [0, 0, 1]), joint("A", "revolute", [1, 0, 0], [0, 0, 200])]
+    file = machine_file(joints, kind="angle", about=[0.1, 0.2, 0.97], **more)
+    return file | {"target": [{"name": "p"}, {"name": "r"}]}
+
+
+ANGLES = {"target.p.zero": 2.5, "target.r.zero": -3.0, "C.encoder_eccentricity.a": 2e-3, "A.axis.b": 4e-3}
+
+
+def angles(noise: float, rows: int = 80) -> dict[str, Any]:
+    rng = np.random.default_rng(2)
+    q = np.stack([rng.uniform(-20, 20, rows), rng.uniform(-0.6, 0.6, rows)], -1)
+    names = ["p" if i % 2 else "r" for i in range(rows)]
+    read = Simulated(of_angles(), ANGLES).measure(q, target=names)[:, 0] + noise * rng.normal(size=rows)
+    turns = 2 * np.pi * rng.integers(-3, 4, rows)  # whole turns do not count
+    return {"C [rad]": q[:, 0], "A [rad]": q[:, 1], "target": names, "angle [rad]": read + turns}
+
+
+def test_angles_about_an_axis_are_those_of_the_simulator_and_columns_its_derivatives():
+    file = of_angles(estimate=["target", "C.axis", "A.axis"], effects=[effect("encoder_eccentricity", "C")])
+    case = Case(file, angles(0.0))
+
+    def off(values: Any) -> np.ndarray:
+        difference = case.observations.reading - Simulated(file, values).measure(
+            np.stack([case.data["C [rad]"], case.data["A [rad]"]], -1), target=case.data["target"]
+        )
+        return 2 * np.tan(np.angle(np.exp(1j * difference)) / 2)
+
+    at = ANGLES | {"C.axis.a": 0.02, "A.axis.a": -0.03, "target.p.zero": 2.3}
+    assert np.abs(case.problem.residuals(case.theta(at), case.frame()) - off(at)).max() < 1e-12
+    jacobian = case.problem.jacobian(case.theta(at), case.frame())
+    for key, column in case.model.keys.items():
+        found = (
+            sum(
+                factor * sign * off(at | {key: at.get(key, 0.0) + sign * n * 2e-3})
+                for n, factor in STENCILS[8].items()
+                for sign in (1, -1)
+            )
+            / 2e-3
+        )
+        assert np.abs(jacobian[:, :, column] - found).max() < 1e-8 * max(np.abs(found).max(), 0.1), key
+
+
+def test_angles_say_what_turns_about_their_axis():
+    file = of_angles(estimate=["target"], noise=5e-5)
+    machine = Case(file, {}).machine
+    data = angles(5e-5)
+    fit = machine.fit(Measurements.from_frame(data))
+    assert fit.estimates["target.r.zero"].value == pytest.approx(-3.0, abs=5e-3)
+    found = fit.diagnose()
+    assert {"encoder_eccentricity", "axis_tilt"} <= {effect for effect, _ in named(found)}
+    final = found.final
+    assert final.estimates["C.encoder_eccentricity.a"].value == pytest.approx(2e-3 * 648000 / np.pi, abs=10)
+    columns = residual_columns(final)
+    off = np.asarray(columns["predicted_angle [rad]"]) + columns["residual_angle [rad]"] - data["angle [rad]"]
+    assert np.abs(off).max() < 1e-9
+    prediction = final.predict(Measurements.from_frame({k: v for k, v in data.items() if k != "angle [rad]"}))
+    assert {"predicted_angle [arcsec]", "model_u_angle [arcsec]"} <= prediction.columns().keys()
+    made = simulate(machine, Measurements.from_frame(data), seed=1)
+    assert "angle [rad]" in made.columns
+
+
 # hidden effects ------------------------------------------------------------------------------------------------
 
 

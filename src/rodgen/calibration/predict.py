@@ -80,7 +80,9 @@ class Prediction:
         turns = self.names[0] == "ux"
         unit = "" if turns else f" [{self.unit}]"
         found: dict[str, NDArray[Any]] = {}
-        if self.names != TURNS:  # attitudes have no place
+        if self.names == ("angle",):
+            found = {f"predicted_angle [{self.unit}]": self.place[:, 0] / self._factor}
+        elif self.names != TURNS:  # attitudes have no place
             found = {f"predicted_{n}{unit}": x for n, x in zip(self.names, self.place.T, strict=False)}
         found |= {f"predicted_{n}": x for n, x in self.attitude.items()}
         parts = ("horizontal", "vertical") if turns else self.names

@@ -43,7 +43,9 @@ def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
         found |= {f"residual_{part} [{fit.unit}]": values for part, values in parts}
     else:
         data, residuals = fit.observations.data, fit.residuals * fit.unit_factor
-        reading = fit.observations.reading if measurand.moving else residuals[:, :0]
+        reading = (
+            residuals[:, :0] if measurand.has_attitude and not measurand.moving else fit.observations.reading
+        )
         of_places = residuals[:, : reading.shape[1]]
         for label, values in (("predicted", reading - of_places), ("residual", of_places)):
             for name, part in zip(names, values.T, strict=False):

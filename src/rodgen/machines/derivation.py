@@ -479,6 +479,8 @@ class ModelSteps:
 
     def axes(self) -> list[Vector]:
         """Return the axes of the target with all joints at zero, turned by its freedoms."""
+        if not self.structure.measurand.has_attitude:
+            return [self.matrix.eye(3)[:, i] for i in range(3)]
         turned = self.matrix(3, 3, self.g["target_rotation", 0])
         if not self.structure.target:
             return [turned[:, i] for i in range(3)]
@@ -592,7 +594,7 @@ class ModelSteps:
         carry = partial(closed_chain, self) if s.kinematics.is_closed else partial(self.carried, moves=moves)
         place = s.measurand.seen(self, self.framed(self.lifted(carry(self.target())), moves=moves))
         axes = None
-        if s.measurand.has_attitude:
+        if s.measurand.has_axes:
             turned = (self.carried(axis, moves=False) for axis in self.axes())
             axes = self.matrix.hstack(*(self.framed(axis, moves=False) for axis in turned))
         if not self.with_residual:

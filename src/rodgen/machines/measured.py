@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rodgen.machines.derivation import ModelSteps
 
 __all__ = [
+    "ANGLE_ABOUT",
     "DIRECTION",
     "DISTANCE",
     "MEASURANDS",
@@ -27,6 +28,7 @@ __all__ = [
     "POINT",
     "POSE",
     "READING_COLUMNS",
+    "Angle",
     "Direction",
     "Distance",
     "Measurand",
@@ -87,6 +89,10 @@ class Measurand:
     has_attitude : bool
         Whether the attitude of a body is read, too. Its residual is a rotation vector about the axes of the measuring
         frame, times a lever arm (`Observations.arm`): a length, as those of the place.
+    has_axes : bool
+        Whether a residual depends on how a body is turned, not on a vector in it alone.
+    has_zero : bool
+        Whether it is an angle about an axis, from a zero of the instrument, which is the freedom of a target.
     unchanged_by : mapping of str to str
         Components of effects that do not change a reading, and why.
     """
@@ -105,6 +111,8 @@ class Measurand:
     rigid: ClassVar[tuple[str, ...]] = ("x", "y", "z", *TURNS)
     has_origin: ClassVar[bool] = False
     has_attitude: ClassVar[bool] = False
+    has_axes: ClassVar[bool] = False
+    has_zero: ClassVar[bool] = False
     unchanged_by: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     @property
@@ -269,7 +277,7 @@ class Pose(Point):
     columns = components = labels = ("x", "y", "z", *TURNS)
     inputs = 12
     freedoms = ("x", "y", "z", *TURNS)
-    has_attitude = True
+    has_attitude = has_axes = True
 
     def error(self, residuals: Array, arm: float = 1.0) -> Array:
         """Return differences of coordinates, and rotation vectors; residuals of turns are 2 tan(angle / 2) long."""
@@ -307,7 +315,7 @@ class Orientation(Measurand):
     moving = False
     is_place = False
     freedoms = rigid = TURNS
-    has_attitude = True
+    has_attitude = has_axes = True
     unchanged_by = Direction.unchanged_by
 
     def unit(self, length: str) -> str:
@@ -331,10 +339,70 @@ class Orientation(Measurand):
         return _turn_to(steps, axes, reading)
 
 
+@dataclass(frozen=True)
+class Angle(Measurand):
+    """The angle by which a body has turned about an axis of the measuring frame, modulo whole turns.
+
+    Of any rotation it is the twist: the turn about the axis that is left when the turn of the axis itself is taken off.
+    """
+
+    kind = "angle"
+    words = "angles about an axis"
+    columns = components = labels = ("angle",)
+    inputs = 2
+    dimension = ANGLE
+    moving = False
+    is_place = False
+    freedoms = ("zero",)
+    rigid = TURNS
+    has_axes = has_zero = True
+    unchanged_by = MappingProxyType(
+        {k: v.replace("direction", "angle") for k, v in Direction.unchanged_by.items()}
+    )
+
+    def unit(self, length: str) -> str:
+        """Return arcsec."""
+        return "arcsec"
+
+    def arm(self, length: str) -> str:
+        """Return 1: arms are multiples of a unit vector's length."""
+        return "1"
+
+    def size(self, reading: Array) -> float:
+        """Return 1."""
+        return 1.0
+
+    def error(self, residuals: Array, arm: float = 1.0) -> Array:
+        """Return angles; residuals are 2 tan(angle / 2)."""
+        return _angles(residuals)
+
+    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
+        """Return 2 tan of half the angle from the prediction to the reading, given cosine and sine of half of this.
+
+        With a unit quaternion (w, v) of the rotation the twist φ about e has tan(φ/2) = v·e / w, and w and v are as
+        1 + Σ e_i·m_i and Σ e_i × m_i, with the axes m of the body that were the machine's e_i at zero.
+        """
+        unit = steps.matrix.eye(3)
+        across, along = steps.zero, 1
+        for i in range(3):
+            across = across + unit[:, i].cross(axes[:, i])
+            along = along + axes[i, i]
+        sine, cosine = (
+            steps.let("sine_half", across.dot(steps.known("about"))),
+            steps.let("cosine_half", along),
+        )
+        c, s = reading[0], reading[1]
+        if steps.structure.target:
+            zero = steps.known("target_zero")[0] + steps.freedoms("target", ("zero",))[0]
+            of_zero = steps.turn(zero / 2)
+            c, s = c * of_zero[0] + s * of_zero[1], s * of_zero[0] - c * of_zero[1]
+        return type(reading)([2 * (s * cosine - c * sine) / (c * cosine + s * sine)])
+
+
 POINT, DIRECTION, DISTANCE = Point(), Direction(), Distance()
-POSE, ORIENTATION = Pose(), Orientation()
+POSE, ORIENTATION, ANGLE_ABOUT = Pose(), Orientation(), Angle()
 MEASURANDS: Mapping[str, Measurand] = MappingProxyType(
-    {m.kind: m for m in (POINT, DIRECTION, DISTANCE, POSE, ORIENTATION)}
+    {m.kind: m for m in (POINT, DIRECTION, DISTANCE, POSE, ORIENTATION, ANGLE_ABOUT)}
 )
 """All measurands, by their names in machine files."""
 READING_COLUMNS = frozenset(column for m in (POINT, DIRECTION, DISTANCE) for column in m.columns)
@@ -347,7 +415,7 @@ class Measured:
 
     Attributes
     ----------
-    kind : {"point", "direction", "distance", "pose", "orientation"}
+    kind : {"point", "direction", "distance", "pose", "orientation", "angle"}
     frame : {"machine", "free"}
         Readings are in machine axes, or in a frame that is found with the rest.
     origin : tuple of float, length 3, or None
@@ -358,6 +426,8 @@ class Measured:
         Standard uncertainty of an attitude about each axis; stated where and only where `noise` of poses is.
     correlation : tuple of tuple of float, or None
         Of the errors of the components of a reading, (m, m); None where they are independent.
+    about : tuple of float, length 3, or None
+        Unit vector about which angles are read, in the measuring frame.
     """
 
     kind: str
@@ -366,6 +436,7 @@ class Measured:
     noise: float | None = None
     attitude_noise: float | None = None
     correlation: tuple[tuple[float, ...], ...] | None = None
+    about: Vector | None = None
 
     @property
     def whitening(self) -> Array | None:

@@ -317,6 +317,9 @@ class Model:
             }
             for name, value in parts.items():
                 g[:, at[name, 0] : at[name, 0] + 9] = value.reshape(-1, 9)
+        if s.measurand.has_zero and s.target:
+            zeros = values[self._numbers([("target", target, "zero") for target, _ in groups])]
+            g[:, at["target_zero", 0]] = zeros
         if s.shift:
             of_run = np.array([run for _, run in groups], np.intp)
             shifts = values[self._shift_numbers(int(of_run.max(initial=0)) + 1)]
@@ -374,6 +377,8 @@ class Model:
             return np.array([machine.targets[target].point for target, _ in groups])
         if name == "target_rotation":
             return self._attitudes[[target for target, _ in groups]].reshape(-1, 9)
+        if name == "about":
+            return np.array(machine.measured.about)
         if name == "whitening":
             return np.array(machine.measured.whitening, float).ravel()
         if name == "gravity":

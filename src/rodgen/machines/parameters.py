@@ -103,7 +103,7 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
     for k, target in enumerate(machine.targets):
         effect = geometric.get(("target", target.name))
         for x in machine.measurand.freedoms:
-            unit = machine.angle_unit if x in TURNS else machine.measurand.unit(length)
+            unit = machine.angle_unit if x in {*TURNS, "zero"} else machine.measurand.unit(length)
             if "target" in machine.estimate:
                 yield made(f"target.{target.name}.{x}", unit, "target", k, x, place=target.name)
             elif effect is not None:

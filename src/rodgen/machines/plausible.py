@@ -72,7 +72,7 @@ def tolerances(model: Model, moved: float, *, usual: bool) -> Array:
         "target": aim if model.structure.moving else turn,
     }
     # how a body is turned in itself is a matter of which of its axes are read, and no fault of a file
-    turned = [p.slot[0] == "target" and p.slot[-1] in TURNS for p in model.parameters]
+    turned = [p.slot[0] == "target" and p.slot[-1] in {*TURNS, "zero"} for p in model.parameters]
     return np.where(turned, np.inf, [of_kind.get(kind, np.inf) for kind in model.kinds])
 
 

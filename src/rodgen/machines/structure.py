@@ -267,6 +267,10 @@ class Structure:
                 yield "frame", 0, 3
         if self.measurand.has_origin:
             yield "origin", 0, 3
+        if self.measurand.has_zero:
+            yield "about", 0, 3
+            if self.target:
+                yield "target_zero", 0, 1
         if self.correlated:
             yield "whitening", 0, self.components**2
         yield from (("acts", n, 1) for n, term in enumerate(self.terms) if term.target)

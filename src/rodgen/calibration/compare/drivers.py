@@ -89,6 +89,8 @@ def _places(sample: Sample) -> Iterator[Driver]:
     def of(name: str, unit: str, values: Array, text: str, period: float | None = None) -> Driver:
         return Driver("place", name, values, values, unit, text, period=period)
 
+    if not machine.measurand.moving and not machine.measurand.is_direction:
+        return
     if not machine.measurand.moving:
         altitude = np.degrees(np.arctan2(height, np.linalg.norm(level, axis=1)))
         yield of("altitude", "deg", altitude, "the altitude")

@@ -44,6 +44,8 @@ def _independent(model: Model, o: Observations, theta: Array, frame: Frame, weig
     turns = np.stack(
         [np.cross(axis, place if not measurand.moving else place - place.mean(axis=0)) for axis in axes]
     )
+    if measurand.has_zero:
+        return np.asarray(-weight[:, :, None] * (axes @ np.array(model.machine.measured.about)))
     if not measurand.moving and measurand.has_attitude:
         return np.asarray(-np.einsum("km,nm->nmk", axes, weight))
     if not measurand.moving:

@@ -373,6 +373,9 @@ class _Binder:
                 expected = f'{joined(self.readings)}: the machine file says kind = "{measurand.kind}"'
                 raise InputFileError(self.data.file, self.data.header_place, found, expected)
         reading = empty(shape)
+        if measurand.has_zero:
+            self._scaled(self.column("angle", ANGLE), reading[:, 0], LARGEST_READING)
+            return reading
         if not measurand.moving:
             for i, name in enumerate(self.readings):
                 column = columns.get(name)

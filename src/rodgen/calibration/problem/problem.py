@@ -233,6 +233,8 @@ class Problem:
         if kind == "start":
             return o.pose_start[rows, of]  # type: ignore[index]
         if kind == "reading":
+            if self.model.structure.measurand.has_zero:
+                return (np.cos, np.sin)[of](o.reading[rows, 0] / 2)
             of_attitude = of - self.model.structure.measurand.inputs + 9
             if o.attitude is not None and of_attitude >= 0:
                 return o.attitude[rows, of_attitude // 3, of_attitude % 3]
@@ -575,7 +577,7 @@ class Problem:
 
     def _placed(self, theta: Array, frame: Frame) -> Array:
         self.follow(theta, frame)
-        return self._by_row("place", theta, frame, 12 if self.model.structure.measurand.has_attitude else 3)
+        return self._by_row("place", theta, frame, 12 if self.model.structure.measurand.has_axes else 3)
 
     def read_as_predicted(self, theta: Array, frame: Frame) -> Problem:
         """Return the problem with the predicted directions and attitudes as readings; residuals are angles from these.
@@ -600,7 +602,8 @@ class Problem:
             return np.ascontiguousarray(self.attitudes(theta, frame)[:, :, 2])
         if measurand.is_place:
             return self.places(theta, frame)
-        return np.asarray(self.observations.reading - self.residuals(theta, frame))
+        off = measurand.error(self.residuals(theta, frame), self.observations.arm)
+        return np.asarray(self.observations.reading - off)
 
     def jacobian(self, theta: Array, frame: Frame) -> Array:
         """Return the derivative of the weighted residuals, (n, m, parameters), all of it in memory."""

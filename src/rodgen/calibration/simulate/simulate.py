@@ -177,7 +177,10 @@ def _columns(
     for name, values in zip(machine.measurand.columns, read.reading.T, strict=False):
         unit = None
         factor = 1.0
-        if machine.measurand.moving:
+        if machine.measurand.has_zero:
+            unit = getattr(design.columns.get(name), "unit", None) or machine.angle_unit
+            factor = parse_unit(unit).factor()
+        elif machine.measurand.moving:
             unit = getattr(design.columns.get(name), "unit", None) or machine.length_unit
             factor = parse_unit(unit).factor(machine.length_unit)
         noise = 0.0 if sigma is None else float(np.min(sigma)) / factor

@@ -155,7 +155,7 @@ class Simulator:
             turned = rotation_matrix(noise[:, -3:] / exact.arm) @ exact.attitude
             read = exact.reading + noise[:, :3] if self.machine.measurand.moving else turned[:, :, 2]
             return replace(exact, reading=read, attitude=turned)
-        if self.machine.measurand.moving:
+        if not self.machine.measurand.is_direction:
             noise = self.sigma * self._errors(exact.n)
             return replace(exact, reading=exact.reading + noise)
         variance = np.broadcast_to(self.sigma**2, exact.reading.shape)

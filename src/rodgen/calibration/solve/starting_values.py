@@ -65,6 +65,9 @@ def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
         turned = with_attitudes(thinned(problem), theta, free)
         theta = min((theta, turned), key=lambda t: problem.cost(t, nearest_frames(problem, t)[0]))
 
+    if model.structure.measurand.has_zero:
+        theta = _with_zeros(thinned(problem), theta, free)
+
     def fitted(theta: Array, frame: Frame) -> Solution:
         return minimise(problem, theta, frame, free, progress=step)
 
@@ -147,6 +150,17 @@ def with_attitudes(problem: Problem, theta: Array, free: Sequence[int]) -> Array
             body = nearest_rotation(np.einsum("nji,lj,nlk->ik", predicted[of], frame.T, o.attitude[of]))
         turned = model.attitude(theta, k) @ body @ rotation_matrix(model.machine.targets[k].attitude).T
         theta[numbers[k]] = rotation_vector(turned)
+    return theta
+
+
+def _with_zeros(problem: Problem, theta: Array, free: Sequence[int]) -> Array:
+    """Return the values with those zeros of instruments that are free as angles were read: circular means."""
+    theta, model = theta.copy(), problem.model
+    off = model.structure.measurand.error(problem.residuals(theta, Frame.identity()))[:, 0]
+    for k in range(len(model.machine.targets)):
+        index, of = model.index.get(("target", k, "zero")), problem.observations.target == k
+        if index in free and of.any():
+            theta[index] += float(np.angle(np.mean(np.exp(1j * off[of]))))
     return theta
 
 

@@ -187,6 +187,8 @@ class EffectDefinition:
                 name: unit for name, unit in self.poses.parameters.items() if name not in self.parameters
             }
             return replace(self, formula=self.poses.slope, parameters=turned, directions=None)
+        if measurand.has_zero and self.component == "target":
+            return replace(self, formula=self.formula, parameters={"zero": "arcsec"}, directions=None)
         return self.directions or self
 
     @property

@@ -44,7 +44,7 @@ def scope_of(machine: Machine, travel: Any = None) -> Scope:
     left_out = dict(_left_out(machine))
     reasons = [(shown(effect.title), why) for effect, why in left_out.items()]
     measured, measurand = machine.measured, machine.measurand
-    if measurand.has_attitude and not measurand.moving:
+    if measurand.has_axes and not measurand.moving:
         found, expected = (
             f"{measurand.kind!r}, which tells no place",
             "a machine whose points or poses are read",

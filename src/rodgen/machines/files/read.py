@@ -112,7 +112,7 @@ _KEYS = {
         "counterbalance",
     ),
     "target": ("name", "point", "attitude"),
-    "measured": ("kind", "frame", "from", "noise", "attitude_noise", "correlation"),
+    "measured": ("kind", "frame", "from", "about", "noise", "attitude_noise", "correlation"),
     "estimate": ("parameters",),
     "effect": (
         "name",
@@ -133,7 +133,7 @@ _MISSING = {
     "joint": "one block for each joint, the base's first",
     "target": "one block or more, each with name and point",
     "geometry": "R, r and what else the family needs in it",
-    "measured": 'kind = "point" (or "direction", "distance", "pose", "orientation") and frame = "machine" (or '
+    "measured": 'kind = "point" (or "direction", "distance", "pose", "orientation", "angle") and frame = "machine" (or '
     '"free") in it',
 }
 
@@ -360,6 +360,13 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     if "from" in table and not measurand.has_origin:
         raise table.error("from", f"given together with kind = {kind!r}", "it with kind = 'distance' only")
     origin = table.get("from", _POINT) if measurand.has_origin else None
+    if "about" in table and not measurand.has_zero:
+        raise table.error("about", f"given together with kind = {kind!r}", "it with kind = 'angle' only")
+    if measurand.has_zero and frame == "free":
+        raise table.error(
+            "frame", "'free' together with kind = 'angle'", "'machine': the axis is in machine axes"
+        )
+    about = table.get("about", _DIRECTION) if measurand.has_zero else None
     own = per_radian if measurand.dimension == ANGLE else 1.0
     noise = table.get("noise", _noise_in(measurand.dimension, length, own), None)
     attitude_noise = table.get("attitude_noise", _noise_in(ANGLE, length, per_radian), None)
@@ -376,7 +383,7 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     correlation = table.get("correlation", _correlation(len(measurand.components)), None)
     if correlation is not None and measurand.is_direction:
         raise table.error("correlation", f"given together with kind = {kind!r}", "it with another kind")
-    return Measured(kind, frame, origin, noise, attitude_noise, correlation)
+    return Measured(kind, frame, origin, noise, attitude_noise, correlation, about)
 
 
 def _correlation(m: int) -> Kind[tuple[tuple[float, ...], ...]]:
@@ -454,7 +461,7 @@ def _legs(kinematics: Kinematics) -> tuple[Joint, ...]:
 
 
 def _targets(top: Table, measurand: Measurand, per_radian: float, *, closed: bool) -> tuple[Target, ...]:
-    if closed and measurand.has_attitude:
+    if closed and measurand.has_axes:
         raise InputFileError(
             top.file,
             "[measured], kind",
@@ -474,7 +481,7 @@ def _targets(top: Table, measurand: Measurand, per_radian: float, *, closed: boo
             given = f"given together with kind = {measurand.kind!r}"
             raise table.error("attitude", given, "it with kind = 'pose' or 'orientation' only")
         attitude = table.get("attitude", VECTOR.then(_scaled(per_radian)), _ORIGIN)
-        if measurand.has_attitude and not measurand.moving:  # where it is read does not matter
+        if measurand.has_axes and not measurand.moving:  # where it is read does not matter
             place = table.get("point", point, (0.0, 0.0, 1.0))
         else:
             place = table.get("point", point)

@@ -81,6 +81,8 @@ def machine_text(machine: Machine) -> str:
     ]
     if measured.origin is not None:
         blocks[-1].append(f"from = {_vector(measured.origin)}")
+    if measured.about is not None:
+        blocks[-1].append(f"about = {_vector(measured.about)}")
     if measured.noise is not None:
         noise = decimal(measured.noise, machine.file_factor(machine.measurand.dimension))
         blocks[-1].append(f"noise = {noise}")
