@@ -5,6 +5,7 @@ from __future__ import annotations
 import runpy
 import subprocess
 import sys
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
@@ -412,6 +413,11 @@ def test_emitted_code_corrects_place_and_attitude_of_the_tool(tmp_path, compiler
     )
     done = subprocess.run([tmp_path / "t"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
+    emit(fit.machine, "urdf", tmp_path, name="arm")
+    origin = ElementTree.parse(tmp_path / "arm.urdf").find("joint[@name='p_fixed']/origin")
+    angles = [float(x) for x in origin.get("rpy").split()]
+    at_zero = Simulated(file, held | wrong).measure(np.zeros((1, 6)))[0, 3:].reshape(3, 3)
+    assert np.abs(Rotation.from_euler("xyz", angles).as_matrix() - at_zero).max() < 1e-5
     tests = subprocess.run(
         [sys.executable, "test_arm.py"], cwd=tmp_path, capture_output=True, text=True, check=False
     )

@@ -78,10 +78,11 @@ def emit(
         One of :data:`FORMS`. ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no
         allocation, no state, no recursion, every loop bounded. ``"numpy"``: NAME.py and test_NAME.py, over many rows.
         ``"jax"``: the same for JAX in double precision, on whatever device it has, for jit, vmap and grad. The geometry
-        alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified Denavit-Hartenberg table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each
-        axis over its travel, and location errors, with the names of ISO 230. ``"screw"``: the errors of position of
-        each axis as tables for SINUMERIK and LinuxCNC. ``"map"``: the error and the correction of commands on a grid
-        over the travels of at most three joints. Each file says what of the model is not in it.
+        alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified Denavit-Hartenberg
+        table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each axis over its travel,
+        and location errors, with the names of ISO 230. ``"screw"``: the errors of position of each axis as tables for
+        SINUMERIK and LinuxCNC. ``"map"``: the error and the correction of commands on a grid over the travels of at
+        most three joints. Each file says what of the model is not in it.
     folder : str or os.PathLike
         Is made where there is none. All files are written, or none.
     name : str, optional

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError, joined
 from rodgen.machines.emit._content import content_of
 from rodgen.machines.emit._render import render
+from rodgen.machines.measured import POINT
 
 if TYPE_CHECKING:
     from rodgen.machines.emit._content import Content
@@ -40,6 +42,9 @@ def map_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
     InputFileError
         When directions are measured, or not one to three joints have a travel.
     """
+    if machine.measurand.has_attitude and machine.measurand.moving:  # a map is of places
+        places = replace(machine.measured, kind=POINT.kind, attitude_noise=None, correlation=None)
+        machine = replace(machine, measured=places)
     content = content_of(machine, name, travel)
     file = machine.file or machine.name
     if content.directions:

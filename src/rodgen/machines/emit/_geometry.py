@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from rodgen.errors import InputFileError
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.fixed import fixed_machine
-from rodgen.machines.rigid import complete_basis, rotation_matrix, tilted
+from rodgen.machines.measured import TURNS
+from rodgen.machines.rigid import complete_basis, rotation_matrix, rotation_vector, tilted
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -68,11 +69,13 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
     fixed, lines = fixed_machine(own), located(own)
     axes, points, zeros = lines
     targets = [np.array(target.point, float) for target in fixed.targets]
+    attitudes = [rotation_matrix(target.attitude) for target in fixed.targets]
     held = _held(fixed)
     for k, target in enumerate(fixed.targets):
         offset = held.get(target.name, {}).get("target_offset", {})
-        if set(offset) <= {"x", "y", "z"}:
+        if machine.measurand.moving:
             targets[k] = targets[k] + [offset.get(x, 0.0) for x in "xyz"]
+            attitudes[k] = rotation_matrix([offset.get(x, 0.0) for x in TURNS]) @ attitudes[k]
         else:
             tilt = [offset.get(x, 0.0) for x in "ab"]
             targets[k] = tilted(targets[k], *complete_basis(targets[k]), tilt)[0]
@@ -86,6 +89,7 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
         axes[j + 1 :] = [turn @ axis for axis in axes[j + 1 :]]
         points[j + 1 :] = [turn @ point + way for point in points[j + 1 :]]
         targets = [turn @ point + way if moving else turn @ point for point in targets]
+        attitudes = [turn @ attitude for attitude in attitudes]
     rigid = replace(
         fixed,
         joints=tuple(
@@ -93,7 +97,8 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
             for joint, axis, point in zip(fixed.joints, axes, points, strict=True)
         ),
         targets=tuple(
-            replace(target, point=_three(point)) for target, point in zip(fixed.targets, targets, strict=True)
+            replace(target, point=_three(point), attitude=_three(rotation_vector(attitude)))
+            for target, point, attitude in zip(fixed.targets, targets, attitudes, strict=True)
         ),
         effects=(),
     )
