@@ -97,10 +97,13 @@ def test_json_is_all_that_is_printed(diagnosed):
     assert [(s["effect"], s["joint"]) for s in gantry["steps"]] == [("encoder_eccentricity", "C")]
 
 
-def test_text_names_the_effects_and_the_falling_error(folder, rodgen_command, diagnosed):
-    code, out, err = rodgen_command("diagnose", "mount.toml", "stars.csv")
+def test_text_names_the_effects_and_the_falling_error(with_diagnoses, rodgen_command, diagnosed):
+    code, out, err = rodgen_command("diagnose", "mount.toml", "stars.csv", "-o", "better.toml")
     assert (code, err) == (0, "")
     lines = out.splitlines()
+    assert lines[-1] == "better.toml: mount.toml with tube_flexure, refraction"
+    assert rodgen_command("add", "mount.toml", "--from-diagnosis", "mount.json", "-o", "added.toml")[0] == 0
+    assert Path("better.toml").read_text() == Path("added.toml").read_text()
     assert lines[0] == "Alt-azimuth mount of a telescope, stars.csv: 80 rows"
     assert max(map(len, lines)) <= 130
     found = parsed(diagnosed["mount"])

@@ -103,6 +103,25 @@ def test_a_row_of_several_targets_becomes_rows(names, tmp_path):
     assert any(note.startswith("Readings of 3 targets in a row: ball_1 is ") for note in notes)
 
 
+def test_balls_that_a_machinist_probed_become_measurements(tmp_path):
+    """A wide table with decimal commas, whose columns are named in words: nothing has to be mapped."""
+    (tmp_path / "balls.csv").write_text(
+        "Nr;A-Achse;C axis;K1 X;K1 Y;K1 Z;K2 X;K2 Y;K2 Z\n1;-30,5;90;1,5;2;3;4;5;6,25\n"
+    )
+    columns, notes = columns_of(
+        machine_template("table-table", balls=2), tmp_path / "balls.csv", units=("mm", "deg")
+    )
+    assert {name: list(values) for name, values in columns.items()} == {
+        "A [deg]": [-30.5, -30.5],
+        "C [deg]": [90, 90],
+        "x [mm]": [1.5, 4],
+        "y [mm]": [2, 5],
+        "z [mm]": [3, 6.25],
+        "target": ["ball_1", "ball_2"],
+    }
+    assert {"A is 'A-Achse'.", "C is 'C axis'."} <= set(notes)
+
+
 def test_each_file_may_be_a_target_or_a_run(tmp_path):
     for k in (1, 2, 3):
         for name in (f"ball_{k}", f"day {k}"):
@@ -265,10 +284,10 @@ def test_what_is_wrong_with_the_map_is_said_in_one_sentence(entry, expected, tmp
     ("arguments", "expected"),
     [
         (["t.csv", "-d", "d.csv"], "t.csv: file: readings without a machine; expected a machine file, too"),
-        (["m.toml", "t.csv"], "no -d, where there are readings; expected -d FILE"),
+        (["m.toml", "t.csv"], "no -d; expected -d DATA.csv: the readings go there"),
         (
             ["m.toml", "t.csv", "-d", "d.csv", "-o", "o.toml"],
-            "-o, but not a machine file is made; expected no -o FILE",
+            "-o, though a SOURCE is a machine file; expected no -o",
         ),
         (
             ["m.toml", "m.toml", "-d", "d.csv"],

@@ -95,6 +95,20 @@ def test_a_machine_tool_is_its_two_branches(kind):
         assert seen == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.parametrize("code", ["[w C A b X Y Z t]", "[w C' B' b X Y Z t]", "[w A X b Z Y t]"])
+def test_balls_on_the_table_are_where_the_tool_meets_them(code):
+    """The tool at the place of a ball is, in the workpiece's axes, where the ball is with all joints at zero."""
+    probed = machine_of(machine_template("table-table", code=code, balls=2), "m.toml", Machine)
+    tool = made("table-table", code)
+    rng = np.random.default_rng(3)
+    for ball in probed.targets:
+        q = dict(zip((joint.name for joint in probed.joints), rng.uniform(-2, 2, 2), strict=False))
+        place = to_mechanism(probed).forward(list(q.values())) @ [*ball.point, 1]
+        q |= dict(zip("XYZ", place, strict=False))
+        chain = to_mechanism(tool).forward([q[joint.name] for joint in tool.joints])
+        assert chain @ [*tool.targets[0].point, 1] == pytest.approx([*ball.point, 1], abs=1e-9)
+
+
 def test_the_command_writes_and_lists(tmp_path, rodgen_command: Run):
     code, out, err = rodgen_command("new")
     assert (code, err) == (0, "")
@@ -150,6 +164,8 @@ def test_a_terminal_is_asked(answers, expected, tmp_path, monkeypatch, rodgen_co
             "the code '[w X b X Z t]'; expected axes X, Y, Z, A, B, C, each once",
         ),
         (["3-axis", "--code", "w b t"], "the code 'w b t'; expected axes"),
+        (["turntable", "--balls", "2"], "balls of turntable; expected none: it is no machine tool"),
+        (["head-table", "--balls", "2"], "balls of [w C b X Y Z B t]; expected one or more, and all rotary"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence(arguments, expected, rodgen_command: Run):

@@ -6,6 +6,7 @@ import argparse
 
 from rodgen.cli._console import Command, after_fits, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_test, add_timings, diagnosed
+from rodgen.cli._outputs import Outputs
 
 __all__ = ["add_to"]
 
@@ -18,9 +19,10 @@ are possible answers. Outliers are set aside, and the correlation of readings is
 
 {FILES}
   rodgen diagnose mount.toml stars.csv
-  rodgen diagnose mount.toml stars.csv --json > diagnosis.json
+  rodgen diagnose mount.toml stars.csv -o better.toml
   rodgen diagnose mount.toml stars.csv --prefer scale@EL
-  rodgen add mount.toml --from-diagnosis diagnosis.json -o better.toml
+  rodgen diagnose mount.toml stars.csv --json > diagnosis.json
+  rodgen add mount.toml --from-diagnosis diagnosis.json --step 1 -o better.toml
 """
 
 
@@ -37,13 +39,29 @@ def add_to(command: Command) -> None:
         type=_preferred,
         help="name this effect first among what the data cannot tell apart; may be repeated",
     )
+    diagnose.add_argument(
+        "-o",
+        "--output",
+        metavar="BETTER.toml",
+        help="write the machine file with the effects that were found, to be fitted, added to or emitted",
+    )
     add_json(diagnose)
     add_timings(diagnose)
 
 
 def _run(options: argparse.Namespace) -> int:
-    found = diagnosed(options, options.test, options.prefer, shown=True)
-    show_result(options, found.to_dict, found.summary)
+    with Outputs(*filter(None, [options.machine, options.data, options.test])) as outputs:
+        outputs.claim(options.output)
+        found = diagnosed(options, options.test, options.prefer, shown=True)
+        written = ""
+        if options.output:
+            from rodgen.machines.files.edit import text_with_effects
+
+            effects = [one.effect for one in found.found]
+            outputs.add(options.output, text_with_effects(options.machine, effects).encode())
+            what = f"with {', '.join(effect.title for effect in effects)}" if effects else "as it is"
+            written = f"\n\n{options.output}: {options.machine} {what}"
+    show_result(options, found.to_dict, lambda: found.summary() + written)
     return after_fits(all(each.solution.converged for each in found.fits))
 
 

@@ -107,11 +107,7 @@ def _run(options: argparse.Namespace) -> int:
             ("-d", options.data, bool(made.columns)),
         ):
             if bool(wanted) != there:
-                what = "a machine file is made" if name == "-o" else "there are readings"
-                found = f"{name}, but not {what}" if wanted else f"no {name}, where {what}"
-                raise InputFileError(
-                    "command line", "rodgen import", found, f"{'no ' if wanted else ''}{name} FILE"
-                )
+                raise InputFileError("command line", "rodgen import", *_MISFITS[name, there])
         machine = made.machine
         said = list(made.notes)
         if options.output:
@@ -137,6 +133,14 @@ def _run(options: argparse.Namespace) -> int:
     show("\n".join(said))
     return FAILED if wrong else OK
 
+
+_MISFITS = {
+    ("-o", False): ("-o, though a SOURCE is a machine file", "no -o: that file stays as it is"),
+    ("-o", True): ("no -o", "-o MACHINE.toml: the machine file that is made"),
+    ("-d", False): ("-d, but no SOURCE has readings", "no -d, or a table of readings, too"),
+    ("-d", True): ("no -d", "-d DATA.csv: the readings go there"),
+}
+"""By option, and whether it is needed: what was found, and what was expected."""
 
 _URDF, _TABLE, _RUN, _MODEL = "a URDF", "a Denavit-Hartenberg table", "a pointing run", "a model of TPOINT"
 _MACHINE, _READINGS = "a machine file", "a table of readings"

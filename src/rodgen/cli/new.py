@@ -7,7 +7,7 @@ import sys
 
 from rodgen.cli._console import OK, Command, located, show
 from rodgen.cli._outputs import Outputs
-from rodgen.cli._values import quantity
+from rodgen.cli._values import quantity, whole
 from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
@@ -18,9 +18,11 @@ Write a machine file with comments, to be changed to your machine.
   rodgen new turntable -o machine.toml
   rodgen new equatorial-german --latitude 48.1deg -o mount.toml
   rodgen new table-table --code "[w C B b X Y Z t]" -o machine.toml
+  rodgen new table-table --balls 3 -o machine.toml
 
 Without KIND the kinds are listed, and a terminal is asked. CODE is that of ISO 10791: the axes in order from the
-workpiece w over the bed b to the tool t.
+workpiece w over the bed b to the tool t. With --balls the measurements are the places of balls on its table, as the
+spindle probes them, in the linear axes; else they are those of the tool, in the workpiece's axes.
 """
 
 
@@ -40,6 +42,12 @@ def add_to(command: Command) -> None:
         metavar="ANGLE",
         type=_latitude,
         help="of an equatorial mount, such as 31.7deg",
+    )
+    made.add_argument(
+        "--balls",
+        metavar="N",
+        type=whole(1),
+        help="of a machine tool: N balls on the table are measured, by a probe in the spindle",
     )
 
 
@@ -62,7 +70,7 @@ def _run(options: argparse.Namespace) -> int:
     north = latitude.to("rad")[0] if latitude else None
     with located("command line", "rodgen new", "a kind of 'rodgen new'"), Outputs() as outputs:
         outputs.claim(options.output)
-        text = machine_template(kind, code=code, latitude=north)
+        text = machine_template(kind, code=code, latitude=north, balls=options.balls)
         machine = machine_of(text, options.output or kind, Machine)
         if options.output:
             outputs.add(options.output, text.encode())

@@ -24,7 +24,7 @@ from rodgen.calibration.words import (
 from rodgen.data.units import unit_factor
 from rodgen.errors import joined
 from rodgen.machines.effects.plausibility import plausibility, reach
-from rodgen.statistics.thresholds import DETERMINACY, VERDICT
+from rodgen.statistics.thresholds import DETERMINACY, SELECTION, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
@@ -167,10 +167,11 @@ def _lines(d: Diagnosis) -> Iterator[str]:
     if d.verdict == "nothing_missing" and d.ranking:
         best = d.ranking[0]
         yield ""
-        yield (
-            f"Of {len(d.ranking)} candidates, {best.effect.title} comes nearest, "
-            f"but chance explains as much ({chance(best.p_value)})."
-        )
+        why = f"chance explains as much ({chance(best.p_value)})"
+        if best.p_value < SELECTION.family_wise:  # linear columns promised more than full fits hold
+            why = "the fit of the whole model does not confirm it"
+        nearest = f"Of {len(d.ranking)} candidates, {best.effect.title} comes nearest, but {why}."
+        yield from textwrap.wrap(nearest, WIDTH)
         yield from _could_hide(d)
     unseen = [effect.title for effect in d.unseen]
     if unseen:

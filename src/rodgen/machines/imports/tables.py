@@ -37,6 +37,7 @@ _OTHER_NAMES = {
     "t": ("time", "timestamp", "date", "datetime", "utc"),
     "target": ("ball", "point", "marker", "reflector", "smr"),
 }
+_AXIS_NAMES = ("{}_axis", "axis_{}", "{}_achse", "achse_{}")
 _KEPT = ("target", "run", "load", "t", "use")
 _PREFIXES = ("u_", "dir_", "v_", "T_")
 _WIDE = (
@@ -125,7 +126,7 @@ def _of_table(
     columns = _Columns(table, notes=list(table.notes))
     _take_stated(columns, stated)
     for joint in machine.joints:
-        _take_named(columns, joint.name, (), machine)
+        _take_named(columns, joint.name, [each.format(joint.name) for each in _AXIS_NAMES], machine)
     if attitudes:
         _take_attitude(columns, machine)
     wide = {} if all(name in columns.found for name in _places(machine)) else _take_readings(columns, machine)

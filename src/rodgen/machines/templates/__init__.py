@@ -42,6 +42,7 @@ _AXES = {"X": (1, 0, 0), "Y": (0, 1, 0), "Z": (0, 0, 1)}
 _TURNS = {"A": "X", "B": "Y", "C": "Z"}
 _TRAVEL = {"X": 300, "Y": 250, "Z": 200, "A": 110, "B": 110, "C": 180}
 _PIVOT = 150
+_NOISE = "# noise = 0.002              # standard deviation of a coordinate, mm; without it, it is estimated"
 _ON_THE_CHAIN = """\
 # It is written as one chain in the workpiece's frame, which ends at the tool. By ISO 841 a positive motion moves the
 # tool in the positive direction relative to the workpiece, so that axes of the table have positive axes here, too.
@@ -50,7 +51,9 @@ _ON_THE_CHAIN = """\
 """
 
 
-def machine_template(kind: str, *, code: str | None = None, latitude: float | None = None) -> str:
+def machine_template(
+    kind: str, *, code: str | None = None, latitude: float | None = None, balls: int | None = None
+) -> str:
     """Return the text of a machine file with comments.
 
     Parameters
@@ -61,11 +64,13 @@ def machine_template(kind: str, *, code: str | None = None, latitude: float | No
         Of a machine tool, after ISO 10791.
     latitude : float, optional
         Of an equatorial mount, rad.
+    balls : int, optional
+        How many balls on a machine tool's table its spindle probes; None where the tool's place is measured.
 
     Raises
     ------
     RodgenError
-        When there is no such kind, the latitude is missing, or the code is none.
+        When there is no such kind, the latitude is missing, the code is none, or the table has no rotary axis.
 
     Examples
     --------
@@ -79,8 +84,10 @@ def machine_template(kind: str, *, code: str | None = None, latitude: float | No
         )
     if code is not None and kind not in CODES:
         raise RodgenError(f"a code of {kind}; expected none: it is no machine tool")
+    if balls is not None and kind not in CODES:
+        raise RodgenError(f"balls of {kind}; expected none: it is no machine tool")
     if kind in CODES:
-        return _machine_tool(code or CODES[kind])
+        return _machine_tool(code or CODES[kind], balls)
     text = resources.files(__name__).joinpath(f"{kind}.toml").read_text(encoding="utf-8")
     if kind.startswith("equatorial"):
         if latitude is None or not abs(latitude) <= math.pi / 2:
@@ -91,8 +98,8 @@ def machine_template(kind: str, *, code: str | None = None, latitude: float | No
     return text
 
 
-def _machine_tool(code: str) -> str:
-    """Return the file of a machine tool, as one chain from the workpiece to the tool."""
+def _machine_tool(code: str, balls: int | None) -> str:
+    """Return the file of a machine tool: a chain from the workpiece to the tool, or the table under balls."""
     axes = re.findall(r"\(.*?\)|[A-Za-z]'?", code)  # what stands in parentheses is a spindle
     names = [axis.removesuffix("'") for axis in axes if not axis.startswith("(")]
     letters = [name for name in names if name not in ("w", "b", "t")]
@@ -102,7 +109,7 @@ def _machine_tool(code: str) -> str:
             f"the code {shown(code)}; expected axes X, Y, Z, A, B, C, each once, from the workpiece w over the bed b "
             "to the tool t, such as '[w C A b X Y Z t]'"
         )
-    return "\n".join(_tool_lines(names, letters))
+    return "\n".join(_tool_lines(names, letters) if balls is None else _table_lines(names, letters, balls))
 
 
 def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
@@ -118,17 +125,7 @@ def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
     yield 'length = "mm"'
     yield 'angle  = "deg"'
     for axis in letters:
-        turns = axis in _TURNS
-        at = [0, 0, 0] if axis in table else [0, 0, _PIVOT]
-        yield ""
-        yield f"[[joint]]                    # {'of the table' if axis in table else 'of the tool'}"
-        yield f'name   = "{axis}"'
-        yield f'type   = "{"revolute" if turns else "prismatic"}"'
-        yield f"axis   = {list(_AXES[_TURNS.get(axis, axis)])}"
-        if turns:
-            yield f"point  = {at}  # on the axis, with all joints at zero"
-        yield f"travel = [{-_TRAVEL[axis]}, {_TRAVEL[axis]}]"
-        yield f'# drive = "{"direct" if turns else "screw"}"'
+        yield from _joint_lines(axis, "table" if axis in table else "tool")
     yield ""
     yield "[[target]]"
     yield 'name  = "tool"'
@@ -137,7 +134,7 @@ def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
     yield "[measured]"
     yield 'kind  = "point"'
     yield 'frame = "machine"            # free: the readings are in a frame of the instrument'
-    yield "noise = 0.002                # standard deviation of a coordinate, mm"
+    yield _NOISE
     slides = [axis for axis in letters if axis not in _TURNS]
     estimated = [f"{axis}.{what}" for axis in turning for what in ("axis", "point")]
     estimated += [] if turning else [f"{axis}.axis" for axis in slides[1:]]
@@ -146,3 +143,57 @@ def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
     quoted = ", ".join(f'"{name}"' for name in [*estimated, "target"])
     yield f"parameters = [{quoted}]"
     yield ""
+
+
+def _table_lines(names: list[str], letters: list[str], balls: int) -> Iterator[str]:
+    table = letters[: names.index("b") - 1]
+    turning = [axis for axis in letters if axis in _TURNS]
+    if not turning or turning != table[: len(turning)] or balls < 1:
+        raise RodgenError(
+            f"balls of [{' '.join(names)}]; expected one or more, and all rotary axes next to the workpiece w, "
+            "such as [w C A b X Y Z t]"
+        )
+    turning.reverse()
+    header = ",".join(f"{axis} [deg]" for axis in turning)
+    yield f"# The table of a machine tool [{' '.join(names)}], with balls on it whose centres the spindle probes."
+    yield "# The linear axes are the instrument: a reading is where they stand at the centre of a ball."
+    yield "# By ISO 841 a positive motion is that of the tool relative to the workpiece: the table turns the other way."
+    yield f"# A row of measurements: {header},target,x [mm],y [mm],z [mm]"
+    yield f'name = "Table of a machine tool {" ".join(names)}"'
+    yield ""
+    yield "[units]                      # of every number below that has none"
+    yield 'length = "mm"'
+    yield 'angle  = "deg"'
+    for axis in turning:
+        yield from _joint_lines(axis, "table", -1)
+    for k in range(balls):
+        angle = 2 * math.pi * k / balls
+        at = [round(150 * math.cos(angle)), round(150 * math.sin(angle)), 30 + 80 * (k % 2)]
+        yield ""
+        yield "[[target]]                   # with all joints at zero; roughly, as it is estimated"
+        yield f'name  = "ball_{k + 1}"'
+        yield f"point = {at}"
+    yield ""
+    yield "[measured]"
+    yield 'kind  = "point"'
+    yield 'frame = "machine"            # the linear axes'
+    yield _NOISE
+    estimated = [f"{axis}.{what}" for axis in turning for what in ("axis", "point")]
+    yield ""
+    yield "[estimate]"
+    quoted = ", ".join(f'"{name}"' for name in [*estimated, "target"])
+    yield f"parameters = [{quoted}]"
+    yield ""
+
+
+def _joint_lines(axis: str, of: str, sign: int = 1) -> Iterator[str]:
+    turns = axis in _TURNS
+    yield ""
+    yield f"[[joint]]                    # of the {of}"
+    yield f'name   = "{axis}"'
+    yield f'type   = "{"revolute" if turns else "prismatic"}"'
+    yield f"axis   = {[sign * x for x in _AXES[_TURNS.get(axis, axis)]]}"
+    if turns:
+        yield f"point  = {[0, 0, 0] if of == 'table' else [0, 0, _PIVOT]}  # on the axis, with all joints at zero"
+    yield f"travel = [{-_TRAVEL[axis]}, {_TRAVEL[axis]}]"
+    yield f'# drive = "{"direct" if turns else "screw"}"'
