@@ -119,7 +119,7 @@ def test_the_command_says_what_was_taken_for_what(tmp_path, rodgen_command: Run)
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        ("d [mm]", "d [deg]", "line 1, column 'd [deg]': a unit of angle; expected one of length"),
+        ("d [mm]", "d [deg]", "line 1, column 'd [deg]': unit 'deg', which is not a unit of length"),
         ("d [mm]", "d", "line 1, column 'd': no numbers with a unit; expected a header such as theta [deg]"),
         ("A2,1,0", "A2,2,0", "line 3, column sign: '2'; expected '1' or '-1'"),
         ("low [deg]", "lowest [deg]", "line 1, column 'lowest [deg]': unknown column; expected"),
@@ -141,7 +141,7 @@ def test_what_is_wrong_is_said_in_one_sentence(old, new, expected, tmp_path):
         ('"modified"', '"craig"', "convention: 'craig'; expected 'standard' or 'modified'"),
         ("d = 295", "d = 295\nsign = 0", "[[joint]] 1, sign: 0; expected '+1' or '-1'"),
         ("theta = -90", "beta = -90", "[[joint]] 2, beta: unknown key; expected"),
-        ('"deg"', '"mm"', "[units], angle: 'mm'; expected a unit of angle"),
+        ('"deg"', '"mm"', "[units], angle: 'mm', which measures length; expected a unit of angle"),
     ],
 )
 def test_what_is_wrong_in_toml_is_said_in_one_sentence(old, new, expected, tmp_path):

@@ -90,7 +90,7 @@ def test_a_ballbar_s_circle_is_the_squareness_it_was_made_of(column, tmp_path, r
         (
             "angle [mm],radius [mm]",
             "XY=150mm",
-            "column 'angle [mm]': a unit of length; expected one of angle",
+            "column 'angle [mm]': unit 'mm', which is not a unit of angle",
         ),
         ("angle [deg],radius", "XY=150mm", "column 'radius': no unit; expected its unit in brackets"),
     ],

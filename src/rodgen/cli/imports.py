@@ -248,12 +248,13 @@ def _ballbar(text: str) -> tuple[str, Quantity]:
 
 def _units(text: str) -> tuple[str, str]:
     """Read --units."""
-    from rodgen.data.units import ANGLE, LENGTH, UnitError, parse_unit
+    from rodgen.data.units import UnitError, conversion_factor
 
     with contextlib.suppress(UnitError, ValueError):
         length, angle = (part.strip() for part in text.split(","))
-        if (parse_unit(length).dimension, parse_unit(angle).dimension) == (LENGTH, ANGLE):
-            return length, angle
+        conversion_factor(length, "length", "mm")
+        conversion_factor(angle, "angle", "deg")
+        return length, angle
     raise argparse.ArgumentTypeError(
         f"{shown(text)} is not a unit of length and one of angle, such as mm,deg"
     )

@@ -19,7 +19,7 @@ from rodgen.data.units import is_unit
 from rodgen.errors import InputFileError, shown
 from rodgen.files import decoded, open_input, read_input
 
-__all__ = ["ForeignColumn", "ForeignTable", "read_foreign"]
+__all__ = ["ForeignColumn", "ForeignTable", "is_number", "read_foreign"]
 
 _EXPECTED = "a table: CSV or other text, .xlsx or .mat"
 _UNIT = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P<other>[^()]*)\))")
@@ -208,7 +208,7 @@ def _of_rows(
             for k, (_, cells) in enumerate(rows[:MOST_PREAMBLE])
             if len(cells) == usual
             and cells
-            and not any(map(_is_number, cells))
+            and not any(is_number(cell) or isinstance(cell, datetime.date) for cell in cells)
             and sum(map(_is_name, cells)) > usual / 2
         ),
         None,
@@ -250,9 +250,8 @@ def _cell(cell: Any) -> Any:
     return cell
 
 
-def _is_number(cell: Any) -> bool:
-    if isinstance(cell, datetime.datetime | datetime.date):
-        return True
+def is_number(cell: Any) -> bool:
+    """Return whether a cell is a number, or a text that is one."""
     try:
         float(cell)
     except (TypeError, ValueError):

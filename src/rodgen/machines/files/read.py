@@ -63,7 +63,7 @@ from rodgen.machines.parts import (
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["JOINT_NAME", "MOST_JOINTS", "PLACE_NAME", "effect_of", "machine_of", "read_machine"]
+__all__ = ["JOINT_NAME", "MOST_JOINTS", "PLACE_NAME", "effect_of", "machine_of", "read_machine", "unit_of"]
 
 MOST_JOINTS, MOST_TARGETS, MOST_EFFECTS = 64, 1000, 200
 PLATFORM = "platform"
@@ -170,7 +170,7 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     top = Table(file, "", content, _KEYS["family" if "family" in content else "file"])
     name = top.get("name", _TITLE)
     units = top.sub("units", _KEYS["units"], missing=_MISSING["units"])
-    length, angle = units.get("length", _unit(LENGTH, "mm")), units.get("angle", _unit(ANGLE, "deg"))
+    length, angle = units.get("length", unit_of(LENGTH, "mm")), units.get("angle", unit_of(ANGLE, "deg"))
     per_radian = parse_unit(angle).factor()
     environment = top.sub("environment", _KEYS["environment"])
     measured = _measured(top, length, per_radian)
@@ -297,7 +297,8 @@ def _scaled(factor: float) -> Any:
     return step
 
 
-def _unit(dimension: Dimension, example: str) -> Kind[str]:
+def unit_of(dimension: Dimension, example: str) -> Kind[str]:
+    """Return how the name of a unit is read: one name, no product, that measures a dimension."""
     wanted = f"a unit of {dimension}, such as {example}"
 
     def check(text: str) -> str:

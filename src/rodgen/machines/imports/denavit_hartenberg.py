@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from rodgen.data.measurements import Measurements, Names
-from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit
+from rodgen.data.units import ANGLE, LENGTH, Quantity, UnitError, conversion_factor
 from rodgen.errors import InputFileError, listed, shown
 from rodgen.kinematics.spatial.robots.denavit_hartenberg import (
     from_denavit_hartenberg,
     from_modified_denavit_hartenberg,
 )
-from rodgen.machines.files.read import MOST_JOINTS
+from rodgen.machines.files.read import MOST_JOINTS, unit_of
 from rodgen.machines.files.toml import NUMBER, PAIR, TEXT, VECTOR, Table, one_of, parse, read_text
 from rodgen.machines.imports.imported import Imported, clean, machine_name
 from rodgen.machines.measured import Measured
@@ -34,7 +34,7 @@ CONVENTIONS = {
     "modified": from_modified_denavit_hartenberg,
 }
 _ORDER = {"standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha)", "modified": "Tx(a) Rx(alpha) Tz(d) Rz(theta)"}
-_NUMBERS: dict[str, Dimension] = {"theta": ANGLE, "d": LENGTH, "a": LENGTH, "alpha": ANGLE}
+_NUMBERS: dict[str, Quantity] = {"a": "length", "alpha": "angle", "d": "length", "theta": "angle"}
 _EXAMPLE = "theta [deg],d [mm],a [mm],alpha [deg]"
 _LARGEST = 1e12
 _SIGNS = ("+1", "-1")
@@ -157,9 +157,9 @@ def _of_csv(file: str) -> tuple[str, list[_Row]]:
             place = f"{table.header_place}, column {shown(column.text)}"
             raise InputFileError(file, place, "unknown column", listed(sorted(known)))
     unit = table.columns["a"].unit or ""
-    factors = {name: _factor(table, name, dimension, unit) for name, dimension in _NUMBERS.items()}
+    factors = {name: _factor(table, name, quantity, unit) for name, quantity in _NUMBERS.items()}
     both = {"low", "high"} & table.columns.keys()
-    factors |= {name: _factor(table, name, ANGLE, unit) for name in both}
+    factors |= {name: _factor(table, name, "angle", unit) for name in both}
     if len(both) == 1:
         raise InputFileError(file, table.header_place, f"{both.pop()!r} alone", "low and high, the travel")
 
@@ -190,16 +190,16 @@ def _of_csv(file: str) -> tuple[str, list[_Row]]:
     return unit, rows
 
 
-def _factor(table: Measurements, name: str, dimension: Dimension, unit: str) -> float:
+def _factor(table: Measurements, name: str, quantity: Quantity, unit: str) -> float:
     """Return the factor of a column to the table's length, or to rad."""
     column = table.columns[name]
     place = f"{table.header_place}, column {shown(column.text)}"
     if isinstance(column, Names) or not column.unit:
         raise InputFileError(table.file, place, "no numbers with a unit", f"a header such as {_EXAMPLE}")
-    given = parse_unit(column.unit)
-    if given.dimension != dimension:
-        raise InputFileError(table.file, place, f"a unit of {given.dimension}", f"one of {dimension}")
-    return given.factor() / (parse_unit(unit).factor() if dimension == LENGTH else 1.0)
+    try:
+        return conversion_factor(column.unit, quantity, unit if quantity == "length" else "rad")
+    except UnitError as error:
+        raise InputFileError(table.file, place, error.found, error.expected) from None
 
 
 def _of_toml(file: str, convention: str | None) -> tuple[str, str, str, list[_Row], Any]:
@@ -208,15 +208,9 @@ def _of_toml(file: str, convention: str | None) -> tuple[str, str, str, list[_Ro
     if convention not in (None, said):
         raise InputFileError(file, "convention", shown(said), f"{convention}, as --convention says")
     units = top.sub("units", ("length", "angle"))
-    length, angle = units.get("length", TEXT, "mm"), units.get("angle", TEXT, "deg")
-    for key, unit, dimension in (("length", length, LENGTH), ("angle", angle, ANGLE)):
-        try:
-            fits = parse_unit(unit).dimension == dimension
-        except UnitError as error:
-            raise units.error(key, error.found, error.expected) from None
-        if not fits:
-            raise units.error(key, shown(unit), f"a unit of {dimension}")
-    rows = list(_toml_rows(top, parse_unit(angle).factor()))
+    length = units.get("length", unit_of(LENGTH, "mm"), "mm")
+    angle = units.get("angle", unit_of(ANGLE, "deg"), "deg")
+    rows = list(_toml_rows(top, conversion_factor(angle, "angle", "rad")))
     return top.get("name", TEXT, "Robot"), said, length, rows, top.get("tool", VECTOR, (0.0, 0.0, 0.0))
 
 

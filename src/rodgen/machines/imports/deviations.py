@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.data.tables.foreign import ForeignColumn, ForeignTable
-from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit
+from rodgen.data.units import Quantity, UnitError, conversion_factor
 from rodgen.errors import InputFileError, listed, shown
 from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
@@ -67,11 +67,13 @@ def as_distances(machine: Machine, table: ForeignTable) -> ForeignTable:
     else:
         what = f"the column {shown(position.header)} of a machine with the joints {', '.join(joints)}"
         raise InputFileError(table.file, "header", what, "the joint's name in its place")
-    commanded = np.array(table.numbers(position)) * _factor(table, position, joint.dimension, machine)
+    commanded = np.array(table.numbers(position)) * _factor(
+        table, position, "angle" if joint.revolute else "length", machine
+    )
     rows = np.arange(len(commanded))
     orders, offs, runs, ways = [], [], list[str](), list[float]()
     for column, found in passes:
-        off = np.array(table.numbers(column)) * _factor(table, column, LENGTH, machine)
+        off = np.array(table.numbers(column)) * _factor(table, column, "length", machine)
         order = rows
         if found is not None:
             up = found["way"].lower() in _UP
@@ -134,7 +136,7 @@ def of_ballbar(machine: Machine, table: ForeignTable, plane: str, radius: float)
         raise InputFileError(
             table.file, "header", f"columns {listed([c.header for c in table.columns])}", expected
         )
-    turn = np.array(table.numbers(angle)) * _factor(table, angle, ANGLE, machine)
+    turn = np.array(table.numbers(angle)) * _factor(table, angle, "angle", machine)
     first, second = (np.eye(3)["XYZ".index(axis)] for axis in plane)
     way = np.outer(np.cos(turn), first) + np.outer(np.sin(turn), second)
     places = np.array(machine.measured.origin) + radius * way
@@ -151,10 +153,10 @@ def of_ballbar(machine: Machine, table: ForeignTable, plane: str, radius: float)
             machine.file or machine.name, "[[joint]]", found, f"axes that move in the plane {plane}"
         )
     if length is not None:
-        measured = np.array(table.numbers(length)) * _factor(table, length, LENGTH, machine)
+        measured = np.array(table.numbers(length)) * _factor(table, length, "length", machine)
     else:
         assert off is not None
-        measured = radius + np.array(table.numbers(off)) * _factor(table, off, LENGTH, machine)
+        measured = radius + np.array(table.numbers(off)) * _factor(table, off, "length", machine)
     used = {id(angle), id(length), id(off)}
     columns = [
         *_commands(machine, q),
@@ -170,18 +172,15 @@ def _first(table: ForeignTable, names: Sequence[str]) -> ForeignColumn | None:
     return next((column for column in table.columns if column.name.strip().lower() in names), None)
 
 
-def _factor(table: ForeignTable, column: ForeignColumn, dimension: Dimension, machine: Machine) -> float:
+def _factor(table: ForeignTable, column: ForeignColumn, quantity: Quantity, machine: Machine) -> float:
     """Return the factor from a column's unit to the machine's length, or to rad."""
     place = f"column {shown(column.header)}"
     if not column.unit:
         raise InputFileError(table.file, place, "no unit", "its unit in brackets, such as [um] or [deg]")
     try:
-        unit = parse_unit(column.unit)
+        return conversion_factor(column.unit, quantity, "rad" if quantity == "angle" else machine.length_unit)
     except UnitError as error:
         raise InputFileError(table.file, place, error.found, error.expected) from None
-    if unit.dimension != dimension:
-        raise InputFileError(table.file, place, f"a unit of {unit.dimension}", f"one of {dimension}")
-    return unit.factor(machine.length_unit)
 
 
 def _distances(machine: Machine, q: Array) -> Array:

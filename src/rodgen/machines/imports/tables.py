@@ -13,11 +13,12 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, read_foreign
+from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, is_number, read_foreign
 from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, parse_unit
 from rodgen.errors import InputFileError, listed, nearest_name, shown
 from rodgen.machines.files.columns import ColumnSource
@@ -29,6 +30,7 @@ from rodgen.machines.measured import NOTATIONS
 __all__ = ["measurements_of"]
 
 _PAIRS = {("az", "el"): ALTAZ, ("ha", "dec"): EQUATORIAL}
+_ANGLES = {*chain(*_PAIRS), *NOTATIONS["rotation vector"], *NOTATIONS["roll, pitch and yaw"]}
 _OTHER_NAMES = {
     "az": ("azimuth", "star_az", "true_az"),
     "el": ("alt", "altitude", "elevation", "star_el", "true_el", "star_alt"),
@@ -158,11 +160,10 @@ def _take_stated(columns: _Columns, stated: Mapping[str, ColumnSource]) -> None:
     for name, source in stated.items():
         column = theirs.get(source.name)
         if column is None:
-            near = nearest_name(source.name, list(theirs))
+            near = nearest_name(source.name, theirs)
             expected = f"{near!r}, perhaps" if near else listed([c.header for c in columns.table.columns])
-            raise InputFileError(
-                columns.table.file, "header", f"no column {shown(source.name)} for {name}", expected
-            )
+            found = f"no column {shown(source.name)} for {name}"
+            raise InputFileError(columns.table.file, "header", found, expected)
         columns.found[name] = column, source
         how = "-" if source.sign < 0 else ""
         how += shown(column.header) + (f" {source.offset:+g}" if source.offset else "")
@@ -305,7 +306,7 @@ def _converted(
             words[name] = [
                 "" if c is None else f"{c:g}" if isinstance(c, float) else str(c) for c in column.cells
             ]
-        elif name == "t" and not all(c is None or _is_plain_number(c) for c in column.cells):
+        elif name == "t" and not all(c is None or is_number(c) for c in column.cells):
             numbers["t [s]"] = _seconds(table, column)
         else:
             unit, scale = _unit(columns, machine, name, column, source, units)
@@ -354,14 +355,6 @@ def _converted(
         yield name, [texts[k] for k, _, _ in chosen]
 
 
-def _is_plain_number(cell: Any) -> bool:
-    try:
-        float(cell)
-    except (TypeError, ValueError):
-        return False
-    return True
-
-
 def _unit(
     columns: _Columns,
     machine: Machine,
@@ -376,7 +369,7 @@ def _unit(
     wanted = joints[name].dimension if name in joints else None
     if name in ("x", "y", "z", "d"):
         wanted = LENGTH
-    if name in ("az", "el", "ha", "dec", "rx", "ry", "rz", "roll", "pitch", "yaw"):
+    if name in _ANGLES:
         wanted = ANGLE
     if unit in ("h", "hour", "hours", "hr") and wanted == ANGLE:
         return "deg", 15.0

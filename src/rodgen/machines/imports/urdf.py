@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.errors import InputFileError, listed, nearest_name, shown
+from rodgen.errors import InputFileError, listed, shown, suggestion
 from rodgen.files import read_input
 from rodgen.machines.files.read import MOST_JOINTS
 from rodgen.machines.imports.imported import Imported, clean, machine_name
@@ -206,9 +206,7 @@ def _link(file: str, option: str, given: str | None, links: list[str], natural: 
     if given is not None:
         if given in links:
             return given
-        near = nearest_name(given, links)
-        expected = f"{near!r}, perhaps" if near else listed(links)
-        raise InputFileError(file, option, f"no link {shown(given)}", expected)
+        raise InputFileError(file, option, f"no link {shown(given)}", suggestion(given, links))
     if len(natural) != 1:
         found = f"{len(natural)} {words}, and no {option}"
         raise InputFileError(file, option, found, f"{option} LINK: {listed(natural or links)}")

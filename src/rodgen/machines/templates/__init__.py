@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from importlib import resources
 
-from rodgen.errors import RodgenError, listed, nearest_name, shown
+from rodgen.errors import RodgenError, shown, suggestion
 from rodgen.machines.files.write import decimal
 from rodgen.machines.imports.mounts import EQUATORIAL
 
@@ -78,10 +78,7 @@ def machine_template(
     name = "Turntable"
     """
     if kind not in KINDS:
-        near = nearest_name(kind, KINDS)
-        raise RodgenError(
-            f"no kind {shown(kind)}; expected {f'{near!r}, perhaps' if near else listed(KINDS)}"
-        )
+        raise RodgenError(f"no kind {shown(kind)}; expected {suggestion(kind, KINDS)}")
     if code is not None and kind not in CODES:
         raise RodgenError(f"a code of {kind}; expected none: it is no machine tool")
     if balls is not None and kind not in CODES:
