@@ -11,7 +11,7 @@ import numpy as np
 
 from rodgen.errors import RodgenError
 
-__all__ = ["Records", "data_frame", "html_of", "html_of_table", "html_of_text"]
+__all__ = ["Records", "Tabular", "data_frame", "html_of", "html_of_table", "html_of_text"]
 
 FEW = 12
 """Numbers of an array that are shown; of a larger one the shape is."""
@@ -21,7 +21,26 @@ ROWS = 60
 Item = TypeVar("Item")
 
 
-class Records(tuple[Item, ...]):
+class Tabular:
+    """What has `columns()`: a DataFrame on request, and a table in a notebook."""
+
+    columns: Callable[[], Mapping[str, Any]]
+
+    def to_pandas(self) -> Any:
+        """Return :meth:`columns` as a DataFrame.
+
+        Raises
+        ------
+        RodgenError
+            Where pandas is not installed.
+        """
+        return data_frame(self.columns())
+
+    def _repr_html_(self) -> str:
+        return html_of_table(self.columns())
+
+
+class Records(Tabular, tuple[Item, ...]):
     """A tuple of results that is a DataFrame on request.
 
     Parameters
@@ -43,22 +62,9 @@ class Records(tuple[Item, ...]):
         return tuple(self), self._record
 
     def columns(self) -> dict[str, list[Any]]:
-        """Return the columns of the table."""
+        """Return the columns of a table with a row for each."""
         rows = [self._record(item) for item in self]
         return {name: [row.get(name) for row in rows] for name in dict.fromkeys(n for r in rows for n in r)}
-
-    def to_pandas(self) -> Any:
-        """Return a DataFrame with a row for each.
-
-        Raises
-        ------
-        RodgenError
-            Where pandas is not installed.
-        """
-        return data_frame(self.columns())
-
-    def _repr_html_(self) -> str:
-        return html_of_table(self.columns())
 
 
 def data_frame(columns: Mapping[str, Any]) -> Any:

@@ -36,7 +36,7 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, model_of
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fit import Fit
 
 __all__ = ["ENDINGS", "load", "save"]
 
@@ -47,7 +47,7 @@ AGREE = 1e-6
 _EXPECTED = "a fit as Fit.save writes it"
 
 
-def save(fit: FittedModel, path: str | os.PathLike[str]) -> None:
+def save(fit: Fit, path: str | os.PathLike[str]) -> None:
     """Write a fit; see :meth:`rodgen.calibration.fit.Fit.save`."""
     start = replace(fit.problem.model.machine, file=None)
     with tempfile.TemporaryDirectory() as folder:
@@ -81,7 +81,7 @@ def save(fit: FittedModel, path: str | os.PathLike[str]) -> None:
             "free": [fit.parameters[i].key for i in fit.free],
         },
         "rms": fit.rms,
-        "result": getattr(fit, "to_dict", dict)(),
+        "result": fit.to_dict(),
     }
     files["fit.json"] = (json.dumps(about, indent=1, ensure_ascii=False) + "\n").encode()
     archive = io.BytesIO()
@@ -91,7 +91,7 @@ def save(fit: FittedModel, path: str | os.PathLike[str]) -> None:
     write_file(path, archive.getvalue())
 
 
-def load(made: type[Any], path: str | os.PathLike[str]) -> Any:
+def load(made: type[Fit], path: str | os.PathLike[str]) -> Fit:
     """Return a fit of the class `made` that was saved; see :meth:`rodgen.calibration.fit.Fit.load`."""
     file = os.fspath(path)
     files = _files(file)
@@ -168,7 +168,7 @@ def _read_machine(text: bytes, name: str, start: Any) -> Machine:
     return replace(machine_of(text.decode(), name, Machine), values=dict(start))
 
 
-def _machine_file(fit: FittedModel) -> bytes:
+def _machine_file(fit: Fit) -> bytes:
     """Return the machine file as it is where that is still the machine, else one of its own."""
     machine = fit.problem.model.machine
     try:
@@ -180,7 +180,7 @@ def _machine_file(fit: FittedModel) -> bytes:
     return machine_text(machine).encode()
 
 
-def _data_file(fit: FittedModel, folder: Path) -> Path:
+def _data_file(fit: Fit, folder: Path) -> Path:
     """Return a copy of the measurements' file where that is still what was fitted, else a table of its own."""
     data = fit.observations.data
     ending = next((ending for ending in ENDINGS if data.file.lower().endswith(ending)), "")

@@ -94,8 +94,7 @@ class Fit(FittedModel):
         """
         from rodgen.calibration.archive import load
 
-        found: Fit = load(cls, path)
-        return found
+        return load(cls, path)
 
     def check(self) -> Check:
         """Return whether the files are plausible, and what mends them: :func:`rodgen.calibration.file_check.check`."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.views import data_frame, html_of_table
+from rodgen.views import Tabular
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["Residuals"]
 
 
-class Residuals(np.ndarray[Any, np.dtype[np.float64]]):
+class Residuals(Tabular, np.ndarray[Any, np.dtype[np.float64]]):
     """Measured less predicted, (n, m); what is computed from it is an ordinary array."""
 
     _fit: FittedModel | None = None
@@ -52,16 +52,3 @@ class Residuals(np.ndarray[Any, np.dtype[np.float64]]):
         rows = slice(None) if o.counted_as is None else o.counted_as
         measured = {column.text: column.values[rows] for column in o.data.columns.values()}
         return measured | residual_columns(self._fit)
-
-    def to_pandas(self) -> Any:
-        """Return a DataFrame: the measurements with predictions, residuals, and which rows are outliers.
-
-        Raises
-        ------
-        RodgenError
-            Where pandas is not installed.
-        """
-        return data_frame(self.columns())
-
-    def _repr_html_(self) -> str:
-        return html_of_table(self.columns())

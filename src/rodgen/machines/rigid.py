@@ -12,7 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.kinematics.backend import kernels
 
-__all__ = ["complete_basis", "left_jacobian", "rotation_matrix", "rotation_vector", "tilted"]
+__all__ = [
+    "complete_basis",
+    "left_jacobian",
+    "matrix_from_roll_pitch_yaw",
+    "roll_pitch_yaw",
+    "rotation_matrix",
+    "rotation_vector",
+    "tilted",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -71,6 +79,28 @@ def rotation_vector(matrix: ArrayLike) -> Array:
     """Return the rotation vector of a rotation matrix, in radians, at most π long."""
     axis, angle, _ = kernels.axis_angle_from_matrix(np.asarray(matrix, float))
     return np.asarray(axis * angle[..., None])
+
+
+def matrix_from_roll_pitch_yaw(angles: ArrayLike) -> Array:
+    """Return Rz(yaw) Ry(pitch) Rx(roll), (..., 3, 3), as URDF has it; angles are roll, pitch, yaw, (..., 3), in rad."""
+    x, y, z = (rotation_matrix(np.asarray(angles, float)[..., i, None] * np.eye(3)[i]) for i in range(3))
+    return np.asarray(z @ y @ x)
+
+
+def roll_pitch_yaw(matrix: ArrayLike) -> Array:
+    """Return roll, pitch and yaw of rotation matrices, (..., 3), in radians; yaw is 0 where roll is about its axis.
+
+    Examples
+    --------
+    >>> roll_pitch_yaw(matrix_from_roll_pitch_yaw([0.1, 0.2, 0.3])).round(12)
+    array([0.1, 0.2, 0.3])
+    """
+    m = np.asarray(matrix, float)
+    level = np.hypot(m[..., 0, 0], m[..., 1, 0])
+    upright = level < 1e-9
+    roll = np.where(upright, np.arctan2(-m[..., 1, 2], m[..., 1, 1]), np.arctan2(m[..., 2, 1], m[..., 2, 2]))
+    yaw = np.where(upright, 0.0, np.arctan2(m[..., 1, 0], m[..., 0, 0]))
+    return np.stack([roll, np.arctan2(-m[..., 2, 0], level), yaw], axis=-1)
 
 
 def tilted(axis: ArrayLike, u: ArrayLike, v: ArrayLike, tilt: ArrayLike) -> tuple[Array, Array]:

@@ -9,9 +9,14 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem.nearest_frame import nearest_rotation
 from rodgen.data.units import parse_unit
-from rodgen.kinematics.rotation import matrix_from_quaternion
+from rodgen.kinematics.rotation import matrix_from_quaternion, quaternion_from_matrix
 from rodgen.machines.measured import NOTATIONS
-from rodgen.machines.rigid import rotation_matrix, rotation_vector
+from rodgen.machines.rigid import (
+    matrix_from_roll_pitch_yaw,
+    roll_pitch_yaw,
+    rotation_matrix,
+    rotation_vector,
+)
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
@@ -66,8 +71,7 @@ def matrices(notation: str, numbers: Array) -> Array:
     if notation == "rotation vector":
         return rotation_matrix(numbers)
     if notation == "roll, pitch and yaw":
-        about = [rotation_matrix(numbers[:, i, None] * np.eye(3)[i]) for i in range(3)]
-        return np.asarray(about[2] @ about[1] @ about[0])
+        return matrix_from_roll_pitch_yaw(numbers)
     if notation == "quaternion":
         length = np.linalg.norm(numbers, axis=1)
         if (row := _first(np.abs(length - 1) > TOLERANCE)) is not None:
@@ -122,19 +126,13 @@ def numbers_of(notation: str, attitude: Array) -> Array:
 
     Examples
     --------
-    >>> a = matrices("roll, pitch and yaw", np.array([[0.1, 0.2, 0.3]]))
-    >>> numbers_of("roll, pitch and yaw", a).round(12)
-    array([[0.1, 0.2, 0.3]])
+    >>> numbers_of("matrix", np.eye(3)[None]).tolist()
+    [[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]]
     """
     if notation == "rotation vector":
         return rotation_vector(attitude)
     if notation == "matrix":
         return attitude.reshape(-1, 9)
     if notation == "quaternion":
-        from rodgen.kinematics.rotation import quaternion_from_matrix
-
         return np.asarray(quaternion_from_matrix(attitude)[0])
-    pitch = -np.arcsin(np.clip(attitude[:, 2, 0], -1.0, 1.0))
-    roll = np.arctan2(attitude[:, 2, 1], attitude[:, 2, 2])
-    yaw = np.arctan2(attitude[:, 1, 0], attitude[:, 0, 0])
-    return np.stack([roll, pitch, yaw], axis=1)
+    return roll_pitch_yaw(attitude)

@@ -22,6 +22,7 @@ from rodgen.machines.imports.imported import Imported, clean, machine_name
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import Measured
 from rodgen.machines.parts import Joint, Target
+from rodgen.machines.rigid import matrix_from_roll_pitch_yaw
 
 __all__ = ["is_urdf", "machine_from_urdf"]
 
@@ -176,21 +177,12 @@ def _joint(file: str, element: ElementTree.Element, number: int) -> _UrdfJoint:
         type=kind,
         parent=text("parent", "link") or "",
         child=text("child", "link") or "",
-        turn=_turn(*numbers("origin", "rpy", (0.0, 0.0, 0.0))),
+        turn=matrix_from_roll_pitch_yaw(numbers("origin", "rpy", (0.0, 0.0, 0.0))),
         origin=numbers("origin", "xyz", (0.0, 0.0, 0.0)),
         axis=axis / (length or 1.0),
         travel=(low, high) if limited else None,
         mimic=_mimic(text("mimic", "joint"), text("mimic", "multiplier"), text("mimic", "offset")),
     )
-
-
-def _turn(roll: float, pitch: float, yaw: float) -> Array:
-    """Return the rotation by roll, pitch and yaw about fixed x, y and z, in this order."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return np.asarray(about_z @ about_y @ about_x)
 
 
 def _mimic(joint: str | None, multiplier: str | None, offset: str | None) -> str:

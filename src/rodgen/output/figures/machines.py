@@ -9,6 +9,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.machines.model import Frame, Model
 from rodgen.output.figures.style import BLUE, GREY, INK, ORANGE, PURPLE, Panel, column, describe, label
 
@@ -43,7 +44,7 @@ def skeleton(machine: Machine, observations: Observations | None = None) -> go.F
     figure.update_xaxes(visible=False)
     figure.update_yaxes(visible=False)
     seen = _seen(machine, observations) if observations is not None else None
-    places = [*(np.array(target.point) for target in machine.targets)]
+    places = [np.array(target.point) for target in machine.targets]
     joints = () if machine.kinematics.is_closed else machine.joints
     moving = machine.measurand.moving
     points = [np.array(joint.point) if moving else np.zeros(3) for joint in joints]
@@ -56,51 +57,36 @@ def skeleton(machine: Machine, observations: Observations | None = None) -> go.F
         chosen = [(joint, at) for joint, at in zip(joints, points, strict=True) if joint.type == kind]
         if chosen:
             _add_axes(figure, chosen, size / 5, f"{kind} axes, positive towards the name", colour, dash)
-    marks = np.array(places) if len(places) else np.empty((0, 3))
     names = [label(target.name) for target in machine.targets]
     _add(
-        figure, marks, "targets at zero", mode="markers+text", text=names, textposition="bottom center",
+        figure, np.array(places), "targets at zero", mode="markers+text", text=names, textposition="bottom center",
         marker={"size": 5, "color": INK, "symbol": "square"},
     )  # fmt: skip
     if seen is not None:
-        predicted, measured = seen
-        _add(
-            figure,
-            predicted,
-            "where the file sees them",
-            mode="markers",
-            marker={"size": 4, "color": GREY, "symbol": "circle-open"},
-        )
-        _add(
-            figure,
-            measured,
-            "readings",
-            mode="markers",
-            marker={"size": 3, "color": PURPLE, "symbol": "diamond"},
-        )
-    axis = {"showbackground": False, "zerolinecolor": GREY}
-    figure.update_layout(
-        scene={
-            "aspectmode": "data",
-            "camera": {"eye": {"x": 1.5, "y": -1.7, "z": 0.9}},
-            "domain": {"x": [0, 1], "y": [0, 1]},
-            **{
-                f"{x}axis": {**axis, "title": {"text": f"{x}, {machine.length_unit}" if moving else x}}
-                for x in "xyz"
-            },
-        },
-        meta={"heights": None},
-    )
-    many = (
-        ""
-        if observations is None or observations.n <= MOST_READINGS
-        else f" The first {MOST_READINGS} readings."
-    )
-    free = ""
+        for marked, name, width, colour, symbol in (
+            (seen[0], "where the file sees them", 4, GREY, "circle-open"),
+            (seen[1], "readings", 3, PURPLE, "diamond"),
+        ):
+            marker = {"size": width, "color": colour, "symbol": symbol}
+            _add(figure, marked, name, mode="markers", marker=marker)
+    figure.update_layout(scene=_scene(f", {machine.length_unit}" if moving else ""), meta={"heights": None})
+    note = "Axes and targets with all joints at zero."
+    if observations is not None and observations.n > MOST_READINGS:
+        note += f" The first {MOST_READINGS} readings."
     if seen is not None and machine.measured.frame == "free":
-        free = " The readings are moved to where they fit best: their frame is free."
-    note = f"Axes and targets with all joints at zero.{many}{free}"
+        note += " The readings are moved to where they fit best: their frame is free."
     return describe(figure, "skeleton", machine.name, note=note)
+
+
+def _scene(unit: str) -> dict[str, Any]:
+    """Return how the space looks, with the unit behind the names of its axes."""
+    axis = {"showbackground": False, "zerolinecolor": GREY}
+    return {
+        "aspectmode": "data",
+        "camera": {"eye": {"x": 1.5, "y": -1.7, "z": 0.9}},
+        "domain": {"x": [0, 1], "y": [0, 1]},
+        **{f"{x}axis": {**axis, "title": {"text": f"{x}{unit}"}} for x in "xyz"},
+    }
 
 
 def _add(figure: go.Figure, points: Array, name: str, **given: Any) -> None:
@@ -133,8 +119,7 @@ def _seen(machine: Machine, observations: Observations) -> tuple[Array, Array] |
     whole = np.isfinite(measured).all(axis=1) & np.isfinite(predicted).all(axis=1)
     predicted, measured = predicted[whole], measured[whole]
     if machine.measured.frame == "free" and len(measured) > 2:
-        centres = (predicted.mean(axis=0), measured.mean(axis=0)) if machine.measurand.moving else (0.0, 0.0)
-        left, _, right = np.linalg.svd((measured - centres[1]).T @ (predicted - centres[0]))
-        turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-        measured = (measured - centres[1]) @ turn + centres[0]
+        moving = machine.measurand.moving
+        frame = nearest_frame(predicted, measured, np.ones(len(measured)), moving=moving)
+        measured = (measured - frame.position) @ frame.rotation
     return predicted, measured
