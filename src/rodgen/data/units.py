@@ -44,6 +44,9 @@ __all__ = [
 Quantity: TypeAlias = Literal["length", "angle", "rate"]
 """What a table's column measures; a rate is an angle per time."""
 
+ARCSEC = math.pi / 648000
+"""An arc second in radians."""
+
 _BASES = ("angle", "length", "force", "temperature", "time")
 """Order of the factors of a display unit: arcsec/mm, mm/K."""
 

@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.data.units import ARCSEC
 from rodgen.views import html_of
 
 __all__ = ["AxisFit", "AxisFitStatus"]
 
 Floats = NDArray[np.float64]
-
-_ARCSEC = math.pi / 648000
 
 
 class AxisFitStatus(IntEnum):
@@ -294,4 +293,4 @@ def _angle(radians: float) -> str:
         return "± unknown"
     if radians > 0.02:
         return f"± {math.degrees(radians):.3g} deg"
-    return f'± {radians * 1e6:.3g} µrad ({radians / _ARCSEC:.3g}")'
+    return f'± {radians * 1e6:.3g} µrad ({radians / ARCSEC:.3g}")'

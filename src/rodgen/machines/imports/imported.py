@@ -16,7 +16,7 @@ from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Vector
 
-__all__ = ["Imported", "clean", "machine_name"]
+__all__ = ["Imported", "clean", "machine_name", "one_line"]
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,11 @@ def clean(vector: NDArray[np.float64], digits: int) -> Vector:
     """Return three numbers without the rounding errors of the products that they come from."""
     x, y, z = (float(x) + 0.0 for x in vector.round(digits))
     return x, y, z
+
+
+def one_line(text: str) -> str:
+    """Return a title as a machine file may have it: at most 200 characters, all of which can be printed."""
+    return "".join(c if c.isprintable() else " " for c in text)[:200].strip()
 
 
 def machine_name(text: str, others: Collection[str] = (), *, joint: bool = False) -> str:

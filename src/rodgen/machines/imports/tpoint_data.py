@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from rodgen.errors import InputFileError, shown
 from rodgen.files import decoded, read_input
+from rodgen.machines.imports.imported import one_line
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL, Mount
 
 __all__ = ["Pointings", "Site", "is_pointing_run", "read_pointings"]
@@ -136,8 +137,8 @@ def read_pointings(path: str | os.PathLike[str], *, from_south: bool = True) -> 
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
     if any(line.startswith("RAA:") for _, line in lines):
         return _of_log(file, lines)
-    told = [(number, line) for number, line in lines if line and not line.startswith("!")]
-    return _of_tpoint(file, told, from_south=from_south)
+    stated = [(number, line) for number, line in lines if line and not line.startswith("!")]
+    return _of_tpoint(file, stated, from_south=from_south)
 
 
 # TPOINT's files ---------------------------------------------------------------------------------------------
@@ -203,7 +204,9 @@ def _of_tpoint(file: str, lines: Sequence[tuple[int, str]], *, from_south: bool)
     notes += [f"Options that are not used: {', '.join(unused)}."] if unused else []
     auxiliary = np.array([record.auxiliary for record in records], float).reshape(len(records), -1)
     notes += [f"Auxiliary readings are covariates: {auxiliary.shape[1]}."] if auxiliary.shape[1] else []
-    return Pointings(_one_line(caption), mount, site, commanded, seen, time, auxiliary, tuple(notes))
+    return Pointings(
+        one_line(caption) or "Pointing run", mount, site, commanded, seen, time, auxiliary, tuple(notes)
+    )
 
 
 def _numbers(file: str, number: int, line: str) -> list[float]:
@@ -346,10 +349,6 @@ def _on_reduction(site: Site, no_diurnal: bool) -> Iterator[str]:
 def _elapsed(sidereal: Array) -> Array:
     steps = (np.diff(sidereal, prepend=sidereal[0]) + 12) % 24 - 12
     return np.asarray(np.cumsum(steps) * _SIDEREAL)
-
-
-def _one_line(text: str) -> str:
-    return "".join(c if c.isprintable() else " " for c in text)[:200].strip() or "Pointing run"
 
 
 # the MMT's log ----------------------------------------------------------------------------------------------

@@ -22,11 +22,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError, RodgenError, nearest_name, shown
 from rodgen.files import decoded, read_input
 from rodgen.machines.effects.catalogue import TERMS
 from rodgen.machines.effects.tpoint import own_term
 from rodgen.machines.files.read import effect_of
+from rodgen.machines.imports.imported import one_line
 from rodgen.machines.imports.mounts import MOUNTS, Mount
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Effect
@@ -53,7 +55,6 @@ _GEOMETRY = {
 _TILTS = {"altaz": ("AN", "AW"), "equatorial": ("MA", "ME")}
 _SUMS = {"NRX": {"ECES": 1.0, "IA": 1.0}, "NRY": {"ECEC": 1.0, "NPAE": -1.0}}
 """Terms that are sums of others: of a Nasmyth telescope's rotator, seen along the elevation axis."""
-_ARCSEC = math.pi / 648000
 
 
 @dataclass(frozen=True)
@@ -144,8 +145,7 @@ def read_model(path: str | os.PathLike[str]) -> TpointModel:
         raise InputFileError(
             file, "file", "no terms", f"{_EXPECTED}: a caption, a line of the fit, then a term a line"
         )
-    caption = "".join(c if c.isprintable() else " " for c in lines[0]).strip()[:200]
-    return TpointModel(caption or "Telescope", terms, where)
+    return TpointModel(one_line(lines[0]) or "Telescope", terms, where)
 
 
 # terms to effects -------------------------------------------------------------------------------------------
@@ -327,15 +327,15 @@ def _numbers_of(machine: Machine) -> dict[tuple[str, str | None, str], float]:
     for effect in machine.effects:
         for x in effect.units(machine):
             value = effect.hold.get(x, machine.values.get(effect.key(x), 0.0))
-            found[effect.name, effect.place, x] = value / _ARCSEC
+            found[effect.name, effect.place, x] = value / ARCSEC
     for joint in machine.joints:
         for x in "ab":
             key = ("axis_tilt", joint.name, x)
-            found[key] = found.get(key, 0.0) + machine.values.get(f"{joint.name}.axis.{x}", 0.0) / _ARCSEC
+            found[key] = found.get(key, 0.0) + machine.values.get(f"{joint.name}.axis.{x}", 0.0) / ARCSEC
     for target in machine.targets:
         for x in "ab":
             key = ("target_offset", target.name, x)
-            found[key] = found.get(key, 0.0) + machine.values.get(f"target.{target.name}.{x}", 0.0) / _ARCSEC
+            found[key] = found.get(key, 0.0) + machine.values.get(f"target.{target.name}.{x}", 0.0) / ARCSEC
     return found
 
 

@@ -17,10 +17,11 @@ from rodgen.calibration.reading_motion import error_of_reading, motion_with_read
 from rodgen.calibration.words import plain, three_digits
 from rodgen.data.drivers import Driver, order_of_rows
 from rodgen.data.observations import Observations
+from rodgen.data.units import ARCSEC
 from rodgen.output.figures.maps import up_of
 from rodgen.output.numbers import Shown, minus
 
-__all__ = ["ARCSEC", "Against", "DrawnRows", "coordinate"]
+__all__ = ["Against", "DrawnRows", "coordinate"]
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -30,8 +31,6 @@ MOST_MARKS = 4000
 MOST_ROWS = 1000
 EXTREMES = 10
 """Largest residuals of each component, before and after, that are always drawn."""
-ARCSEC = 648000 / np.pi
-"""Seconds of arc in a radian."""
 SAME = 0.999
 """Drivers that are correlated more than this count as one."""
 
@@ -151,7 +150,7 @@ class DrawnRows:
         motion = motion_with_reading(fit, self.o, joint)
         error = error_of_reading(motion, fit.residuals[self.chosen] * fit.unit_factor)
         turns = fit.machine.joints[joint].revolute
-        unit, factor = ("arcsec", ARCSEC) if turns else (self.shown.unit, self.shown.factor)
+        unit, factor = ("arcsec", 1 / ARCSEC) if turns else (self.shown.unit, self.shown.factor)
         return error * factor, unit
 
     # against what -------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ import plotly.graph_objects as go
 from rodgen.calibration.reading_motion import error_of_reading
 from rodgen.calibration.words import plain, three_digits
 from rodgen.data.drivers import order_of_rows
-from rodgen.output.figures.drawn_rows import ARCSEC
+from rodgen.data.units import ARCSEC
 from rodgen.output.figures.maps import (
     SKY_NOTE,
     in_machine_axes,
@@ -154,7 +154,7 @@ def _reading(comparison: Comparison, joint: int) -> tuple[Array, str]:
     sample = comparison.sample
     error = error_of_reading(sample.motions[:, :, joint], sample.y)
     if comparison.fit.machine.joints[joint].revolute:
-        return error * ARCSEC, "arcsec"
+        return error / ARCSEC, "arcsec"
     return error, comparison.fit.machine.length_unit
 
 

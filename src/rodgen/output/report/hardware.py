@@ -13,12 +13,11 @@ import numpy as np
 
 from rodgen.calibration.fit import Estimate, Fit
 from rodgen.calibration.words import measured, three_digits
-from rodgen.data.units import parse_unit
+from rodgen.data.units import ARCSEC, parse_unit
 from rodgen.machines.machine import Effect
 
 __all__ = ["eccentricity", "in_hardware"]
 
-ARCSEC = math.pi / 648000
 VAGUE = 1.0
 """Parameters below this multiple of their standard deviations are not converted into micrometres."""
 
