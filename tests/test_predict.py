@@ -1,10 +1,12 @@
 """Where a fitted machine will be, and the covariance of that: by hand, by many fits, and where the data do not tell."""
 
 import json
+import math
 
 import numpy as np
 import pytest
 
+from rodgen.calibration.predict import Prediction
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
@@ -126,7 +128,30 @@ def test_the_command_adds_places_and_their_uncertainty(tmp_path, capsys):
     # a leg expands, which is not in the model: successive poses share errors, and the uncertainty allows for it
     fit = Machine.load(f"{folder}/machine.toml").fit(Measurements.load(f"{folder}/data.csv"))
     assert fit.dependence.factor > 2
-    assert fit.predict(Measurements.load(design)).u[0] == pytest.approx(u, rel=1e-5)
+    exact = fit.predict(Measurements.load(design))
+    assert u == [float(f"{x:.1e}") for x in exact.u[0]]  # two significant digits
+    for written, place, uncertainty in zip(row.split(",")[5:8], exact.place[0], u, strict=True):
+        decimals = 1 - math.floor(math.log10(uncertainty))
+        assert float(written) == round(place, decimals)
+        assert len(written.partition(".")[2]) <= decimals
+    more = ["--coverage", "2", "--all-digits"]
+    files = [f"{folder}/machine.toml", f"{folder}/data.csv", str(design)]
+    assert main(["predict", *files, "-o", str(out), *more]) == 0
+    assert "expanded, k = 2" in capsys.readouterr().err
+    head, row = out.read_text().splitlines()
+    assert head.split(",")[8:11] == ["model_U_x [mm]", "model_U_y [mm]", "model_U_z [mm]"]
+    assert [float(x) for x in row.split(",")[8:11]] == pytest.approx(2 * exact.u[0], rel=1e-12)
+
+
+def test_directions_have_the_decimals_of_their_angles():
+    turn = 10 * np.pi / 648000  # 10 arcsec
+    made = Prediction(
+        np.array([[0.6, 0.0, 0.8], [1.0, 0, 0]]) + 1e-9, np.array([np.eye(2) * turn**2, np.full((2, 2), np.nan)]),
+        np.array([True, False]), ("ux", "uy", "uz"), "arcsec", _factor=np.pi / 648000,
+    )  # fmt: skip
+    columns = made.columns(rounded=True)
+    assert columns["model_u_horizontal [arcsec]"].tolist()[0] == 10
+    assert columns["predicted_uz"].tolist() == [0.8, 1e-9]  # what is not determined is left as it is
 
 
 def test_a_command_out_of_reach_is_an_error_with_its_place(tmp_path, capsys):

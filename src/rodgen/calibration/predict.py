@@ -75,19 +75,36 @@ class Prediction:
         u = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
         return np.asarray(u / factors[: u.shape[1]])
 
-    def columns(self) -> dict[str, NDArray[Any]]:
-        """Return the prediction as columns of a table, ``determined`` 1 or 0."""
+    def columns(self, *, coverage: float | None = None, rounded: bool = False) -> dict[str, NDArray[Any]]:
+        """Return the prediction as columns of a table, ``determined`` 1 or 0.
+
+        Parameters
+        ----------
+        coverage : float, optional
+            Factor k of expanded uncertainties ``model_U_…``, which stand instead of the standard ones, ``model_u_…``.
+        rounded : bool
+            Whether uncertainties have two significant digits, and places as many decimals (GUM, 7.2.6).
+        """
+        k = 1.0 if coverage is None else coverage
+        place, u = self.place, k * self.u
+        if self.names == ("angle",):
+            place = place / self._factor
+        if rounded:
+            seen = u[:, : place.shape[1]]
+            of_place = np.min(u, axis=1, keepdims=True) * self._factor if self.names[0] == "ux" else seen
+            place, u = round_by(place, of_place), round_by(u, u)
         turns = self.names[0] == "ux"
         unit = "" if turns else f" [{self.unit}]"
         found: dict[str, NDArray[Any]] = {}
         if self.names == ("angle",):
-            found = {f"predicted_angle [{self.unit}]": self.place[:, 0] / self._factor}
+            found = {f"predicted_angle [{self.unit}]": place[:, 0]}
         elif self.names != TURNS:  # attitudes have no place
-            found = {f"predicted_{n}{unit}": x for n, x in zip(self.names, self.place.T, strict=False)}
+            found = {f"predicted_{n}{unit}": x for n, x in zip(self.names, place.T, strict=False)}
         found |= {f"predicted_{n}": x for n, x in self.attitude.items()}
         parts = ("horizontal", "vertical") if turns else self.names
-        for n, x in zip(parts, self.u.T, strict=True):
-            found[f"model_u_{n} [{'arcsec' if n in TURNS else self.unit}]"] = x
+        known = "u" if coverage is None else "U"
+        for n, x in zip(parts, u.T, strict=True):
+            found[f"model_{known}_{n} [{'arcsec' if n in TURNS else self.unit}]"] = x
         return found | {"determined": self.determined.astype(np.int8)}
 
     def to_pandas(self) -> Any:
@@ -96,6 +113,27 @@ class Prediction:
 
     def _repr_html_(self) -> str:
         return html_of_table(self.columns())
+
+
+def round_by(values: Array, u: Array) -> Array:
+    """Return values rounded to the decimal of the second significant digit of their uncertainties.
+
+    Values whose uncertainty is 0 or not known stay as they are.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round_by(np.array([12.34567, 1234.5, 0.5]), np.array([0.0123, 99.7, np.nan])).tolist()
+    [12.346, 1230.0, 0.5]
+    """
+    known = np.isfinite(u) & (u > 0)
+    safe = np.where(known, u, 1.0)
+    first = np.floor(np.log10(safe))
+    first = first + (np.round(safe / 10.0 ** (first - 1)) >= 100)  # 0.0997 is 0.10
+    decimals = np.clip(1 - first, -300, 300)
+    up, down = 10.0 ** np.maximum(decimals, 0), 10.0 ** np.maximum(-decimals, 0)
+    found = np.round(values * up / down) / up * down
+    return np.asarray(np.where(known & np.isfinite(found), found, values))
 
 
 def predict(fit: FittedModel, design: Any) -> Prediction:

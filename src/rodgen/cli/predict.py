@@ -8,6 +8,7 @@ from rodgen.cli._console import Command, after_fits, notify
 from rodgen.cli._machine import add_files, add_loss, fitted, load_data
 from rodgen.cli._outputs import Outputs
 from rodgen.cli._tables import add_output
+from rodgen.cli._values import number
 
 __all__ = ["add_to"]
 
@@ -18,7 +19,9 @@ pose, share errors, U_x allows for that.
 
 DESIGN is a measurement file that needs no readings: what is commanded, and what else the effects depend on (target, t,
 T_..., load, run). The output is the same table with the predicted places, their model_u_..., and "determined": 0 where
-the measurements do not determine the position. The uncertainty does not include what the model lacks.
+the measurements do not determine the position. The uncertainty does not include what the model lacks. It has two
+significant digits, and the place as many decimals. For a certificate, --coverage 2 writes expanded uncertainties
+model_U_..., k = 2 times the standard ones.
 """
 
 
@@ -30,6 +33,13 @@ def add_to(command: Command) -> None:
     add_files(predict)
     predict.add_argument("design", metavar="DESIGN", help="what is commanded")
     add_loss(predict)
+    predict.add_argument(
+        "--coverage",
+        metavar="K",
+        type=number("a coverage factor: a number above 0, such as 2", lambda k: k > 0),
+        help="write expanded uncertainties, K times the standard ones",
+    )
+    predict.add_argument("--all-digits", action="store_true", help="do not round by the uncertainty")
     add_output(predict)
 
 
@@ -43,10 +53,16 @@ def _run(options: argparse.Namespace) -> int:
         design = load_data(options.design)
         fit = fitted(options)
         made = fit.predict(design)
-        with copied_with(options.design, options.output, made.columns()):
+        with copied_with(
+            options.design,
+            options.output,
+            made.columns(coverage=options.coverage, rounded=not options.all_digits),
+        ):
             pass
     open_ = int((~made.determined).sum())
     more = f"; {open_} not determined by these measurements" if open_ else ""
     notify(f"{file or 'standard output'}: {design.rows} row{'s' * (design.rows != 1)}{more}")
+    if options.coverage is not None:
+        notify(f"Uncertainties are expanded, k = {options.coverage:g}.")
     notify(fit.dependence.text)
     return after_fits(fit.solution.converged)
