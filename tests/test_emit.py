@@ -1001,7 +1001,7 @@ def test_bad_names_are_an_error(name, tmp_path):
 
 
 def test_other_languages_are_an_error(tmp_path):
-    languages = "'c', 'numpy', 'jax', 'urdf', 'dh', 'tpoint', 'iso230', 'screw' or 'map'"
+    languages = "'c', 'numpy', 'jax', 'urdf', 'dh', 'tpoint', 'iso230', 'screw', 'map' or 'linuxcnc'"
     with pytest.raises(RodgenError, match=f"no language 'rust'; expected {languages}"):
         emit(table(), "rust", tmp_path)
 

@@ -19,6 +19,7 @@ test. C99 without allocation, NumPy, or JAX. Or write it in a form that others r
   iso230     error motions of each axis over its travel (EXX, EBZ), and location errors (A0C)
   screw      errors of position of each axis, as tables for SINUMERIK and LinuxCNC
   map        the error and the correction of commands on a grid over the travels of at most three joints, as CSV
+  linuxcnc   a kinematics component for halcompile, which corrects the commands
 Each file says what of the fitted model is not in it.
 
 With DATA the machine is fitted first. Without DATA every parameter of MACHINE must have a value, as in a file from

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["FORMS", "emit"]
 
 
-FORMS = ("c", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw", "map")
+FORMS = ("c", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw", "map", "linuxcnc")
 """What a machine is written as."""
 
 
@@ -82,7 +82,8 @@ def emit(
         table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each axis over its travel,
         and location errors, with the names of ISO 230. ``"screw"``: the errors of position of each axis as tables for
         SINUMERIK and LinuxCNC. ``"map"``: the error and the correction of commands on a grid over the travels of at
-        most three joints. Each file says what of the model is not in it.
+        most three joints. ``"linuxcnc"``: a kinematics component with the C code in it. Each file says what of the
+        model is not in it.
     folder : str or os.PathLike
         Is made where there is none. All files are written, or none.
     name : str, optional
@@ -159,6 +160,10 @@ def _tables(machine: Machine, form: str, name: str, note: str, travel: Any) -> d
         from rodgen.machines.emit._error_map import map_texts
 
         return map_texts(machine, name, note, travel)
+    if form == "linuxcnc":
+        from rodgen.machines.emit._linuxcnc import component_texts
+
+        return component_texts(machine, name, travel)
     from rodgen.machines.emit._denavit_hartenberg import table_texts
     from rodgen.machines.emit._geometry import geometry_of
     from rodgen.machines.emit._urdf import urdf_text

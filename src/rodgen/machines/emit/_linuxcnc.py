@@ -1,0 +1,70 @@
+"""A fitted machine as a kinematics component of LinuxCNC: poses are commands, joints what brings the machine there."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from rodgen.errors import InputFileError
+from rodgen.machines.emit._content import content_of
+from rodgen.machines.emit._render import DO_NOT_EDIT, ENVIRONMENT, render, words_of
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
+
+__all__ = ["component_texts"]
+
+_FIELDS = {x: f"tran.{x.lower()}" for x in "XYZ"} | {x: x.lower() for x in "ABCUVW"}
+
+
+def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
+    """Return the component, with the emitted C in it.
+
+    Raises
+    ------
+    InputFileError
+        When the machine is on legs, points in directions, or has joints that are no axes of LinuxCNC.
+    """
+    content = content_of(machine, name, travel)
+    file = machine.file or machine.name
+    if content.directions or machine.kinematics.is_closed:
+        raise InputFileError(file, "file", "no chain that moves a point", "axes that bring a tool to a place")
+    letters = _letters(machine, file)
+    files = render(content, "c")
+    header, source = (files[f"{name}.{ending}"] for ending in "hc")
+    degree = repr(math.radians(1.0))
+    mapping = ", ".join(
+        f"{n} is {joint.name} ({letter})"
+        for n, (joint, letter) in enumerate(zip(machine.joints, letters, strict=True))
+    )
+    text = ENVIRONMENT.get_template("kinematics.comp.j2").render(
+        component=f"{name}kins",
+        title=machine.name.replace('"', "'"),
+        do_not_edit=DO_NOT_EDIT,
+        mapping=mapping,
+        target=0,
+        target_name=machine.targets[0].name,
+        length=machine.length_unit,
+        joints=machine.joints,
+        words=[word.replace('"', "'") for word in words_of(content)],
+        header=header,
+        source=source.replace(f'#include "{name}.h"\n', ""),
+        name=name,
+        NAME=name.upper(),
+        axes=[
+            {"field": _FIELDS[letter], "factor": degree if joint.revolute else "1.0"}
+            for joint, letter in zip(machine.joints, letters, strict=True)
+        ],
+    )
+    return {f"{name}kins.comp": text}
+
+
+def _letters(machine: Machine, file: str) -> list[str]:
+    """Return the axis of LinuxCNC that each joint is, by the first letter of its name."""
+    letters = [joint.name[:1].upper() for joint in machine.joints]
+    for joint, letter in zip(machine.joints, letters, strict=True):
+        usual = "ABC" if joint.revolute else "XYZUVW"
+        if letter not in usual or letters.count(letter) > 1:
+            expected = f"a name that begins with a letter of its own, one of {usual}"
+            raise InputFileError(file, f"joint {joint.name}", "no axis of LinuxCNC", expected)
+    return letters
