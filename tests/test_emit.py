@@ -1001,8 +1001,8 @@ def test_bad_names_are_an_error(name, tmp_path):
 
 
 def test_other_languages_are_an_error(tmp_path):
-    languages = "'c', 'numpy', 'jax', 'urdf', 'dh', 'tpoint', 'iso230', 'screw', 'map' or 'linuxcnc'"
-    with pytest.raises(RodgenError, match=f"no language 'rust'; expected {languages}"):
+    languages = "c, numpy, jax, urdf, dh, tpoint, iso230, screw, map, linuxcnc"
+    with pytest.raises(RodgenError, match=f"no language 'rust'; expected one of {languages}"):
         emit(table(), "rust", tmp_path)
 
 

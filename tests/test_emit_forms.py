@@ -411,3 +411,29 @@ def test_a_machine_that_linuxcnc_has_no_axes_for_is_refused(tmp_path):
         replace(arm(), effects=()).emit("linuxcnc", tmp_path)
     with pytest.raises(InputFileError, match="no chain that moves a point"):
         replace(ALTAZ.machine("Telescope", 0.6), estimate=()).emit("linuxcnc", tmp_path)
+
+
+def test_a_urdf_has_the_attitude_of_a_tool(tmp_path):
+    ikpy = pytest.importorskip("ikpy.chain")
+    machine = arm()
+    turned = replace(machine.targets[1], attitude=(0.3, -0.5, 0.9))
+    machine = replace(machine, targets=(turned,), measured=Measured("pose", "machine"))
+    machine = machine.remove("target_offset", target="tip")
+    machine = machine.add(
+        "target_offset", target="tip", hold={"x": 0.1, "y": 0, "z": 0, "rx": 0.2, "ry": 0, "rz": -0.1}
+    )
+    (path,) = machine.emit("urdf", tmp_path)
+    names = [n for j in ("X", "A1", "A2", "A3") for n in (j, f"{j}_link")]
+    chain = ikpy.Chain.from_urdf_file(
+        str(path), ["base_link", *names, "tip_fixed", "tip"], symbolic=False,
+        active_links_mask=[False, *[True] * 4, False],
+    )  # fmt: skip
+    q, design = commands()
+    design = {n: v for n, v in design.items() if n != "target"}
+    made = simulate(machine, design, noise="0mm, 0arcsec", seed=1).columns
+    place = np.stack([made[f"{x} [mm]"] for x in "xyz"], axis=1)
+    vector = np.radians(np.stack([made[f"r{x} [deg]"] for x in "xyz"], axis=1))
+    for row in range(len(q)):
+        found = chain.forward_kinematics([0.0, *(q[row] * [1e-3, 1, 1, 1]), 0.0])
+        np.testing.assert_allclose(1000 * found[:3, 3], place[row], atol=1e-6)
+        np.testing.assert_allclose(found[:3, :3], Rotation.from_rotvec(vector[row]).as_matrix(), atol=1e-9)

@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rodgen.errors import InputFileError, NotConvergedError, RodgenError, listed, shown
+from rodgen.errors import InputFileError, NotConvergedError, RodgenError, shown
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -123,7 +123,7 @@ def emit(
     ['rotary_table.c', 'rotary_table.h', 'rotary_table_test.c']
     """
     if lang not in FORMS:
-        raise RodgenError(f"no language {shown(lang)}; expected {listed(FORMS)}")
+        raise RodgenError(f"no language {shown(lang)}; expected one of {', '.join(FORMS)}")
     from rodgen.files import write_files
     from rodgen.machines.emit._content import content_of, named
     from rodgen.machines.emit._render import DO_NOT_EDIT, render

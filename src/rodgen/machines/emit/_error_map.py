@@ -91,6 +91,7 @@ def map_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
         middle = _grid(content, moved, [(axis[1:] + axis[:-1]) / 2 for axis in axes])
         between = middle + _mean_of_corners(change, axes)
         left = code["forward"](between, **_conditions(content), target=k) - code["ideal"](middle, target=k)
+        left = left[:, :3]
         columns: dict[str, Array] = {}
         for label, values in (("{} [{}]", grid), ("correct_{} [{}]", change)):
             for j in moved:
@@ -122,7 +123,7 @@ def _refined(
     def error(axes: list[Array]) -> tuple[Array, Array]:
         grid = _grid(content, moved, axes)
         place = code["forward"](grid, **_conditions(content), target=target)
-        return grid, np.asarray(place - code["ideal"](grid, target=target))
+        return grid, np.asarray(place - code["ideal"](grid, target=target))[:, :3]
 
     travels = [content.machine.joints[j].travel or (0.0, 0.0) for j in moved]
     counts = [3] * len(moved)

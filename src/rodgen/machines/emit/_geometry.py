@@ -71,15 +71,15 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
     targets = [np.array(target.point, float) for target in fixed.targets]
     attitudes = [rotation_matrix(target.attitude) for target in fixed.targets]
     held = _held(fixed)
+    moving = machine.measurand.moving
     for k, target in enumerate(fixed.targets):
         offset = held.get(target.name, {}).get("target_offset", {})
-        if machine.measurand.moving:
+        if moving:
             targets[k] = targets[k] + [offset.get(x, 0.0) for x in "xyz"]
             attitudes[k] = rotation_matrix([offset.get(x, 0.0) for x in TURNS]) @ attitudes[k]
         else:
             tilt = [offset.get(x, 0.0) for x in "ab"]
             targets[k] = tilted(targets[k], *complete_basis(targets[k]), tilt)[0]
-    moving = machine.measurand.moving
     for j in reversed(range(len(axes))):  # a joint's zero moves what it carries
         turn: Array = np.eye(3)
         way: Array = zeros[j] * axes[j]

@@ -50,6 +50,7 @@ def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
         header=header,
         source=source.replace(f'#include "{name}.h"\n', ""),
         name=name,
+        numbers=content.numbers,
         NAME=name.upper(),
         axes=[
             {"field": _FIELDS[letter], "factor": degree if joint.revolute else "1.0"}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -10,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rodgen.data.units import parse_unit
-from rodgen.machines.rigid import rotation_matrix
+from rodgen.machines.rigid import roll_pitch_yaw, rotation_matrix
 
 if TYPE_CHECKING:
     from rodgen.machines.emit._geometry import Geometry
-    from rodgen.machines.parts import Target
 
 __all__ = ["urdf_text"]
 
@@ -23,7 +21,7 @@ _UNLIMITED = 1000.0
 
 
 def urdf_text(geometry: Geometry, name: str, note: str) -> str:
-    """Return the file: metres, frames of links parallel to the machine's axes where all joints are zero."""
+    """Return the file: metres, all frames parallel to the machine's axes where all joints are zero."""
     machine = geometry.machine
     metre = parse_unit(machine.length_unit).factor("m")
     robot = ElementTree.Element("robot", name=name)
@@ -49,7 +47,8 @@ def urdf_text(geometry: Geometry, name: str, note: str) -> str:
     for target in machine.targets:
         ElementTree.SubElement(robot, "link", name=target.name)
         where = (np.array(target.point) - place) * metre
-        _joined(robot, f"{target.name}_fixed", "fixed", parent, target.name, where, _roll_pitch_yaw(target))
+        turn = rotation_matrix(np.array(target.attitude, float))
+        _joined(robot, f"{target.name}_fixed", "fixed", parent, target.name, where, turn)
     ElementTree.indent(robot)
     return f'<?xml version="1.0"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
 
@@ -61,21 +60,15 @@ def _joined(
     parent: str,
     child: str,
     origin: np.ndarray,
-    turn: Sequence[float] = (0.0, 0.0, 0.0),
+    turn: np.ndarray | None = None,
 ) -> ElementTree.Element:
     joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
     ElementTree.SubElement(joint, "parent", link=parent)
     ElementTree.SubElement(joint, "child", link=child)
     ElementTree.SubElement(
-        joint, "origin", xyz=_numbers(origin), rpy=_numbers(turn) if any(turn) else "0 0 0"
+        joint, "origin", xyz=_numbers(origin), rpy="0 0 0" if turn is None else _numbers(roll_pitch_yaw(turn))
     )
     return joint
-
-
-def _roll_pitch_yaw(target: Target) -> tuple[float, float, float]:
-    """Return the angles of Rz(yaw) Ry(pitch) Rx(roll), the attitude of a target, zeros where none is measured."""
-    (r11, _, _), (r21, _, _), (r31, r32, r33) = rotation_matrix(target.attitude).tolist()
-    return math.atan2(r32, r33), math.asin(min(max(-r31, -1.0), 1.0)), math.atan2(r21, r11)
 
 
 def _numbers(values: Sequence[float] | np.ndarray) -> str:
