@@ -437,3 +437,18 @@ def test_a_urdf_has_the_attitude_of_a_tool(tmp_path):
         found = chain.forward_kinematics([0.0, *(q[row] * [1e-3, 1, 1, 1]), 0.0])
         np.testing.assert_allclose(1000 * found[:3, 3], place[row], atol=1e-6)
         np.testing.assert_allclose(found[:3, :3], Rotation.from_rotvec(vector[row]).as_matrix(), atol=1e-9)
+
+
+def test_location_errors_have_expanded_uncertainties_from_a_fit(tmp_path):
+    folder = Path("examples/machines/rotary_table")
+    files = [str(folder / "machine.toml"), str(folder / "data.csv")]
+    assert cli.main(["emit", *files, "--lang", "iso230", "-o", str(tmp_path)]) == 0
+    estimates = Machine.load(files[0]).fit(Measurements.load(files[1])).estimates
+    (path,) = tmp_path.glob("*_location.csv")
+    with path.open() as file:
+        found = {row["symbol"]: row for row in csv.DictReader(file)}
+    for symbol, key, factor in (("A0C", "C.axis.a", 1), ("B0C", "C.axis.b", 1), ("X0C", "C.point.a", 1000)):
+        u = 2 * factor * estimates[key].std
+        assert float(found[symbol]["U (k = 2)"]) == pytest.approx(u, abs=0.05)  # two digits
+        value, decimals = found[symbol]["value"], len(found[symbol]["U (k = 2)"].partition(".")[2])
+        assert value == f"{factor * estimates[key].value:.{decimals}f}"

@@ -21,6 +21,7 @@ from rodgen.calibration.problem.binding import bind
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.measured import TURNS
+from rodgen.statistics.digits import round_by
 from rodgen.views import data_frame, html_of_table
 
 if TYPE_CHECKING:
@@ -113,27 +114,6 @@ class Prediction:
 
     def _repr_html_(self) -> str:
         return html_of_table(self.columns())
-
-
-def round_by(values: Array, u: Array) -> Array:
-    """Return values rounded to the decimal of the second significant digit of their uncertainties.
-
-    Values whose uncertainty is 0 or not known stay as they are.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> round_by(np.array([12.34567, 1234.5, 0.5]), np.array([0.0123, 99.7, np.nan])).tolist()
-    [12.346, 1230.0, 0.5]
-    """
-    known = np.isfinite(u) & (u > 0)
-    safe = np.where(known, u, 1.0)
-    first = np.floor(np.log10(safe))
-    first = first + (np.round(safe / 10.0 ** (first - 1)) >= 100)  # 0.0997 is 0.10
-    decimals = np.clip(1 - first, -300, 300)
-    up, down = 10.0 ** np.maximum(decimals, 0), 10.0 ** np.maximum(-decimals, 0)
-    found = np.round(values * up / down) / up * down
-    return np.asarray(np.where(known & np.isfinite(found), found, values))
 
 
 def predict(fit: FittedModel, design: Any) -> Prediction:

@@ -63,7 +63,10 @@ def _run(options: argparse.Namespace) -> int:
     else:
         fit = fitted(options)
         travel = fit.observations.travel
-        written = fit.machine.emit(options.lang, options.output, travel=travel, force=options.force)
+        spread = [p.key for p in fit.parameters], fit.covariance
+        written = fit.machine.emit(
+            options.lang, options.output, travel=travel, covariance=spread, force=options.force
+        )
         converged, lost = fit.solution.converged, not_found_by_code(fit.machine, fit.observations)
     files = [str(path) for path in written]
     show_result(options, lambda: {"files": files, "converged": converged}, lambda: "\n".join(files))

@@ -7,6 +7,7 @@ compensation, with their own test. C99 that allocates nothing, NumPy, or JAX.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ def emit(
     *,
     name: str | None = None,
     travel: Any = None,
+    covariance: tuple[Sequence[str], Any] | None = None,
     force: bool = False,
 ) -> list[Path]:
     """Write a fitted machine as standalone code.
@@ -91,6 +93,8 @@ def emit(
     travel : array_like, shape (joints, 2), optional
         Range of each joint in the data, internal units, for effects that are measured over a travel which the machine
         does not give. It does not limit compensations.
+    covariance : tuple of keys and ndarray, optional
+        Of parameters, internal units, for uncertainties of tables with the names of ISO 230.
     force : bool
         Whether a machine is written, too, that has numbers which no machine has, or was fitted to data that cannot
         belong to its file (`rodgen check`), and whether files that rodgen did not write are replaced.
@@ -132,7 +136,7 @@ def emit(
     if lang in ("c", "numpy", "jax"):
         files = render(content_of(machine, name, travel), lang)
     else:
-        files = _tables(machine, lang, named(machine, name), DO_NOT_EDIT, travel)
+        files = _tables(machine, lang, named(machine, name), DO_NOT_EDIT, travel, covariance)
     if not force:
         wrong = (machine.doubts() if machine.doubts else "") or "; ".join(implausible_numbers(machine))
         if wrong:
@@ -146,7 +150,9 @@ def emit(
     return write_files(Path(folder), files)
 
 
-def _tables(machine: Machine, form: str, name: str, note: str, travel: Any) -> dict[str, str]:
+def _tables(
+    machine: Machine, form: str, name: str, note: str, travel: Any, covariance: Any
+) -> dict[str, str]:
     """Return the text of each file by its name."""
     if form == "tpoint":
         from rodgen.machines.emit._tpoint import tpoint_text
@@ -155,7 +161,9 @@ def _tables(machine: Machine, form: str, name: str, note: str, travel: Any) -> d
     if form in ("iso230", "screw"):
         from rodgen.machines.emit._error_motions import iso_texts, screw_texts
 
-        return (iso_texts if form == "iso230" else screw_texts)(machine, name, note, travel)
+        if form == "screw":
+            return screw_texts(machine, name, note, travel)
+        return iso_texts(machine, name, note, travel, covariance)
     if form == "map":
         from rodgen.machines.emit._error_map import map_texts
 

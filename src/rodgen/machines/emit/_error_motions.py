@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from rodgen.machines.emit._geometry import CONSTANT, located
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.rigid import complete_basis
 from rodgen.machines.structure import row_effects
+from rodgen.statistics.digits import round_by
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -114,8 +115,11 @@ def _axes(machine: Machine, travel: Any) -> Iterator[_Axis]:
         yield _Axis(joint, number, tuple(taken), (float(low), float(high)), tuple(left_out))
 
 
-def iso_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, str]:
+def iso_texts(
+    machine: Machine, name: str, note: str, travel: Any, covariance: tuple[Sequence[str], Array] | None
+) -> dict[str, str]:
     """Return a table of the error motions of each axis, one of location errors, and a page that says what they are."""
+    varied = [machine] if covariance is None else [machine, *_varied(machine, covariance)]
     micron = parse_unit("um").factor(machine.length_unit)
     second = parse_unit("arcsec").factor()
     files, page = {}, [f"# {machine.name}: errors of its axes", "", note, ""]
@@ -123,9 +127,15 @@ def iso_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
         "Errors are real less commanded, in machine axes: X, Y, Z displacements, A, B, C turns about x, y, z. The file",
         "of an axis has its error motions over the travel (ISO 230-1, of a rotary axis ISO 230-7), both ways;",
         f"`{name}_location.csv` the location errors: X0C the error in x of the position of C, A0C its tilt about x.",
+        *(
+            ["U is the expanded uncertainty, k = 2, from the fit; what the model lacks is not in it."]
+            if covariance
+            else []
+        ),
         "",
     ]
-    for axis in _axes(machine, travel):
+    for axes in zip(*(_axes(each, travel) for each in varied), strict=True):
+        axis = axes[0]
         label = axis.joint.name
         if not axis.effects:
             page += [f"- {label}: no error motions.", *(f"  Not in it: {what}." for what in axis.left_out)]
@@ -134,19 +144,43 @@ def iso_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
         factor = second * 3600 if axis.joint.revolute else 1.0
         columns = {f"{label} [{'deg' if axis.joint.revolute else machine.length_unit}]": q / factor}
         for sign, approach in ((1.0, "+"), (-1.0, "-")):
-            found = axis.errors(q, sign)
+            found, expanded = _with_uncertainty([each.errors(q, sign) for each in axes])
             for k, error in enumerate("XYZABC"):
                 unit, size = ("um", micron) if k < 3 else ("arcsec", second)
                 columns[f"E{error}{label}{approach} [{unit}]"] = found[:, k] / size
+                if covariance:
+                    columns[f"U(E{error}{label}{approach}) [{unit}]"] = expanded[:, k] / size
         files[f"{name}_{label}.csv"] = _csv(columns)
         page.append(f"- `{name}_{label}.csv`: {len(q)} positions; between them linear interpolation is off by at most "
                     f"{part:.2%} of an error's range.")  # fmt: skip
         page += [f"  Not in it: {what}." for what in axis.left_out]
-    rows = list(_locations(machine, travel, micron, second))
-    files[f"{name}_location.csv"] = "symbol,value,unit\n" + "".join(
-        f"{s},{_digits(v)},{u}\n" for s, v, u in rows
-    )
+    errors = [list(_locations(each, travel, micron, second)) for each in varied]
+    found, expanded = _with_uncertainty([np.array([value for _, value, _ in rows]) for rows in errors])
+    found, expanded = round_by(found, expanded), round_by(expanded, expanded)
+    lines = ["symbol,value,unit" + ",U (k = 2)" * bool(covariance)]
+    for (symbol, _, unit), value, u in zip(errors[0], found, expanded, strict=True):
+        places = max(1 - math.floor(math.log10(u)), 0) if u > 0 else None
+        shown = [_digits(x) if places is None else f"{x:.{places}f}" for x in (value, u)]
+        lines.append(f"{symbol},{shown[0]},{unit}" + f",{shown[1]}" * bool(covariance))
+    files[f"{name}_location.csv"] = "\n".join(lines) + "\n"
     return files | {f"{name}_errors.md": "\n".join(page) + "\n"}
+
+
+def _varied(machine: Machine, covariance: tuple[Sequence[str], Array]) -> Iterator[Machine]:
+    """Yield the machine moved along each principal axis of its parameters' covariance by a standard deviation."""
+    keys, matrix = covariance
+    values, vectors = np.linalg.eigh(matrix)
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value > 0:
+            step = dict(zip(keys, math.sqrt(value) * vector, strict=True))
+            moved = {key: machine.values.get(key, 0.0) + change for key, change in step.items()}
+            yield replace(machine, values={**machine.values, **moved})
+
+
+def _with_uncertainty(found: Sequence[Array]) -> tuple[Array, Array]:
+    """Return what is found, and its expanded uncertainty, k = 2, from what is found on the varied machines."""
+    first, *others = found
+    return first, 2 * np.sqrt(sum(((other - first) ** 2 for other in others), np.zeros(first.shape)))
 
 
 def _locations(
