@@ -36,7 +36,7 @@ from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
 from rodgen.stages import stage
 from rodgen.statistics.columns import unit_diagonal
-from rodgen.views import Records
+from rodgen.views import Records, html_of
 
 __all__ = ["LOSSES", "Estimate", "FittedModel"]
 
@@ -85,6 +85,8 @@ class Estimate:
     determined: bool
     convention: bool = False
     at_bound: str | None = None
+
+    _repr_html_ = html_of
 
     @property
     def text(self) -> str:

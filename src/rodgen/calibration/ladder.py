@@ -59,6 +59,8 @@ class Rung:
     held_out: HeldOut
     step: EffectTest | None = None
 
+    _repr_html_ = html_of
+
     @property
     def verdict(self) -> str:
         """One sentence on what the effect is worth; empty of the first rung."""

@@ -31,6 +31,7 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.statistics.f_tests import log10_f_tail, p_of_log10
 from rodgen.statistics.thresholds import EFFECT_TEST
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -69,6 +70,8 @@ class EffectTest:
     design_effect: float
     only_at: tuple[str, int] | None = None
     as_a_walk: bool = False
+
+    _repr_html_ = html_of
 
     @property
     def significant(self) -> bool:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.words import capitalized, in_component
 from rodgen.statistics.thresholds import GROSS
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -46,6 +47,8 @@ class GrossReading:
     component: str
     off: float
     others: float
+
+    _repr_html_ = html_of
 
     def to_dict(self, observations: Observations) -> dict[str, Any]:
         """Return it as plain data, with the number of its row in the data as they were given."""

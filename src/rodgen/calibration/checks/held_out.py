@@ -29,6 +29,7 @@ from rodgen.errors import RodgenError
 from rodgen.stages import each, stage
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -81,6 +82,8 @@ class HeldOut:
     unpredicted: tuple[int, ...] = ()
     because: tuple[str, ...] = ()
     converged: bool = True
+
+    _repr_html_ = html_of
 
     @property
     def text(self) -> str:

@@ -21,6 +21,7 @@ from rodgen.calibration.words import chance
 from rodgen.data.poses import stretches
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -56,6 +57,8 @@ class LackOfFit:
     against: str
     statistic: float
     degrees_of_freedom: tuple[float, ...]
+
+    _repr_html_ = html_of
 
     @property
     def text(self) -> str:

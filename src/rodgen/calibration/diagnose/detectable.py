@@ -21,6 +21,7 @@ from rodgen.calibration.words import two_digits
 from rodgen.data.units import unit_factor
 from rodgen.machines.machine import Effect
 from rodgen.statistics.thresholds import SELECTION, VERDICT
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -56,6 +57,8 @@ class Detectable:
     rms: float
     possible: bool
     rare: bool = False
+
+    _repr_html_ = html_of
 
     @property
     def how_rare(self) -> str:

@@ -51,6 +51,8 @@ class Rms:
     before_test: float | None = None
     after_test: float | None = None
 
+    _repr_html_ = html_of
+
     def to_dict(self) -> dict[str, Any]:
         """Return them as plain data, with the errors on further measurements where there are any."""
         found: dict[str, Any] = {
@@ -92,6 +94,8 @@ class Alias:
     chi_square: float
     odds: float = 1.0
     odds_with_data: float = 1.0
+
+    _repr_html_ = html_of
 
     @property
     def effect(self) -> Effect:
@@ -174,6 +178,8 @@ class DiagnosedEffect:
     p_value_of_all: float = 1.0
     indistinguishable_pairs: tuple[Alias, ...] = ()
 
+    _repr_html_ = html_of
+
     @property
     def meaning(self) -> str:
         """What is physically there."""
@@ -252,6 +258,8 @@ class Unexplained:
     parameters: Mapping[str, Estimate]
     fit: Fit = field(repr=False, compare=False)
     p_value_of_all: float = 1.0
+
+    _repr_html_ = html_of
 
     @property
     def component(self) -> str:

@@ -50,6 +50,8 @@ class Mend:
     repairs: tuple[Repair, ...]
     fit: NearFit
 
+    _repr_html_ = html_of
+
     @property
     def words(self) -> str:
         """What is wrong, and how to write it."""

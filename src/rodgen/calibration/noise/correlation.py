@@ -25,6 +25,7 @@ from rodgen.statistics.columns import orthonormal_basis, project_out, unit_colum
 from rodgen.statistics.thresholds import VARIANCES
 from rodgen.statistics.variance_components import VarianceEstimator
 from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion, Whitener
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -232,6 +233,8 @@ class Dependence:
     correlation: Correlation
     covariance: Array | None
     factor: float = 1.0
+
+    _repr_html_ = html_of
 
     @property
     def independent(self) -> bool:

@@ -27,6 +27,7 @@ from rodgen.errors import joined
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.robust import HALF_OF_NORMAL
 from rodgen.statistics.thresholds import NOISE
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -144,6 +145,8 @@ class NoiseFloor:
     distance_drifts: tuple[str, ...]
     stated: float | None
     one_body: bool = False
+
+    _repr_html_ = html_of
 
     @property
     def text(self) -> str:

@@ -15,6 +15,7 @@ from rodgen.machines.files.toml import UnfitError
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Vector
+from rodgen.views import html_of
 
 __all__ = ["Imported", "clean", "machine_name", "one_line"]
 
@@ -35,6 +36,8 @@ class Imported:
     machine: Machine
     notes: tuple[str, ...]
     columns: Mapping[str, Any] = field(default_factory=dict)
+
+    _repr_html_ = html_of
 
     @property
     def text(self) -> str:
