@@ -673,3 +673,9 @@ def test_condition_of_what_is_no_number_is_none(where: int, bad: float) -> None:
     numbers = np.array([2.0, 0, 1, 0, 2, 1, 1.5])
     numbers[where] = bad
     assert np.isnan(rodgen.axis_condition(numbers[:3], numbers[3:6], numbers[6]))
+
+
+def test_shapes_that_do_not_fit_together_are_named() -> None:
+    words = r"^rho \(3, 3\) and rho_prime \(2, 3\) do not fit together; expected shapes that broadcast"
+    with pytest.raises(ValueError, match=words):
+        rodgen.solve_axis(np.ones((3, 3)), np.ones((2, 3)), 1.0)

@@ -190,7 +190,14 @@ def test_every_result_shows_itself_in_a_notebook(table, fit, diagnosis, results)
     assert "<th>C [deg]</th>" in fit.observations._repr_html_()
     assert "<th>residual_x [mm]</th>" in fit.residuals._repr_html_()
     assert "<b>" not in replace(table, name="<b>")._repr_html_()
-    parts = (fit.noise, fit.lack_of_fit, fit.held_out(), fit.dependence, fit.estimates["C.axis.a"], *diagnosis.steps)
+    parts = (
+        fit.noise,
+        fit.lack_of_fit,
+        fit.held_out(),
+        fit.dependence,
+        fit.estimates["C.axis.a"],
+        *diagnosis.steps,
+    )
     for one in parts:
         assert one._repr_html_().startswith("<")
     geometry = tricept.Geometry(300.0, 200.0, (0.0, 0.0, -100.0))

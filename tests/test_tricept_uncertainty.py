@@ -311,6 +311,18 @@ def test_budget_of_a_point_without_pose_is_refused(point: list[float]) -> None:
         (lambda: tricept.bounds(0.0, [1, 1, 1], PAPER, U_PAPER), r"low has the shape \(\); expected three"),
         (lambda: tricept.workspace(PAPER, 5.0), r"limits are 5\.0; expected the least and the greatest"),
         (
+            lambda: tricept.propagate(np.ones((3, 3)), PAPER, np.zeros((2, 5, 5))),
+            r"point \(3, 3\) and U_x \(2, 5, 5\) do not fit together",
+        ),
+        (
+            lambda: tricept.place_covariance(np.ones((3, 3)), PAPER, np.zeros((2, 43, 43))),
+            r"point \(3, 3\) and U \(2, 43, 43\) do not fit together",
+        ),
+        (
+            lambda: tricept.disturbed_point(np.ones((3, 3)), PAPER, np.zeros((2, 43))),
+            r"pose \(3, 3\) and errors \(2, 43\) do not fit together; expected shapes that broadcast",
+        ),
+        (
             lambda: tricept.disturbed_point([0, 0], PAPER, np.zeros(43)),
             r"pose has the shape \(2,\); expected",
         ),

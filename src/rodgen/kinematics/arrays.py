@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rodgen.errors import RodgenError
+from rodgen.errors import RodgenError, joined
 
-__all__ = ["NotRealError", "has_masked", "real_array", "refuse_masked"]
+__all__ = ["NotRealError", "broadcast_shapes", "has_masked", "not_broadcast", "real_array", "refuse_masked"]
 
 _FLOAT64 = np.dtype(np.float64)
 
@@ -82,6 +84,34 @@ def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDA
     if ending and found.shape[-len(ending) :] != ending:
         raise RodgenError(f"{what} has the shape {found.shape}; expected {_ending(ending)}")
     return found
+
+
+def not_broadcast(arguments: Mapping[str, Any]) -> RodgenError:
+    """Return the error for arguments whose shapes do not fit together.
+
+    Examples
+    --------
+    >>> print(not_broadcast({"rho": np.ones((3, 3)), "rho_prime": np.ones((2, 3)), "angle": 1.0}))
+    rho (3, 3) and rho_prime (2, 3) do not fit together; expected shapes that broadcast but for their last axes
+    """
+    shapes = [f"{name} {np.shape(given)}" for name, given in arguments.items() if np.ndim(given)]
+    return RodgenError(
+        f"{joined(shapes)} do not fit together; expected shapes that broadcast but for their last axes"
+    )
+
+
+def broadcast_shapes(arguments: Mapping[str, tuple[NDArray[np.float64], int]]) -> tuple[int, ...]:
+    """Return the shape that arguments have together, each without so many of its last axes.
+
+    Raises
+    ------
+    RodgenError
+        When they do not fit together.
+    """
+    try:
+        return np.broadcast_shapes(*(given.shape[: given.ndim - axes] for given, axes in arguments.values()))
+    except ValueError:
+        raise not_broadcast({name: given for name, (given, _) in arguments.items()}) from None
 
 
 def _ending(ending: tuple[int, ...]) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.kinematics.arrays import has_masked, refuse_masked
+from rodgen.kinematics.arrays import has_masked, not_broadcast, refuse_masked
 
 __all__ = ["call_kernel"]
 
@@ -70,6 +70,9 @@ def _raise_named(name: str, arguments: tuple[Any, ...]) -> None:
     try:
         evaluate(*arguments)
     except (TypeError, ValueError) as error:
+        if "broadcast" in str(error):
+            parameters = _parameters(name)
+            raise not_broadcast(dict(zip(parameters, arguments, strict=False))) from None
         raise type(error)(str(error).removeprefix(f"{name}: ")) from None
 
 

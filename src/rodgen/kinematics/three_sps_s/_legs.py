@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.angles import principal
-from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.arrays import broadcast_shapes, real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.gains import gains_and_condition
 from rodgen.kinematics.kernel_call import call_kernel
@@ -241,7 +241,10 @@ def rotation_from_tilt_torsion(azimuth: ArrayLike, tilt: ArrayLike, torsion: Arr
     >>> three_sps_s.rotation_from_tilt_torsion(0.0, np.pi / 2, 0.0)[:, 2].round(6)  # where the platform's axis is
     array([1., 0., 0.])
     """
-    F, T, sigma = np.broadcast_arrays(*(real_array("an angle", x) for x in (azimuth, tilt, torsion)))
+    angles = {"azimuth": azimuth, "tilt": tilt, "torsion": torsion}
+    read = {name: (real_array(name, values), 0) for name, values in angles.items()}
+    shape = broadcast_shapes(read)
+    F, T, sigma = (np.broadcast_to(values, shape) for values, _ in read.values())
     scalar, along = np.cos(T / 2) * np.cos(sigma / 2), np.cos(T / 2) * np.sin(sigma / 2)
     phase = F - sigma / 2
     quaternion = np.stack([scalar, -np.sin(T / 2) * np.sin(phase), np.sin(T / 2) * np.cos(phase), along], -1)

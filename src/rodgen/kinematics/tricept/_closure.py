@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.generated.numpy.tricept import TriceptStatus
-from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.arrays import broadcast_shapes, real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._geometry import Geometry
@@ -70,7 +70,7 @@ def disturbed_point(pose: ArrayLike, geometry: Geometry, errors: ArrayLike) -> t
     array([-1.2715000e-01, -0.0000000e+00,  6.0003495e+02])
     """
     poses, shifts = real_array("pose", pose, (3,)), real_array("errors", errors, (len(PARAMETERS),))
-    shape = np.broadcast_shapes(poses.shape[:-1], shifts.shape[:-1])
+    shape = broadcast_shapes({"pose": (poses, 1), "errors": (shifts, 1)})
     flat_pose = np.broadcast_to(poses, (*shape, 3)).reshape(-1, 3)
     flat = np.broadcast_to(shifts, (*shape, len(PARAMETERS))).reshape(-1, len(PARAMETERS))
     points, status = np.empty((len(flat), 3)), np.empty(len(flat), np.int8)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
-from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.arrays import broadcast_shapes, real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._covariance import is_covariance
@@ -155,6 +155,8 @@ def place_covariance(
         )
     if size == 5:
         return propagate(point, geometry, matrix, limits)
+    place = real_array("point", point, (3,))
+    broadcast_shapes({"point": (place, 1), "U": (matrix, 2)})
     found, _, status = pose(point, geometry, limits)
     S, regular = parameter_sensitivity(found, geometry)
     status = np.asarray(status)
