@@ -452,3 +452,26 @@ def test_location_errors_have_expanded_uncertainties_from_a_fit(tmp_path):
         assert float(found[symbol]["U (k = 2)"]) == pytest.approx(u, abs=0.05)  # two digits
         value, decimals = found[symbol]["value"], len(found[symbol]["U (k = 2)"].partition(".")[2])
         assert value == f"{factor * estimates[key].value:.{decimals}f}"
+
+
+def test_what_points_is_the_x_axis_of_its_link_in_a_urdf(tmp_path):
+    ikpy = pytest.importorskip("ikpy.chain")
+    machine = replace(EQUATORIAL.machine("Telescope", 0.6), estimate=())
+    machine = machine.add("zero_offset", joint="HA", hold={"a": 0.2}).add(
+        "axis_tilt", joint="DEC", hold={"a": 0.1, "b": 0.2}
+    )
+    machine = machine.add("target_offset", target="boresight", hold={"a": 0.3, "b": -0.1})
+    (path,) = machine.emit("urdf", tmp_path)
+    machine.emit("dh", tmp_path)
+    q = np.random.default_rng(4).uniform(-1.2, 1.2, (8, 2))
+    made = simulate(
+        machine, {"HA [deg]": np.degrees(q[:, 0]), "DEC [deg]": np.degrees(q[:, 1])}, noise=0.0, seed=1
+    ).columns
+    elements = ["base_link", "HA", "HA_link", "DEC", "DEC_link", "boresight_fixed", "boresight"]
+    mask = [False, True, True, False]
+    chain = ikpy.Chain.from_urdf_file(str(path), elements, symbolic=False, active_links_mask=mask)
+    for row, angles in enumerate(q):
+        found = chain.forward_kinematics([0.0, *angles, 0.0])[:3, 0]
+        np.testing.assert_allclose(found, [made[f"u{x}"][row] for x in "xyz"], atol=1e-9)
+    tool = tomllib.loads((tmp_path / "telescope_standard_dh.toml").read_text())["tool"]
+    assert np.linalg.norm(tool) == pytest.approx(1)

@@ -42,7 +42,8 @@ def _text(geometry: Geometry, convention: str, note: str) -> str:
         f'convention = "{convention}"',
         f'units = {{ length = {toml_string(machine.length_unit)}, angle = "deg" }}',
     ]
-    tools = [(table.end @ [*target.point, 1.0])[:3] for target in machine.targets]
+    place = float(machine.measurand.moving)  # a direction is turned, and not displaced
+    tools = [(table.end @ [*target.point, place])[:3] for target in machine.targets]
     for target, tool in zip(machine.targets[1:], tools[1:], strict=True):
         lines.append(f"# {target.name} in the frame after the last row: {_listed(tool)}")
     lines.append(f"tool = {_listed(tools[0])}  # {machine.targets[0].name}, in the frame after the last row")

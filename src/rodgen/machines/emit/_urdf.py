@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rodgen.data.units import parse_unit
-from rodgen.machines.rigid import roll_pitch_yaw, rotation_matrix
+from rodgen.machines.rigid import complete_basis, roll_pitch_yaw, rotation_matrix
 
 if TYPE_CHECKING:
     from rodgen.machines.emit._geometry import Geometry
@@ -21,7 +21,7 @@ _UNLIMITED = 1000.0
 
 
 def urdf_text(geometry: Geometry, name: str, note: str) -> str:
-    """Return the file: metres, all frames parallel to the machine's axes where all joints are zero."""
+    """Return the file: metres; the frames of joints are parallel to the machine's axes where all joints are zero."""
     machine = geometry.machine
     metre = parse_unit(machine.length_unit).factor("m")
     robot = ElementTree.Element("robot", name=name)
@@ -48,6 +48,9 @@ def urdf_text(geometry: Geometry, name: str, note: str) -> str:
         ElementTree.SubElement(robot, "link", name=target.name)
         where = (np.array(target.point) - place) * metre
         turn = rotation_matrix(np.array(target.attitude, float))
+        if not machine.measurand.moving:  # what points has a direction, and no place: x of its link
+            direction = np.array(target.point, float)
+            where, turn = np.zeros(3), np.stack([direction, *complete_basis(direction)], axis=1)
         _joined(robot, f"{target.name}_fixed", "fixed", parent, target.name, where, turn)
     ElementTree.indent(robot)
     return f'<?xml version="1.0"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
