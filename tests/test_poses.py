@@ -29,6 +29,7 @@ from machine_simulator import Simulated
 from scipy.spatial.transform import Rotation
 from test_machine_jacobians import STENCILS, moved, step
 
+from rodgen.calibration.fit import Fit
 from rodgen.calibration.residual_columns import residual_columns
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
@@ -364,6 +365,17 @@ def test_a_prediction_has_attitudes_with_uncertainties_that_hold():
     u = np.stack([columns[f"model_u_r{x} [arcsec]"] for x in "xyz"], -1) * np.pi / 648000
     off = Rotation.from_rotvec(vectors).as_matrix() @ exact[:, 3:].reshape(-1, 3, 3).swapaxes(1, 2)
     assert np.sqrt(np.mean((turns(off) / u) ** 2)) == pytest.approx(1.0, abs=0.5)
+
+
+def test_a_fit_of_poses_is_kept_with_the_weights_that_it_found(tmp_path):
+    fit = fitted()
+    fit.save(tmp_path / "fit.zip")
+    again = Fit.load(tmp_path / "fit.zip")
+    assert again.observations.arm == fit.observations.arm
+    assert again.rms == pytest.approx(fit.rms, rel=1e-12)
+    said = fit.to_dict()
+    assert said["rms_of_positions"] == pytest.approx(SIGMA[0], rel=0.2)
+    assert said["rms_of_attitudes"] == pytest.approx(SIGMA[1] * 648000 / np.pi, rel=0.2)
 
 
 def test_simulated_poses_have_the_noise_that_was_typed():

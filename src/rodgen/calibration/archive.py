@@ -70,6 +70,7 @@ def save(fit: Fit, path: str | os.PathLike[str]) -> None:
             "compiled": fit.problem.model.compiled,
             "outliers": fit.outlier_numbers,
             "start": dict(start.values),
+            "arm": fit.observations.arm,
         },
         "solution": {
             "values": {p.key: x for p, x in zip(fit.parameters, fit.solution.theta.tolist(), strict=True)},
@@ -112,6 +113,7 @@ def load(made: type[Fit], path: str | os.PathLike[str]) -> Fit:
             place.write_bytes(files[name])
             data = replace(Measurements.load(place), file=inputs["data"])
         observations = bind_once(machine, data)
+        observations = replace(observations, arm=float(settings.get("arm", 1.0)), arm_is_known=True)
         model = model_of(machine, observations.travel, observations.run_names, compiled=settings["compiled"])
         values, keys = solution["values"], [p.key for p in model.parameters]
         if set(keys) != set(values):

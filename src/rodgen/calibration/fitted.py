@@ -357,12 +357,19 @@ class FittedModel:
         return np.array([angle if x in TURNS else 1.0 for x in self.machine.measurand.components])
 
     @property
+    def errors(self) -> tuple[float, float] | None:
+        """Of poses the rms of a coordinate and of a turn, each in its unit of :attr:`units`; else None."""
+        if len(set(self.units)) == 1:
+            return None
+        squares = np.mean(self.residuals[~self.outliers] ** 2, axis=0) * self.in_units**2
+        return float(np.sqrt(squares[:3].mean())), float(np.sqrt(squares[3:].mean()))
+
+    @property
     def error_text(self) -> str:
         """The rms of the residuals, of poses that of positions and that of attitudes."""
-        if len(set(self.units)) == 1:
+        if self.errors is None:
             return f"rms {self.rms:.4g} {self.unit} per reading"
-        squares = np.mean(self.residuals[~self.outliers] ** 2, axis=0) * self.in_units**2
-        place, turn = np.sqrt(squares[:3].mean()), np.sqrt(squares[3:].mean())
+        place, turn = self.errors
         stated = "stated" if self.observations.sigma is not None else "by the residuals"
         return (
             f"rms {place:.4g} {self.unit} of a coordinate and {turn:.4g} {self.units[-1]} of a turn; turns count as "

@@ -82,6 +82,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "converged": fit.solution.converged,
         "rms": fit.rms,
         "unit": fit.unit,
+        **_of_poses(fit),
         "chi_square": fit.chi_square,
         "degrees_of_freedom": fit.degrees_of_freedom,
         "prior_chi_square": fit.prior_chi_square,
@@ -97,6 +98,15 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "held_near_the_file": list(fit.determinacy.held),
         "weak": [{"parts": dict(d.parts), "text": d.text} for d in fit.determinacy.weak],
     }
+
+
+def _of_poses(fit: Fit) -> dict[str, Any]:
+    """Return the errors of positions and attitudes, and the arm by which these are lengths; empty of other readings."""
+    if fit.errors is None:
+        return {}
+    place, turn = fit.errors
+    return {"rms_of_positions": place, "rms_of_attitudes": turn, "unit_of_attitudes": fit.units[-1],
+            "arm": fit.observations.arm}  # fmt: skip
 
 
 def as_text(fit: Fit) -> str:
