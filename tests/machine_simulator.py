@@ -23,6 +23,9 @@ radians, and returns values in the units of the file. Besides the catalogue it h
                 carriage          stiffness, force: a weight that moves along a bridge on two supports
     machine     tube_flexure      a: a tube that droops by a sin(zenith angle), whichever way it is mounted
 
+A machine of two branches is two chains from its bed, one that carries the instrument and one that carries the targets:
+what the instrument reads is seen from its own body, inv(T_instrument) T_targets p.
+
 The reading of a pose is x, y, z and the matrix of the attitude row by row: 12 numbers.
 
 Readings of the format that were open: of components equally large, the first decides u; tilts of `axis_tilt` and
@@ -542,6 +545,13 @@ class Simulated:
         self.joint_names = [joint["name"] for joint in self.joints]
         self.target_names = [target["name"] for target in machine["target"]]
         self.kind = machine["measured"]["kind"]
+        named = {branch["name"]: branch["joints"] for branch in machine.get("branch", [])}
+        instrument = machine["measured"].get("instrument", "workpiece")
+        carrying = named.pop(instrument, [])
+        (others,) = named.values() or [self.joint_names if not carrying else []]
+        self.carrying, self.others = (
+            [self.joint_names.index(name) for name in names] for names in (carrying, others)
+        )
         self.numbers: dict[tuple[str | None, str, str | None], dict[str, float]] = {}
         self.formulas: dict[tuple[str | None, str], Callable[..., Any]] = {}
         for effect in machine.get("effect", []):
@@ -713,9 +723,17 @@ class Simulated:
         )
         if directions:
             columns = self._sky(q, names) | columns
-        real = np.broadcast_to(np.eye(4), (rows, 4, 4))
-        before = real  # the ideal motion of the joints before this one
-        for j, joint in enumerate(self.joints):
+        unmoved = np.broadcast_to(np.eye(4), (rows, 4, 4))
+        real = {"instrument": unmoved, "targets": unmoved}
+        ways = [("instrument", i, j) for i, j in enumerate(self.carrying)]
+        ways += [("targets", i, j) for i, j in enumerate(self.others)]
+        before = unmoved  # the ideal motion of the joints before this one
+        for way, place_in_way, j in ways:
+            joint, chain = self.joints[j], self.carrying if way == "instrument" else self.others
+            if place_in_way == 0:
+                before = unmoved
+            previous = chain[place_in_way - 1] if place_in_way else None
+            onwards = chain[place_in_way:]
             n, u, w, point = axes[j]
             name = joint["name"]
             warm = None
@@ -723,20 +741,20 @@ class Simulated:
                 warm = np.asarray(temperature[name], dtype=float) - self.reference
             later, arm = {}, c
             weights = np.zeros((rows, 3))
-            for k in range(len(self.joints) - 1, j - 1, -1):
+            for k in reversed(onwards):
                 arm = carried(ideal[k], arm, directions=directions)
-                if k > j:
+                if k != j:
                     place = np.broadcast_to(axes[k][3], (rows, 3))
-                    for between in range(k - 1, j - 1, -1):
+                    for between in reversed(onwards[: onwards.index(k)]):
                         place = carried(ideal[between], place)
                     later[self.joint_names[k]] = place - point
             gravity = np.einsum("rji,j->ri", before[:, :3, :3], self.gravity)
             for weight in self.weights:
                 place = np.broadcast_to(np.array(weight["point"], dtype=float), (rows, 3))
                 carrier = self.joint_names.index(weight["joint"])
-                for k in range(carrier, j - 1, -1):
-                    place = carried(ideal[k], place)
-                if carrier >= j:
+                if carrier in onwards:
+                    for k in reversed(onwards[: onwards.index(carrier) + 1]):
+                        place = carried(ideal[k], place)
                     weights += weight["newton"] * np.cross(place - point, gravity)
             state = Joint(
                 n=n,
@@ -749,8 +767,8 @@ class Simulated:
                 speed=speed[:, j],
                 arm=arm if directions else arm - point,
                 gravity=gravity,
-                before=axes[j - 1][0] if j else None,
-                q_before=q[:, j - 1] if j else None,
+                before=None if previous is None else axes[previous][0],
+                q_before=None if previous is None else q[:, previous],
                 later=later,
                 weights=weights,
                 turns_only=directions,
@@ -782,7 +800,7 @@ class Simulated:
             change["rotation"] = change["rotation"] + np.stack([user[f"r{x}"] for x in "xyz"], -1)
 
             error = rigid(change["rotation"] * self.radian, point, change["translation"])
-            real = real @ error @ self._motion(joint, n, point, q[:, j] + change["reading"])
+            real[way] = real[way] @ error @ self._motion(joint, n, point, q[:, j] + change["reading"])
             before = before @ ideal[j]
 
         seen = targets[[self.target_names.index(name) for name in names]]
@@ -790,10 +808,13 @@ class Simulated:
             [self._of_targets(names, ("r" if directions else "t") + x, columns) for x in "xyz"], -1
         )
         seen = carried(rigid(moves * self.radian), seen) if directions else seen + moves
-        read = self._read(carried(real, seen, directions=directions), columns, run)
+        at_bed = carried(real["targets"], seen, directions=directions)
+        at_bed = self._lifted(at_bed)
+        back = np.linalg.inv(real["instrument"])
+        read = self._read(carried(back, at_bed, directions=directions), columns, run)
         if self.kind not in {"pose", "angle"}:
             return read
-        turned = real @ self._attitudes()[[self.target_names.index(name) for name in names]]
+        turned = back @ real["targets"] @ self._attitudes()[[self.target_names.index(name) for name in names]]
         for motion in (self._drift(columns, rows), self._set_up(run, rows), self._frame()):
             turned = motion @ turned
         if self.kind == "angle":
@@ -808,7 +829,7 @@ class Simulated:
         """Give zenith angle and azimuth of the lines of sight of a machine without errors."""
         given = {target["name"]: unit(target["point"]) for target in self.file["target"]}
         x = np.array([given[name] for name in names])
-        for joint, coordinate in zip(reversed(self.joints), q.T[::-1], strict=True):
+        for joint, coordinate in ((self.joints[j], q[:, j]) for j in reversed(self.others)):
             x = carried(self._motion(joint, unit(joint["axis"]), np.zeros(3), coordinate), x, directions=True)
         up = -self.gravity
         east, north = complete(up)
@@ -817,7 +838,6 @@ class Simulated:
     def _read(self, y: Array, columns: Mapping[str, Any], run: Sequence[Any] | None) -> Array:
         """Give what an instrument reads of points, or directions, (rows, 3) of the machine."""
         rows, directions = len(y), self.kind == "direction"
-        y = self._lifted(y)
         for motion in (self._drift(columns, rows), self._set_up(run, rows), self._frame()):
             y = carried(motion, y, directions=directions)
         (k,) = self._sum(None, {"instrument_scale"}, "k")

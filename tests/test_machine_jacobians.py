@@ -49,7 +49,7 @@ def step(case: Case, key: str, values: dict[str, float]) -> float:
         part = {"P": 2.5e-3, "D": 2.5e-3, "tau": 0.02, "c": 0.02, "L0": 0.02}.get(name, 0.3)
         return part * abs(values[key])
     if name == "P":  # turns by 2 pi q dP / P²
-        joint = case.joints.index(str(parameter.place))
+        joint = case.machine.number_of(str(parameter.place))
         return float(0.02 * values[key] ** 2 / (2 * np.pi * np.abs(case.observations.q[:, joint]).max()))
     if name == "tau":
         return 8.0 if parameter.effect == "warm_up_drift" else 4e-4

@@ -79,7 +79,7 @@ def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
             return False
         if "s" in names and not o.approach_known[j]:
             return False
-        if "q_before" in names and not np.ptp(o.q[:, j - 1]) > 0:
+        if "q_before" in names and not np.ptp(o.q[:, machine.carriers(j)[-1]]) > 0:
             return False
         if names & GRAVITY and not _gravity_turns(machine, o, j):
             return False
@@ -93,10 +93,10 @@ def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
 def _gravity_turns(machine: Machine, o: Observations, j: int) -> bool:
     """Return whether gravity turns as a joint sees it; else what it bends is bent once and for all."""
     return any(
-        joint.revolute
+        machine.joints[k].revolute
         and np.ptp(o.q[:, k]) > 0
-        and np.linalg.norm(np.cross(joint.axis, machine.gravity)) > SELECTION.weightless
-        for k, joint in enumerate(machine.joints[:j])
+        and np.linalg.norm(np.cross(machine.joints[k].axis, machine.gravity)) > SELECTION.weightless
+        for k in machine.carriers(j)
     )
 
 

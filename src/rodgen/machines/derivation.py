@@ -4,10 +4,11 @@ A target p is carried from the last joint to the first,
 
     x <- D_j J_j x,   J_j x = P + R(n, q')(x - P)  or  x + n q',   D_j x = P + R(w)(x - P) + t,
 
-then by the moves of the frame, and compared with the reading. Each link is a named step of a straight-line program,
-so nothing swells, and the Jacobian is one sweep backwards through it. The geometry's freedoms (the tilt of an axis, the
-offset of a point) are inputs whose value is zero: they have been added to the geometry before, and only the derivative
-with respect to them is taken.
+then by the moves of the frame, and compared with the reading. Of a machine of two branches that is as far as its bed;
+the joints that carry the instrument are passed backwards, x <- J_j⁻¹ D_j⁻¹ x. Each link is a named step of a
+straight-line program, so nothing swells, and the Jacobian is one sweep backwards through it. The geometry's freedoms
+(the tilt of an axis, the offset of a point) are inputs whose value is zero: they have been added to the geometry
+before, and only the derivative with respect to them is taken.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rodgen.codegen.tape import Tape, with_known
@@ -259,12 +261,13 @@ class ModelSteps:
     @cached
     def gravity(self, j: int) -> Vector:
         """Return the direction of gravity as joint j sees it at zero."""
-        if j == 0:
+        if not self.structure.carriers(j):
             return self.known("gravity")
-        g = self.gravity(j - 1)
-        if self.structure.joints[j - 1].revolute:
-            cosine, sine = self.ideal_turn[j - 1]
-            g = self.let("gravity", self.about_axis(g, self.axis[j - 1], (cosine, -sine)))
+        before = self.structure.carriers(j)[-1]
+        g = self.gravity(before)
+        if self.structure.joints[before].revolute:
+            cosine, sine = self.ideal_turn[before]
+            g = self.let("gravity", self.about_axis(g, self.axis[before], (cosine, -sine)))
         return g
 
     @cached
@@ -279,9 +282,9 @@ class ModelSteps:
     @cached
     def ideally_carried(self, j: int) -> Vector:
         """Return the mean of the targets, carried by the ideal joints from the last one to joint j."""
-        if j == len(self.axis):
-            return self.centre()
-        x, n, point = self.ideally_carried(j + 1), self.axis[j], self.point[j]
+        later = self.structure.beyond(j)
+        x = self.ideally_carried(later[0]) if later else self.centre()
+        n, point = self.axis[j], self.point[j]
         if self.structure.joints[j].revolute:
             arm = self.let("arm", x - point)
             return self.let("carried", point + self.about_axis(arm, n, self.ideal_turn[j]))
@@ -316,7 +319,7 @@ class ModelSteps:
         if "bend" in names:
             found["bend"] = self.axis[j].cross(self.gravity(j))
         if "fork" in names:
-            before, gravity = self.axis[j - 1], self.gravity(j)
+            before, gravity = self.axis[self.structure.carriers(j)[-1]], self.gravity(j)
             moment = self.let("moment", self.axis[j].dot(before.cross(gravity)))
             found["fork"] = self.select(before.dot(gravity) > 0, -moment, moment)  # a fork stands upwards
         return found
@@ -337,13 +340,13 @@ class ModelSteps:
         """
         found: list[Any] = []
         moment, rate, off_the_line = 0, self.rate(j), 0
-        for k in range(j, len(self.axis) - 1):
+        for k, after in pairwise([j, *self.structure.beyond(j)]):
             if self.structure.joints[k].revolute:
                 cosine, sine = self.ideal_turn[k]
                 rate = self.let("rate", self.about_axis(rate, self.axis[k], (cosine, -sine)))
             else:
                 moment = moment + rate.dot(self.axis[k]) * self.column["q", k]
-            arm = self.joint_point[k + 1] - self.joint_point[k]
+            arm = self.joint_point[after] - self.joint_point[k]
             if k == j:
                 off_the_line = self.let("moment", rate.cross(self.axis[j]).dot(arm))
             moment = self.let("moment", moment + rate.dot(arm))
@@ -382,7 +385,7 @@ class ModelSteps:
         at the zenith.
         """
         x = self.known("target")
-        for j in reversed(self.ideal_turn):
+        for j in sorted(self.ideal_turn.keys() - set(range(self.structure.inner)), reverse=True):
             x = self.let("pointed", self.about_axis(x, self.known("axis", j), self.ideal_turn[j]))
         up = -self.known("gravity")
         first, second = (self.let("level", self.known(name).dot(x)) for name in ("level_u", "level_v"))
@@ -488,13 +491,22 @@ class ModelSteps:
         return [self.let("axis", turned[:, i] + turn.cross(turned[:, i])) for i in range(3)]
 
     def displaced(
-        self, x: Vector, numbers: Sequence[int], pivot: Vector, j: int | None, *, moves: bool
+        self,
+        x: Vector,
+        numbers: Sequence[int],
+        pivot: Vector,
+        j: int | None,
+        *,
+        moves: bool,
+        backwards: bool = False,
     ) -> Vector:
-        """Move x by the sum of some effects: D x = P + R(w)(x - P) + t; a direction is only turned."""
+        """Move x by the sum of some effects: D x = P + R(w)(x - P) + t, or D⁻¹ x; a direction is only turned."""
         motion = self.rigid(numbers, pivot, j)
         if motion is None:
             return x
         t, w = motion
+        if backwards:  # D⁻¹ x = P + R(-w)(x - t - P)
+            x, t, w = (x - t if moves else x), self.zero, -w
         if not moves:
             return x if w == self.zero else self.let("moved", self.by_vector(x, w))
         if w != self.zero:
@@ -502,10 +514,11 @@ class ModelSteps:
             x = self.by_vector(arm, w) + pivot
         return self.let("moved", x + t)
 
-    def carried(self, x: Vector, *, moves: bool) -> Vector:
-        """Carry a point of the last body, or a direction in it, by all joints, with their errors."""
+    def carried(self, x: Vector, joints: range, *, moves: bool) -> Vector:
+        """Carry a point, or a direction, by some joints with their errors, the last one first."""
         s = self.structure
-        for j in reversed(range(len(s.joints))):
+        for j in reversed(joints):
+            backwards = j < s.inner
             here = [n for n, term in enumerate(s.terms) if term.joint == j]
             readings = [
                 (n, part)
@@ -516,15 +529,20 @@ class ModelSteps:
             q = self.column["q", j]
             if readings:
                 q = self.let("reading", sum((self.term(n, part) for n, part in readings), q))
+            errors = [n for n in here if any(component != "reading" for component, _ in s.terms[n].parts)]
+            displaced = partial(
+                self.displaced, numbers=errors, pivot=self.point[j], j=j, moves=moves, backwards=backwards
+            )
+            x = displaced(x) if backwards else x
             if s.joints[j].revolute:
-                turn = self.turn(q) if readings else self.ideal_turn[j]
+                cosine, sine = self.turn(q) if readings else self.ideal_turn[j]
                 point = self.point[j] if moves else self.zero
                 arm = self.let("arm", x - point)
+                turn = cosine, (-sine if backwards else sine)
                 x = self.let("carried", self.about_axis(arm, self.axis[j], turn) + point)
             elif moves:
-                x = self.let("carried", x + self.axis[j] * q)
-            errors = [n for n in here if any(component != "reading" for component, _ in s.terms[n].parts)]
-            x = self.displaced(x, errors, self.point[j], j, moves=moves)
+                x = self.let("carried", x + self.axis[j] * (-q if backwards else q))
+            x = x if backwards else displaced(x)
         return x
 
     def lifted(self, x: Vector) -> Vector:
@@ -591,11 +609,14 @@ class ModelSteps:
         """Return the kernel."""
         s = self.structure
         moves = s.moving
-        carry = partial(closed_chain, self) if s.kinematics.is_closed else partial(self.carried, moves=moves)
-        place = s.measurand.seen(self, self.framed(self.lifted(carry(self.target())), moves=moves))
+        inner, outer = range(s.inner), range(s.inner, len(s.joints))
+        closed = s.kinematics.is_closed
+        x = closed_chain(self, self.target()) if closed else self.carried(self.target(), outer, moves=moves)
+        x = self.carried(self.lifted(x), inner, moves=moves)
+        place = s.measurand.seen(self, self.framed(x, moves=moves))
         axes = None
         if s.measurand.has_axes:
-            turned = (self.carried(axis, moves=False) for axis in self.axes())
+            turned = (self.carried(axis, range(len(s.joints)), moves=False) for axis in self.axes())
             axes = self.matrix.hstack(*(self.framed(axis, moves=False) for axis in turned))
         if not self.with_residual:
             found = place if axes is None else self.matrix([*place, *axes])

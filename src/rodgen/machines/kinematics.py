@@ -22,11 +22,24 @@ from rodgen.machines.rigid import rotation_matrix
 if TYPE_CHECKING:
     from rodgen.kinematics import three_sps_s, tricept
 
-__all__ = ["FAMILIES", "NEWTON_STEPS", "Chain", "Kinematics", "OnLegs", "ThreeSpsS", "Tricept"]
+__all__ = [
+    "BRANCHES",
+    "FAMILIES",
+    "NEWTON_STEPS",
+    "Chain",
+    "Kinematics",
+    "OnLegs",
+    "ThreeSpsS",
+    "Tricept",
+    "beyond",
+    "carriers",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 Vector: TypeAlias = tuple[float, float, float]
 
+BRANCHES = ("workpiece", "tool")
+"""The two arms of a machine that stands between them: what each joint, counted from the bed, brings along."""
 NEWTON_STEPS = 8
 """Newton's steps from where the platform may be to where it is, all over the workspace."""
 LEG_CHANGE = 0.05
@@ -101,6 +114,24 @@ class Chain(Kinematics):
     def freedoms(self, joints: Sequence[str]) -> list[str]:
         """List the axis and the point of each joint, and the targets."""
         return [f"{joint}.{freedom}" for joint in joints for freedom in ("axis", "point")] + ["target"]
+
+
+def carriers(j: int, inner: int) -> range:
+    """Return the numbers of the joints that carry a joint, the bed's first.
+
+    Parameters
+    ----------
+    j : int
+        Number of the joint in the chain from the instrument to the target.
+    inner : int
+        How many joints, the first ones, carry the instrument; the bed is between them and the others.
+    """
+    return range(inner - 1, j, -1) if j < inner else range(inner, j)
+
+
+def beyond(j: int, inner: int, joints: int) -> range:
+    """Return the numbers of the joints that a joint carries, the next one first; the arguments as of `carriers`."""
+    return range(j - 1, -1, -1) if j < inner else range(j + 1, joints)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, ch
 from rodgen.machines.files.read import read_machine
 from rodgen.machines.files.write import description, machine_text
 from rodgen.machines.fixed import fixed_machine
-from rodgen.machines.kinematics import Chain, Kinematics
+from rodgen.machines.kinematics import BRANCHES, Chain, Kinematics, beyond, carriers
 from rodgen.machines.known import read_known
 from rodgen.machines.measured import Measurand, Measured
 from rodgen.machines.parts import Effect, Joint, Known, StatedPlausibility, Target, Vector, belongs
@@ -57,7 +57,8 @@ class Machine:
     reference_temperature : float
         In degrees Celsius.
     joints : tuple of Joint
-        The base's first.
+        The base's first. Of a machine of two branches in the order from the instrument to the target: first those of
+        the instrument's branch, that next to the bed last, then those of the other one.
     targets : tuple of Target
     measured : Measured
     estimate : tuple of str
@@ -161,6 +162,34 @@ class Machine:
     def structure(self) -> Structure:
         """What its kernels depend on."""
         return structure_of(self)
+
+    @cached_property
+    def inner(self) -> int:
+        """How many of the joints, the first ones, carry the instrument: none in a chain."""
+        return sum(joint.branch == self.measured.instrument for joint in self.joints)
+
+    @property
+    def branches(self) -> dict[str, tuple[Joint, ...]]:
+        """The joints of the workpiece's and of the tool's branch, the bed's first; empty for a chain."""
+        found = {
+            name: tuple(joint for joint in self.joints if joint.branch == name)[:: -1 if inner else 1]
+            for name, inner in ((name, name == self.measured.instrument) for name in BRANCHES)
+        }
+        return {name: joints for name, joints in found.items() if joints}
+
+    @property
+    def axes_of_places(self) -> str:
+        """What the axes in which targets are seen are called in a sentence."""
+        moved = f" that move with the {self.measured.instrument}" if self.branches else ""
+        return f"machine axes{moved}"
+
+    def carriers(self, j: int) -> range:
+        """Return the numbers of the joints that carry joint j, the first one from the base or bed first."""
+        return carriers(j, self.inner)
+
+    def beyond(self, j: int) -> range:
+        """Return the numbers of the joints that joint j carries, the next one first."""
+        return beyond(j, self.inner, len(self.joints))
 
     @property
     def measurand(self) -> Measurand:

@@ -428,6 +428,8 @@ class Measured:
         Of the errors of the components of a reading, (m, m); None where they are independent.
     about : tuple of float, length 3, or None
         Unit vector about which angles are read, in the measuring frame.
+    instrument : {"workpiece", "tool"}
+        Of a machine of two branches, that which carries the instrument; the targets are on the other one.
     """
 
     kind: str
@@ -437,6 +439,7 @@ class Measured:
     attitude_noise: float | None = None
     correlation: tuple[tuple[float, ...], ...] | None = None
     about: Vector | None = None
+    instrument: str = "workpiece"
 
     @property
     def whitening(self) -> Array | None:

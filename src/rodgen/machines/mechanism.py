@@ -33,7 +33,8 @@ def to_mechanism(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
     Parameters
     ----------
     machine : Machine
-        A chain of joints; with its fitted numbers, where it has been fitted.
+        A chain of joints, or two branches, which are one from the instrument to the target; with its fitted numbers,
+        where it has been fitted.
     tolerance : float, optional
         Largest sine between axes that count as parallel.
 
@@ -66,6 +67,7 @@ def to_mechanism(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
     kinds = tuple("R" if joint.revolute else "P" for joint in machine.joints)
     directions = np.array([joint.axis for joint in machine.joints], float)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    directions[: machine.inner] *= -1  # seen from what a joint carries, the rest moves backwards
     points = np.array([joint.point for joint in machine.joints], float)
     labels = {
         "unit": machine.length_unit,

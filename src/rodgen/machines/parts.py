@@ -61,6 +61,8 @@ class Joint:
         Whether nothing moves it, so that it has no errors of a drive.
     counterbalance : bool
         Whether a counterweight or a spring bears weight there, so that weight may turn it either way.
+    branch : str
+        ``"workpiece"`` or ``"tool"``: what it brings along, of a machine of two branches; empty in a chain.
     """
 
     name: str
@@ -73,6 +75,7 @@ class Joint:
     drive: str | None = None
     passive: bool = False
     counterbalance: bool = False
+    branch: str = ""
 
     @property
     def revolute(self) -> bool:
@@ -185,8 +188,8 @@ class Effect:
         """
         units = self.definition.units(machine.length_unit, machine.measurand)
         if self.definition.later_joints:
-            names = [joint.name for joint in machine.joints]
-            weights = self.definition.weights(names[names.index(str(self.place)) + 1 :])
+            later = machine.beyond(machine.number_of(str(self.place)))
+            weights = self.definition.weights([machine.joints[k].name for k in later])
             units |= dict.fromkeys(weights, f"arcsec/{machine.length_unit}")
         return units
 

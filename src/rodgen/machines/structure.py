@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
-from rodgen.machines.kinematics import Chain, Kinematics
+from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
 from rodgen.machines.measured import Measurand
 
 if TYPE_CHECKING:
@@ -166,6 +166,9 @@ class Structure:
         Those numbers of a closed chain's geometry that are slots.
     correlated : bool
         Whether the errors of the components of a reading are correlated.
+    inner : int
+        How many joints, the first ones, carry the instrument. The chain runs from it to the bed, and from there to the
+        target; so these are passed backwards.
     """
 
     measurand: Measurand
@@ -177,6 +180,15 @@ class Structure:
     kinematics: type[Kinematics] = Chain
     numbers: tuple[str, ...] = ()
     correlated: bool = False
+    inner: int = 0
+
+    def carriers(self, j: int) -> range:
+        """Return the numbers of the joints that carry joint j, the bed's first."""
+        return carriers(j, self.inner)
+
+    def beyond(self, j: int) -> range:
+        """Return the numbers of the joints that joint j carries, the next one first."""
+        return beyond(j, self.inner, len(self.joints))
 
     @cached_property
     def moving(self) -> bool:
@@ -332,6 +344,7 @@ def structure_of(machine: Machine) -> Structure:
         kinematics=type(machine.kinematics),
         numbers=_free_numbers(machine),
         correlated=machine.measured.correlation is not None,
+        inner=machine.inner,
     )
 
 
@@ -354,15 +367,15 @@ def _term(machine: Machine, effect: Effect) -> Term:
             continue
         if joint is not None and name in {"q", "s", "v", "T"}:
             columns[name] = (name, joint)
-        elif joint and name == "q_before" and not definition.own:
-            columns[name] = ("q", joint - 1)
+        elif joint is not None and name == "q_before" and not definition.own:
+            columns[name] = ("q", machine.carriers(joint)[-1])
         elif name in {"t", "F"}:
             columns[name] = (name, 0)
         elif definition.own:
             columns[name] = ("q", names.index(name)) if name in names else ("x", name)
     if joint is not None and any(f.names & BEAM for f in texts) and not definition.own:
         columns["q"] = ("q", joint)
-    weights = definition.weights(names[joint + 1 :]) if joint is not None else ()
+    weights = definition.weights([names[k] for k in machine.beyond(joint)]) if joint is not None else ()
     return Term(
         joint=joint,
         target=effect.place is not None and joint is None,

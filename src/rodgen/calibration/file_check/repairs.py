@@ -14,6 +14,7 @@ from rodgen.calibration.problem.assembly_modes import closed
 from rodgen.data.observations import Observations
 from rodgen.data.units import parse_unit
 from rodgen.errors import joined
+from rodgen.machines.kinematics import BRANCHES
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Joint, Vector
 
@@ -165,6 +166,8 @@ def _of_joints(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
                     )
     numbers = range(len(joints))
     for order, effort, words in _orders(len(joints)):
+        if any((order[i] < machine.inner) != (i < machine.inner) for i in numbers):
+            continue  # a joint stays in its branch
         names = [joints[i].name for i in order]
         if any(moves[i] for i in numbers if order[i] != i):
             yield Repair(
@@ -173,12 +176,17 @@ def _of_joints(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
                 effort,
                 machine=_reordered(order),
             )
-    yield Repair(
-        "the chain is written from the tool to the base: reverse the order of the joints and the sign of each axis",
-        "order",
-        5,
-        machine=lambda machine: _inverted(machine),
-    )
+    if machine.branches:
+        (other,) = {*BRANCHES} - {machine.measured.instrument}
+        words = f'the instrument is on the {other}, the targets are not: instrument = "{other}"'
+        yield Repair(words, "order", 1, machine=lambda machine: _seen_from(machine, other))
+    else:
+        yield Repair(
+            "the chain is written from the tool to the base: reverse the order of the joints and the sign of each axis",
+            "order",
+            5,
+            machine=lambda machine: _inverted(machine),
+        )
     for i, j in combinations(numbers, 2):
         a, b = joints[i], joints[j]
         if a.type == b.type and a.axis != b.axis and (moves[i] or moves[j]):
@@ -210,6 +218,12 @@ def _orders(n: int) -> Iterator[tuple[tuple[int, ...], int, str]]:
 
 def _reordered(order: Sequence[int]) -> Callable[[Machine], Machine]:
     return lambda machine: replace(machine, joints=tuple(machine.joints[i] for i in order))
+
+
+def _seen_from(machine: Machine, instrument: str) -> Machine:
+    """Return a machine of two branches with the instrument on one of them."""
+    measured = replace(machine.measured, instrument=instrument)
+    return replace(machine, joints=machine.joints[::-1], measured=measured)
 
 
 def _inverted(machine: Machine) -> Machine:

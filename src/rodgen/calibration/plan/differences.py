@@ -82,7 +82,7 @@ def _targets(machine: Machine, o: Observations, rows: Rows) -> Iterator[str]:
         if fresh:
             yield f"Measure {joined([machine.targets[k].name for k in fresh])}, too, which is in no row of the data."
         return
-    carrier = next((j for j in reversed(machine.joints) if j.revolute), None)
+    carrier = next((j for j in reversed(machine.joints[machine.inner :]) if j.revolute), None)
     old = sorted(measured)
     for k in fresh:
         new, place = machine.targets[k], ""

@@ -332,10 +332,11 @@ def _lifts(machine: Machine, effect: Effect, parameter: str, kind: str) -> bool:
     Counterweights or springs may, and a mirror's cell on a telescope; at a later joint also what stands behind it, such
     as a counterweight of its link.
     """
-    names = [joint.name for joint in machine.joints]
-    first = names.index(str(effect.place))
-    last = names.index(parameter.removeprefix("k_")) if parameter.removeprefix("k_") in names else first
-    return kind == "telescope" or any(joint.counterbalance for joint in machine.joints[first : last + 1])
+    j = machine.number_of(str(effect.place))
+    way = [machine.joints[k] for k in (j, *machine.beyond(j))]
+    names = [joint.name for joint in way]
+    last = names.index(parameter.removeprefix("k_")) if parameter.removeprefix("k_") in names else 0
+    return kind == "telescope" or any(joint.counterbalance for joint in way[: last + 1])
 
 
 @lru_cache

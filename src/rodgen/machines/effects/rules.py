@@ -212,8 +212,8 @@ def _check_drive(machine: Machine, effect: Effect) -> None:
 def _check_before(machine: Machine, effect: Effect) -> None:
     if effect.definition.own or not effect.definition.formula.names & {"fork", "q_before"}:
         return
-    j = machine.number_of(str(effect.place))
-    if j == 0 or not machine.joints[j - 1].revolute:
+    before = machine.carriers(machine.number_of(str(effect.place)))
+    if not before or not machine.joints[before[-1]].revolute:
         raise UnfitEffectError(
             "joint", f"{shown(effect.place)}, which no other axis carries", "a joint behind a revolute joint"
         )

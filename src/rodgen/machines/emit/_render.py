@@ -136,13 +136,14 @@ def words_of(content: Content) -> Iterator[str]:
     """Say what the machine is, and what of the fitted model is not in the code."""
     machine = content.machine
     length, place = machine.length_unit, "direction" if content.directions else "place"
+    axes = machine.axes_of_places
     yield f"Lengths are in {length}, angles in rad, times in s, temperatures in K, forces in N."
     yield (
-        "A place is a unit vector: the direction of a target in machine axes."
+        f"A place is a unit vector: the direction of a target in {axes}."
         if content.directions
-        else "A place is that of a target, in machine axes."
+        else f"A place is that of a target, in {axes}."
         if content.numbers == 3
-        else "A place is x, y, z of a target and the matrix of its attitude, row by row, in machine axes."
+        else f"A place is x, y, z of a target and the matrix of its attitude, row by row, in {axes}."
     )
     if content.numbers == 12:
         yield f"Of distances, turns count as lengths on an arm of {content.size:.6g} {length}."

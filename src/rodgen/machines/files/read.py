@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit, typed_quantity
-from rodgen.errors import InputFileError, listed, shown
+from rodgen.errors import InputFileError, listed, shown, suggestion
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import OWN_COMPONENTS, own_effect
 from rodgen.machines.effects.rules import (
@@ -45,7 +45,7 @@ from rodgen.machines.files.toml import (
     parse,
     read_text,
 )
-from rodgen.machines.kinematics import FAMILIES, Chain, Kinematics, OnLegs
+from rodgen.machines.kinematics import BRANCHES, FAMILIES, Chain, Kinematics, OnLegs
 from rodgen.machines.known import read_known
 from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured
 from rodgen.machines.parts import (
@@ -74,6 +74,7 @@ _KEYS = {
         "name",
         "units",
         "environment",
+        "branch",
         "joint",
         "target",
         "measured",
@@ -111,8 +112,9 @@ _KEYS = {
         "passive",
         "counterbalance",
     ),
+    "branch": ("name", "joints"),
     "target": ("name", "point", "attitude"),
-    "measured": ("kind", "frame", "from", "about", "noise", "attitude_noise", "correlation"),
+    "measured": ("kind", "frame", "from", "about", "noise", "attitude_noise", "correlation", "instrument"),
     "estimate": ("parameters",),
     "effect": (
         "name",
@@ -181,7 +183,9 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         angle_unit=angle,
         gravity=environment.get("gravity", _DIRECTION, (0.0, 0.0, -1.0)),
         reference_temperature=environment.get("reference_temperature", NUMBER, 20.0),
-        joints=_legs(kinematics) if kinematics.is_closed else tuple(_joints(top, per_radian)),
+        joints=_legs(kinematics)
+        if kinematics.is_closed
+        else _of_branches(top, _joints(top, per_radian), measured.instrument),
         targets=_targets(top, measured.measurand, per_radian, closed=kinematics.is_closed),
         measured=measured,
         file=file,
@@ -348,6 +352,7 @@ _DIRECTION: Kind[Vector] = VECTOR.then(_direction)
 _PARAMETER_UNIT = Kind('a unit in quotes, such as "arcsec"', TEXT.read)
 _YES_OR_NO = Kind("true or false", _yes_or_no)
 _TEXTS = Kind('a list of texts, such as ["target"]', _texts)
+_JOINTS = Kind('the names of its joints, such as ["A", "C"], the first one from the bed first', _texts)
 
 
 # blocks ------------------------------------------------------------------------------------------------------------
@@ -384,7 +389,10 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     correlation = table.get("correlation", _correlation(len(measurand.components)), None)
     if correlation is not None and measurand.is_direction:
         raise table.error("correlation", f"given together with kind = {kind!r}", "it with another kind")
-    return Measured(kind, frame, origin, noise, attitude_noise, correlation, about)
+    if "instrument" in table and "branch" not in top:
+        raise table.error("instrument", "given without [[branch]]", "it with blocks [[branch]] only")
+    instrument = table.get("instrument", one_of(BRANCHES), BRANCHES[0])
+    return Measured(kind, frame, origin, noise, attitude_noise, correlation, about, instrument)
 
 
 def _correlation(m: int) -> Kind[tuple[tuple[float, ...], ...]]:
@@ -433,6 +441,33 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
             )
         )
     return joints
+
+
+def _of_branches(top: Table, joints: list[Joint], instrument: str) -> tuple[Joint, ...]:
+    """Return the joints of a chain as they are; of two branches in the order from the instrument to the target."""
+    if "branch" not in top:
+        return tuple(joints)
+    at = {joint.name: joint for joint in joints}
+    found: dict[str, list[Joint]] = {}
+    for number, block in enumerate(top.blocks("branch", len(BRANCHES)), start=1):
+        table = Table(top.file, f"[[branch]] {number}", block, _KEYS["branch"])
+        branch = table.get("name", one_of(BRANCHES))
+        if branch in found:
+            raise table.error("name", f"{shown(branch)} twice", "it once")
+        found[branch] = []
+        for name in table.get("joints", _JOINTS):
+            if name not in at:
+                elsewhere = any(joint.name == name for joint in joints)
+                what = f"{shown(name)} twice" if elsewhere else f"no joint {shown(name)}"
+                raise table.error("joints", what, "it once" if elsewhere else suggestion(name, list(at)))
+            found[branch].append(replace(at.pop(name), branch=branch))
+    if at:
+        left = listed(list(at))
+        raise InputFileError(
+            top.file, "[[branch]]", f"none with {left}", "each joint in the joints of a branch"
+        )
+    inner = found.pop(instrument, [])
+    return (*reversed(inner), *(joint for outer in found.values() for joint in outer))
 
 
 def _passive(table: Table) -> bool:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import ANGLE, unit_factor
+from rodgen.machines.kinematics import BRANCHES
 from rodgen.machines.known import unit_of
 from rodgen.machines.parts import Effect, Joint, Known, StatedPlausibility, Target
 
@@ -83,6 +84,8 @@ def machine_text(machine: Machine) -> str:
         blocks[-1].append(f"from = {_vector(measured.origin)}")
     if measured.about is not None:
         blocks[-1].append(f"about = {_vector(measured.about)}")
+    if machine.branches and measured.instrument != BRANCHES[0]:
+        blocks[-1].append(f"instrument = {toml_string(measured.instrument)}")
     if measured.noise is not None:
         noise = decimal(measured.noise, machine.file_factor(machine.measurand.dimension))
         blocks[-1].append(f"noise = {noise}")
@@ -142,7 +145,8 @@ def _chain_blocks(machine: Machine) -> list[list[str]]:
     """Return the blocks of the joints, or that of a closed chain's geometry."""
     kinematics = machine.kinematics
     if not kinematics.is_closed:
-        return [_joint_lines(joint, machine.file_factor(joint.dimension)) for joint in machine.joints]
+        joints = [_joint_lines(joint, machine.file_factor(joint.dimension)) for joint in machine.joints]
+        return [*(_branch_lines(*branch) for branch in machine.branches.items()), *joints]
     lines = ["[geometry]"]
     for name, components in kinematics.numbers.items():
         value = kinematics.number(name)
@@ -150,6 +154,11 @@ def _chain_blocks(machine: Machine) -> list[list[str]]:
     if kinematics.start is not None:
         lines.append(f"start = {_vector(kinematics.start, machine.file_factor(ANGLE))}")
     return [lines]
+
+
+def _branch_lines(name: str, joints: Sequence[Joint]) -> list[str]:
+    names = ", ".join(toml_string(joint.name) for joint in joints)
+    return ["[[branch]]", f"name = {toml_string(name)}", f"joints = [{names}]"]
 
 
 def _joint_lines(joint: Joint, factor: float) -> list[str]:
@@ -229,12 +238,21 @@ def _described(machine: Machine) -> Iterator[str]:
             low, high = (f"{x / machine.file_factor(joint.dimension):g}" for x in joint.travel)
             travel = f", travel {low} to {high} {machine.file_unit(joint.dimension)}"
         yield f"  {joint.name:<{width}}  {way}{through}{travel}{_moved(joint)}"
+    if machine.branches:
+        yield f"branches: {_code(machine)}"
     shown = [f"{target.name} {_rounded(target.point)}" for target in machine.targets[:4]]
     more = f", and {len(machine.targets) - 4} more" if len(machine.targets) > 4 else ""
     yield f"targets: {', '.join(shown)}{more}"
     yield f"measured: {_measured(machine)}"
     yield f"estimated: {', '.join(machine.estimate) or 'nothing but the effects'}"
     yield f"effects: {', '.join(_effect(machine, effect) for effect in machine.effects) or 'none'}"
+
+
+def _code(machine: Machine) -> str:
+    """Return the code of ISO 10791 for a machine of two branches, and which of them the instrument is on."""
+    workpiece, tool = ([joint.name for joint in machine.branches.get(name, ())] for name in BRANCHES)
+    code = " ".join(["w", *reversed(workpiece), "b", *tool, "t"])
+    return f"[{code}], instrument on the {machine.measured.instrument}"
 
 
 def _moved(joint: Joint) -> str:
@@ -265,7 +283,7 @@ def _rounded(vector: Sequence[float]) -> str:
 def _measured(machine: Machine) -> str:
     measured = machine.measured
     origin = f" from {_rounded(measured.origin)}" if measured.origin is not None else ""
-    frame = "in machine axes" if measured.frame == "machine" else "in a free frame"
+    frame = f"in {machine.axes_of_places}" if measured.frame == "machine" else "in a free frame"
     noise = ""
     if measured.noise is not None:
         dimension = measured.measurand.dimension

@@ -142,6 +142,7 @@ def of_ballbar(machine: Machine, table: ForeignTable, plane: str, radius: float)
     places = np.array(machine.measured.origin) + radius * way
     linear = [j for j, joint in enumerate(machine.joints) if not joint.revolute]
     axes = np.array([machine.joints[j].axis for j in linear]).T
+    axes = np.where(np.array(linear) < machine.inner, -axes, axes)
     start = np.array(machine.targets[0].point)
     q = np.zeros((len(turn), len(machine.joints)))
     if linear:

@@ -282,7 +282,7 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     machine, o = fit.machine, fit.observations
     file = plain(_file(machine.file), 80)
     yield "Machine", plain(machine.name, 120) + (f" ({file})" if file else "")
-    frame = "in a fitted frame" if machine.measured.frame == "free" else "in machine axes"
+    frame = "in a fitted frame" if machine.measured.frame == "free" else f"in {machine.axes_of_places}"
     yield "Readings", f"{machine.measurand.words}, {frame}"
     poses = int(np.sum(np.diff(o.pose) != 0)) + 1 if o.n else 0
     runs = f" in {len(o.run_names)} runs" if len(o.run_names) > 1 else ""

@@ -72,8 +72,10 @@ def is_catalogued(
 
 def _before(place: str | None, machine: Machine) -> set[str | None]:
     """Return the joint that a joint may be coupled with, if there is one."""
-    pairs = zip(machine.joints, machine.joints[1:], strict=False)
-    return {one.name for one, other in pairs if other.name == place and one.revolute and other.revolute}
+    if place is None or machine.kind_of(place) != "revolute":
+        return set()
+    before = [machine.joints[k] for k in machine.carriers(machine.number_of(place))[-1:]]
+    return {joint.name for joint in before if joint.revolute}
 
 
 def _is_wave_of_reading(factor: Factor, place: str, turns: bool, machine: Machine) -> bool:

@@ -1,0 +1,223 @@
+"""Machines of two branches: as they are built, against the plain simulator, matrices, and the chains that they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from machine_cases import ROWS, TARGETS, Case, data_for, frame, joint, machine_file, possible
+from machine_simulator import rigid
+from test_machine_jacobians import columns_off, near
+
+from rodgen.errors import InputFileError
+from rodgen.machines.machine import Machine
+from rodgen.machines.mechanism import to_mechanism
+
+pytestmark = pytest.mark.xdist_group("branches")
+EXAMPLES = Path(__file__).parents[1] / "examples" / "machines"
+ARCSEC = np.pi / 648000
+
+
+@pytest.fixture(autouse=True)
+def on_numpy(monkeypatch):
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+
+
+def branched(
+    file: dict[str, Any], workpiece: str, tool: str, instrument: str = "workpiece"
+) -> dict[str, Any]:
+    """Return a machine file with its joints in branches."""
+    branches = [{"name": "workpiece", "joints": workpiece.split()}, {"name": "tool", "joints": tool.split()}]
+    return file | {"branch": branches, "measured": file["measured"] | {"instrument": instrument}}
+
+
+# kernels -------------------------------------------------------------------------------------------------------
+
+SKEW = [
+    joint("B", "revolute", [0.3, 0.9, -0.2], [20, -30, 10]),
+    joint("A", "revolute", [0.8, 0.1, 0.59], [100, 50, -20]),
+    joint("Z", "prismatic", [0.1, -0.2, 0.97], [5, 6, 7], travel=[-100.0, 300.0]),
+    joint("C", "revolute", [-0.1, 0.2, -0.97], [-30, 10, 15]),
+    joint("Y", "prismatic", [0.1, 0.9, 0.1], [15, -60, 70], travel=[-200.0, 100.0]),
+    joint("D", "revolute", [0.7, -0.3, 0.4], [40, 20, -35]),
+]
+
+
+def every(kind: str, instrument: str = "workpiece") -> Case:
+    """Return a machine with every effect at joints of the branch that carries the instrument, and some of the other."""
+    estimate = ["B.axis", "C.axis", "D.axis", *(["B.point", "D.point"] if kind != "direction" else [])]
+    bare = machine_file(SKEW, TARGETS, kind=kind, frame="free", estimate=estimate, gravity=(0.6, 0, -0.8))
+    file = branched(bare, "B A Z C", "Y D", instrument)
+    file["effect"] = possible(bare, places=["A", "Z", None, "p", "r"])
+    return Case(file, data_for(file, ROWS, np.random.default_rng(4)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "instrument"),
+    [("point", "workpiece"), ("pose", "workpiece"), ("direction", "workpiece"), ("point", "tool")],
+)
+def test_every_effect_in_a_branch_is_that_of_the_simulator_and_its_column_the_derivative(kind, instrument):
+    case = every(kind, instrument)
+    within = 1e-13 if kind == "direction" else 1e-10
+    where = frame(kind)
+    start = case.predicted(where)
+    assert np.abs(start - case.simulated(where)).max() < within
+    for block in case.file["effect"] if (kind, instrument) == ("point", "workpiece") else []:
+        values = case.sizeable(case.keys_of(block)) | where
+        found = case.predicted(values)
+        assert np.abs(found - case.simulated(values)).max() < within, block
+        assert np.abs(found - start).max() > 1e3 * within, block
+    keys = [key for key in case.model.keys if not key.startswith("frame.")]
+    values = case.sizeable(keys, 30.0) | where
+    assert np.abs(case.predicted(values) - case.simulated(values)).max() < 10 * within
+    if kind == "pose":
+        return  # its residual is that of any chain
+    rows = np.ones(ROWS, bool)
+    if kind == "direction":
+        case = case.changed(data=case.data | near(case, values))
+    off = columns_off(case, values, keys[:: 4 if kind == "point" else 7], rows)
+    assert {key for key in off if key != "Z.load_sag.k0"} == set()
+
+
+def test_a_table_as_built_is_the_product_of_plain_matrices():
+    """[w C A b X Y Z t]: the errors of A and C are those of the table against its bed, in the axes of the machine."""
+    joints = [
+        joint("A", "revolute", [1, 0, 0], [0, 20, -60]),
+        joint("C", "revolute", [0, 0, 1], [5, 0, 0]),
+        *(joint(name, "prismatic", axis) for name, axis in zip("XYZ", np.eye(3), strict=True)),
+    ]
+    names = ["squareness", "axis_offset", "backlash", "tilt_error_motion", "scale"]
+    places = ["Y", "A", "C", "C", "X"]
+    effects = [{"name": name, "joint": place} for name, place in zip(names, places, strict=True)]
+    file = branched(machine_file(joints, [(0, 0, 150)], effects=effects), "A C", "X Y Z")
+    case = Case(file, data_for(file, ROWS, np.random.default_rng(1)))
+    values = {"Y.squareness.a": 1e-3, "A.axis_offset.a": 0.3, "C.backlash.b": 2e-3, "X.scale.k": 1e-4}
+    values["C.tilt_error_motion.u_c1"] = 5e-4
+    at = {name.partition(" ")[0]: x for name, x in case.data.items()}
+    expected = []
+    for i in range(ROWS):
+        a, x, y, z = (float(at[name][i]) for name in "AXYZ")
+        c = at["C"][i]
+        table = rigid([a, 0, 0], [0, 20.3, -60])  # u of x is y
+        table = table @ rigid([5e-4 * np.cos(c), 0, 0], [5, 0, 0])  # u of z is x
+        table = table @ rigid([0, 0, c - 1e-3 * at["dir_C"][i]], [5, 0, 0])
+        tilted = rigid([0, 0, 1e-3])[:3, :3] @ [0, 1, 0]  # about u of y, which is z
+        head = rigid([0, 0, 0], shift=[x * (1 + 1e-4), 0, 0] + y * tilted + [0, 0, z])
+        expected.append((np.linalg.inv(table) @ head @ [0, 0, 150, 1])[:3])
+    assert np.abs(case.predicted(values) - expected).max() < 1e-10
+    # the sign that people get wrong: the tool stands still, the table turns by +90 degrees about z
+    still = dict.fromkeys(("X [mm]", "Y [mm]", "Z [mm]", "A [rad]"), np.zeros(ROWS))
+    case = case.changed(data=case.data | still | {"C [rad]": np.full(ROWS, np.pi / 2)})
+    assert case.predicted()[0] == pytest.approx([5, 5, 150])
+
+
+# the chains that they are --------------------------------------------------------------------------------------
+
+
+def test_a_machine_whose_joints_are_all_in_one_branch_is_the_chain():
+    names = " ".join(j["name"] for j in SKEW)
+    chain = machine_file(SKEW, TARGETS, effects=possible(machine_file(SKEW, TARGETS), places=["A", "Z"]))
+    one = Case(chain, {}).machine
+    for workpiece, tool, instrument in (("", names, "workpiece"), (names, "", "tool")):
+        other = Case(branched(chain, workpiece, tool, instrument), {}).machine
+        assert other.structure == one.structure
+        assert [j.name for j in other.joints] == [j.name for j in one.joints]
+
+
+def test_joints_that_carry_the_instrument_are_those_of_a_chain_with_negative_axes():
+    """What people had to write: the table's joints first, the last one first, and their axes turned round."""
+    table, head = SKEW[:3], SKEW[3:]
+    effects = [
+        {"name": name, "joint": place}
+        for name, place in [("backlash", "B"), ("encoder_eccentricity", "A"), ("scale", "Z"), ("scale", "D")]
+    ]
+    built = branched(machine_file(SKEW, TARGETS, effects=effects), "B A Z", "C Y D")
+    turned = [j | {"axis": [-x for x in j["axis"]]} for j in reversed(table)]
+    chain = machine_file([*turned, *head], TARGETS, effects=effects)
+    data = data_for(built, ROWS, np.random.default_rng(2))
+    one, other = Case(built, data), Case(chain, data)
+    values = one.sizeable(one.model.keys)
+    assert np.abs(one.predicted(values) - other.predicted(values)).max() < 1e-10
+    bare = (Case(file | {"effect": []}, data) for file in (built, chain))
+    first, second = (to_mechanism(case.machine).forward(np.ones((1, 6))) for case in bare)
+    assert np.abs(first - second).max() < 1e-10
+
+
+# files ---------------------------------------------------------------------------------------------------------
+
+TABLE = """
+name = "A table"
+[units]
+length = "mm"
+angle = "deg"
+[[branch]]
+name = "workpiece"
+joints = ["C"]
+[[branch]]
+name = "tool"
+joints = ["X"]
+[[joint]]
+name = "X"
+type = "prismatic"
+axis = [1, 0, 0]
+[[joint]]
+name = "C"
+type = "revolute"
+axis = [0, 0, 1]
+[[target]]
+name = "ball"
+point = [0, 0, 100]
+[measured]
+kind = "point"
+frame = "machine"
+instrument = "tool"
+"""
+
+
+def loaded(folder: Path, text: str) -> Machine:
+    path = folder / "machine.toml"
+    path.write_text(text)
+    return Machine.load(path)
+
+
+def test_file_says_the_branches_and_reads_back_equal(tmp_path):
+    machine = loaded(tmp_path, TABLE)
+    assert [j.name for j in machine.joints] == ["X", "C"]
+    assert "branches: [w C b X t], instrument on the tool" in machine.describe()
+    assert "point in machine axes that move with the tool" in machine.describe()
+    machine.save(tmp_path / "again.toml")
+    assert Machine.load(tmp_path / "again.toml") == machine
+    seen = loaded(tmp_path, TABLE.replace('instrument = "tool"', ""))
+    assert [j.name for j in seen.joints] == ["C", "X"]
+    seen.save(tmp_path / "again.toml")
+    assert Machine.load(tmp_path / "again.toml") == seen
+    only = loaded(tmp_path, TABLE.replace('["C"]', "[]").replace('["X"]', '["X", "C"]'))
+    assert only.describe().splitlines()[3] == "branches: [w b X C t], instrument on the tool"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"workpiece"', '"table"', "[[branch]] 1, name: 'table'; expected 'workpiece' or 'tool'"),
+        ('"workpiece"', '"tool"', "[[branch]] 2, name: 'tool' twice; expected it once"),
+        ('["C"]', '["D"]', "[[branch]] 1, joints: no joint 'D'; expected"),
+        ('["C"]', '["C", "X"]', "[[branch]] 2, joints: 'X' twice; expected it once"),
+        ('["C"]', "[]", "[[branch]]: none with 'C'; expected each joint in the joints of a branch"),
+        ('["C"]', '"C"', "[[branch]] 1, joints: the text 'C'; expected the names of its joints"),
+        ('instrument = "tool"', 'instrument = "spindle"', "[measured], instrument: 'spindle'; expected"),
+        ("[[branch]]", "[branch]", "line "),
+    ],
+)
+def test_what_is_no_branch_is_one_sentence(tmp_path, old, new, message):
+    with pytest.raises(InputFileError) as error:
+        loaded(tmp_path, TABLE.replace(old, new, 1))
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_an_instrument_is_on_a_branch_of_a_machine_that_has_them(tmp_path):
+    text = TABLE[: TABLE.index("[[branch]]")] + TABLE[TABLE.index("[[joint]]") :]
+    with pytest.raises(InputFileError, match=r"instrument: given without \[\[branch\]\]; expected it with"):
+        loaded(tmp_path, text)
