@@ -44,7 +44,7 @@ def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
     else:
         data, residuals = fit.observations.data, fit.residuals * fit.unit_factor
         reading = (
-            residuals[:, :0] if measurand.has_attitude and not measurand.moving else fit.observations.reading
+            residuals[:, :0] if measurand.has_attitude and not measurand.is_pose else fit.observations.reading
         )
         of_places = residuals[:, : reading.shape[1]]
         for label, values in (("predicted", reading - of_places), ("residual", of_places)):

@@ -93,6 +93,8 @@ class Measurand:
         Whether a residual depends on how a body is turned, not on a vector in it alone.
     has_zero : bool
         Whether it is an angle about an axis, from a zero of the instrument, which is the freedom of a target.
+    is_pose : bool
+        Whether place and attitude are read together; attitudes alone have no lever arm.
     unchanged_by : mapping of str to str
         Components of effects that do not change a reading, and why.
     """
@@ -111,6 +113,7 @@ class Measurand:
     rigid: ClassVar[tuple[str, ...]] = ("x", "y", "z", *TURNS)
     has_origin: ClassVar[bool] = False
     has_attitude: ClassVar[bool] = False
+    is_pose: ClassVar[bool] = False
     has_axes: ClassVar[bool] = False
     has_zero: ClassVar[bool] = False
     unchanged_by: ClassVar[Mapping[str, str]] = MappingProxyType({})
@@ -277,7 +280,7 @@ class Pose(Point):
     columns = components = labels = ("x", "y", "z", *TURNS)
     inputs = 12
     freedoms = ("x", "y", "z", *TURNS)
-    has_attitude = has_axes = True
+    has_attitude = has_axes = is_pose = True
 
     def error(self, residuals: Array, arm: float = 1.0) -> Array:
         """Return differences of coordinates, and rotation vectors; residuals of turns are 2 tan(angle / 2) long."""

@@ -46,7 +46,7 @@ def _independent(model: Model, o: Observations, theta: Array, frame: Frame, weig
     )
     if measurand.has_zero:
         return np.asarray(-weight[:, :, None] * (axes @ np.array(model.machine.measured.about)))
-    if not measurand.moving and measurand.has_attitude:
+    if measurand.has_attitude and not measurand.is_pose:
         return np.asarray(-np.einsum("km,nm->nmk", axes, weight))
     if not measurand.moving:
         return np.asarray(-np.einsum("mni,kni,nm->nmk", np.stack(o.basis), turns, weight))

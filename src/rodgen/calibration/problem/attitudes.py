@@ -104,14 +104,11 @@ def attitude_columns(attitude: Array, data: Measurements, angle: str = "deg") ->
     angle : str
         Unit of angles where the table has none.
     """
-    found = {}
-    for name, values in attitude_numbers(attitude, data).items():
-        unit = ""
-        if name[0] != "q" and not name[1:].isdigit():
-            unit = (name in data.columns and data.columns[name].unit) or angle
-            values = values / parse_unit(unit).factor()
-        found[f"{name} [{unit}]" if unit else name] = values
-    return found
+    numbers = attitude_numbers(attitude, data)
+    if not any(NOTATIONS[notation] == tuple(numbers) for notation in ANGULAR):
+        return numbers
+    units = {name: (name in data.columns and data.columns[name].unit) or angle for name in numbers}
+    return {f"{name} [{units[name]}]": x / parse_unit(units[name]).factor() for name, x in numbers.items()}
 
 
 def attitude_numbers(attitude: Array, data: Measurements) -> dict[str, Array]:

@@ -109,8 +109,8 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
     run, run_names = binder.run()
     target = binder.target()
     attitude = binder.attitude(may_be_missing=allow_missing_readings)
-    weighs = attitude is not None and machine.measurand.moving  # positions against attitudes
-    if attitude is None or weighs:
+    is_pose = machine.measurand.is_pose
+    if attitude is None or is_pose:
         reading = binder.reading(may_be_missing=allow_missing_readings)
     else:
         reading = np.ascontiguousarray(attitude[:, :, 2])
@@ -121,7 +121,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
             data.file, data.header_place, "no uncertainties, while correlation is stated", expected
         )
     arm = 1.0
-    if weighs:
+    if is_pose:
         arm = _arm(machine, q, sigma)
         sigma = None if sigma is None else sigma * np.repeat([1.0, arm], 3)
     load = binder.optional("load", FORCE)
@@ -149,7 +149,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
         columns_given=frozenset(data.columns),
         attitude=attitude,
         arm=arm,
-        arm_is_known=not weighs or sigma is not None,
+        arm_is_known=not is_pose or sigma is not None,
     )
     if machine.kinematics.is_closed:
         observations = closed(observations, by_readings=not allow_missing_readings)

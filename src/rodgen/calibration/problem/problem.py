@@ -598,7 +598,7 @@ class Problem:
     def predicted(self, theta: Array, frame: Frame) -> Array:
         """Return the predicted readings, (n, 3) or (n, 1): of poses the points, of attitudes alone z axes."""
         measurand = self.model.structure.measurand
-        if measurand.has_attitude and not measurand.moving:
+        if measurand.has_attitude and not measurand.is_pose:
             return np.ascontiguousarray(self.attitudes(theta, frame)[:, :, 2])
         if measurand.is_place:
             return self.places(theta, frame)

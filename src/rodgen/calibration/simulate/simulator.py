@@ -97,7 +97,7 @@ class Simulator:
 
     def _typed(self, noise: float | str) -> Array:
         """Return a typed noise in internal units, (1, 1), or of poses (1, 6)."""
-        if not (self.machine.measurand.has_attitude and self.machine.measurand.moving):
+        if not self.machine.measurand.is_pose:
             return np.array([[self._noise(noise, self.unit)]])
         parts = str(noise).split(",")
         if len(parts) != 2:
@@ -321,7 +321,7 @@ class Simulator:
         if self.sigma is None:
             return {"rms": 0.0, "unit": self.unit}
         found = {"rms": float(np.sqrt(np.mean(self.sigma[:, :3] ** 2))) / self.unit_factor, "unit": self.unit}
-        if self.machine.measurand.has_attitude and self.machine.measurand.moving:
+        if self.machine.measurand.is_pose:
             turns = self.sigma[:, 3:] / self.observations.arm * 648000 / np.pi
             found |= {"rms_of_turns": float(np.sqrt(np.mean(turns**2))), "unit_of_turns": "arcsec"}
         return found

@@ -376,12 +376,11 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     own = per_radian if measurand.dimension == ANGLE else 1.0
     noise = table.get("noise", _noise_in(measurand.dimension, length, own), None)
     attitude_noise = table.get("attitude_noise", _noise_in(ANGLE, length, per_radian), None)
-    both = measurand.has_attitude and measurand.moving
-    if attitude_noise is not None and not both:
+    if attitude_noise is not None and not measurand.is_pose:
         raise table.error(
             "attitude_noise", f"given together with kind = {kind!r}", "it with kind = 'pose' only"
         )
-    if both and (noise is None) != (attitude_noise is None):
+    if measurand.is_pose and (noise is None) != (attitude_noise is None):
         given, lacking = (
             ("noise", "attitude_noise") if attitude_noise is None else ("attitude_noise", "noise")
         )
