@@ -201,20 +201,12 @@ class Point(Measurand):
 
 
 @dataclass(frozen=True)
-class Direction(Measurand):
-    """A unit vector."""
+class _Angular(Measurand):
+    """What only turns change: residuals are vectors 2 tan(angle / 2) long."""
 
-    kind = "direction"
-    words = "directions"
-    columns = ("ux", "uy", "uz")
-    components = ("horizontal", "zenith")
-    labels = ("horizontal", "to zenith")
-    inputs = 9
     dimension = ANGLE
     moving = False
-    is_direction = True
-    freedoms: ClassVar[tuple[str, ...]] = ("a", "b")
-    rigid = TURNS
+    rigid: ClassVar[tuple[str, ...]] = TURNS
     unchanged_by: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
             "translation": "no direction: it only moves",
@@ -229,21 +221,35 @@ class Direction(Measurand):
         return "arcsec"
 
     def arm(self, length: str) -> str:
-        """Return 1: arms are multiples of the unit vector's length."""
+        """Return 1: arms are multiples of a unit vector's length."""
         return "1"
 
     def size(self, reading: Array) -> float:
         """Return 1."""
         return 1.0
 
+    def error(self, residuals: Array, arm: float = 1.0) -> Array:
+        """Return angles, or rotation vectors."""
+        return _angles(residuals)
+
+
+@dataclass(frozen=True)
+class Direction(_Angular):
+    """A unit vector."""
+
+    kind = "direction"
+    words = "directions"
+    columns = ("ux", "uy", "uz")
+    components = ("horizontal", "zenith")
+    labels = ("horizontal", "to zenith")
+    inputs = 9
+    is_direction = True
+    freedoms: ClassVar[tuple[str, ...]] = ("a", "b")
+
     def component_sigma(self, sigma: Array, basis: Sequence[Array] | None) -> Array:
         """Return what the ellipsoid of the uncertainties spans across the direction."""
         assert basis is not None
         return np.asarray(np.sqrt(np.stack([np.sum(e**2 * sigma**2, axis=-1) for e in basis], axis=-1)))
-
-    def error(self, residuals: Array, arm: float = 1.0) -> Array:
-        """Return angles; residuals are as long as 2 tan(angle / 2)."""
-        return _angles(residuals)
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the stereographic image of the prediction, seen from opposite the reading, along two vectors."""
@@ -297,45 +303,30 @@ def _turn_to(steps: ModelSteps, axes: Any, read: Any) -> Any:
     With the axes m of the body as predicted and r as measured it is 2 Σ m × r / (1 + Σ m · r), 2 tan(angle / 2) long:
     without a branch, and finite up to half a turn.
     """
-    goal = type(read)(3, 3, list(read))
-    across = steps.zero
-    along = 1
-    for i in range(3):
-        across = across + axes[:, i].cross(goal[:, i])
-        along = along + axes[:, i].dot(goal[:, i])
+    across, along = _quaternion(steps, axes, type(read)(3, 3, list(read)))
     return across * steps.let("rodrigues", 2 / along)
 
 
+def _quaternion(steps: ModelSteps, axes: Any, goal: Any) -> tuple[Any, Any]:
+    """Return vector and scalar part of a quaternion, of any length, that turns orthonormal axes to others."""
+    across, along = steps.zero, 1
+    for i in range(3):
+        across = across + axes[:, i].cross(goal[:, i])
+        along = along + axes[:, i].dot(goal[:, i])
+    return across, along
+
+
 @dataclass(frozen=True)
-class Orientation(Measurand):
+class Orientation(_Angular):
     """The attitude of a body, wherever it is."""
 
     kind = "orientation"
     words = "attitudes"
     columns = components = labels = TURNS
     inputs = 9
-    dimension = ANGLE
-    moving = False
     is_place = False
-    freedoms = rigid = TURNS
+    freedoms = TURNS
     has_attitude = has_axes = True
-    unchanged_by = Direction.unchanged_by
-
-    def unit(self, length: str) -> str:
-        """Return arcsec."""
-        return "arcsec"
-
-    def arm(self, length: str) -> str:
-        """Return 1: arms are multiples of a unit vector's length."""
-        return "1"
-
-    def size(self, reading: Array) -> float:
-        """Return 1."""
-        return 1.0
-
-    def error(self, residuals: Array, arm: float = 1.0) -> Array:
-        """Return rotation vectors; residuals are 2 tan(angle / 2) long."""
-        return _angles(residuals)
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the Rodrigues vector that turns the prediction to the reading."""
@@ -343,7 +334,7 @@ class Orientation(Measurand):
 
 
 @dataclass(frozen=True)
-class Angle(Measurand):
+class Angle(_Angular):
     """The angle by which a body has turned about an axis of the measuring frame, modulo whole turns.
 
     Of any rotation it is the twist: the turn about the axis that is left when the turn of the axis itself is taken off.
@@ -353,31 +344,12 @@ class Angle(Measurand):
     words = "angles about an axis"
     columns = components = labels = ("angle",)
     inputs = 2
-    dimension = ANGLE
-    moving = False
     is_place = False
     freedoms = ("zero",)
-    rigid = TURNS
     has_axes = has_zero = True
     unchanged_by = MappingProxyType(
-        {k: v.replace("direction", "angle") for k, v in Direction.unchanged_by.items()}
+        {k: v.replace("direction", "angle") for k, v in _Angular.unchanged_by.items()}
     )
-
-    def unit(self, length: str) -> str:
-        """Return arcsec."""
-        return "arcsec"
-
-    def arm(self, length: str) -> str:
-        """Return 1: arms are multiples of a unit vector's length."""
-        return "1"
-
-    def size(self, reading: Array) -> float:
-        """Return 1."""
-        return 1.0
-
-    def error(self, residuals: Array, arm: float = 1.0) -> Array:
-        """Return angles; residuals are 2 tan(angle / 2)."""
-        return _angles(residuals)
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return 2 tan of half the angle from the prediction to the reading, given cosine and sine of half of this.
@@ -385,11 +357,7 @@ class Angle(Measurand):
         With a unit quaternion (w, v) of the rotation the twist φ about e has tan(φ/2) = v·e / w, and w and v are as
         1 + Σ e_i·m_i and Σ e_i × m_i, with the axes m of the body that were the machine's e_i at zero.
         """
-        unit = steps.matrix.eye(3)
-        across, along = steps.zero, 1
-        for i in range(3):
-            across = across + unit[:, i].cross(axes[:, i])
-            along = along + axes[i, i]
+        across, along = _quaternion(steps, steps.matrix.eye(3), axes)
         sine, cosine = (
             steps.let("sine_half", across.dot(steps.known("about"))),
             steps.let("cosine_half", along),
