@@ -227,7 +227,7 @@ def test_a_saved_fit_is_the_same_again(table, columns, tmp_path, loss):
     fit = table.fit(columns, loss=loss)
     assert fit.outliers.sum() == (loss == "huber")
     fit.save(tmp_path / "fit.zip")
-    again = Fit.load(tmp_path / "fit.zip")
+    again = rodgen.Fit.load(tmp_path / "fit.zip")
     assert json.dumps(again.to_dict() | {"copies": 24}) == json.dumps(fit.to_dict())
     assert again.loss == loss
     assert again.machine == fit.machine

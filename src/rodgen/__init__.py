@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
 if _TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit as Fit
     from rodgen.calibration.simulate import simulate as simulate
     from rodgen.data.measurements import Measurements as Measurements
     from rodgen.errors import RodgenError
@@ -59,6 +60,7 @@ _NUMERIC = (
 """Modules of the names in __all__, those that are imported soonest first."""
 # Not in __all__: "from rodgen import *" must do with NumPy alone.
 _LATER = {
+    "Fit": "rodgen.calibration.fit",
     "Machine": "rodgen.machines.machine",
     "Measurements": "rodgen.data.measurements",
     "write_report": "rodgen.output.report",
