@@ -40,11 +40,15 @@ def map_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
     Raises
     ------
     InputFileError
-        When directions are measured, or not one to three joints have a travel.
+        When directions are measured, or not one to three joints have a travel; where none has, that of the data counts.
     """
     if machine.measurand.has_attitude and machine.measurand.moving:  # a map is of places
         places = replace(machine.measured, kind=POINT.kind, attitude_noise=None, correlation=None)
         machine = replace(machine, measured=places)
+    if travel is not None and not any(joint.travel for joint in machine.joints):
+        ranges = [(float(low), float(high)) if low < high else None for low, high in travel]
+        joints = tuple(replace(joint, travel=own) for joint, own in zip(machine.joints, ranges, strict=True))
+        machine = replace(machine, joints=joints)
     content = content_of(machine, name, travel)
     file = machine.file or machine.name
     if content.directions:

@@ -192,5 +192,6 @@ def _joint_lines(axis: str, of: str, sign: int = 1) -> Iterator[str]:
     yield f"axis   = {[sign * x for x in _AXES[_TURNS.get(axis, axis)]]}"
     if turns:
         yield f"point  = {[0, 0, 0] if of == 'table' else [0, 0, _PIVOT]}  # on the axis, with all joints at zero"
-    yield f"travel = [{-_TRAVEL[axis]}, {_TRAVEL[axis]}]"
+    travel = f"travel = [{-_TRAVEL[axis]}, {_TRAVEL[axis]}]"
+    yield travel if sign > 0 else f"# {travel}  # default: that of the readings"
     yield f'# drive = "{"direct" if turns else "screw"}"'
