@@ -103,6 +103,17 @@ def test_a_row_of_several_targets_becomes_rows(names, tmp_path):
     assert any(note.startswith("Readings of 3 targets in a row: ball_1 is ") for note in notes)
 
 
+@pytest.mark.parametrize(
+    ("coding", "said"), [("cp1252", "Windows-1252"), ("utf-16", "UTF-16"), ("utf-8-sig", "")]
+)
+def test_tables_are_read_as_windows_codes_them(coding, said, tmp_path):
+    (tmp_path / "t.csv").write_bytes("Prüfling;C (°)\r\n1;2,5\r\n".encode(coding))
+    table = read_foreign(tmp_path / "t.csv")
+    assert [column.header for column in table.columns] == ["Prüfling", "C (°)"]
+    assert said in table.notes[0]
+    assert ("text in " in table.notes[0]) == bool(said)
+
+
 def test_balls_that_a_machinist_probed_become_measurements(tmp_path):
     """A wide table with decimal commas, whose columns are named in words: nothing has to be mapped."""
     (tmp_path / "balls.csv").write_text(
@@ -283,7 +294,7 @@ def test_what_is_wrong_with_the_map_is_said_in_one_sentence(entry, expected, tmp
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["t.csv", "-d", "d.csv"], "t.csv: file: readings without a machine; expected a machine file, too"),
+        (["t.csv", "-d", "d.csv"], "of TPOINT; expected a machine file, too: 'rodgen new' makes one"),
         (["m.toml", "t.csv"], "no -d; expected -d DATA.csv: the readings go there"),
         (
             ["m.toml", "t.csv", "-d", "d.csv", "-o", "o.toml"],

@@ -325,6 +325,12 @@ def test_what_is_wrong_with_a_run_is_said_in_one_sentence(old, new, expected, tm
     assert expected in str(error.value)
 
 
+def test_a_star_beyond_the_zenith_is_refused(tmp_path):
+    (tmp_path / "run.dat").write_text("Mount\n:ALTAZ\n+31 41 19.6 2021 8 21\n10 20 10 20\n10 95 10 85\nEND\n")
+    with pytest.raises(InputFileError, match="line 5: a star's elevation of 95; expected from -90 to 90"):
+        read_pointings(tmp_path / "run.dat")
+
+
 @pytest.mark.parametrize(
     ("terms", "expected"),
     [

@@ -148,9 +148,10 @@ def test_a_humanoid_of_300_links_takes_no_second(tmp_path):
     [
         ("</robot>", "", {}, "line 11: no XML (no element found); expected a robot in URDF"),
         ("robot", "sdf", {}, "file: an element 'sdf'; expected a robot in URDF, whose element is <robot>"),
-        ("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" ', {}, "--tip: 2 last links, and no --tip;"),
+        ("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" ', {}, "--tip: 2 leaf links, and no --tip;"),
         ("</robot>", '<x:if xmlns:x="http://ros.org/wiki/xacro"/></robot>', {}, "file: a xacro file, from which"),
-        ("", "", {}, "--tip: 2 last links, and no --tip; expected --tip LINK: 'hand' or 'lamp'"),
+        (ROBOT, '<robot name="x"/>', {}, "link: no links; expected a robot whose links hang on one of them"),
+        ("", "", {}, "--tip: 2 leaf links, and no --tip; expected --tip LINK: 'hand' or 'lamp'"),
         ("", "", {"tip": "hadn"}, "--tip: no link 'hadn'; expected 'hand', perhaps"),
         ("", "", {"base": "arm", "tip": "plate"}, "--base arm: no link above 'plate'; expected 'column' or 'floor'"),
         ("", "", {"tip": "lamp"}, "file: 0 moving joints from 'floor' to 'lamp'; expected 1 to 64"),

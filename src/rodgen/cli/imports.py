@@ -37,7 +37,8 @@ SOURCE is
   a Denavit-Hartenberg table, CSV with the columns theta, d, a and alpha, and --convention; or TOML.
   a model of TPOINT, alone or with a run: its terms become effects with held parameters.
   a machine file, or one of these, with tables of readings: CSV or other text, .xlsx or .mat; one file, or one a target
-  or a run. Columns are known by their names, by --column, or by [columns] of the machine file.
+  or a run. Columns are known by their names, by --column, or by [columns] of the machine file: joints; x y z, or
+  x1 y1 z1 x2 … of several targets; roll pitch yaw, rx ry rz or qw qx qy qz; az el or ha dec; target, run, t, T_air, …
 """
 
 
@@ -73,7 +74,7 @@ def add_to(command: Command) -> None:
         "--base", metavar="LINK", help="of a URDF: the link that stands still; default: the root"
     )
     made.add_argument(
-        "--tip", metavar="LINK", help="of a URDF: the link that is measured; default: the only last one"
+        "--tip", metavar="LINK", help="of a URDF: the link that is measured; default: the only leaf"
     )
     made.add_argument(
         "--convention",
@@ -141,6 +142,10 @@ _MISFITS = {
     ("-d", True): ("no -d", "-d DATA.csv: the readings go there"),
 }
 """By option, and whether it is needed: what was found, and what was expected."""
+_UNKNOWN = (
+    "readings without a machine, as it is no URDF (<robot>), no Denavit-Hartenberg table (theta, d, a, alpha), no "
+    "pointing run (:ALTAZ or :EQUAT) and no model (terms, then END) of TPOINT"
+)
 
 _URDF, _TABLE, _RUN, _MODEL = "a URDF", "a Denavit-Hartenberg table", "a pointing run", "a model of TPOINT"
 _MACHINE, _READINGS = "a machine file", "a table of readings"
@@ -177,9 +182,7 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
         made = machine_from_tpoint(run, model, latitude=latitude, from_south=options.azimuth == "south")
     else:
         file = kinds[_READINGS][0]
-        raise InputFileError(
-            file, "file", "readings without a machine", "a machine file, too: 'rodgen new' makes one"
-        )
+        raise InputFileError(file, "file", _UNKNOWN, "a machine file, too: 'rodgen new' makes one")
     return (_with_readings(options, made, kinds) if _READINGS in kinds else made), _MACHINE in kinds
 
 

@@ -113,7 +113,8 @@ def read_foreign(path: str | os.PathLike[str]) -> ForeignTable:
 
 
 def _of_text(file: str) -> ForeignTable:
-    lines = decoded(read_input(file, _EXPECTED, largest=LARGEST), file).removeprefix("\ufeff").splitlines()
+    text, coding = _decoded(read_input(file, _EXPECTED, largest=LARGEST), file)
+    lines = text.removeprefix("\ufeff").splitlines()
     head = [line for line in lines if line.strip()][:MOST_PREAMBLE]
     if not head:
         raise InputFileError(file, "file", "an empty file", _EXPECTED)
@@ -131,11 +132,24 @@ def _of_text(file: str) -> ForeignTable:
     decimal = separator != "," and any(_COMMA.fullmatch(cell) for _, cells in rows for cell in cells)
     words = {";": "semicolons", "\t": "tabs", ",": "commas", "": "blanks"}[separator]
     notes = [
-        f"{os.path.basename(file)}: text, {words} between columns{', decimal commas' if decimal else ''}."
+        f"{os.path.basename(file)}: text{coding}, {words} between columns{', decimal commas' if decimal else ''}."
     ]
     if decimal:
         rows = [(n, [c.replace(",", ".") if _COMMA.fullmatch(c) else c for c in cells]) for n, cells in rows]
     return _of_rows(file, rows, "line", tuple(notes))
+
+
+def _decoded(content: bytes, file: str) -> tuple[str, str]:
+    """Return the text of a file, and words on its coding where that is not UTF-8: Windows writes two others."""
+    try:
+        if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return content.decode("utf-16"), " in UTF-16"
+        return decoded(content, file), ""
+    except (InputFileError, UnicodeDecodeError):
+        try:
+            return content.decode("cp1252"), " in Windows-1252"
+        except UnicodeDecodeError:
+            return decoded(content, file), ""  # whose error says where
 
 
 def _sheet(file: str) -> tuple[list[tuple[int, list[Any]]], str]:

@@ -182,6 +182,12 @@ def _of_tpoint(file: str, lines: Sequence[tuple[int, str]], *, from_south: bool)
     notes = [f"Observations are of format {form}: {_WORDS[form]}."]
     time = None
     if form == 4:
+        for record in records:
+            if abs(record.values[1]) > 90:
+                found = (
+                    f"a star's {'elevation' if mount is ALTAZ else 'declination'} of {record.values[1]:.6g}"
+                )
+                raise InputFileError(file, f"line {record.line}", found, "from -90 to 90")
         angles = np.radians(values)
         if mount is ALTAZ:
             angles[:, ::2] = np.pi - angles[:, ::2] if from_south else angles[:, ::2]

@@ -72,7 +72,7 @@ def machine_from_urdf(
     links = [link.get("name", "") for link in robot.iterfind("link")]
     base = _link(file, "--base", base, links, [link for link in links if link not in joints], "roots")
     parents = {joint.parent for joint in joints.values()}
-    tip = _link(file, "--tip", tip, links, [link for link in links if link not in parents], "last links")
+    tip = _link(file, "--tip", tip, links, [link for link in links if link not in parents], "leaf links")
     return _machine(file, robot.get("name") or "robot", base, tip, _chain(file, joints, base, tip))
 
 
@@ -199,9 +199,12 @@ def _link(file: str, option: str, given: str | None, links: list[str], natural: 
         if given in links:
             return given
         raise InputFileError(file, option, f"no link {shown(given)}", suggestion(given, links))
+    if not natural:
+        found = "links in a circle" if links else "no links"
+        raise InputFileError(file, "link", found, "a robot whose links hang on one of them")
     if len(natural) != 1:
         found = f"{len(natural)} {words}, and no {option}"
-        raise InputFileError(file, option, found, f"{option} LINK: {listed(natural or links)}")
+        raise InputFileError(file, option, found, f"{option} LINK: {listed(natural)}")
     return natural[0]
 
 
