@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from machine_cases import ROWS, TARGETS, Case, data_for, frame, joint, machine_file, possible
+from machine_cases import ROWS, TARGETS, Case, data_for, effect, frame, joint, machine_file, possible
 from machine_simulator import rigid
+from test_emit import COMPILERS, REACHED, Compiled, emitted, loaded
 from test_machine_jacobians import columns_off, near
 
 from rodgen.errors import InputFileError
+from rodgen.machines.emit._geometry import CONSTANT, geometry_of
 from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
 
@@ -145,6 +148,57 @@ def test_joints_that_carry_the_instrument_are_those_of_a_chain_with_negative_axe
     assert np.abs(first - second).max() < 1e-10
 
 
+# emitted -------------------------------------------------------------------------------------------------------
+
+
+def five_axis() -> dict[str, Any]:
+    """Return [w C A b X Y Z t] with errors on both sides of the bed."""
+    joints = [
+        joint("A", "revolute", [1, 0, 0], [0, 20, -60], travel=[-1.7, 0.7]),
+        joint("C", "revolute", [0, 0, 1], [5, 0, 0], travel=[-3.1, 3.1]),
+        *(joint(x, "prismatic", n, travel=[-300.0, 300.0]) for x, n in zip("XYZ", np.eye(3), strict=True)),
+    ]
+    names = {
+        "C": "axis_tilt axis_offset zero_offset encoder_eccentricity backlash radial_error_motion",
+        "A": "axis_tilt zero_offset gravity_windup", "Y": "squareness straightness", "X": "zero_offset scale",
+    }  # fmt: skip
+    effects = [effect(name, place) for place, several in names.items() for name in several.split()]
+    return branched(machine_file(joints, [(0, 0, 150)], effects=effects), "A C", "X Y Z")
+
+
+@pytest.mark.parametrize("compiler", COMPILERS[:1])
+def test_emitted_code_brings_the_tool_to_its_place_in_the_workpiece(compiler, tmp_path):
+    file = five_axis()
+    case = Case(file, data_for(file, ROWS, np.random.default_rng(3)))
+    device = emitted(case, tmp_path, case.sizeable(case.model.keys))
+    assert "in machine axes that move with the workpiece" in (tmp_path / "device.h").read_text()
+    o, module, compiled = case.observations, loaded(tmp_path), Compiled(compiler, tmp_path)
+    wanted = case.simulated()
+    commands, status, left = compiled.compensate(wanted, o.q, o.target, device.conditions())
+    again, *_ = module.compensate(wanted, o.q, o.target, **device.conditions())
+    assert (status == module.CONVERGED).all()
+    assert np.abs(commands - again).max() < 1e-9
+    units = {True: "rad", False: "mm"}
+    corrected = {f"{j.name} [{units[j.revolute]}]": commands[:, i] for i, j in enumerate(case.machine.joints)}
+    reached = case.changed(data=case.data | corrected).simulated(device.values)
+    assert np.abs(case.simulated(device.values) - wanted).max() > 0.1
+    assert np.abs(reached - wanted).max() < REACHED
+    assert left.max() < REACHED
+
+
+def test_the_geometry_of_a_fitted_machine_is_a_chain_from_the_instrument():
+    file = five_axis()
+    constant = [block for block in file["effect"] if block["name"] in CONSTANT]
+    case = Case(file | {"effect": constant}, data_for(file, ROWS, np.random.default_rng(3)))
+    values = case.sizeable(case.model.keys, 30.0)
+    geometry = geometry_of(replace(case.machine, values=values))
+    assert not geometry.machine.branches
+    assert "the bed as base: the chain begins at the workpiece" in geometry.left_out
+    poses = to_mechanism(geometry.machine).forward(case.observations.q)
+    places = poses @ [*geometry.machine.targets[0].point, 1.0]
+    assert np.abs(places[:, :3] - case.simulated(values)).max() < 1e-9
+
+
 # files ---------------------------------------------------------------------------------------------------------
 
 TABLE = """
@@ -176,24 +230,24 @@ instrument = "tool"
 """
 
 
-def loaded(folder: Path, text: str) -> Machine:
+def machine_from(folder: Path, text: str) -> Machine:
     path = folder / "machine.toml"
     path.write_text(text)
     return Machine.load(path)
 
 
 def test_file_says_the_branches_and_reads_back_equal(tmp_path):
-    machine = loaded(tmp_path, TABLE)
+    machine = machine_from(tmp_path, TABLE)
     assert [j.name for j in machine.joints] == ["X", "C"]
     assert "branches: [w C b X t], instrument on the tool" in machine.describe()
     assert "point in machine axes that move with the tool" in machine.describe()
     machine.save(tmp_path / "again.toml")
     assert Machine.load(tmp_path / "again.toml") == machine
-    seen = loaded(tmp_path, TABLE.replace('instrument = "tool"', ""))
+    seen = machine_from(tmp_path, TABLE.replace('instrument = "tool"', ""))
     assert [j.name for j in seen.joints] == ["C", "X"]
     seen.save(tmp_path / "again.toml")
     assert Machine.load(tmp_path / "again.toml") == seen
-    only = loaded(tmp_path, TABLE.replace('["C"]', "[]").replace('["X"]', '["X", "C"]'))
+    only = machine_from(tmp_path, TABLE.replace('["C"]', "[]").replace('["X"]', '["X", "C"]'))
     assert only.describe().splitlines()[3] == "branches: [w b X C t], instrument on the tool"
 
 
@@ -212,7 +266,7 @@ def test_file_says_the_branches_and_reads_back_equal(tmp_path):
 )
 def test_what_is_no_branch_is_one_sentence(tmp_path, old, new, message):
     with pytest.raises(InputFileError) as error:
-        loaded(tmp_path, TABLE.replace(old, new, 1))
+        machine_from(tmp_path, TABLE.replace(old, new, 1))
     assert message in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -220,4 +274,4 @@ def test_what_is_no_branch_is_one_sentence(tmp_path, old, new, message):
 def test_an_instrument_is_on_a_branch_of_a_machine_that_has_them(tmp_path):
     text = TABLE[: TABLE.index("[[branch]]")] + TABLE[TABLE.index("[[joint]]") :]
     with pytest.raises(InputFileError, match=r"instrument: given without \[\[branch\]\]; expected it with"):
-        loaded(tmp_path, text)
+        machine_from(tmp_path, text)

@@ -37,6 +37,7 @@ class Geometry:
     Attributes
     ----------
     machine : Machine
+        A chain: of two branches that from the body of the instrument to the targets.
     left_out : tuple of str
         A sentence for each part of the model that is not in it.
     """
@@ -80,6 +81,9 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
         else:
             tilt = [offset.get(x, 0.0) for x in "ab"]
             targets[k] = tilted(targets[k], *complete_basis(targets[k]), tilt)[0]
+    if machine.branches:
+        axes = [-axis if j < machine.inner else axis for j, axis in enumerate(axes)]
+        left_out.append(f"the bed as base: the chain begins at the {machine.measured.instrument}")
     for j in reversed(range(len(axes))):  # a joint's zero moves what it carries
         turn: Array = np.eye(3)
         way: Array = zeros[j] * axes[j]
@@ -93,7 +97,7 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
     rigid = replace(
         fixed,
         joints=tuple(
-            replace(joint, axis=_three(axis), point=_three(point))
+            replace(joint, axis=_three(axis), point=_three(point), branch="")
             for joint, axis, point in zip(fixed.joints, axes, points, strict=True)
         ),
         targets=tuple(

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from importlib import resources
 
 from rodgen.errors import RodgenError, shown, suggestion
-from rodgen.machines.files.write import decimal
+from rodgen.machines.files.write import decimal, toml_string
 from rodgen.machines.imports.mounts import EQUATORIAL
 
 __all__ = ["CODES", "KINDS", "machine_template"]
@@ -43,11 +43,10 @@ _TURNS = {"A": "X", "B": "Y", "C": "Z"}
 _TRAVEL = {"X": 300, "Y": 250, "Z": 200, "A": 110, "B": 110, "C": 180}
 _PIVOT = 150
 _NOISE = "# noise = 0.002              # standard deviation of a coordinate, mm; without it, it is estimated"
-_ON_THE_CHAIN = """\
-# It is written as one chain in the workpiece's frame, which ends at the tool. By ISO 841 a positive motion moves the
-# tool in the positive direction relative to the workpiece, so that axes of the table have positive axes here, too.
-# Where the control counts an axis of the table by its own turning, write that axis with the other sign.
-# Seen from the spindle (sensors there, a ball on the table): joints in the opposite order, axes with the other sign.
+_ON_THE_AXES = """\
+# An axis is the direction in which a joint moves what it carries. By ISO 841 a positive command moves the tool in the
+# positive direction as the workpiece sees it, so that joints of the table, which carry the workpiece, have negative
+# axes. Where the control counts an axis of the table by its own turning, write that axis with the other sign.
 """
 
 
@@ -114,13 +113,18 @@ def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
     turning = [axis for axis in letters if axis in _TURNS]
     header = ",".join(f"{axis} [{'deg' if axis in _TURNS else 'mm'}]" for axis in letters)
     yield f"# A machine tool [{' '.join(names)}], in order from the workpiece w over the bed b to the tool t."
-    yield from _ON_THE_CHAIN.splitlines()
+    yield from _ON_THE_AXES.splitlines()
     yield f"# A row of measurements: {header},x [mm],y [mm],z [mm]"
     yield f'name = "Machine tool {" ".join(names)}"'
     yield ""
     yield "[units]                      # of every number below that has none"
     yield 'length = "mm"'
     yield 'angle  = "deg"'
+    for branch, carried in (("workpiece", table[::-1]), ("tool", letters[len(table) :])):
+        yield ""
+        yield f"[[branch]]                   # from the bed to the {branch}"
+        yield f'name   = "{branch}"'
+        yield f"joints = [{', '.join(map(toml_string, carried))}]"
     for axis in letters:
         yield from _joint_lines(axis, "table" if axis in table else "tool")
     yield ""
@@ -131,6 +135,7 @@ def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
     yield "[measured]"
     yield 'kind  = "point"'
     yield 'frame = "machine"            # free: the readings are in a frame of the instrument'
+    yield 'instrument = "workpiece"     # the tool is seen; "tool": sensors in the spindle see targets on the table'
     yield _NOISE
     slides = [axis for axis in letters if axis not in _TURNS]
     estimated = [f"{axis}.{what}" for axis in turning for what in ("axis", "point")]
@@ -162,7 +167,7 @@ def _table_lines(names: list[str], letters: list[str], balls: int) -> Iterator[s
     yield 'length = "mm"'
     yield 'angle  = "deg"'
     for axis in turning:
-        yield from _joint_lines(axis, "table", -1)
+        yield from _joint_lines(axis, "table")
     for k in range(balls):
         angle = 2 * math.pi * k / balls
         at = [round(150 * math.cos(angle)), round(150 * math.sin(angle)), 30 + 80 * (k % 2)]
@@ -183,8 +188,8 @@ def _table_lines(names: list[str], letters: list[str], balls: int) -> Iterator[s
     yield ""
 
 
-def _joint_lines(axis: str, of: str, sign: int = 1) -> Iterator[str]:
-    turns = axis in _TURNS
+def _joint_lines(axis: str, of: str) -> Iterator[str]:
+    turns, sign = axis in _TURNS, (-1 if of == "table" else 1)
     yield ""
     yield f"[[joint]]                    # of the {of}"
     yield f'name   = "{axis}"'
