@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from machine_simulator import RADIANS, SIX, Simulated, approach, arcsec
+from machine_simulator import RADIANS, SIX, Simulated, approach, arcsec, carried, rigid
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Title = tuple[str, str | None]
@@ -313,8 +313,11 @@ def _text(
     targets: Mapping[str, Sequence[float]],
     estimate: Sequence[str],
     measured: str,
+    branches: Mapping[str, str] | None = None,
 ) -> str:
     lines = ['name = "A machine"', "[units]", 'length = "mm"', 'angle = "deg"']
+    for name, its in (branches or {}).items():
+        lines += ["[[branch]]", f'name = "{name}"', f"joints = {list(its)}".replace("'", '"')]
     for joint in joints:
         lines.append("[[joint]]")
         lines += [f"{key} = {value!r}".replace("'", '"') for key, value in joint.items()]
@@ -336,8 +339,9 @@ def _bench(
     random: np.random.Generator,
     *,
     wrong: float,
+    branches: Mapping[str, str] | None = None,
 ) -> Bench:
-    text = _text(joints, targets, estimate, measured)
+    text = _text(joints, targets, estimate, measured, branches)
     kind = tomllib.loads(text.replace("{noise}", ""))["measured"]["kind"]
     base: list[str] = []
     for what in estimate:
@@ -389,6 +393,27 @@ def trunnion(random: np.random.Generator, size: float = 1.0) -> Bench:
     return _bench(
         "trunnion", joints, balls, ["A.axis", "A.point", "C.axis", "C.point", "target"],
         'kind = "point"\nframe = "machine"', 0.002, q, random, wrong=0.02,
+    )  # fmt: skip
+
+
+def five_axis(random: np.random.Generator, size: float = 1.0) -> Bench:
+    """A machine tool [w C A b X Y Z t]: its head follows sensors on the table with a ball, anywhere and back."""
+    turned = random.uniform([-95, 0], [35, 360], size=(round(100 * size), 2))
+    nest, zero = np.array([110.0, 0.0, 80.0]), np.zeros((len(turned), 2))
+    vectors = (
+        np.concatenate([np.deg2rad(turned[:, :1]), zero], 1),
+        np.concatenate([zero, np.deg2rad(turned[:, 1:])], 1),
+    )
+    table = rigid(vectors[0], [0, 0, -60]) @ rigid(vectors[1])
+    q = np.concatenate([turned, carried(table, nest) - nest], axis=1)
+    joints = [
+        _joint("A", "revolute", (1, 0, 0), (0, 0, -60), travel=[-100, 40]), _joint("C", "revolute", (0, 0, 1)),
+        *(_joint(x, "prismatic", n) for x, n in zip("XYZ", np.eye(3).tolist(), strict=True)),
+    ]  # fmt: skip
+    return _bench(
+        "five_axis", joints, {"ball": nest.tolist()}, ["A.axis", "A.point", "C.axis", "C.point", "target"],
+        'kind = "point"\nframe = "machine"', 0.002, q, random, wrong=0.02,
+        branches={"workpiece": "AC", "tool": "XYZ"},
     )  # fmt: skip
 
 

@@ -8,11 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from machine_cases import ROWS, TARGETS, Case, data_for, effect, frame, joint, machine_file, possible
+from diagnosis_checks import in_file_units
+from hidden_effects import Hidden, hidden
+from hidden_effects import five_axis as bench_of_five_axes
+from machine_cases import ROWS, TARGETS, Case, data_for, effect, frame, joint, machine_file, possible, toml
 from machine_simulator import rigid
 from test_emit import COMPILERS, REACHED, Compiled, emitted, loaded
 from test_machine_jacobians import columns_off, near
 
+from rodgen.calibration.file_check import check
+from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.emit._geometry import CONSTANT, geometry_of
 from rodgen.machines.machine import Machine
@@ -275,3 +280,54 @@ def test_an_instrument_is_on_a_branch_of_a_machine_that_has_them(tmp_path):
     text = TABLE[: TABLE.index("[[branch]]")] + TABLE[TABLE.index("[[joint]]") :]
     with pytest.raises(InputFileError, match=r"instrument: given without \[\[branch\]\]; expected it with"):
         machine_from(tmp_path, text)
+
+
+# diagnoses and checks ------------------------------------------------------------------------------------------
+
+
+def measured(folder: Path, seed: int, *effects: tuple[str, str]) -> tuple[Hidden, Path, Path]:
+    case = hidden(bench_of_five_axes(np.random.default_rng(seed)), seed, list(effects), raises=1.5)
+    return case, *case.write(folder)
+
+
+@pytest.mark.parametrize(
+    ("seed", "name", "place"),
+    [
+        (1, "encoder_eccentricity", "C"),
+        (2, "radial_error_motion", "C"),
+        pytest.param(2, "backlash", "A", marks=pytest.mark.slow),
+        pytest.param(2, "straightness", "X", marks=pytest.mark.slow),
+        pytest.param(2, "thermal_axis_drift", "C", marks=pytest.mark.slow),
+    ],
+)
+def test_an_error_of_the_table_is_found_where_it_is_and_with_its_signs(seed, name, place, tmp_path):
+    case, machine, data = measured(tmp_path, seed, (name, place))
+    diagnosis = Machine.load(machine).fit(Measurements.load(data)).diagnose()
+    truth = case.sealed.open(diagnosis)
+    assert [(step.effect.name, step.effect.place) for step in diagnosis.steps] == [(name, place)]
+    found = in_file_units(diagnosis.final, "deg")
+    for key, estimate in diagnosis.final.estimates.items():
+        # a first harmonic is partly a shift of the ball in the table, or of the axis
+        if key.startswith(f"{place}.{name}") and not (name == "radial_error_motion" and "1" in key):
+            assert abs(found[key] - truth.values[key]) < 4 * estimate.std / estimate.value * found[key], key
+
+
+def test_a_wrong_instrument_and_a_wrong_sign_are_found(tmp_path):
+    file = five_axis() | {"effect": [], "estimate": {"parameters": ["A.point", "C.point", "target"]}}
+    case, rng = Case(file, data_for(file, 60, np.random.default_rng(8))), np.random.default_rng(9)
+    reading = case.simulated({"A.point.a": 0.1}) + 0.002 * rng.normal(size=(60, 3))
+    columns = {name: x for name, x in case.data.items() if name.partition(" ")[0] in [*"ACXYZ"]}
+    data = Measurements.from_frame(columns | {f"{x} [mm]": reading[:, i] for i, x in enumerate("xyz")})
+    right = toml(file)
+    wrong = {
+        'the instrument is on the workpiece, the targets are not: instrument = "workpiece"': right.replace(
+            'instrument = "workpiece"', 'instrument = "tool"'
+        ),
+        "C turns the other way: axis = [0, 0, 1]": right.replace('"C"\ntype = "revolute"\naxis = [0.0, 0.0, 1.0]',
+                                                                '"C"\ntype = "revolute"\naxis = [0.0, 0.0, -1.0]'),
+    }  # fmt: skip
+    assert not check(machine_from(tmp_path, right), data).wrong
+    for words, text in wrong.items():
+        found = check(machine_from(tmp_path, text), data)
+        assert found.wrong
+        assert words in " ".join(found.summary().split()), found.summary()

@@ -224,7 +224,7 @@ def commented_trunnion() -> str:
         ),
         (
             lambda m: replace(m, joints=(*m.joints[:3], m.joints[4], m.joints[3])),
-            lambda t: exchanged(t, "# The cradle", "[[joint]]\nname  =", "\n\n[[target]]"),
+            lambda t: t.replace('["A", "C"]', '["C", "A"]'),
         ),
         (
             lambda m: replace(m, targets=(replace(m.targets[0], point=(2794.0, 0.0, 2032.0)),)),
@@ -237,6 +237,16 @@ def test_a_changed_geometry_keeps_every_other_byte(change, edited, tmp_path: Pat
     (tmp_path / "machine.toml").write_text(commented_trunnion())
     machine = Machine.load(tmp_path / "machine.toml")
     assert text_with_geometry(tmp_path / "machine.toml", change(machine)) == edited(commented_trunnion())
+
+
+def test_blocks_of_a_chain_are_moved_with_their_comments(tmp_path: Path) -> None:
+    text = commented_trunnion().replace('instrument = "tool"\n', "")
+    text = text[: text.index("[[branch]]")] + text[text.index("[[joint]]") :]
+    (tmp_path / "machine.toml").write_text(text)
+    machine = Machine.load(tmp_path / "machine.toml")
+    meant = replace(machine, joints=(*machine.joints[:3], machine.joints[4], machine.joints[3]))
+    expected = exchanged(text, "# The cradle", "[[joint]]\nname  =", "\n\n[[target]]")
+    assert text_with_geometry(tmp_path / "machine.toml", meant) == expected
 
 
 def with_joint(machine: Machine, j: int, **changes: object) -> Machine:

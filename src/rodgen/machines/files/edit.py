@@ -101,7 +101,8 @@ def text_without_effect(source: str | os.PathLike[str], name: str, place: str | 
 def text_with_geometry(source: str | os.PathLike[str], machine: Machine) -> str:
     """Return the text of a machine file with the joints, targets and lengths of another machine, comments included.
 
-    Blocks of joints are moved with the comments in them and right above them. A file whose form cannot be edited, such
+    Blocks of joints are moved with the comments in them and right above them; joints of branches, which list them, stay
+    where they are. A file whose form cannot be edited, such
     as joints in one inline list, is written anew.
 
     Parameters
@@ -120,7 +121,7 @@ def text_with_geometry(source: str | os.PathLike[str], machine: Machine) -> str:
     names = [joint.name for joint in before.joints]
     order = [names.index(joint.name) for joint in machine.joints]
     blocks = [_with_comments_above(text, parts) for parts in _blocks(text, "joint")]
-    if order != sorted(order) and len(blocks) == len(order):
+    if order != sorted(order) and len(blocks) == len(order) and not before.branches:
         pieces = [text[block] for block in blocks]
         for place, number in reversed(list(zip(blocks, order, strict=True))):
             text = text[: place.start] + pieces[number] + text[place.stop :]
@@ -258,8 +259,11 @@ def _with_comments_above(text: str, parts: list[slice]) -> slice:
 _KEY = re.compile(r"[ \t]*([A-Za-z0-9_-]+)[ \t]*=[ \t]*")
 
 
-def _values(text: str) -> dict[tuple[str, int, str], tuple[str, slice]]:
-    """Return the values of plain keys, as they are written and where: by table, number of its block, and key."""
+def _values(text: str) -> dict[tuple[str, int | str, str], tuple[str, slice]]:
+    """Return the values of plain keys, as they are written and where.
+
+    By table, number of its block or the name of the joint, target or branch that it is of, and key.
+    """
     found = {}
     table, counts = "", dict[str, int]()
     for statement in _statements(text):
@@ -270,7 +274,12 @@ def _values(text: str) -> dict[tuple[str, int, str], tuple[str, slice]]:
             written = text[key.end() : _end_of_value(text, key.end(), "comment")].rstrip()
             place = table, counts.get(table, 0), key[1]
             found[place] = written, slice(key.end(), key.end() + len(written))
-    return found
+    names = {
+        place[:2]: tomllib.loads(f"name = {written}")["name"]
+        for place, (written, _) in found.items()
+        if place[2] == "name" and place[0] in {"joint", "target", "branch"}
+    }
+    return {(table, names.get((table, n), n), key): value for (table, n, key), value in found.items()}
 
 
 def _path(header: Any) -> Iterator[str]:

@@ -84,7 +84,7 @@ def machine_text(machine: Machine) -> str:
         blocks[-1].append(f"from = {_vector(measured.origin)}")
     if measured.about is not None:
         blocks[-1].append(f"about = {_vector(measured.about)}")
-    if machine.branches and measured.instrument != BRANCHES[0]:
+    if machine.branches:
         blocks[-1].append(f"instrument = {toml_string(measured.instrument)}")
     if measured.noise is not None:
         noise = decimal(measured.noise, machine.file_factor(machine.measurand.dimension))
