@@ -423,7 +423,8 @@ FAULTS = [
      "joint C, passive: true, together with encoder = 'motor'; expected one of the two: nothing drives a "
      "passive joint"),
     ("noise = ", "sigma = ",
-     "[measured], sigma: unknown key; expected one of kind, frame, from, about, noise, attitude_noise, correlation, instrument"),
+     "[measured], sigma: unknown key; expected one of kind, frame, from, about, noise, attitude_noise, correlation, "
+     "instrument"),
     ('meaning    = ', 'meanings = ',
      "[[effect]] 2, meanings: unknown key; expected 'meaning', perhaps"),
     (CUT["units"], "units = 3\n",

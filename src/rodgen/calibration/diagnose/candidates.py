@@ -319,7 +319,8 @@ def _words(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
     j = machine.number_of(place)
     names |= {"q": o.q[:, j], "s": o.s[:, j].astype(float), "v": o.v[:, j]}
     names |= {"T": o.temperature.get(place)}
-    names |= {"q_before": o.q[:, k] for k in machine.carriers(j)[-1:]}
+    before = machine.carriers(j)
+    names |= {"q_before": o.q[:, before[-1]]} if before else {}
     if machine.joints[j].type == "leg":
         return names
     axis = sensitivities.fit.problem.model.axis(sensitivities.fit.solution.theta, j)[0]
