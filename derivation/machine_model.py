@@ -685,6 +685,69 @@ d.check(
 ).prove(given=in_frame)
 
 # %% [markdown]
+# ## Two branches
+#
+# A machine tool carries the tool from its bed by some joints and the workpiece by others. Each branch is a chain of
+# its own, and the tool is seen from the workpiece at $T_w^{-1}\,T_t\,\vec p$. So a target goes to the bed as in a
+# chain, and then through the joints of the workpiece from the bed outwards, each backwards:
+# $\vec x\leftarrow J^{-1}D^{-1}\vec x$, with $D\vec x=\vec P+E(\vec x-\vec P)+\vec s$.
+
+
+# %%
+def undone(v: sp.Basic) -> sp.Basic:
+    """What a rotary joint of the opposite axis does to a point."""
+    return P + turned(v - P, axis=-n)
+
+
+J_undone = letter("J_undone", r"J_{-\vec n}\,J\vec x", "a turned point, turned about −n", undone(turn(x)))
+L_undone = letter("L_undone", r"J_{s,-\vec n}\,J_s\vec x", "a slid point, slid along −n", slide(x) + q * -n)
+d.check(
+    "joint-backwards",
+    equal(J_undone, x),
+    equal(L_undone, x),
+    text="A joint backwards is the joint with the opposite axis. So ideal branches are one chain from the workpiece to "
+    "the tool, in which the joints that carry the workpiece come first, the last one of them before the others, "
+    "and have the axes −n. An error of the reading is a turn or slide of its own (parts-of-a-reading): of one sign in "
+    "both.",
+).prove(modulo=unit)
+
+# %%
+D_undone = letter(
+    "D_undone",
+    r"D^{-1}D\vec x",
+    "x, moved by an error motion and back",
+    P + E.T * (P + E * (x - P) + s - s - P),
+)
+W_transposed = letter(
+    "W_transposed",
+    r"R(\vec w)^\top\vec x",
+    "x, turned by the transpose",
+    (sp.Identity(3) + S * skew(w) + K * skew(w) * skew(w)).T * x,
+)
+d.check(
+    "error-backwards",
+    equal(D_undone, x),
+    equal(W_transposed, by_vector(x, -w)),
+    text="An error motion backwards: the translation first, then the turn by −w about the same point.",
+).prove(given={S: S, K: K})
+
+# %%
+back = letter("back", r"J^{-1}D^{-1}\vec x", "x, passed backwards", undone(P + E.T * (x - s - P)))
+in_chain = letter(
+    "in_chain",
+    r"D'J_{-\vec n}\,\vec x",
+    "x in the chain: the joint with the opposite axis, then an error motion",
+    P + turned(E.T * turned(undone(x) - P), axis=-n) - turned(E.T * s, axis=-n),
+)
+d.check(
+    "error-in-a-branch",
+    equal(back, in_chain),
+    text="In the chain the same error motion would have to be D' with the rotation RᵀEᵀR and the translation −RᵀEᵀs: "
+    "opposite, and turning with the table. The error of the table against what carries it is not the error of what the "
+    "table sees; written in its branch, it is the former, as ISO 230-1 has it.",
+).prove(modulo=unit)
+
+# %% [markdown]
 # ## How each parameter moves the seen point
 #
 # A parameter of joint $j$ enters at one place of the chain. Everything to the left of it, the joint's error motion,
