@@ -199,7 +199,7 @@ def compiled(code: str, name: str) -> Any:
 
 
 def options(folder: str) -> tuple[str, ...]:
-    """Return what the compiler is told, after the headers have been written into a folder."""
+    """Write the headers into a folder, and return the options of the compiler."""
     for name, text in HEADERS.items():
         Path(folder, name).write_text(text)
     return ("-default-device", f"-I{folder}", f"-I{C_FOLDER}")

@@ -311,7 +311,7 @@ def seconds_of(call: Callable[[], Any], wait: Callable[[Any], Any]) -> float:
 
 
 def work(name: str, rows: int, *, cpu: bool) -> None:
-    """Compile and check; then, when told to, time; write what was found as one line."""
+    """Compile and check; time when standard input says so; write what was found as one line."""
     library = LIBRARIES[name](cpu)
     ready, found = {}, {"name": name, "device": library.device, "version": library.version, "tasks": {}}
     begun = time.perf_counter()

@@ -123,19 +123,9 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
         for joint, row in zip(machine.joints, rows, strict=True)
     )
     target = replace(machine.targets[0], point=clean(np.array(machine.targets[0].point), 12))
-    notes = [
+    head = (
         f"{os.path.basename(file)}: a {convention} Denavit-Hartenberg table of {len(rows)} joints, a row is "
         f"{_ORDER[convention]}; lengths in {unit}."
-    ]
-    if back := [name for name, row in zip(names, rows, strict=True) if row.sign < 0]:
-        notes.append(f"Turned the other way (sign -1): {', '.join(back)}.")
-    notes += [
-        f"Joint {shown(row.name)} is called {name}, as a machine file has it."
-        for name, row in zip(names, rows, strict=True)
-        if name != row.name
-    ]
-    notes.append(
-        "Frame and target are estimated: where the instrument is, and what it sees there, a table does not say."
     )
     return Imported(
         replace(
@@ -145,8 +135,17 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
             measured=Measured("point", "free"),
             estimate=("target",),
         ),
-        tuple(notes),
+        (head, *_notes(names, rows)),
     )
+
+
+def _notes(names: list[str], rows: list[_Row]) -> Iterator[str]:
+    if back := [name for name, row in zip(names, rows, strict=True) if row.sign < 0]:
+        yield f"Turned the other way (sign -1): {', '.join(back)}."
+    for name, row in zip(names, rows, strict=True):
+        if name != row.name:
+            yield f"Joint {shown(row.name)} is called {name}, as a machine file has it."
+    yield "Frame and target are estimated: where the instrument is, and what it sees there, a table does not say."
 
 
 def _of_csv(file: str) -> tuple[str, list[_Row]]:
