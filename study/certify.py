@@ -19,7 +19,7 @@ from rounding import (
     EPS,
     FUNCTION_ULPS,
     ROOM,
-    BallNumPy,
+    BallFunctions,
     Box,
     Certificate,
     Number,
@@ -169,7 +169,7 @@ def rodrigues_vector(axis: Sequence[Number], t: Number, small: bool) -> list[Num
 def axis_angle(axis: Sequence[Number], t: Number, small: bool) -> list[Number]:
     """Return the axis of such a quaternion, of any length, and its angle."""
     length = sum((x * x for x in axis), t * 0.0).sqrt()
-    return [*axis, BallNumPy(t.tape).arctan2(t * length, 1.0) * 2.0]
+    return [*axis, BallFunctions(t.tape).atan2(t * length, 1.0) * 2.0]
 
 
 def matrix(axis: Sequence[Number], t: Number, small: bool) -> list[Number]:

@@ -275,8 +275,8 @@ class Code:
     """A status, which no number depends on: it is not followed."""
 
 
-class BallNumPy:
-    """What generated modules use of NumPy, on `Number`s: put in place of their ``np``."""
+class BallFunctions:
+    """What generated modules use of the array API standard, on `Number`s: their ``xp``."""
 
     nan = math.nan
 
@@ -309,7 +309,7 @@ class BallNumPy:
         """Return the cosine."""
         return x.function("cos")
 
-    def arctan2(self, y: Any, x: Any) -> Number:
+    def atan2(self, y: Any, x: Any) -> Number:
         """Return the angle of a point."""
         y, x = self._number(y), self._number(x)
         square = y.value * y.value + x.value * x.value
@@ -324,9 +324,8 @@ def body(module: Any, name: str, tape: Tape) -> Callable[..., tuple[Any, ...]]:
     """
     function = getattr(module, f"_{name}")
     # a product with a power of two is exact, and all is homogeneous in it
-    names = {"np": BallNumPy(tape), "_power_of_two_scale": lambda x: 1.0}
-    found = type(function)(function.__code__, names)
-    return lambda *inputs: found(*inputs, eps=EPS, largest=1e308)
+    found = type(function)(function.__code__, {"_power_of_two_scale": lambda x: 1.0})
+    return lambda *inputs: found(BallFunctions(tape), *inputs, eps=EPS, largest=1e308)
 
 
 def paths(program: Callable[[Tape], Any]) -> Iterator[Any]:

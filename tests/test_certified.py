@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "study"))
 
 import certify  # noqa: E402
-from rounding import EPS, BallNumPy, Tape, UndecidedError, ball, bounds  # noqa: E402
+from rounding import EPS, BallFunctions, Tape, UndecidedError, ball, bounds  # noqa: E402
 from vector_programs import Floats, rotate, solve_axis, solve_axis_usual  # noqa: E402
 
 CLAIMS = certify.claims()
@@ -56,7 +56,7 @@ def test_page_has_every_claim() -> None:
 
 def one(program: object, box: tuple[float, float]) -> float:
     tape = Tape()
-    return bounds(tape, [[program(tape.input(ball(*box)), BallNumPy(tape))]])[0]
+    return bounds(tape, [[program(tape.input(ball(*box)), BallFunctions(tape))]])[0]
 
 
 def test_bounds_of_textbook_sums() -> None:
@@ -77,7 +77,7 @@ def test_bound_is_that_of_the_worst_input_of_a_box() -> None:
 def test_both_outcomes_of_an_undecided_condition_count() -> None:
     def program(tape: Tape) -> float:
         x = tape.input(ball(-1.0, 2.0))
-        return bounds(tape, [[BallNumPy(tape).where(x < 0.0, x * 3.0, x + 1.0)]])[0]
+        return bounds(tape, [[BallFunctions(tape).where(x < 0.0, x * 3.0, x + 1.0)]])[0]
 
     assert sorted(certify.paths(program)) == pytest.approx([3 / 2, 6 / 2], rel=1e-6)
 
@@ -112,12 +112,12 @@ def test_vector_programs_of_the_axis_are_the_kernels_bit_for_bit(family: str) ->
     given = (*u, *v, angle, 1e-8, EPS, np.finfo(float).max)
     sine, cosine = np.sin(half), np.cos(half)
     axes = solve_axis(Floats(), u, v, np.abs(sine), np.where(sine < 0, -cosine, cosine), {})[0]
-    *expected, status = axis_module._solve_axis(*given)
+    *expected, status = axis_module._solve_axis(np, *given)
     two = np.isin(status, (0, 3, 6))
     assert two.mean() > 0.9
     np.testing.assert_array_equal(np.ravel(axes, "C").reshape(6, -1)[:, two], np.array(expected)[:, two])
     axes, _ = solve_axis_usual(Floats(), u, v, np.tan(half), {})
-    *expected, status, is_usual = axis_module._solve_axis_usual(*given)
+    *expected, status, is_usual = axis_module._solve_axis_usual(np, *given)
     np.testing.assert_array_equal(np.ravel(axes).reshape(6, -1)[:, is_usual], np.array(expected)[:, is_usual])
     assert is_usual.any()
 
