@@ -28,6 +28,7 @@ from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
 from rodgen.calibration.words import measured
 from rodgen.data.observations import Observations
+from rodgen.data.units import ARCSEC
 from rodgen.errors import shown
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import TURNS
@@ -343,7 +344,7 @@ class FittedModel:
     @property
     def unit_factor(self) -> float:
         """Internal value of one :attr:`unit`."""
-        return np.pi / 648000 if self.unit == "arcsec" else 1.0
+        return ARCSEC if self.unit == "arcsec" else 1.0
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -353,7 +354,7 @@ class FittedModel:
     @property
     def in_units(self) -> Array:
         """What brings components of residuals from :attr:`unit` to :attr:`units`, (m,)."""
-        angle = 1.0 if self.unit == "arcsec" else 648000 / np.pi / self.observations.arm
+        angle = 1.0 if self.unit == "arcsec" else 1 / ARCSEC / self.observations.arm
         return np.array([angle if x in TURNS else 1.0 for x in self.machine.measurand.components])
 
     @property

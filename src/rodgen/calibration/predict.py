@@ -19,10 +19,11 @@ from rodgen.calibration.problem.assembly_modes import open_legs
 from rodgen.calibration.problem.attitudes import attitude_columns
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.observations import Observations
+from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.measured import TURNS
 from rodgen.statistics.digits import round_by
-from rodgen.views import data_frame, html_of_table
+from rodgen.views import Tabular
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -31,13 +32,12 @@ __all__ = ["Prediction", "predict"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-ARCSEC = np.pi / 648000
 ROUNDING = 1e-6
 """Part of what its parameters change one by one below which a combination of them changes nothing."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Prediction:
+class Prediction(Tabular):
     """Places of the target, in the frame of the measurements.
 
     Attributes
@@ -87,33 +87,22 @@ class Prediction:
             Whether uncertainties have two significant digits, and places as many decimals (GUM, 7.2.6).
         """
         k = 1.0 if coverage is None else coverage
-        place, u = self.place, k * self.u
-        if self.names == ("angle",):
-            place = place / self._factor
+        u, is_direction = k * self.u, self.names[0] == "ux"
+        place = self.place if is_direction else self.place / self._factor
         if rounded:
             seen = u[:, : place.shape[1]]
-            of_place = np.min(u, axis=1, keepdims=True) * self._factor if self.names[0] == "ux" else seen
+            of_place = np.min(u, axis=1, keepdims=True) * self._factor if is_direction else seen
             place, u = round_by(place, of_place), round_by(u, u)
-        turns = self.names[0] == "ux"
-        unit = "" if turns else f" [{self.unit}]"
+        unit = "" if is_direction else f" [{self.unit}]"
         found: dict[str, NDArray[Any]] = {}
-        if self.names == ("angle",):
-            found = {f"predicted_angle [{self.unit}]": place[:, 0]}
-        elif self.names != TURNS:  # attitudes have no place
+        if self.names != TURNS:  # attitudes have no place
             found = {f"predicted_{n}{unit}": x for n, x in zip(self.names, place.T, strict=False)}
         found |= {f"predicted_{n}": x for n, x in self.attitude.items()}
-        parts = ("horizontal", "vertical") if turns else self.names
+        parts = ("horizontal", "vertical") if is_direction else self.names
         known = "u" if coverage is None else "U"
         for n, x in zip(parts, u.T, strict=True):
             found[f"model_{known}_{n} [{'arcsec' if n in TURNS else self.unit}]"] = x
         return found | {"determined": self.determined.astype(np.int8)}
-
-    def to_pandas(self) -> Any:
-        """Return :meth:`columns` as a DataFrame."""
-        return data_frame(self.columns())
-
-    def _repr_html_(self) -> str:
-        return html_of_table(self.columns())
 
 
 def predict(fit: FittedModel, design: Any) -> Prediction:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import open_legs
-from rodgen.data.units import ANGLE, TIME, UnitError, typed_quantity, unit_factor
+from rodgen.data.units import ANGLE, ARCSEC, TIME, UnitError, typed_quantity, unit_factor
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.model import Frame, Model
@@ -322,6 +322,6 @@ class Simulator:
             return {"rms": 0.0, "unit": self.unit}
         found = {"rms": float(np.sqrt(np.mean(self.sigma[:, :3] ** 2))) / self.unit_factor, "unit": self.unit}
         if self.machine.measurand.is_pose:
-            turns = self.sigma[:, 3:] / self.observations.arm * 648000 / np.pi
+            turns = self.sigma[:, 3:] / self.observations.arm / ARCSEC
             found |= {"rms_of_turns": float(np.sqrt(np.mean(turns**2))), "unit_of_turns": "arcsec"}
         return found

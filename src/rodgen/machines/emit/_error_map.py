@@ -1,7 +1,7 @@
 """The error of a machine, and the correction of its commands, on a grid over its travels, by the emitted NumPy code.
 
 The grid is refined until linear interpolation between its points is good to a part of the largest error, which the page
-beside the tables states with what is left.
+with the tables states with the error that remains.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def map_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
     InputFileError
         When directions are measured, or not one to three joints have a travel; where none has, that of the data counts.
     """
-    if machine.measurand.has_attitude and machine.measurand.moving:  # a map is of places
+    if machine.measurand.is_pose:  # a map is of places
         places = replace(machine.measured, kind=POINT.kind, attitude_noise=None, correlation=None)
         machine = replace(machine, measured=places)
     if travel is not None and not any(joint.travel for joint in machine.joints):
@@ -115,7 +115,7 @@ def map_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
 
 
 def _conditions(content: Content) -> dict[str, Any]:
-    """Return what the functions take beside coordinates: nothing moves, nothing loads, nothing is warm."""
+    """Return what the functions take in addition to coordinates: nothing moves, nothing loads, nothing is warm."""
     return {field.name: np.zeros(field.length) if field.length else 0.0 for field in content.fields}
 
 
