@@ -42,6 +42,10 @@ _AXES = {"X": (1, 0, 0), "Y": (0, 1, 0), "Z": (0, 0, 1)}
 _TURNS = {"A": "X", "B": "Y", "C": "Z"}
 _TRAVEL = {"X": 300, "Y": 250, "Z": 200, "A": 110, "B": 110, "C": 180}
 _PIVOT = 150
+_UNITS = '''
+[units]                      # of every number below that has none
+length = "mm"
+angle  = "deg"'''
 _NOISE = "# noise = 0.002              # standard deviation of a coordinate, mm; without it, it is estimated"
 _ON_THE_AXES = """\
 # An axis is the direction in which a joint moves what it carries. By ISO 841 a positive command moves the tool in the
@@ -116,10 +120,7 @@ def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
     yield from _ON_THE_AXES.splitlines()
     yield f"# A row of measurements: {header},x [mm],y [mm],z [mm]"
     yield f'name = "Machine tool {" ".join(names)}"'
-    yield ""
-    yield "[units]                      # of every number below that has none"
-    yield 'length = "mm"'
-    yield 'angle  = "deg"'
+    yield _UNITS
     for branch, carried in (("workpiece", table[::-1]), ("tool", letters[len(table) :])):
         yield ""
         yield f"[[branch]]                   # from the bed to the {branch}"
@@ -140,11 +141,7 @@ def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
     slides = [axis for axis in letters if axis not in _TURNS]
     estimated = [f"{axis}.{what}" for axis in turning for what in ("axis", "point")]
     estimated += [] if turning else [f"{axis}.axis" for axis in slides[1:]]
-    yield ""
-    yield "[estimate]"
-    quoted = ", ".join(f'"{name}"' for name in [*estimated, "target"])
-    yield f"parameters = [{quoted}]"
-    yield ""
+    yield from _estimate_lines(estimated)
 
 
 def _table_lines(names: list[str], letters: list[str], balls: int) -> Iterator[str]:
@@ -162,10 +159,7 @@ def _table_lines(names: list[str], letters: list[str], balls: int) -> Iterator[s
     yield "# By ISO 841 a positive motion is that of the tool relative to the workpiece: the table turns the other way."
     yield f"# A row of measurements: {header},target,x [mm],y [mm],z [mm]"
     yield f'name = "Table of a machine tool {" ".join(names)}"'
-    yield ""
-    yield "[units]                      # of every number below that has none"
-    yield 'length = "mm"'
-    yield 'angle  = "deg"'
+    yield _UNITS
     for axis in turning:
         yield from _joint_lines(axis, "table")
     for k in range(balls):
@@ -181,10 +175,13 @@ def _table_lines(names: list[str], letters: list[str], balls: int) -> Iterator[s
     yield 'frame = "machine"            # the linear axes'
     yield _NOISE
     estimated = [f"{axis}.{what}" for axis in turning for what in ("axis", "point")]
+    yield from _estimate_lines(estimated)
+
+
+def _estimate_lines(names: list[str]) -> Iterator[str]:
     yield ""
     yield "[estimate]"
-    quoted = ", ".join(f'"{name}"' for name in [*estimated, "target"])
-    yield f"parameters = [{quoted}]"
+    yield f"parameters = [{', '.join(map(toml_string, [*names, 'target']))}]"
     yield ""
 
 
