@@ -121,7 +121,7 @@ class Observations:
             ways = np.abs(np.diff(self.q[:, j]))
             short = ways[ways > 0] < EVIDENCE.trimmed * np.ptp(self.q[:, j])
             trimmed = len(short) > 0 and np.mean(short) > EVIDENCE.trims
-            ordered = self.machine.measured.kind != "direction" and not trimmed
+            ordered = not self.machine.measurand.is_direction and not trimmed
             known[j] = self.s[:, j].any() and (f"dir_{joint.name}" in self.columns_given or ordered)
         return known
 

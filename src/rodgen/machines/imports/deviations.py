@@ -58,7 +58,7 @@ def as_distances(machine: Machine, table: ForeignTable) -> ForeignTable:
     passes = [each for each in passes if each[1]] or [(column, None) for column in (single,) if column]
     names = [column for column in table.columns if column.name in joints]
     position = names[0] if len(names) == 1 else _first(table, _POSITION)
-    if machine.measured.kind != "distance" or position is None or not passes or _first(table, ("d",)):
+    if not machine.measurand.has_origin or position is None or not passes or _first(table, ("d",)):
         return table
     if position.name in joints:
         joint = joints[position.name]
@@ -124,7 +124,7 @@ def of_ballbar(machine: Machine, table: ForeignTable, plane: str, radius: float)
     ------
     InputFileError
     """
-    if machine.measured.kind != "distance" or machine.measured.origin is None:
+    if machine.measured.origin is None:
         found = f"kind = {machine.measured.kind!r}"
         raise InputFileError(
             machine.file or machine.name, "[measured], kind", found, "'distance', for a ballbar"

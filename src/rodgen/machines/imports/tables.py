@@ -215,7 +215,7 @@ def _plain(name: str) -> str:
 def _take_readings(columns: _Columns, machine: Machine) -> dict[str, dict[str, ForeignColumn]]:
     """Take the columns of readings; return those of wide rows, by target and axis."""
     readings = _places(machine)
-    if machine.measured.kind == "direction":
+    if machine.measurand.is_direction:
         for pair, mount in _PAIRS.items():
             names = [column.name for column in columns.table.columns]
             known = any(_plain(n) in {_plain(x) for x in (pair[0], *_OTHER_NAMES[pair[0]])} for n in names)
@@ -314,7 +314,7 @@ def _converted(
             numbers[f"{name} [{unit}]" if unit else name] = values
     for pair, mount in _PAIRS.items():
         angles = [next((key for key in numbers if key.partition(" [")[0] == name), "") for name in pair]
-        if all(angles) and machine.measured.kind == "direction":
+        if all(angles) and machine.measurand.is_direction:
             radians = [
                 np.array(numbers.pop(key)) * parse_unit(key.partition(" [")[2][:-1]).factor()
                 for key in angles
