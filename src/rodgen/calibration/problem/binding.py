@@ -443,7 +443,10 @@ class _Binder:
         shape = (self.data.rows, len(self.uncertain))
         given = [name for name in self.uncertain if f"u_{name}" in self.columns]
         if not given:
-            return None if noises[0] is None else np.broadcast_to(np.array(noises, float), shape)
+            if noises[0] is None:
+                return None
+            # one number for all is kept as one, whatever is taken of the rows
+            return np.broadcast_to(np.array(noises if len(set(noises)) > 1 else noises[0], float), shape)
         sigma = empty(shape)
         for i, (name, noise) in enumerate(zip(self.uncertain, noises, strict=True)):
             column = self.columns.get(f"u_{name}")
