@@ -13,17 +13,17 @@
 # %% [markdown]
 # # Closed chains: the equations behind the model of a machine on legs
 #
-# A Tricept or a 3-SPS-S is commanded by the lengths $l_k$ of three legs. Leg $k$ joins the
-# point $\vec a_k$ of the base to the point $\vec p_k(\vec y)$ of the platform, whose pose $\vec y$ has three
-# unknowns. The pose for given lengths is the solution of three equations,
+# A Tricept or a 3-SPS-S is commanded by the lengths $l_k$ of three legs, a hexapod by those of six. Leg $k$ joins the
+# point $\vec a_k$ of the base to the point $\vec p_k(\vec y)$ of the platform, whose pose $\vec y$ has as many
+# unknowns as there are legs. The pose for given lengths is the solution of the equations
 #
-# $$F_k(\vec y)=\tfrac12\lvert\vec p_k(\vec y)-\vec a_k\rvert^2-\tfrac12 l_k^2=0,\qquad k=1,2,3 .$$
+# $$F_k(\vec y)=\tfrac12\lvert\vec p_k(\vec y)-\vec a_k\rvert^2-\tfrac12 l_k^2=0 .$$
 #
 # The model's functions solve them by a few steps of Newton's method, starting from the pose on the nominal machine, and
 # are differentiated line by line. This notebook proves
 #
 # 1. that the derivatives obtained in that way are those of the solution, by the implicit function theorem;
-# 2. that the steps turn the platform as they should, for the Tricept and for the 3-SPS-S;
+# 2. that the steps move the platform as they should, for the Tricept, the 3-SPS-S and the hexapod;
 # 3. what force a load puts into each leg, and how far the load sinks if the legs are springs.
 
 # %%
@@ -145,6 +145,38 @@ d.check(
 ).prove(because="As before, the term with the derivative of J⁻¹ vanishes with F.")
 
 # %% [markdown]
+# Six equations are solved without a choice of pivots by their normal equations, $J^TJ\,\vec s=-J^T\vec F$, whose matrix
+# is positive definite. It is the same step:
+
+# %%
+square = sp.Matrix(2, 2, sp.symbols("J_11 J_12 J_21 J_22", real=True))
+gap = sp.Matrix(sp.symbols("F_1 F_2", real=True))
+by_normal = d.matrix(
+    "step_by_normal_equations",
+    r"(J^TJ)^{-1}J^T\vec F",
+    "step of the normal equations, with the opposite sign",
+    "1",
+    value=(square.T * square).inv() * square.T * gap,
+    rows=2,
+    columns=1,
+)
+direct = d.matrix(
+    "step_by_inverse",
+    r"J^{-1}\vec F",
+    "Newton's step, with the opposite sign",
+    "1",
+    value=square.inv() * gap,
+    rows=2,
+    columns=1,
+)
+d.check(
+    "normal-equations",
+    equal(by_normal, direct),
+    text="The normal equations have Newton's step as their solution.",
+    assumptions=["the matrix of slopes has an inverse"],
+).prove(because="(JᵀJ)⁻¹ is J⁻¹ J⁻ᵀ, and J⁻ᵀ Jᵀ is the unit matrix.")
+
+# %% [markdown]
 # ## How the platform turns
 #
 # **The Tricept.** Its platform is turned by $P=O_y(\beta)\,O_x(\alpha)$, a rotation about $y$ times one about $x$, with
@@ -214,6 +246,18 @@ d.check(
 ).prove(because="In Rodrigues' formula for s θ the part of first order in s is s θ × x.")
 
 # %% [markdown]
+# **The hexapod.** Its platform is shifted by the first three unknowns, $\vec t$, and turned as that of the 3-SPS-S by
+# the last three. A small step changes half the square of a leg's length by a scalar product with each of them:
+
+# %%
+shift = d.vector("t", r"\vec t", "a small shift of the platform", "length")
+d.check(
+    "slope-of-a-hexapod's-leg",
+    equal(dot(leg, shift + cross(w, b)), dot(shift, leg) + dot(w, cross(b, leg))),
+    text="Row k of the hexapod's matrix of slopes is d_k and b_k × d_k.",
+).prove(because="A triple product stays the same when its three vectors are permuted cyclically.")
+
+# %% [markdown]
 # ## The force in a leg
 #
 # A unit load pulls along $\vec g$ at the point $\vec x$ of the platform. What is the tension $t_k$ in each leg?
@@ -261,6 +305,9 @@ d.check(
 ).prove(because="The sum is Jᵀ J⁻ᵀ m.")
 
 # %% [markdown]
+# On a hexapod the six legs bear the load alone: with the rows $(\vec d_k,\vec b_k\times\vec d_k)$ and $\vec m=(\vec g,
+# \vec x\times\vec g)$ the balance is that of the forces and of the moments about the origin of the platform axes.
+#
 # On a Tricept the passive leg takes what would turn the platform about its own axis or move it off that leg. It
 # leaves the three unknowns free, and for these the same balance holds, with the row
 # $(\vec d_k,\partial\vec p_k/\partial\vec y)$ for leg $k$ and $\vec m=(\vec g,\partial\vec x/\partial\vec y)$.

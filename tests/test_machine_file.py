@@ -436,7 +436,7 @@ FAULTS = [
     (CUT["units"], 'family = "tricept"\n',
      "[[joint]]: given together with family; expected a chain of joints, or a family"),
     ("[environment]", "[geometry]\nR = 1\n[environment]",
-     "[geometry]: given without a family; expected family = 'tricept' or '3-sps-s'"),
+     "[geometry]: given without a family; expected family = 'tricept', '3-sps-s' or 'hexapod'"),
     # units
     ('length = "mm"', "",
      "[units], length: missing; expected a unit of length, such as mm"),

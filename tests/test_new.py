@@ -29,14 +29,15 @@ def made(kind: str, code: str | None = None) -> Machine:
 
 def design(kind: str, machine: Machine) -> Measurements:
     """Return commands all over the travel."""
-    if machine.kinematics.is_closed:
+    if machine.kinematics.is_closed and kind != "hexapod":
         return Measurements.load(EXAMPLES / kind.replace("3-sps-s", "three_sps_s") / "data.csv")
     rng = np.random.default_rng(6)
     poses = 80
     targets = [target.name for target in machine.targets]
     columns = {}
-    for joint in machine.joints:
-        low, high = joint.travel or (-2.6, 2.6)
+    for k, joint in enumerate(machine.joints):
+        usual = machine.kinematics.usual_travel(k) if machine.kinematics.is_closed else (-2.6, 2.6)
+        low, high = joint.travel or usual
         unit = "rad" if joint.revolute else machine.length_unit
         columns[f"{joint.name} [{unit}]"] = np.repeat(rng.uniform(low, high, poses), len(targets))
     return Measurements.from_frame(columns | {"target": targets * poses})

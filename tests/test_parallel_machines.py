@@ -358,7 +358,7 @@ def test_the_covariance_of_a_predicted_place_is_that_of_the_places_that_fits_pre
 # files -----------------------------------------------------------------------------------------------------------
 
 FAULTS: dict[str, tuple[str, str, str]] = {
-    "a family that is none": ('family = "tricept"', 'family = "hexapod"', "family"),
+    "a family that is none": ('family = "tricept"', 'family = "heptapod"', "family"),
     "joints with a family": ("[measured]", '[[joint]]\nname = "X"\naxis = [1, 0, 0]\n[measured]', "joint"),
     "no geometry": ("[geometry]\nR = 330\nr = 140\nq = [0, 0, 120]", "", "geometry"),
     "no R": ("R = 330\n", "", "R"),

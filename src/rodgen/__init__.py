@@ -13,6 +13,7 @@ if _TYPE_CHECKING:
     from rodgen.calibration.simulate import simulate as simulate
     from rodgen.data.measurements import Measurements as Measurements
     from rodgen.errors import RodgenError
+    from rodgen.kinematics import hexapod as hexapod
     from rodgen.kinematics import instantaneous_euler as instantaneous_euler
     from rodgen.kinematics import screws as screws
     from rodgen.kinematics import spatial as spatial
@@ -68,6 +69,7 @@ _LATER = {
 }
 _SUBJECTS = {
     "figures": "rodgen.output.figures",
+    "hexapod": "rodgen.kinematics.hexapod",
     "instantaneous_euler": "rodgen.kinematics.instantaneous_euler",
     "screws": "rodgen.kinematics.screws",
     "spatial": "rodgen.kinematics.spatial",

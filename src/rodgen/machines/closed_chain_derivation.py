@@ -1,10 +1,10 @@
 """The model of a closed chain: the platform's pose from the lengths of its legs, inside a kernel.
 
-Each leg joins a point a of the base and a point p of the platform at a length l: F = |p(y) - a|² - l² = 0 for the three
-unknowns y of the pose. Newton's method starts at the pose on the nominal machine, which comes with the row, and takes
-a few steps, written out. They double the right digits each, so the last one is exact to rounding; and the derivative
-of a step y - J⁻¹F at a solution, where F = 0, is that of the implicit function theorem, -J⁻¹ ∂F. This is proved in
-derivation/closed_chain.py.
+Each leg joins a point a of the base and a point p of the platform at a length l: F = |p(y) - a|² - l² = 0 for as many
+unknowns y of the pose as there are legs. Newton's method starts at the pose on the nominal machine, which comes with
+the row, and takes a few steps, written out. They double the right digits each, so the last one is exact to rounding;
+and the derivative of a step y - J⁻¹F at a solution, where F = 0, is that of the implicit function theorem, -J⁻¹ ∂F.
+This is proved in derivation/closed_chain.py.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rodgen.machines.kinematics import NEWTON_STEPS, Kinematics, ThreeSpsS, Tricept
+from rodgen.machines.algebra import solved
+from rodgen.machines.kinematics import NEWTON_STEPS, Hexapod, Kinematics, ThreeSpsS, Tricept
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
@@ -67,23 +68,35 @@ class _OnLegs:
             for name, components in self.family.numbers.items()
         }
         self.number = {name: model.let("number", value) for name, value in self.number.items()}
-        self.base = [self.centre("R", k, "base_joint") for k in range(3)]
-        self.own = [self.centre("r", k, "platform_joint") for k in range(3)]
+        count = len(self.family.legs)
+        self.base = [self.centre(self.drawn_base, k, "base_joint") for k in range(count)]
+        self.own = [self.centre(self.drawn_platform, k, "platform_joint") for k in range(count)]
         self.start = [model.column["start", i] for i in range(self.family.pose_numbers)]
 
-    def centre(self, radius: str, leg: int, component: str) -> Vector:
+    def centre(self, drawn: Callable[[int], Vector], leg: int, component: str) -> Vector:
         """Return a leg's joint on the base, or on the platform in platform axes."""
-        cosine, sine = self.m.algebra.circle(list(self.family.legs.values())[leg])
-        value = self.number[radius][0] * self.m.matrix([cosine, sine, 0])
+        value = drawn(leg)
         for number in self.terms(leg, component):
             value = value + self.m.term(number)
         return self.m.let("centre", value)
+
+    def on_circle(self, radius: str, leg: int) -> Vector:
+        cosine, sine = self.m.algebra.circle(list(self.family.legs.values())[leg])
+        return self.number[radius][0] * self.m.matrix([cosine, sine, 0])
 
     def terms(self, leg: int, component: str) -> list[int]:
         terms = self.m.structure.terms
         return [n for n, term in enumerate(terms) if (term.joint, term.component) == (leg, component)]
 
     # of each family ------------------------------------------------------------------------------------------
+
+    def drawn_base(self, leg: int) -> Vector:
+        """Return where the drawing puts a leg's joint on the base."""
+        return self.on_circle("R", leg)
+
+    def drawn_platform(self, leg: int) -> Vector:
+        """Return where the drawing puts a leg's joint on the platform, in platform axes."""
+        return self.on_circle("r", leg)
 
     def first(self) -> _Pose:
         raise NotImplementedError
@@ -96,7 +109,7 @@ class _OnLegs:
         raise NotImplementedError
 
     def carry_by(self, pose: _Pose, x: Vector) -> Vector:
-        """Return the derivative (3, 3) of where a target is with respect to the unknowns."""
+        """Return the derivative (3, unknowns) of where a target is."""
         raise NotImplementedError
 
     # the legs ------------------------------------------------------------------------------------------------
@@ -105,7 +118,7 @@ class _OnLegs:
         return [self.m.let("leg", p - a) for p, a in zip(pose.joints, self.base, strict=True)]
 
     def slopes(self, pose: _Pose, legs: Sequence[Vector]) -> Vector:
-        """Return the derivative (3, 3) of half the squared lengths with respect to the unknowns."""
+        """Return the derivative (legs, unknowns) of half the squared lengths."""
         rows = [leg.T * by for leg, by in zip(legs, pose.by, strict=True)]
         return self.m.let("slopes", self.m.matrix.vstack(*rows))
 
@@ -114,6 +127,14 @@ class _OnLegs:
         determinant = self.m.let("determinant", (slopes.row(0) * adjugate.col(0))[0])
         return self.m.let("inverse", adjugate / determinant)
 
+    def solve(self, slopes: Vector, right: Vector) -> Vector:
+        """Return J⁻¹ times a vector."""
+        return self.inverse(slopes) * right
+
+    def solve_transposed(self, slopes: Vector, right: Vector) -> Vector:
+        """Return J⁻ᵀ times a vector."""
+        return self.inverse(slopes).T * right
+
     def tensions(self, pose: _Pose, x: Vector, gravity: Vector) -> list[Any]:
         """Return the force in each leg, tension positive, under a unit force along gravity at x.
 
@@ -121,8 +142,8 @@ class _OnLegs:
         is the derivative of half the squared lengths.
         """
         legs = self.legs(pose)
-        inverse = self.inverse(self.slopes(pose, legs))
-        pull = self.m.let("pull", inverse.T * (self.carry_by(pose, x).T * gravity))
+        slopes = self.slopes(pose, legs)
+        pull = self.m.let("pull", self.solve_transposed(slopes, self.carry_by(pose, x).T * gravity))
         lengths = [self.m.let("length", self.m.sqrt(leg.dot(leg))) for leg in legs]
         return [self.m.let("tension", t * length) for t, length in zip(pull, lengths, strict=True)]
 
@@ -144,7 +165,7 @@ class _OnLegs:
     def lengths(self, counts: Callable[[Term], bool]) -> list[Any]:
         """Return the halves of the squares of the legs' lengths, with the effects that count."""
         m, found = self.m, []
-        for k in range(3):
+        for k in range(len(self.base)):
             here = [n for n in self.terms(k, "reading") if counts(m.structure.terms[n])]
             length = m.let("length", sum((m.term(n) for n in here), m.column["q", k]))
             found.append(m.let("half_square", length**2 / 2))
@@ -154,7 +175,7 @@ class _OnLegs:
         """Return the pose after one of Newton's steps towards legs with these halves of squares, and the step."""
         legs = self.legs(pose)
         gap = self.m.matrix([leg.dot(leg) / 2 - h for leg, h in zip(legs, half, strict=True)])
-        step = self.m.let("step", -self.inverse(self.slopes(pose, legs)) * self.m.let("gap", gap))
+        step = self.m.let("step", -self.solve(self.slopes(pose, legs), self.m.let("gap", gap)))
         return self.moved(step), step
 
     def numbers(self, pose: _Pose) -> list[Any]:
@@ -264,13 +285,7 @@ class _ThreeSpsS(_OnLegs):
         return list(pose.turn)
 
     def moved(self, step: Vector) -> _Pose:
-        half = self.m.let("half", step / 2)
-        factor = self.m.let("factor", 2 / (1 + half.dot(half)))
-        columns = []
-        for i in range(3):
-            across = self.m.let("across", half.cross(self.turn.col(i)))
-            columns.append(self.m.let("column", self.turn.col(i) + factor * (across + half.cross(across))))
-        return self.pose(self.m.matrix.hstack(*columns))
+        return self.pose(_turned_by(self.m, self.turn, step))
 
     def pose(self, turn: Vector) -> _Pose:
         self.turn = turn
@@ -290,12 +305,85 @@ def _turned(m: ModelSteps, x: Vector) -> Vector:
     return m.matrix([[0, x[2], -x[1]], [-x[2], 0, x[0]], [x[1], -x[0], 0]])
 
 
-STEPS_OF: Mapping[type[Kinematics], type[_OnLegs]] = {Tricept: _Tricept, ThreeSpsS: _ThreeSpsS}
+def _turned_by(m: ModelSteps, turn: Vector, step: Vector) -> Vector:
+    """Return a rotation matrix after one with the Rodrigues vector of a step."""
+    half = m.let("half", step / 2)
+    factor = m.let("factor", 2 / (1 + half.dot(half)))
+    columns = []
+    for i in range(3):
+        across = m.let("across", half.cross(turn.col(i)))
+        columns.append(m.let("column", turn.col(i) + factor * (across + half.cross(across))))
+    return m.matrix.hstack(*columns)
+
+
+class _Hexapod(_OnLegs):
+    """Unknowns: a shift, and a small turn after the one before."""
+
+    def drawn_base(self, leg: int) -> Vector:
+        return self.number[f"B{leg + 1}"]
+
+    def drawn_platform(self, leg: int) -> Vector:
+        return self.number[f"P{leg + 1}"]
+
+    def first(self) -> _Pose:
+        return self.pose(self.m.matrix(self.start[:3]), self.m.matrix(3, 3, self.start[3:]))
+
+    def from_afar(self) -> _Pose:
+        half = self.lengths(lambda term: True)
+        (begin,) = self.m.begins
+        pose = self.pose(self.m.matrix(begin[len(self.base) :]), self.m.matrix.eye(3))
+        for _ in range(NEWTON_STEPS):
+            pose, _step = self.nearer(pose, half)
+        return pose
+
+    def numbers(self, pose: _Pose) -> list[Any]:
+        return [*pose.shift, *pose.turn]
+
+    def moved(self, step: Vector) -> _Pose:
+        shift = self.m.let("shift", self.at.shift + step[:3, :])
+        return self.pose(shift, _turned_by(self.m, self.at.turn, step[3:, :]))
+
+    def pose(self, shift: Vector, turn: Vector) -> _Pose:
+        arms = [self.m.let("arm", turn * own) for own in self.own]
+        by = [self.derivative(arm) for arm in arms]
+        self.at = _Pose(turn, shift, [self.m.let("joint", arm + shift) for arm in arms], by)
+        return self.at
+
+    def derivative(self, arm: Vector) -> Vector:
+        """Return the derivative (3, 6) of a point of the platform, at the end of an arm."""
+        return self.m.matrix.hstack(self.m.matrix.eye(3), _turned(self.m, arm))
+
+    def solve(self, slopes: Vector, right: Vector) -> Vector:
+        # by normal equations: elimination of J itself would need a choice of pivots
+        return self.m.matrix(solved(self.m.let, self.m.let("normal", slopes.T * slopes), slopes.T * right))
+
+    def solve_transposed(self, slopes: Vector, right: Vector) -> Vector:
+        normal = self.m.let("normal", slopes.T * slopes)
+        return slopes * self.m.matrix(solved(self.m.let, normal, right))
+
+    def carry(self, pose: _Pose, x: Vector) -> Vector:
+        return pose.turn * x + pose.shift if self.m.structure.moving else pose.turn * x
+
+    def carry_by(self, pose: _Pose, x: Vector) -> Vector:
+        return self.derivative(self.m.let("seen", pose.turn * x))
+
+    def size(self, step: Vector) -> Any:
+        """Return the square of a step: of its turn, and of its shift over the legs' usual length."""
+        legs = [(p - a).dot(p - a) for p, a in zip(self.at.joints, self.base, strict=True)]
+        square = self.m.let("square", sum(legs, 0) / len(legs))
+        return step[3:, :].dot(step[3:, :]) + step[:3, :].dot(step[:3, :]) / square
+
+
+STEPS_OF: Mapping[type[Kinematics], type[_OnLegs]] = {
+    Tricept: _Tricept,
+    ThreeSpsS: _ThreeSpsS,
+    Hexapod: _Hexapod,
+}
 """How each family is derived."""
 
 
-def closed_chain(model: ModelSteps, x: Vector) -> Vector:
-    """Carry a target by the platform; NaN where the legs do not close.
+def closed_chain(model: ModelSteps, x: Vector, axes: Sequence[Vector] = ()) -> tuple[Vector, list[Vector]]:
+    """Carry a target, and directions, by the platform; NaN where the legs do not close.
 
     Parameters
     ----------
@@ -303,11 +391,15 @@ def closed_chain(model: ModelSteps, x: Vector) -> Vector:
         Whose kernel it is written into.
     x : Matrix
         The target, in platform axes.
+    axes : sequence of Matrix, optional
+        The directions.
     """
     chain = STEPS_OF[model.structure.kinematics](model)
     pose, square = chain.solved(x)
     place = model.let("carried", chain.carry(pose, x))
-    return model.let("closed", _where_closed(model, place, square))
+    turned = [_where_closed(model, model.let("carried", pose.turn * axis), square) for axis in axes]
+    closed = model.let("closed", _where_closed(model, place, square))
+    return closed, [model.let("closed", axis) for axis in turned]
 
 
 def _where_closed(m: ModelSteps, values: Vector, square: Any) -> Vector:
@@ -329,7 +421,7 @@ def pose_of(model: ModelSteps) -> Any:
     return model.builder.build()
 
 
-def pose_from_afar(model: ModelSteps, begins: int = 0) -> Kernel:
+def pose_from_afar(model: ModelSteps, begins: tuple[int, ...] = (0,)) -> Kernel:
     """Return the kernel that finds the pose on the nominal machine without a start.
 
     It replaces the start that usually comes with each row. For a family with one physical assembly mode it starts in
@@ -339,14 +431,11 @@ def pose_from_afar(model: ModelSteps, begins: int = 0) -> Kernel:
     ----------
     model : ModelSteps
         Without terms and freedoms.
-    begins : int
-        How many poses there are to begin with: the kernel has an input ``begin``, (begins, 7), of their legs and unit
-        quaternions, scalar part first.
+    begins : tuple of int
+        Shape of `OnLegs.begins`, the poses there are to begin with: the kernel has an input ``begin`` of them.
     """
-    if begins:
-        port = model.builder.input(
-            "begin", (begins, 7), unit="1", doc="legs and quaternions of poses to begin with"
-        )
+    if begins[0]:
+        port = model.builder.input("begin", begins, unit="1", doc="poses to begin with, legs first")
         model.begins = port.tolist()
     chain = STEPS_OF[model.structure.kinematics](model)
     found = chain.numbers(chain.from_afar())

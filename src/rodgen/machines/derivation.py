@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -610,13 +609,16 @@ class ModelSteps:
         s = self.structure
         moves = s.moving
         inner, outer = range(s.inner), range(s.inner, len(s.joints))
-        closed = s.kinematics.is_closed
-        x = closed_chain(self, self.target()) if closed else self.carried(self.target(), outer, moves=moves)
+        own = self.axes() if s.measurand.has_axes else []
+        if s.kinematics.is_closed:
+            x, turned = closed_chain(self, self.target(), own)
+        else:
+            x = self.carried(self.target(), outer, moves=moves)
+            turned = [self.carried(axis, range(len(s.joints)), moves=False) for axis in own]
         x = self.carried(self.lifted(x), inner, moves=moves)
         place = s.measurand.seen(self, self.framed(x, moves=moves))
         axes = None
-        if s.measurand.has_axes:
-            turned = (self.carried(axis, range(len(s.joints)), moves=False) for axis in self.axes())
+        if own:
             axes = self.matrix.hstack(*(self.framed(axis, moves=False) for axis in turned))
         if not self.with_residual:
             found = place if axes is None else self.matrix([*place, *axes])

@@ -17,16 +17,17 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.machines.rigid import rotation_matrix
+from rodgen.machines.rigid import rotation_matrix, rotation_vector
 
 if TYPE_CHECKING:
-    from rodgen.kinematics import three_sps_s, tricept
+    from rodgen.kinematics import hexapod, three_sps_s, tricept
 
 __all__ = [
     "BRANCHES",
     "FAMILIES",
     "NEWTON_STEPS",
     "Chain",
+    "Hexapod",
     "Kinematics",
     "OnLegs",
     "ThreeSpsS",
@@ -57,7 +58,8 @@ class Kinematics:
     words : str
         What people call it.
     legs : mapping of str to int
-        Name of each leg, and the direction of its joints from the middle, degrees about z.
+        Name of each leg, and where joints are on circles the direction of its joints from the middle, degrees about
+        z.
     numbers : mapping of str to tuple of str
         What ``[geometry]`` gives, each with the names of its components; ``""`` of a plain number.
     keys : tuple of str
@@ -70,6 +72,8 @@ class Kinematics:
         Rotation vector in radians near which the assembly mode is; None where the file does not say, or need not.
     seen : tuple of tuple of float
         Further rotation vectors of that mode.
+    home : tuple of float, length 3, or None
+        Where the platform is in the middle of its workspace, if the file says so.
     """
 
     family: ClassVar[str] = ""
@@ -89,6 +93,16 @@ class Kinematics:
     def seen(self) -> tuple[Vector, ...]:
         """Further rotation vectors of that mode."""
         return ()
+
+    @property
+    def home(self) -> Vector | None:
+        """Position of the platform in the middle of its workspace."""
+        return None
+
+    @property
+    def begins(self) -> Array:
+        """Poses that code which finds poses by itself may begin with, (k, 0 and more): legs first."""
+        return np.zeros((0, 0))
 
     @property
     def size(self) -> float:
@@ -136,23 +150,21 @@ def beyond(j: int, inner: int, joints: int) -> range:
 
 @dataclass(frozen=True)
 class OnLegs(Kinematics):
-    """A platform on three legs; lengths in the machine file's unit.
+    """A platform on legs; lengths in the machine file's unit.
 
     Attributes
     ----------
-    R, r : float
-        Radii of the circles of the joints on the base and on the platform.
+    begin_of : tuple of str
+        What the numbers of a pose to begin with are.
     """
 
-    R: float
-    r: float
-
+    begin_of: ClassVar[tuple[str, ...]] = ()
     is_closed = True
 
     @property
-    def size(self) -> float:
-        """Radius of the base."""
-        return self.R
+    def is_possible(self) -> bool:
+        """Whether there may be such a machine."""
+        return True
 
     def freedoms(self, joints: Sequence[str]) -> list[str]:
         """List the geometry, each of its numbers, and the targets."""
@@ -168,7 +180,7 @@ class OnLegs(Kinematics):
 
         Parameters
         ----------
-        legs : ndarray, shape (n, 3)
+        legs : ndarray, shape (n, legs)
 
         Returns
         -------
@@ -201,13 +213,17 @@ class OnLegs(Kinematics):
         Returns
         -------
         ndarray, shape (n,)
-            The least singular value of the derivative of the lengths of the legs with respect to the platform's three
+            The least singular value of the derivative of the lengths of the legs with respect to the platform's
             freedoms. A turn by one radian counts as a way of the joints' distance from where it turns about.
         """
         raise NotImplementedError
 
+    def degrees_of_freedom(self, poses: Array) -> Array:
+        """Return poses, (n, pose_numbers), as one number for each degree of freedom of the platform."""
+        return poses
+
     def usual_legs(self) -> Array:
-        """Return the lengths of the legs, (3,), in the middle of where the machine works."""
+        """Return the lengths of the legs, (legs,), in the middle of where the machine works."""
         raise NotImplementedError
 
     def usual_travel(self, leg: int) -> tuple[float, float]:
@@ -221,7 +237,31 @@ class OnLegs(Kinematics):
 
 
 @dataclass(frozen=True)
-class Tricept(OnLegs):
+class OnThreeLegs(OnLegs):
+    """A platform on three legs, whose joints are on circles.
+
+    Attributes
+    ----------
+    R, r : float
+        Radii of the circles of the joints on the base and on the platform.
+    """
+
+    R: float
+    r: float
+
+    @property
+    def size(self) -> float:
+        """Radius of the base."""
+        return self.R
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether both radii are positive."""
+        return min(self.R, self.r) > 0
+
+
+@dataclass(frozen=True)
+class Tricept(OnThreeLegs):
     """Three legs, and a passive one that turns about the origin and slides; its pose is alpha, beta, z.
 
     Attributes
@@ -278,7 +318,7 @@ class Tricept(OnLegs):
 
 
 @dataclass(frozen=True)
-class ThreeSpsS(OnLegs):
+class ThreeSpsS(OnThreeLegs):
     """Three legs, and a pivot about which the platform turns; its pose is a rotation matrix, row by row.
 
     Attributes
@@ -302,6 +342,21 @@ class ThreeSpsS(OnLegs):
     numbers = MappingProxyType({"R": ("",), "r": ("",), "h": ("",)})
     keys = ("R", "r", "h", "start")
     pose_numbers = 9
+    begin_of = ("leg1", "leg2", "leg3", "w", "x", "y", "z")
+
+    @property
+    def begins(self) -> Array:
+        """Lengths of the legs, and unit quaternions."""
+        if self.start is None:
+            return np.zeros((0, 7))
+        from rodgen.kinematics.rotation import quaternion_from_matrix
+
+        turns = rotation_matrix([self.start, *self.seen])
+        return np.concatenate([self.legs_at(turns), quaternion_from_matrix(turns)[0]], axis=1)
+
+    def degrees_of_freedom(self, poses: Array) -> Array:
+        """Return the rotation vectors from the start."""
+        return poses if self.start is None else _rotation_vectors(poses, rotation_matrix(self.start))
 
     def modes(self, legs: Array) -> Array:
         """Return the rotation matrices of up to eight modes, (n, 8, 9)."""
@@ -373,5 +428,101 @@ class ThreeSpsS(OnLegs):
         return three_sps_s.Geometry(self.R, self.r, self.h)
 
 
-FAMILIES: Mapping[str, type[OnLegs]] = MappingProxyType({made.family: made for made in (Tricept, ThreeSpsS)})
+@dataclass(frozen=True)
+class Hexapod(OnLegs):
+    """Six legs (6-UPS, Stewart-Gough platform); its pose is a position and a rotation matrix, row by row.
+
+    Attributes
+    ----------
+    B1, ..., B6, P1, ..., P6 : tuple of float, length 3
+        Where the joints of the legs are: on the base, and on the platform in its own axes.
+    home : tuple of float, length 3
+        Where the origin of the platform axes is, in the middle of the workspace, when these are parallel to the base's.
+        The assembly mode is the one to which the platform comes from there while its legs grow evenly.
+    """
+
+    B1: Vector
+    B2: Vector
+    B3: Vector
+    B4: Vector
+    B5: Vector
+    B6: Vector
+    P1: Vector
+    P2: Vector
+    P3: Vector
+    P4: Vector
+    P5: Vector
+    P6: Vector
+    home: Vector = (0.0, 0.0, 0.0)
+
+    family = "hexapod"
+    words = "hexapod: six legs"
+    legs = MappingProxyType({f"L{k}": 0 for k in range(1, 7)})
+    numbers = MappingProxyType({f"{of}{k}": ("x", "y", "z") for of in "BP" for k in range(1, 7)})
+    keys = (*numbers, "home")
+    pose_numbers = 12
+    begin_of = (*(f"leg{k}" for k in range(1, 7)), "x", "y", "z")
+
+    @property
+    def size(self) -> float:
+        """Root mean square distance of the base's joints from their middle."""
+        return self._geometry().size
+
+    @property
+    def pose_scale(self) -> Array:
+        """The size of the base, and a radian."""
+        return np.repeat([self.size, 1.0], [3, 9])
+
+    @property
+    def begins(self) -> Array:
+        """Lengths of the legs, and position, of `home`."""
+        return np.concatenate([self.usual_legs(), self.home])[None]
+
+    def modes(self, legs: Array) -> Array:
+        """Return the one pose that belongs to `home`."""
+        from rodgen.kinematics import hexapod
+
+        position, turn, _ = hexapod.direct(legs, self._geometry(), self.home)
+        return np.concatenate([position, turn.reshape(-1, 9)], axis=1)[:, None]
+
+    def least_singular_value(self, poses: Array) -> Array:
+        """Return the least singular value of the derivative of the legs."""
+        from rodgen.kinematics import hexapod
+
+        turns = poses[:, 3:].reshape(-1, 3, 3)
+        return hexapod.least_singular_value(poses[:, :3], turns, self._geometry())
+
+    def degrees_of_freedom(self, poses: Array) -> Array:
+        """Return positions and rotation vectors, (n, 6)."""
+        return np.concatenate([poses[:, :3], _rotation_vectors(poses[:, 3:], np.eye(3))], axis=1)
+
+    def usual_legs(self) -> Array:
+        """Return the lengths at `home`."""
+        from rodgen.kinematics import hexapod
+
+        return hexapod.legs(self.home, np.eye(3), self._geometry())
+
+    def mode_words(self) -> str:
+        """Say from where the pose is found."""
+        x = ", ".join(f"{c:.6g}" for c in self.home)
+        return f"by Newton's steps from where it is parallel to the base at ({x})"
+
+    def _geometry(self) -> hexapod.Geometry:
+        from rodgen.kinematics import hexapod
+
+        base, platform = (np.array([self.number(f"{of}{k}") for k in range(1, 7)]) for of in "BP")
+        return hexapod.Geometry(base, platform)
+
+
+def _rotation_vectors(turns: Array, middle: Array) -> Array:
+    """Return the rotation vectors, (n, 3), from a rotation to others, (n, 9), NaN where these are."""
+    found = np.full((len(turns), 3), np.nan)
+    closing = np.isfinite(turns).all(axis=1)
+    found[closing] = rotation_vector(turns[closing].reshape(-1, 3, 3) @ middle.T)
+    return found
+
+
+FAMILIES: Mapping[str, type[OnLegs]] = MappingProxyType(
+    {made.family: made for made in (Tricept, ThreeSpsS, Hexapod)}
+)
 """All families of closed chains, by their names in a machine file."""

@@ -140,9 +140,9 @@ def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Ar
         Where the legs do not close, the poses that were.
     """
     changed = {name: value if len(value) > 1 else value[0] for name, value in numbers.items()}
-    kinematics = replace(_on_legs(o.machine), **changed)  # type: ignore[arg-type]
+    kinematics = replace(_on_legs(o.machine), **changed)
     before = np.asarray(o.pose_start)
-    if min(kinematics.R, kinematics.r) <= 0:
+    if not kinematics.is_possible:
         return before
     modes = kinematics.modes(o.q)
     found = _taken(modes, _nearest_poses(modes, before))
@@ -195,31 +195,20 @@ def weakest(o: Observations) -> int | None:
 
 
 def attainable(o: Observations, q: Array) -> NDArray[np.bool_]:
-    """Return which commands, (n, 3), the machine of `o` can take: the legs close, and the platform turns no farther.
+    """Return which commands, (n, legs), the machine of `o` can take: the legs close, and the platform turns no farther.
 
     What the joints of platform and passive leg allow stands in no file. Where the platform was, it can go again: in
-    each of its three degrees of freedom no farther than in the data.
+    each of its degrees of freedom no farther than in the data.
     """
     machine = in_its_mode(o.machine, o)
     rows = o.take(np.zeros(len(q), int))
-    poses = _freedoms(machine, pose_start(replace(rows, machine=machine, q=q)))
-    taken = _freedoms(machine, np.asarray(o.pose_start))
+    freedoms = _on_legs(machine).degrees_of_freedom
+    poses = freedoms(pose_start(replace(rows, machine=machine, q=q)))
+    taken = freedoms(np.asarray(o.pose_start))
     low, high = taken.min(axis=0), taken.max(axis=0)
     slack = SLACK * (high - low) + 1e-12
     with np.errstate(invalid="ignore"):
         return np.asarray(((poses >= low - slack) & (poses <= high + slack)).all(axis=1))
-
-
-def _freedoms(machine: Machine, starts: Array) -> Array:
-    """Return alpha, beta and z, or the rotation vector from the middle of the assembly mode, (n, 3)."""
-    start = machine.kinematics.start
-    if start is None:
-        return starts
-    turns = starts.reshape(-1, 3, 3) @ rotation_matrix(start).T
-    found = np.full((len(turns), 3), np.nan)
-    closing = np.isfinite(turns).all(axis=(1, 2))
-    found[closing] = rotation_vector(turns[closing])
-    return found
 
 
 def pose_start(o: Observations) -> Array:
@@ -316,7 +305,7 @@ def within_reach(o: Observations, q: Array) -> Observations:
     Parameters
     ----------
     o : Observations
-    q : ndarray, shape (n, 3)
+    q : ndarray, shape (n, legs)
         A row that does not close comes nearer to the one in `o`, and at last stays where that is.
     """
     machine = in_its_mode(o.machine, o)

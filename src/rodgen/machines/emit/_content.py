@@ -21,7 +21,6 @@ from rodgen.machines.emit._kernels import (
     MachineKernels,
     aim_kernel,
     machine_kernels,
-    poses_to_begin,
     step_kernel,
 )
 from rodgen.machines.emit._scope import Scope, scope_of
@@ -284,7 +283,9 @@ _PARTS = {
     "r": "radius of the joints on the platform, {length}",
     "q": "from the middle of the platform's joints to its centre, {length}",
     "h": "height of the pivot, {length}",
-    "begin": "of a pose to begin with: lengths of the legs, unit quaternion",
+    **{f"B{k}": f"joint of leg {k} on the base, {{length}}" for k in range(1, 7)},
+    **{f"P{k}": f"joint of leg {k} on the platform, in its axes, {{length}}" for k in range(1, 7)},
+    "begin": "of a pose to begin with: lengths of the legs, position, unit quaternion",
 }
 
 
@@ -358,7 +359,7 @@ def _size(scope: Scope) -> float:
         for p in (*(j.point for j in machine.joints), *(t.point for t in machine.targets))
     ]
     if isinstance(machine.kinematics, OnLegs):
-        travel.append(max(machine.kinematics.usual_travel(k)[1] for k in range(3)))
+        travel.append(max(machine.kinematics.usual_travel(k)[1] for k in range(len(machine.joints))))
     return float(sum(travel) + max(points)) or 1.0
 
 
@@ -369,12 +370,12 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
         tuple(travel) if np.ptp(travel) > 0 else _usual_travel(machine, j, size)
         for j, travel in enumerate(scope.model.travel)
     ]
-    found, begins = 0, poses_to_begin(machine.kinematics)
+    found, begins = 0, machine.kinematics.begins
     for n, point in enumerate(_even(len(joints) + len(fitted.columns), TRIES)):
         inside = MARGIN + (1 - 2 * MARGIN) * point[: len(joints)]
         q = tuple(float(low + x * (high - low)) for x, (low, high) in zip(inside, spans, strict=True))
         if len(begins):  # of several modes the one that is meant is only sure near these
-            near = begins[n % len(begins), :3] * (1 + OFF_SEEN * (2 * point[: len(joints)] - 1))
+            near = begins[n % len(begins), : len(joints)] * (1 + OFF_SEEN * (2 * point[: len(joints)] - 1))
             q = tuple(float(x) for x in near)
         columns = {
             name: _column(kind, float(x), spans[int(of)] if kind == "v" else None)

@@ -23,17 +23,16 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from rodgen.codegen import Assignment, Kernel, KernelBuilder, Port, port_symbols
-from rodgen.kinematics.rotation import quaternion_from_matrix
+from rodgen.machines.algebra import solved
 from rodgen.machines.closed_chain_derivation import pose_from_afar
 from rodgen.machines.derivation import ModelSteps
-from rodgen.machines.kinematics import Kinematics, ThreeSpsS
+from rodgen.machines.kinematics import OnLegs
 from rodgen.machines.measured import Measurand
 from rodgen.machines.model import Frame, Model
-from rodgen.machines.rigid import rotation_matrix
 from rodgen.machines.structure import Structure, Term, row_effects
 from rodgen.symbolic import select
 
-__all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "poses_to_begin", "step_kernel"]
+__all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "step_kernel"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -43,9 +42,13 @@ TINY = sp.Rational(1, 10**300)
 
 OF_A_JOINT = frozenset({"axis", "point", "u", "v", "start", "length"})
 """Parts of the geometry that each joint has."""
-BEGIN = ("leg1", "leg2", "leg3", "w", "x", "y", "z")
-"""What is said of a pose to begin with."""
-OF_A_CLOSED_CHAIN = {"R": "base_radius", "r": "platform_radius", "q": "offset", "h": "pivot_height"}
+OF_A_CLOSED_CHAIN = {
+    "R": "base_radius",
+    "r": "platform_radius",
+    "q": "offset",
+    "h": "pivot_height",
+    **{f"{of[0].upper()}{k}": f"{of}_joint{k}" for of in ("base", "platform") for k in range(1, 7)},
+}
 """Parts of the geometry of a closed chain, and what they are called in code."""
 SWEEPS = 5
 """Joints up to which derivatives are accumulated forward: 0.6 of the operations of three sweeps backward with 4 or 5
@@ -175,8 +178,10 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
 def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kernel:
     """Write the kernel that finds the pose of a closed chain on the nominal machine."""
     bare = replace(structure, terms=(), shift=False, frame=False)
-    begins = poses_to_begin(model.machine.kinematics)
-    general = pose_from_afar(ModelSteps(bare, "pose", with_residual=False), len(begins))
+    kinematics = model.machine.kinematics
+    assert isinstance(kinematics, OnLegs)
+    begins = kinematics.begins
+    general = pose_from_afar(ModelSteps(bare, "pose", with_residual=False), begins.shape)
     q = _port("q", (len(structure.joints),), "commanded coordinates")
     stands_for: dict[sp.Symbol, sp.Expr] = {}
     for (kind, of), symbol in zip(bare.columns, general.port("rows").symbols, strict=True):
@@ -185,19 +190,11 @@ def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kerne
     if len(begins):
         symbols = iter(general.port("begin").symbols)
         for k, begin in enumerate(begins.tolist()):
-            for name, value in zip(BEGIN, begin, strict=True):
+            for name, value in zip(kinematics.begin_of, begin, strict=True):
                 stands_for[next(symbols)] = numbers.number(value, "begin", k, name)
     for slot, symbol in zip(_slots(bare), general.port("g").symbols, strict=True):
         stands_for[symbol] = numbers.by_slot[slot]
     return _folded(general, stands_for, [q], numbers)
-
-
-def poses_to_begin(kinematics: Kinematics) -> Array:
-    """Return the poses that a closed chain may begin with, (k, 7): lengths of the legs, and unit quaternions."""
-    if not isinstance(kinematics, ThreeSpsS) or kinematics.start is None:
-        return np.zeros((0, 7))
-    turns = rotation_matrix([kinematics.start, *kinematics.seen])
-    return np.concatenate([kinematics.legs_at(turns), quaternion_from_matrix(turns)[0]], axis=1)
 
 
 def _folded(
@@ -389,30 +386,10 @@ def step_kernel(measurand: Measurand, joints: int, arm: float) -> Kernel:
             square + place * place.T * level
         )  # no step goes along the direction, so this only keeps it regular
     square = square + sp.eye(square.rows) * diagonal
-    y = _solved(k, square, scaled.T * error) if few else scaled.T * _solved(k, square, error)
+    right = scaled.T * error if few else error
+    y = sp.Matrix(solved(k.let, square, right))
+    y = y if few else scaled.T * y
     k.output(
         "step", sp.Matrix([w * x for w, x in zip(weight, y, strict=True)]), unit="1", doc="of the joints"
     )
     return k.build()
-
-
-def _solved(k: KernelBuilder, a: sp.Matrix, b: sp.Matrix) -> sp.Matrix:
-    """Solve a positive definite system by its factors L D Lᵀ."""
-    n = a.rows
-    factor = sp.eye(n)
-    pivot: list[sp.Expr] = []
-    x: list[sp.Expr] = []
-    for i in range(n):
-        for j in range(i):
-            done = sum((factor[i, m] * factor[j, m] * pivot[m] for m in range(j)), sp.S.Zero)
-            factor[i, j] = k.let(f"l{i}{j}", (a[i, j] - done) / pivot[j])
-        done = sum((factor[i, m] ** 2 * pivot[m] for m in range(i)), sp.S.Zero)
-        pivot.append(k.let(f"pivot{i}", a[i, i] - done))
-    for i in range(n):
-        rest = b[i] - sum((factor[i, m] * x[m] for m in range(i)), sp.S.Zero)
-        x.append(rest if rest.is_Symbol else k.let(f"forward{i}", rest))
-    x = [k.let(f"divided{i}", x[i] / pivot[i]) for i in range(n)]
-    for i in reversed(range(n - 1)):
-        later = sum((factor[m, i] * x[m] for m in range(i + 1, n)), sp.S.Zero)
-        x[i] = k.let(f"solved{i}", x[i] - later)
-    return sp.Matrix(x)

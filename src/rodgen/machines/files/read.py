@@ -485,7 +485,12 @@ def _on_legs(top: Table, per_radian: float) -> OnLegs:
     length = POSITIVE.then(_squarable, f"a positive number below {LARGEST:g}")
     found: dict[str, Any] = {}
     for name, components in family.numbers.items():
-        found[name] = table.get(name, length) if len(components) == 1 else table.get(name, _POINT, _ORIGIN)
+        if len(components) == 1:
+            found[name] = table.get(name, length)
+        else:
+            found[name] = table.get(name, _POINT, *([_ORIGIN] if hasattr(family, name) else []))
+    if "home" in family.keys:
+        found["home"] = table.get("home", _POINT)
     if "start" in family.keys:
         found["start"] = table.get("start", VECTOR.then(_scaled(per_radian)), None)
     return family(**found)
@@ -496,12 +501,12 @@ def _legs(kinematics: Kinematics) -> tuple[Joint, ...]:
 
 
 def _targets(top: Table, measurand: Measurand, per_radian: float, *, closed: bool) -> tuple[Target, ...]:
-    if closed and measurand.has_axes:
+    if closed and measurand.has_axes and not measurand.moving:
         raise InputFileError(
             top.file,
             "[measured], kind",
             f"{measurand.kind!r} of a parallel machine",
-            "'point' or 'direction'",
+            "'pose', 'point' or 'direction'",
         )
     if closed and "target" not in top:
         if not measurand.moving:

@@ -151,6 +151,8 @@ def _chain_blocks(machine: Machine) -> list[list[str]]:
     for name, components in kinematics.numbers.items():
         value = kinematics.number(name)
         lines.append(f"{name} = {decimal(value[0]) if len(components) == 1 else _vector(value)}")
+    if kinematics.home is not None:
+        lines.append(f"home = {_vector(kinematics.home)}")
     if kinematics.start is not None:
         lines.append(f"start = {_vector(kinematics.start, machine.file_factor(ANGLE))}")
     return [lines]
@@ -269,6 +271,8 @@ def _described_legs(machine: Machine) -> Iterator[str]:
     for name in kinematics.numbers:
         value = kinematics.number(name)
         numbers.append(f"{name} = {_rounded(value) if len(value) > 1 else format(value[0], '.6g')}")
+    if kinematics.home is not None:
+        numbers.append(f"home = {_rounded(kinematics.home)}")
     if kinematics.start is not None:
         degrees = [x / machine.file_factor(ANGLE) for x in kinematics.start]
         numbers.append(f"start = {_rounded(degrees)}")

@@ -32,6 +32,7 @@ KINDS = {
     "arm-6r": "robot with six rotary joints",
     "tricept": "three legs and a passive one in the middle",
     "3-sps-s": "platform on a ball and three legs",
+    "hexapod": "platform on six legs (6-UPS)",
 }
 """What there is, and what it is."""
 
