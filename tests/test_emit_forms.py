@@ -258,6 +258,8 @@ def test_what_cannot_be_written_is_one_sentence(tmp_path, capsys):
         arm().emit("tpoint", tmp_path)
     with pytest.raises(InputFileError, match="no error of position; expected an effect such as scale"):
         replace(ALTAZ.machine("Telescope", 0.6), estimate=()).emit("screw", tmp_path)
+    with pytest.raises(InputFileError, match="no value yet; expected a fitted machine"):
+        ALTAZ.machine("Telescope", 0.6).emit("tpoint", tmp_path)
     mount = ALTAZ.machine("Telescope", 0.6).add("backlash", joint="AZ", hold={"b": 0.001})
     fitted = replace(mount, estimate=())
     with pytest.raises(InputFileError, match=r"backlash at AZ: no term of TPOINT; expected effects that"):

@@ -114,6 +114,27 @@ def test_tables_are_read_as_windows_codes_them(coding, said, tmp_path):
     assert ("text in " in table.notes[0]) == bool(said)
 
 
+@pytest.mark.parametrize(
+    ("machine", "data", "hinted"),
+    [
+        ("m.toml", "t.csv", True),
+        ("t.csv", "d.csv", True),
+        ("m.toml", "none.csv", False),
+        ("d.toml", "d.csv", False),
+    ],
+)
+def test_files_of_other_programs_are_referred_to_the_import(
+    machine, data, hinted, tmp_path, rodgen_command: Run
+):
+    (tmp_path / "m.toml").write_text(TURNTABLE)
+    (tmp_path / "d.toml").write_text("[")
+    (tmp_path / "t.csv").write_text("C;x;y;z\n1,5;2;3;4\n")
+    (tmp_path / "d.csv").write_text("C [deg],x [mm],y [mm],z [mm]\n1,2,3,4\n")
+    code, out, err = rodgen_command("check", tmp_path / machine, tmp_path / data)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.endswith("; 'rodgen import' reads files of other programs\n") == hinted
+
+
 def test_balls_that_a_machinist_probed_become_measurements(tmp_path):
     """A wide table with decimal commas, whose columns are named in words: nothing has to be mapped."""
     (tmp_path / "balls.csv").write_text(

@@ -103,6 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     debug = given != all_given
     timings = Timings()
     completed: list[str] = []
+    options = argparse.Namespace()
     if arguments is None:
         for ending in _ENDING:
             if signal.getsignal(ending) is signal.SIG_DFL:  # nohup ignores SIGHUP
@@ -146,7 +147,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except RodgenError as error:
         from rodgen.cli.scripts import UnprovedError
 
-        notify("; ".join(filter(None, [str(error), _complete(completed)])))
+        notify("; ".join(filter(None, [str(error), _of_other_form(error, options), _complete(completed)])))
         if isinstance(error, InputFileError) and error.file == "standard output":
             # Closed here, because the interpreter would try, and complain, once more at the exit.
             with contextlib.suppress(OSError, AttributeError):
@@ -164,6 +165,15 @@ class _TerminatedError(KeyboardInterrupt):
 
 def _terminate(*_: object) -> NoReturn:
     raise _TerminatedError
+
+
+def _of_other_form(error: RodgenError, options: argparse.Namespace) -> str:
+    """Return how to use a file of MACHINE or DATA that other programs have written; empty of other errors."""
+    if not isinstance(error, InputFileError) or not re.match(r"line 1\b|header", error.place):
+        return ""
+    machine, data = getattr(options, "machine", None), getattr(options, "data", None)
+    foreign = error.file == data or (error.file == machine and not error.file.endswith(".toml"))
+    return "'rodgen import' reads files of other programs" if foreign else ""
 
 
 def _complete(completed: Sequence[str]) -> str:

@@ -157,7 +157,7 @@ def _tables(
     if form == "tpoint":
         from rodgen.machines.emit._tpoint import tpoint_text
 
-        return {f"{name}.mod": tpoint_text(machine, note)}
+        return {f"{name}.mod": tpoint_text(machine, note, travel)}
     if form in ("iso230", "screw"):
         from rodgen.machines.emit._error_motions import iso_texts, screw_texts
 

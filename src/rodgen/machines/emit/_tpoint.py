@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.imports.mounts import MOUNTS, Mount
 from rodgen.machines.imports.tpoint_model import model_text, terms_of
 from rodgen.machines.model import Frame
@@ -24,13 +25,13 @@ _SMALL = 0.02
 """Largest turn of a free frame, rad, of which terms are formulas to first order."""
 
 
-def tpoint_text(machine: Machine, note: str) -> str:
+def tpoint_text(machine: Machine, note: str, travel: Any = None) -> str:
     """Return the file of the model.
 
     Raises
     ------
     InputFileError
-        When the machine is no such mount, or has an effect that is no term.
+        When the machine is no such mount, has an effect that is no term, or a parameter without a value.
     """
     file = machine.file or machine.name
     mount = next((mount for mount in MOUNTS.values() if _is(machine, mount)), None)
@@ -41,6 +42,7 @@ def tpoint_text(machine: Machine, note: str) -> str:
         )
         expected = f"directions seen by a mount with the axes {axes}, as 'rodgen new' writes it"
         raise InputFileError(file, "[[joint]]", "no mount whose errors TPOINT's terms are", expected)
+    scope_of(machine, travel)  # which says what has no value
     gx, _, gz = machine.gravity
     latitude = math.atan2(-gz, -gx) if mount.name == "equatorial" else math.nan
     try:

@@ -159,7 +159,7 @@ def _table_lines(names: list[str], letters: list[str], balls: int) -> Iterator[s
     yield "# The linear axes are the instrument: a reading is where they stand at the centre of a ball."
     yield "# By ISO 841 a positive motion is that of the tool relative to the workpiece: the table turns the other way."
     yield f"# A row of measurements: {header},target,x [mm],y [mm],z [mm]"
-    yield f'name = "Table of a machine tool {" ".join(names)}"'
+    yield f'name = "Table {" ".join(turning)}"'
     yield _UNITS
     for axis in turning:
         yield from _joint_lines(axis, "table")
