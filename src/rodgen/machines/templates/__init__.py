@@ -162,7 +162,7 @@ def _table_lines(names: list[str], letters: list[str], balls: int) -> Iterator[s
     yield f'name = "Table {" ".join(turning)}"'
     yield _UNITS
     for axis in turning:
-        yield from _joint_lines(axis, "table")
+        yield from _joint_lines(axis, "table", "# ")
     for k in range(balls):
         angle = 2 * math.pi * k / balls
         at = [round(150 * math.cos(angle)), round(150 * math.sin(angle)), 30 + 80 * (k % 2)]
@@ -186,7 +186,7 @@ def _estimate_lines(names: list[str]) -> Iterator[str]:
     yield ""
 
 
-def _joint_lines(axis: str, of: str) -> Iterator[str]:
+def _joint_lines(axis: str, of: str, mark: str = "") -> Iterator[str]:
     turns, sign = axis in _TURNS, (-1 if of == "table" else 1)
     yield ""
     yield f"[[joint]]                    # of the {of}"
@@ -195,6 +195,5 @@ def _joint_lines(axis: str, of: str) -> Iterator[str]:
     yield f"axis   = {[sign * x for x in _AXES[_TURNS.get(axis, axis)]]}"
     if turns:
         yield f"point  = {[0, 0, 0] if of == 'table' else [0, 0, _PIVOT]}  # on the axis, with all joints at zero"
-    travel = f"travel = [{-_TRAVEL[axis]}, {_TRAVEL[axis]}]"
-    yield travel if sign > 0 else f"# {travel}  # default: that of the readings"
+    yield f"{mark}travel = [{-_TRAVEL[axis]}, {_TRAVEL[axis]}]  # default: that of the readings"
     yield f'# drive = "{"direct" if turns else "screw"}"'
