@@ -501,7 +501,7 @@ FAULTS = [
     ('name   = "C"', 'name   = "backlash"',
      "[[joint]] 2, name: 'backlash', the name of an effect; expected another name"),
     ('type   = "revolute"', 'type   = "rotary"',
-     "joint C, type: 'rotary'; expected 'prismatic' or 'revolute'"),
+     "joint C, type: 'rotary'; expected 'revolute', perhaps"),
     ('type   = "revolute"', "",
      "joint C, type: missing; expected 'prismatic' or 'revolute'"),
     # measured and estimate

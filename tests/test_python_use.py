@@ -291,3 +291,52 @@ def test_a_fit_to_part_of_observations_cannot_be_saved(fit, tmp_path):
     with pytest.raises(InputFileError, match="a fit to some rows of observations"):
         some.save(tmp_path / "fit.zip")
     assert not (tmp_path / "fit.zip").exists()
+
+
+# machines built in Python ----------------------------------------------------------------------------------------
+
+
+def built(*joints, **changes):
+    given = {
+        "name": "Table", "length_unit": "mm", "angle_unit": "deg", "gravity": (0, 0, -1), "reference_temperature": 20.0,
+        "joints": joints, "targets": (rodgen.Target("ball", (100, 0, 0)),),
+        "measured": rodgen.Measured("point", "machine"),
+    }  # fmt: skip
+    return rodgen.Machine(**(given | changes))
+
+
+C = rodgen.Joint("C", "revolute", [0, 0, 2])
+ROWS = {"C [deg]": [0.0, 90.0], "x [mm]": [100.0, 0.0], "y [mm]": [0.0, 100.0], "z [mm]": [0.0, 0.0]}
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda: rodgen.Joint("C", "rotary"), "joint C, type: 'rotary'; expected 'revolute', perhaps"),
+        (lambda: rodgen.Joint("C", "revolute"), "joint C, axis: [0, 0, 0], which has no direction"),
+        (lambda: rodgen.Joint("C", "revolute", (0, 1)), "joint C, axis: '(0, 1)'; expected three numbers"),
+        (lambda: rodgen.Joint("C", "revolute", (0, 0, 1), drive="wurm"), "drive: 'wurm'; expected 'worm', perhaps"),
+        (lambda: rodgen.Target("ball", "near"), "target ball, point: 'near'; expected three numbers"),
+        (lambda: built(C, C).fit(ROWS), "[[joint]] 2, name: 'C', as another joint"),
+        (lambda: built(C, estimate=("C.axes",)).fit(ROWS), "[estimate], parameters: 'C.axes'; expected 'C.axis'"),
+        (lambda: built(C, gravity=(0, 0, -9.81)).fit(ROWS), "gravity: a vector of length 9.81; expected"),
+        (
+            lambda: built(
+                rodgen.Joint("A", "revolute", (1, 0, 0), branch="workpiece"),
+                rodgen.Joint("C", "revolute", (0, 0, 1), branch="tool"),
+                rodgen.Joint("B", "revolute", (0, 1, 0), branch="workpiece"),
+            ).fit(ROWS),
+            "joints: in the order A, C, B; expected from instrument to target:",
+        ),
+    ],
+)  # fmt: skip
+def test_a_machine_built_in_python_is_checked_as_a_file_is(made, message):
+    with pytest.raises(rodgen.RodgenError) as error:
+        made()
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_an_axis_of_any_length_is_a_direction_in_python_too():
+    assert C.axis == (0.0, 0.0, 1.0)
+    assert built(C, estimate=("target",)).fit(ROWS).rms < 1e-9

@@ -45,7 +45,10 @@ if _TYPE_CHECKING:
         rodrigues_vector_from_quaternion,
         rotate,
     )
+    from rodgen.machines.machine import Joint as Joint
     from rodgen.machines.machine import Machine as Machine
+    from rodgen.machines.machine import Measured as Measured
+    from rodgen.machines.machine import Target as Target
     from rodgen.output import figures as figures
     from rodgen.output.report import write_report as write_report
 
@@ -62,9 +65,12 @@ _NUMERIC = (
 # Not in __all__: "from rodgen import *" must do with NumPy alone.
 _LATER = {
     "Fit": "rodgen.calibration.fit",
+    "Joint": "rodgen.machines.machine",
     "Machine": "rodgen.machines.machine",
+    "Measured": "rodgen.machines.machine",
     "Measurements": "rodgen.data.measurements",
     "write_report": "rodgen.output.report",
+    "Target": "rodgen.machines.machine",
     "simulate": "rodgen.calibration.simulate",
 }
 _SUBJECTS = {

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from rodgen.kinematics import hexapod, three_sps_s, tricept
 
 __all__ = [
-    "BRANCHES",
     "FAMILIES",
     "NEWTON_STEPS",
     "Chain",
@@ -39,8 +38,6 @@ __all__ = [
 Array: TypeAlias = NDArray[np.float64]
 Vector: TypeAlias = tuple[float, float, float]
 
-BRANCHES = ("workpiece", "tool")
-"""The two arms of a machine that stands between them: what each joint, counted from the bed, brings along."""
 NEWTON_STEPS = 8
 """Newton's steps from where the platform may be to where it is, all over the workspace."""
 LEG_CHANGE = 0.05

@@ -19,18 +19,21 @@ from rodgen.data.units import ANGLE, Dimension, unit_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.files import write_file
 from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
-from rodgen.machines.files.read import read_machine
+from rodgen.machines.files.read import machine_of, read_machine
 from rodgen.machines.files.write import description, machine_text
 from rodgen.machines.fixed import fixed_machine
-from rodgen.machines.kinematics import BRANCHES, Chain, Kinematics, beyond, carriers
+from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
 from rodgen.machines.known import read_known
 from rodgen.machines.measured import Measurand, Measured
-from rodgen.machines.parts import Effect, Joint, Known, StatedPlausibility, Target, Vector, belongs
+from rodgen.machines.parts import BRANCHES, Effect, Joint, Known, StatedPlausibility, Target, Vector, belongs
 from rodgen.machines.structure import Structure, structure_of
 from rodgen.views import html_of_text
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
+
+_UNIT = 1e-9
+"""How far the length of a unit vector may be off 1."""
 
 __all__ = ["Effect", "EffectBearer", "Joint", "Machine", "Measured", "Target"]
 
@@ -157,6 +160,28 @@ class Machine:
             machine does not give.
         """
         write_file(path, machine_text(fixed_machine(self) if fixed else self).encode())
+
+    def validate(self) -> None:
+        """Check what was built in Python as a machine file is checked; one that was read has been.
+
+        Raises
+        ------
+        InputFileError
+            One line with the place, what stands there and what should.
+        """
+        if self.file is not None:
+            return
+        read = machine_of(machine_text(self), self.name, type(self))
+        directions = () if self.measurand.moving else self.targets
+        vectors = {"gravity": self.gravity} | {f"target {t.name}, point": t.point for t in directions}
+        for place, vector in vectors.items():
+            if abs(math.hypot(*vector) - 1) > _UNIT:
+                found = f"a vector of length {math.hypot(*vector):.6g}"
+                raise InputFileError(self.name, place, found, "one of length 1")
+        order = [joint.name for joint in read.joints]
+        if order != [joint.name for joint in self.joints]:
+            found = f"in the order {', '.join(joint.name for joint in self.joints)}"
+            raise InputFileError(self.name, "joints", found, f"from instrument to target: {', '.join(order)}")
 
     @cached_property
     def structure(self) -> Structure:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension
+from rodgen.errors import RodgenError, shown, suggestion
 
 if TYPE_CHECKING:
     from rodgen.machines.effects.definition import EffectDefinition
     from rodgen.machines.machine import Machine
 
 __all__ = [
+    "BRANCHES",
     "DRIVES",
     "ENCODERS",
+    "JOINT_TYPES",
     "Effect",
     "EffectIdentity",
     "Joint",
@@ -25,6 +29,8 @@ __all__ = [
     "belongs",
     "coordinate_dimension",
     "known_of",
+    "suggested_type",
+    "unit_vector",
 ]
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -35,6 +41,57 @@ ENCODERS = ("axis", "motor")
 """Where the encoder of a joint may sit."""
 DRIVES = ("direct", "worm", "gear", "belt", "friction", "harmonic", "screw")
 """What may move a joint; harmonic is a strain wave gear."""
+BRANCHES = ("workpiece", "tool")
+"""The two arms of a machine that stands between them: what each joint, counted from the bed, brings along."""
+JOINT_TYPES = ("prismatic", "revolute")
+"""The types of joints of a chain."""
+_OTHER_WORDS = {
+    "linear": "prismatic",
+    "translational": "prismatic",
+    "rotary": "revolute",
+    "rotational": "revolute",
+}
+
+
+def suggested_type(word: str) -> str:
+    """Return what is expected in the place of a word that is no type of a joint, for an error message.
+
+    Examples
+    --------
+    >>> suggested_type("rotary"), suggested_type("leg of a table")
+    ("'revolute', perhaps", "'prismatic' or 'revolute'")
+    """
+    return f"{_OTHER_WORDS[word]!r}, perhaps" if word in _OTHER_WORDS else suggestion(word, JOINT_TYPES)
+
+
+def unit_vector(vector: Iterable[float]) -> Vector:
+    """Return a vector scaled to unit length; one that has it, to rounding, is not changed.
+
+    Raises
+    ------
+    ValueError
+        When it is zero.
+    """
+    found = tuple(vector)
+    largest = max(map(abs, found))
+    if largest == 0:
+        raise ValueError("[0, 0, 0], which has no direction")
+    if abs(math.hypot(*found) - 1.0) > 1e-15:
+        found = tuple(x / largest for x in found)
+        length = math.hypot(*found)
+        found = tuple(x / length for x in found)
+    x, y, z = found
+    return x, y, z
+
+
+def _three(where: str, vector: Iterable[float]) -> Vector:
+    try:
+        x, y, z = map(float, vector)
+    except (TypeError, ValueError):
+        raise RodgenError(
+            f"{where}: {shown(str(vector))}; expected three numbers, such as (0, 0, 1)"
+        ) from None
+    return x, y, z
 
 
 @dataclass(frozen=True)
@@ -77,6 +134,24 @@ class Joint:
     counterbalance: bool = False
     branch: str = ""
 
+    def __post_init__(self) -> None:
+        words = {"encoder": ENCODERS, "drive": DRIVES, "branch": BRANCHES, "type": (*JOINT_TYPES, "leg")}
+        for key, options in words.items():
+            word = getattr(self, key)
+            if word and word not in options:
+                hint = suggested_type(word) if key == "type" else suggestion(word, options)
+                raise RodgenError(f"joint {self.name}, {key}: {shown(word)}; expected {hint}")
+        axis = _three(f"joint {self.name}, axis", self.axis)
+        if self.type != "leg":
+            try:
+                axis = unit_vector(axis)
+            except ValueError as error:
+                raise RodgenError(
+                    f"joint {self.name}, axis: {error}; expected a vector, such as (0, 0, 1)"
+                ) from None
+        object.__setattr__(self, "axis", axis)
+        object.__setattr__(self, "point", _three(f"joint {self.name}, point", self.point))
+
     @property
     def revolute(self) -> bool:
         """Whether it turns; else its coordinate is a length."""
@@ -109,6 +184,10 @@ class Target:
     name: str
     point: Vector
     attitude: Vector = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for key in ("point", "attitude"):
+            object.__setattr__(self, key, _three(f"target {self.name}, {key}", getattr(self, key)))
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,8 @@ from rodgen.calibration.problem.assembly_modes import closed
 from rodgen.data.observations import Observations
 from rodgen.data.units import parse_unit
 from rodgen.errors import joined
-from rodgen.machines.kinematics import BRANCHES
 from rodgen.machines.machine import Machine
-from rodgen.machines.parts import Joint, Vector
+from rodgen.machines.parts import BRANCHES, Joint, Vector
 
 __all__ = ["Repair", "Rows", "offsets", "repairs"]
 

@@ -100,6 +100,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
     (array([[0.        , 3.14159265]]), array([[ 120.,    0.,    0.],
            [-120.,    0.,    0.]]))
     """
+    machine.validate()
     data = Measurements.of(data)
     binder = _Binder(machine, data)
     binder.check_names()

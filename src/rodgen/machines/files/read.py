@@ -45,12 +45,14 @@ from rodgen.machines.files.toml import (
     parse,
     read_text,
 )
-from rodgen.machines.kinematics import BRANCHES, FAMILIES, Chain, Kinematics, OnLegs
+from rodgen.machines.kinematics import FAMILIES, Chain, Kinematics, OnLegs
 from rodgen.machines.known import read_known
 from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured
 from rodgen.machines.parts import (
+    BRANCHES,
     DRIVES,
     ENCODERS,
+    JOINT_TYPES,
     Effect,
     Joint,
     Known,
@@ -58,6 +60,8 @@ from rodgen.machines.parts import (
     Target,
     Vector,
     coordinate_dimension,
+    suggested_type,
+    unit_vector,
 )
 
 if TYPE_CHECKING:
@@ -244,15 +248,10 @@ def _column_name(text: str) -> str:
 
 def _direction(vector: tuple[float, ...]) -> Vector:
     """Return a vector scaled to unit length; one that has it, to rounding, is not changed."""
-    largest = max(map(abs, vector))
-    if largest == 0:
-        raise UnfitError("[0, 0, 0], which has no direction")
-    if abs(math.hypot(*vector) - 1.0) > 1e-15:
-        vector = tuple(x / largest for x in vector)
-        length = math.hypot(*vector)
-        vector = tuple(x / length for x in vector)
-    x, y, z = vector
-    return x, y, z
+    try:
+        return unit_vector(vector)
+    except ValueError as error:
+        raise UnfitError(str(error)) from None
 
 
 def _squarable(number: float) -> float:
@@ -326,6 +325,14 @@ def _texts(value: Any) -> tuple[str, ...]:
     return tuple(map(TEXT.read, value))
 
 
+def _joint_type(value: Any) -> str:
+    if not isinstance(value, str):
+        raise UnfitError
+    if value not in JOINT_TYPES:
+        raise UnfitError(shown(value), suggested_type(value))
+    return value
+
+
 def _yes_or_no(value: Any) -> bool:
     if not isinstance(value, bool):
         raise UnfitError
@@ -352,6 +359,7 @@ _DIRECTION: Kind[Vector] = VECTOR.then(_direction)
 _PARAMETER_UNIT = Kind('a unit in quotes, such as "arcsec"', TEXT.read)
 _YES_OR_NO = Kind("true or false", _yes_or_no)
 _TEXTS = Kind('a list of texts, such as ["target"]', _texts)
+_JOINT_TYPE = Kind(listed(JOINT_TYPES), _joint_type)
 _JOINTS = Kind('the names of its joints, such as ["A", "C"], the first one from the bed first', _texts)
 
 
@@ -421,7 +429,7 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
     joints = []
     for table in _named_blocks(top, "joint", MOST_JOINTS, JOINT_NAME):
         name = table.get("name", JOINT_NAME)
-        kind = table.get("type", one_of(("prismatic", "revolute")))
+        kind = table.get("type", _JOINT_TYPE)
         scale = _scaled(per_radian if coordinate_dimension(kind) == ANGLE else 1.0)
         travel = PAIR.then(scale).then(_rising)
         period = POSITIVE.then(scale)

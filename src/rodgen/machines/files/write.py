@@ -9,9 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import ANGLE, unit_factor
-from rodgen.machines.kinematics import BRANCHES
 from rodgen.machines.known import unit_of
-from rodgen.machines.parts import Effect, Joint, Known, StatedPlausibility, Target
+from rodgen.machines.parts import BRANCHES, Effect, Joint, Known, StatedPlausibility, Target
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
