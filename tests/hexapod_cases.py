@@ -45,10 +45,10 @@ def hexapod_file(
     }
 
 
-def drawn_poses(rows: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def drawn_poses(rows: int, random: np.random.Generator, wider: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """Draw positions (rows, 3) and rotation matrices (rows, 3, 3) all over a workspace."""
-    position = HOME + random.uniform(-1, 1, (rows, 3)) * [110, 110, 80]
-    return position, Rotation.from_rotvec(random.uniform(-0.25, 0.25, (rows, 3))).as_matrix()
+    position = HOME + wider * random.uniform(-1, 1, (rows, 3)) * [110, 110, 80]
+    return position, Rotation.from_rotvec(wider * random.uniform(-0.25, 0.25, (rows, 3))).as_matrix()
 
 
 def lengths(

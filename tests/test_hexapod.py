@@ -17,6 +17,7 @@ from test_emit import Compiled, emit_both, loaded
 
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.fit import fit
+from rodgen.calibration.problem.assembly_modes import not_found_by_code
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.problem.problem import Problem
 from rodgen.data.measurements import Measurements
@@ -25,6 +26,7 @@ from rodgen.kinematics import hexapod
 from rodgen.kinematics.hexapod import DirectStatus
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
+from rodgen.machines.kinematics import NEWTON_STEPS
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 
@@ -236,6 +238,23 @@ def test_a_hidden_error_of_a_leg_is_found(name):
     rows = table(q, position, turn, random, noise=0.005, **warmth)
     found = diagnose(machine(frame="free", estimate=["target"], noise=0.005), Measurements.from_frame(rows))
     assert [(e.effect.name, e.effect.place) for e in found.found] == [(name, "L4")]
+
+
+def test_rows_that_emitted_code_does_not_find_are_counted():
+    """Far from home Newton's steps alone come to other poses than the platform does."""
+    random = np.random.default_rng(9)
+    position, turn = drawn_poses(400, random, wider=3.0)
+    legs = lengths(position, turn)
+    followed, _, status = hexapod.direct(legs, GEOMETRY, HOME)
+    kept = (status == DirectStatus.CONVERGED) & (np.abs(followed - position).max(axis=1) < 1e-6)
+    legs, position, turn = legs[kept], position[kept], turn[kept]
+    stepped, _ = hexapod.by_newton(legs, GEOMETRY, HOME, NEWTON_STEPS)
+    lost = ~(np.abs(stepped - position).max(axis=1) < 1)
+    assert 0 < lost.sum() < 0.1 * len(lost)
+    built = machine(noise=0.01)
+    rows = bind(built, Measurements.from_frame(table(legs, position, turn, random, noise=0.01)))
+    assert not_found_by_code(built, rows) == pytest.approx(lost.mean())
+    assert not_found_by_code(built, rows.take(np.flatnonzero(~lost))) == 0
 
 
 # files and code --------------------------------------------------------------------------------------------------

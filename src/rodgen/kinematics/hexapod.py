@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.kinematics.rotation import matrix_from_rodrigues_vector
 
-__all__ = ["DirectStatus", "Geometry", "direct", "least_singular_value", "legs"]
+__all__ = ["DirectStatus", "Geometry", "by_newton", "direct", "least_singular_value", "legs"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -163,6 +163,24 @@ def direct(
         ).astype(np.int8)
     none = status > DirectStatus.SINGULAR
     return np.where(none[..., None], np.nan, x), np.where(none[..., None, None], np.nan, turn), status
+
+
+def by_newton(lengths: Array, geometry: Geometry, position: ArrayLike, steps: int) -> tuple[Array, Array]:
+    """Return the poses, (n, 3) and (n, 3, 3), after Newton's steps from a position with parallel axes, unchecked.
+
+    Parameters
+    ----------
+    lengths : ndarray, shape (n, 6)
+    geometry : Geometry
+    position : array_like, shape (3,)
+    steps : int
+    """
+    x = np.array(np.broadcast_to(np.asarray(position, float), (len(lengths), 3)))
+    turn = np.array(np.broadcast_to(np.eye(3), (len(lengths), 3, 3)))
+    with np.errstate(all="ignore"):
+        for _ in range(steps):
+            x, turn = _nearer(x, turn, lengths, geometry)
+    return x, turn
 
 
 def _radius(points: Array) -> float:

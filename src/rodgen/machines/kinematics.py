@@ -482,6 +482,13 @@ class Hexapod(OnLegs):
         position, turn, _ = hexapod.direct(legs, self._geometry(), self.home)
         return np.concatenate([position, turn.reshape(-1, 9)], axis=1)[:, None]
 
+    def found_by_code(self, legs: Array) -> Array:
+        """Return the poses, (n, 12), that emitted code finds, right or wrong."""
+        from rodgen.kinematics import hexapod
+
+        position, turn = hexapod.by_newton(legs, self._geometry(), self.home, NEWTON_STEPS)
+        return np.concatenate([position, turn.reshape(-1, 9)], axis=1)
+
     def least_singular_value(self, poses: Array) -> Array:
         """Return the least singular value of the derivative of the legs."""
         from rodgen.kinematics import hexapod
