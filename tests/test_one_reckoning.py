@@ -113,7 +113,8 @@ def test_the_same_question_has_the_same_answer_in_every_command(case, tmp_path, 
     (tmp_path / "design.csv").write_text(
         "C [deg],target,t [s]\n" + "".join(f"45,{name},0\n" for name in BALLS)
     )
-    assert main(["predict", file, data, str(tmp_path / "design.csv"), "-o", str(tmp_path / "out.csv")]) == 0
+    design, out = str(tmp_path / "design.csv"), str(tmp_path / "out.csv")
+    assert main(["predict", file, data, design, "-o", out, "--all-digits"]) == 0
     capsys.readouterr()
     base = printed("fit", file, data)["parameters"]
     for row in csv.DictReader((tmp_path / "out.csv").read_text().splitlines()):

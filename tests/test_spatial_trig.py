@@ -154,5 +154,5 @@ def test_interface():
         spatial.solve_trig(1j, 2.0, 0.5)
     with pytest.raises(TypeError, match="B has type <U1; expected real numbers"):
         spatial.solve_trig(1.0, ["x"], 0.5)
-    with pytest.raises(ValueError, match=r"arg 0 with shape \(3,\) and arg 2 with shape \(2,\)"):
+    with pytest.raises(ValueError, match=r"A \(3,\) and D \(2,\) do not fit together"):
         spatial.solve_trig(np.ones(3), 2.0, np.ones(2))

@@ -92,12 +92,10 @@ def not_broadcast(arguments: Mapping[str, Any]) -> RodgenError:
     Examples
     --------
     >>> print(not_broadcast({"rho": np.ones((3, 3)), "rho_prime": np.ones((2, 3)), "angle": 1.0}))
-    rho (3, 3) and rho_prime (2, 3) do not fit together; expected shapes that broadcast but for their last axes
+    rho (3, 3) and rho_prime (2, 3) do not fit together; expected shapes that broadcast
     """
     shapes = [f"{name} {np.shape(given)}" for name, given in arguments.items() if np.ndim(given)]
-    return RodgenError(
-        f"{joined(shapes)} do not fit together; expected shapes that broadcast but for their last axes"
-    )
+    return RodgenError(f"{joined(shapes)} do not fit together; expected shapes that broadcast")
 
 
 def broadcast_shapes(arguments: Mapping[str, tuple[NDArray[np.float64], int]]) -> tuple[int, ...]:
