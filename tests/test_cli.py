@@ -94,6 +94,19 @@ def test_only_the_command_that_is_called_is_imported():
     subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
 
 
+def test_a_fit_imports_no_library_of_other_tables():
+    """Arrow imports pandas for some of its conversions, where it is installed."""
+    folder = Path(__file__).parent.parent / "examples/machines/rotary_table"
+    code = (
+        "import sys, rodgen.cli.main\n"
+        "assert rodgen.cli.main.main(sys.argv[1:]) == 0\n"
+        "found = {'pandas', 'polars', 'xarray', 'sympy'} & set(sys.modules)\n"
+        "assert not found, found\n"
+    )
+    words = ["fit", str(folder / "machine.toml"), str(folder / "data.csv")]
+    subprocess.run([sys.executable, "-c", code, *words], capture_output=True, check=True)
+
+
 def commands_by_group(text):
     """Read the groups of commands from the help of rodgen: their names, and those of their commands."""
     sections = re.findall(r"^(\w[^\n]*):\n((?:  .*\n)+)", text, re.MULTILINE)

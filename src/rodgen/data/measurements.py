@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rodgen.data.spool import GrowingArray
 from rodgen.data.tables import Progress, open_frame, open_table
 from rodgen.data.tables.columns import MEASUREMENTS
-from rodgen.data.tables.table import places_of, row_place
+from rodgen.data.tables.table import places_of, row_place, values_of
 from rodgen.data.units import UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
 from rodgen.limits import check_cells
@@ -321,7 +321,7 @@ class _Block:
         names = []
         for column in rows.text:
             encoded = column.dictionary_encode()
-            names.append((encoded.indices.to_numpy(), encoded.dictionary.to_pylist()))
+            names.append((values_of(encoded.indices), encoded.dictionary.to_pylist()))
         first = np.flatnonzero(np.diff(rows.numbers, prepend=-2) != 1)
         return cls(len(rows.numbers), rows.values, names, first, rows.numbers[first])
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Iterator, Mapping, Sequence
-from typing import IO, Any, cast
+from typing import IO, Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
 from rodgen.data.tables.columns import Column, EveryColumn
-from rodgen.data.tables.table import READABLE, Block, Rows, Table, plain
+from rodgen.data.tables.table import READABLE, Block, Rows, Table, plain, values_of
 from rodgen.errors import InputFileError, shown
 from rodgen.files import unreadable
 
@@ -62,9 +62,7 @@ class _ArrowTable(Table):
         return Rows(values, text, numbers, batch)
 
     def _floats(self, column: pa.Array) -> NDArray[np.float64]:
-        return cast(
-            "NDArray[np.float64]", plain(column).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
-        )
+        return values_of(plain(column).cast(pa.float64(), safe=False))
 
     def _fault(self, cell: Any) -> tuple[str, str]:
         found = "an empty cell" if cell is None or cell == "" else shown(cell)

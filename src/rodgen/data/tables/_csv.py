@@ -16,7 +16,7 @@ import os
 import re
 import zlib
 from collections.abc import Iterator, Sequence
-from typing import IO, Any, cast
+from typing import IO, Any
 
 import numpy as np
 import pyarrow as pa
@@ -24,7 +24,7 @@ import pyarrow.csv as pa_csv
 from numpy.typing import NDArray
 
 from rodgen.data.tables.columns import Column, EveryColumn
-from rodgen.data.tables.table import READABLE, Block, NoNumberError, Rows, Table
+from rodgen.data.tables.table import READABLE, Block, NoNumberError, Rows, Table, values_of
 from rodgen.errors import InputFileError, shown
 from rodgen.files import unreadable
 
@@ -406,5 +406,4 @@ def _peek(raw: IO[bytes]) -> bytes:
 
 
 def _numbers(column: pa.StringArray) -> NDArray[np.float64]:
-    found = call_function("cast", [column], CastOptions.safe(pa.float64()))
-    return cast("NDArray[np.float64]", found.to_numpy())
+    return values_of(call_function("cast", [column], CastOptions.safe(pa.float64())))

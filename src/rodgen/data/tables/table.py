@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 from rodgen.data.tables.columns import Column, EveryColumn, Match, match_columns
 from rodgen.errors import InputFileError, joined, shown
 
-__all__ = ["READABLE", "Block", "NoNumberError", "Rows", "Table", "places_of", "plain", "row_place"]
+__all__ = [
+    "READABLE",
+    "Block",
+    "NoNumberError",
+    "Rows",
+    "Table",
+    "places_of",
+    "plain",
+    "row_place",
+    "values_of",
+]
 
 READABLE = "a CSV or Parquet file"
 MOST_PLACES = 8
@@ -231,11 +241,13 @@ class Table(abc.ABC):
             import pyarrow.compute as pc  # takes 15 ms, and most tables hold numbers only
 
             column = plain(columns[match.index])
-            names = pc.fill_null(pc.utf8_trim_whitespace(column.cast(pa.string())), "")
+            names = pc.utf8_trim_whitespace(column.cast(pa.string()))
+            if names.null_count:
+                names = pc.fill_null(names, "")
             if match.index in self._needed:
-                missing = pc.equal(names, "").to_numpy(zero_copy_only=False)
+                missing = values_of(pc.utf8_length(names)) == 0
                 if pa.types.is_floating(column.type):
-                    missing = missing | ~np.isfinite(column.to_numpy(zero_copy_only=False))
+                    missing = missing | ~np.isfinite(values_of(column))
                 if missing.any():
                     faults.append((int(np.argmax(missing)), match.index))
             text.append(names)
@@ -288,6 +300,13 @@ def places_of(
     """Return the places of rows with their file's name; of many only the first are named, and the others counted."""
     named = numbers(rows[:MOST_PLACES]).tolist()
     return f"{row_place(counted, named, len(rows) - len(named))} of {os.path.basename(file)}"
+
+
+def values_of(column: pa.Array) -> NDArray[Any]:
+    """Return the numbers of a column, NaN where there is none; they may share its memory."""
+    if column.null_count:
+        column = column.fill_null(np.nan)
+    return np.asarray(np.from_dlpack(column))  # pyarrow's to_numpy imports pandas where it is installed
 
 
 def plain(column: pa.Array) -> pa.Array:
