@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -325,6 +326,21 @@ def test_what_will_take_minutes_is_said_before_it_begins() -> None:
     assert "500 targets of unknown position make some 1524 parameters for 5000 rows" in said
     assert not why_long(arm_with_targets(500, estimate=("target.m1", "J1.point")), rows)
     assert not why_long(arm_with_targets(60, estimate=("target",)), rows)
+    assert "takes a while: 90 targets" in why_long(
+        arm_with_targets(90, estimate=("target",)), rows, diagnosis=True
+    )
+    assert not why_long(arm_with_targets(20, estimate=("target",)), rows, diagnosis=True)
+
+
+def test_a_diagnosis_of_many_rows_or_joints_is_said_to_take_long() -> None:
+    machine = arm_with_targets(3, estimate=("target",))
+    many = Measurements.from_frame({"J0 [rad]": np.zeros(1_000_000)})
+    assert "there are 1000000 rows" in why_long(machine, many, diagnosis=True)
+    assert not why_long(machine, many)
+    few = Measurements.from_frame({"J0 [rad]": np.zeros(100)})
+    long = replace(machine, joints=tuple(Joint(f"J{i}", "revolute", (0.0, 0.0, 1.0)) for i in range(20)))
+    assert "the effects of 20 joints" in why_long(long, few, diagnosis=True)
+    assert not why_long(long, few)
 
 
 def test_many_columns_are_said_to_take_long_by_a_diagnosis_only() -> None:

@@ -113,7 +113,7 @@ def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:
 
 
 def _remark_on_time(machine: Machine, data: Measurements, *, diagnosis: bool = False) -> None:
-    """Say on standard error what will take minutes, before it begins."""
+    """Say on standard error what will take long, before it begins."""
     from rodgen.calibration.long_work import why_long
 
     if why := why_long(machine, data, diagnosis=diagnosis):
