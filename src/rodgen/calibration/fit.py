@@ -89,7 +89,7 @@ class Fit(FittedModel):
         Raises
         ------
         InputFileError
-            When it is no such file, its machine or data are no longer what was fitted, by their hashes, or the model of
+            When it is no such file, the hash of its machine or data differs from that of the fit, or the model of
             this version of rodgen has another error with these values.
         """
         from rodgen.calibration.archive import load

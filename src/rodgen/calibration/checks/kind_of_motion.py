@@ -62,7 +62,7 @@ def log_p_of_kind(models: NestedModels, joint: str) -> float:
             alike.append(rival)
     own = at.reshape(*residual.shape, -1)
     every = np.concatenate([at, bases_by_rows(motions, rows)], axis=1)
-    # what repeats at the positions is no wander
+    # a part that repeats at the same positions does not come from a wandering set-up
     whiten = estimate_correlation(models.rows, (), included=[every.reshape(*residual.shape, -1)]).whiten
     found = explained_within(
         np.concatenate([models.model, *alike], axis=2), own, [every], residual, whiten, 0
