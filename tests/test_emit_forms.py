@@ -1,10 +1,6 @@
 """What others read of a fitted machine: its poses there, by other readers, are those of the model."""
 
 import csv
-import ctypes
-import os
-import shutil
-import subprocess
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -324,99 +320,6 @@ def test_an_error_map_needs_travels_of_few_joints(tmp_path):
         replace(wide, joints=joints).emit("map", tmp_path)
     with pytest.raises(InputFileError, match="directions; expected points or distances"):
         replace(ALTAZ.machine("Telescope", 0.6), estimate=()).emit("map", tmp_path)
-
-
-HEADERS = {
-    "kinematics.h": """
-typedef struct { double x, y, z; } PmCartesian;
-typedef struct { PmCartesian tran; double a, b, c, u, v, w; } EmcPose;
-typedef unsigned long KINEMATICS_FORWARD_FLAGS, KINEMATICS_INVERSE_FLAGS;
-typedef enum { KINEMATICS_IDENTITY = 1, KINEMATICS_BOTH = 4 } KINEMATICS_TYPE;
-#define KINS_NOT_SWITCHABLE
-#define EXPORT_SYMBOL(x)
-#define FUNCTION(x) void x(void)
-KINEMATICS_TYPE kinematicsType();
-""",
-    "rtapi_math.h": "#include <math.h>\n",
-}
-"""What the component needs of LinuxCNC's headers, which are not here where LinuxCNC is not."""
-
-
-class Pose(ctypes.Structure):
-    _fields_ = tuple((x, ctypes.c_double) for x in ("x", "y", "z", "a", "b", "c", "u", "v", "w"))
-
-
-def five_axes():
-    slides = [Joint(x, "prismatic", tuple(np.eye(3)[k]), travel=(-600.0, 600.0)) for k, x in enumerate("XYZ")]
-    machine = Machine(
-        "Gantry", "mm", "deg", (0.0, 0.0, -1.0), 20.0,
-        (*slides, Joint("C", "revolute", (0.0, 0.0, 1.0), travel=(-7.0, 7.0))),
-        (Target("tool", (60.0, 10.0, 40.0)),), Measured("point", "machine"),
-    )  # fmt: skip
-    for name, place, hold in (
-        ("scale", "X", {"k": 6e-5}),
-        ("squareness", "Y", {"a": 0.01, "b": -0.02}),
-        ("encoder_eccentricity", "C", {"a": 0.005, "b": 0.002}),
-        ("axis_tilt", "C", {"a": 0.01, "b": 0.01}),
-        ("straightness", "Z", {"u_2": 0.01, "u_3": 0.004, "u_4": 0, "v_2": 0.003, "v_3": 0, "v_4": 0}),
-    ):
-        machine = machine.add(machine.effect(name, place, hold=hold))
-    return machine
-
-
-def path_through(library, machine):
-    """Return the errors of a commanded path, (n,), on the machine, before and after the kinematics correct it."""
-    t = np.linspace(0, 1, 60)
-    q = np.column_stack([400 * np.cos(6 * t), 300 * np.sin(9 * t), 500 * t - 250, 300 * t - 100])  # mm, deg
-    joints = np.zeros((len(q), 16))
-    for row, found in zip(q, joints, strict=True):
-        pose = Pose(*row[:3], c=row[3])
-        address = found.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-        assert library.kinematicsInverse(ctypes.byref(pose), address, None, None) == 0
-        back = Pose()
-        assert library.kinematicsForward(address, ctypes.byref(back), None, None) == 0
-        np.testing.assert_allclose([back.x, back.y, back.z, back.c], row, atol=1e-9)
-
-    def design(q):
-        return {f"{x} [{'deg' if x == 'C' else 'mm'}]": q[:, k] for k, x in enumerate("XYZC")}
-
-    wanted = places(replace(machine, effects=()), design(q))
-    return [np.linalg.norm(places(machine, design(at)) - wanted, axis=1) for at in (q, joints[:, :4])]
-
-
-@pytest.mark.skipif(not shutil.which("gcc"), reason="no gcc")
-def test_kinematics_for_linuxcnc_correct_a_path(tmp_path):
-    (path,) = five_axes().emit("linuxcnc", tmp_path)
-    assert path.name == "gantrykins.comp"
-    for name, text in HEADERS.items():
-        (tmp_path / name).write_text(text)
-    head, _, code = path.read_text().partition("\n;;\n")
-    assert "Joint n is joint n of the machine file: 0 is X (X), 1 is Y (Y), 2 is Z (Z), 3 is C (C)" in head
-    (tmp_path / "kins.c").write_text(code)
-    flags = ["-std=gnu11", "-O2", "-Wall", "-Werror", "-fPIC", "-shared", f"-I{tmp_path}"]
-    subprocess.run(["gcc", *flags, tmp_path / "kins.c", "-o", tmp_path / "kins.so", "-lm"], check=True)
-    before, after = path_through(ctypes.CDLL(str(tmp_path / "kins.so")), five_axes())
-    assert before.max() > 0.1
-    assert after.max() < 1e-8
-
-
-@pytest.mark.skipif(
-    not shutil.which("halcompile"), reason="no halcompile: linuxcnc-uspace-dev is not installed"
-)
-def test_halcompile_builds_the_kinematics(tmp_path):
-    (path,) = five_axes().emit("linuxcnc", tmp_path)
-    subprocess.run(["halcompile", "--compile", path.name], cwd=tmp_path, check=True)
-    _, after = path_through(ctypes.CDLL(str(tmp_path / "gantrykins.so"), mode=os.RTLD_LAZY), five_axes())
-    assert after.max() < 1e-8
-
-
-def test_a_machine_that_linuxcnc_has_no_axes_for_is_refused(tmp_path):
-    with pytest.raises(
-        InputFileError, match="joint A1: no axis of LinuxCNC; expected a name that begins with"
-    ):
-        replace(arm(), effects=()).emit("linuxcnc", tmp_path)
-    with pytest.raises(InputFileError, match="no chain that moves a point"):
-        replace(ALTAZ.machine("Telescope", 0.6), estimate=()).emit("linuxcnc", tmp_path)
 
 
 def test_a_urdf_has_the_attitude_of_a_tool(tmp_path):

@@ -164,6 +164,12 @@ class Content:
         """How many numbers a place has: a point and the matrix of an attitude have twelve."""
         return 12 if self.scope.machine.measurand.has_attitude else 3
 
+    @property
+    def at_rest(self) -> list[str]:
+        """What forms that follow the coordinates alone say of the other conditions."""
+        said = "Without load, at rest, at the reference temperature and time 0, between both directions of approach."
+        return [said] if self.fields else []
+
     @cached_property
     def is_bound(self) -> bool:
         """Whether the ideal machine moves a target on a curve or a surface only, as a rotary table does."""

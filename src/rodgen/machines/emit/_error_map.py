@@ -79,10 +79,9 @@ def map_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
         "come as near the nominal place as the machine can, nan where that is not found. Between the points both are",
         "interpolated linearly.",
         *([f"At zero: {rest}."] if rest else []),
-        *(["Without load, at rest, at the reference temperature and time 0, between both directions of approach."]
-          if content.fields else []),
+        *content.at_rest,
         "",
-    ]  # fmt: skip
+    ]
     for k, target in enumerate(content.machine.targets):
         axes, grid, errors, off = _refined(content, code, moved, k)
         largest = float(np.linalg.norm(errors, axis=1).max())

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 from rodgen.errors import InputFileError
 from rodgen.machines.emit._content import content_of
-from rodgen.machines.emit._render import DO_NOT_EDIT, ENVIRONMENT, render, words_of
+from rodgen.machines.emit._render import DO_NOT_EDIT, ENVIRONMENT, model_words, render
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
 __all__ = ["component_texts"]
 
+_LONGEST = 23
+"""Of a name, with kins: HAL tells names apart by their first 31 characters, HAL_ before them."""
 _FIELDS = {x: f"tran.{x.lower()}" for x in "XYZ"} | {x: x.lower() for x in "ABCUVW"}
 
 
@@ -30,23 +32,22 @@ def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
     if content.directions or machine.kinematics.is_closed:
         raise InputFileError(file, "file", "no chain that moves a point", "axes that bring a tool to a place")
     letters = _letters(machine, file)
+    component = f"{name[:_LONGEST].rstrip('_')}kins"
     files = render(content, "c")
-    header, source = (files[f"{name}.{ending}"] for ending in "hc")
+    # without their heads: they are one file here, and the description says what is in it
+    header, source = (files[f"{name}.{ending}"].partition("*/\n")[2] for ending in "hc")
     degree = repr(math.radians(1.0))
-    mapping = ", ".join(
-        f"{n} is {joint.name} ({letter})"
-        for n, (joint, letter) in enumerate(zip(machine.joints, letters, strict=True))
-    )
     text = ENVIRONMENT.get_template("kinematics.comp.j2").render(
-        component=f"{name}kins",
+        component=component,
         title=machine.name.replace('"', "'"),
         do_not_edit=DO_NOT_EDIT,
-        mapping=mapping,
+        order=", ".join(joint.name for joint in machine.joints),
+        letters="".join(letters),
         target=0,
         target_name=machine.targets[0].name,
         length=machine.length_unit,
         joints=machine.joints,
-        words=[word.replace('"', "'") for word in words_of(content)],
+        words=[word.replace('"', "'") for word in (*content.at_rest, *model_words(content))],
         header=header,
         source=source.replace(f'#include "{name}.h"\n', ""),
         name=name,
@@ -57,7 +58,7 @@ def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
             for joint, letter in zip(machine.joints, letters, strict=True)
         ],
     )
-    return {f"{name}kins.comp": text}
+    return {f"{component}.comp": text}
 
 
 def _letters(machine: Machine, file: str) -> list[str]:
