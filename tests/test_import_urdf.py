@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import re
 import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rodgen.calibration.simulate import simulate
 from rodgen.errors import InputFileError
+from rodgen.machines.files.write import machine_text
 from rodgen.machines.imports.urdf import machine_from_urdf
 from rodgen.machines.machine import Machine
+from rodgen.machines.measured import Measured
 from rodgen.machines.mechanism import to_mechanism
 
 Run = Callable[..., tuple[int, str, str]]
@@ -93,13 +98,24 @@ def test_the_machine_stands_where_the_robot_does(robot, q):
     )
 
 
-def test_ur10_stands_where_its_urdf_says():
+@pytest.mark.parametrize("exact", [True, False])
+def test_ur10_stands_where_its_urdf_says(tmp_path, exact):
     if not UR10.exists():
         pytest.skip(f"needs {UR10}, which is not part of this repository")
-    machine = machine_from_urdf(UR10, "base_link", "tool0").machine
+    text, path = UR10.read_text(), tmp_path / "ur10.urdf"
+    for written, angle in ((r"1\.57079632?[67]?\d*", np.pi / 2), (r"3\.14159265359\d*", np.pi)):
+        text = re.sub(written, repr(float(angle)), text) if exact else text
+    path.write_text(text)
+    imported = machine_from_urdf(path, "world", "tool0")
+    machine = imported.machine
     assert [joint.travel for joint in machine.joints][2] == (-np.pi, np.pi)
-    for q in RNG.uniform(-3, 3, (10, 6)):
-        assert positions(machine, q) == pytest.approx(1000 * seen(UR10, "base_link", "tool0", q), abs=1e-7)
+    assert (
+        "Angles of joint robot_joint are taken exactly: -1.5707963 as -90 deg." in imported.notes
+    ) != exact
+    assert {abs(x) for joint in machine.joints for x in joint.axis} == {0.0, 1.0}
+    for q in RNG.uniform(-3, 3, (10, 6)):  # 1e-7 rad at 1.5 m, as the note says
+        near = 1e-7 if exact else 1.5e-4
+        assert positions(machine, q) == pytest.approx(1000 * seen(path, "world", "tool0", q), abs=near)
 
 
 def test_it_says_what_was_taken_for_what(robot, tmp_path, rodgen_command: Run):
@@ -180,3 +196,131 @@ def test_nothing_is_written_where_the_robot_is_wrong(robot, tmp_path, rodgen_com
     assert not (tmp_path / "m.toml").exists()
     assert rodgen_command("import", robot, "--tip", "hand", "-o", robot)[0] == 2
     assert robot.read_text() == ROBOT
+
+
+# the correction, in the user's own file ------------------------------------------------------------------------------
+
+
+def other_reader(urdf: Path, base: str, tip: str) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the forward kinematics of ikpy, (4, 4) in metres, from the moving joints' coordinates."""
+    ikpy = pytest.importorskip("ikpy.chain")
+    joints = {j.find("child").get("link"): j for j in ElementTree.parse(urdf).getroot().findall("joint")}
+    elements, moving, link = [tip], [], tip
+    while link != base:
+        elements = [joints[link].find("parent").get("link"), joints[link].get("name"), *elements]
+        moving = [joints[link].get("type") != "fixed", *moving]
+        link = elements[0]
+    chain = ikpy.Chain.from_urdf_file(str(urdf), elements, symbolic=False)  # which goes on below the tip
+
+    def forward(q: np.ndarray) -> np.ndarray:
+        values = np.zeros(len(chain.links))
+        values[1 : len(moving) + 1][moving] = q
+        return np.asarray(chain.forward_kinematics(values, full_kinematics=True)[len(moving)])
+
+    return forward
+
+
+def tool_in(urdf: Path) -> np.ndarray:
+    """Return where a corrected URDF says that the target is on the last link, m."""
+    return np.array(
+        [*map(float, re.search(r"is at (\S+ \S+ \S+) in the frame", urdf.read_text())[1].split()), 1]
+    )
+
+
+def with_errors(machine: Machine) -> Machine:
+    """Return a machine with an error of every kind that a geometry has, and one that it has not."""
+    for joint in machine.joints:
+        machine = machine.add("zero_offset", joint=joint.name, hold={"a": 0.3})
+        tilt = "axis_tilt" if joint.revolute else "squareness"
+        machine = machine.add(tilt, joint=joint.name, hold={"a": 0.2, "b": -0.1})
+        if joint.revolute:
+            machine = machine.add("axis_offset", joint=joint.name, hold={"a": 0.4, "b": -0.7})
+    return machine.add("scale", joint="turn", hold={"k": 0.001})
+
+
+@pytest.mark.filterwarnings("ignore:Link .* is of type .fixed.")  # of ikpy, where no mask is given
+@pytest.mark.parametrize("base", ["floor", "world"])
+@pytest.mark.parametrize("tip", ["hand", "tool.0"])
+def test_a_users_own_urdf_is_corrected_in_its_origins_alone(robot, tmp_path, base, tip):
+    """Another reader finds in the corrected file the places that the model predicts, without what no origin can be."""
+    text = ROBOT.replace("0 1 2", "0 0.6 0.8").replace("</robot>", """  <!-- the hand's tool -->
+  <link name="world"/>
+  <link name="tool.0"><visual><geometry><mesh filename="package://a b/ü.stl"/></geometry></visual></link>
+  <joint name='to tool' type='fixed'><child link='tool.0'/><parent link='hand'/><origin rpy='0.1 0 0.2' xyz='0 0
+    0.1'/></joint>
+  <joint name="pedestal" type="fixed"><parent link="world"/><child link="floor"/><origin rpy="0 0 1"/></joint>
+</robot>""")  # fmt: skip
+    robot.write_text(text)
+    machine = replace(with_errors(machine_from_urdf(robot, base, tip).machine), estimate=())
+    (path,) = machine.emit("urdf", tmp_path / "out", into=robot)
+    made, _, comment = path.read_text().partition("\n<!-- Origins corrected by rodgen: slide.1, turn, nod")
+    assert path.name == robot.name
+    assert re.sub(r"\s*<origin[^>]*>", "", made) == re.sub(r"\s*<origin[^>]*>", "", text)
+    assert "not in it: scale at turn" in comment
+    local = tool_in(path) if tip == "hand" else [0, 0, 0, 1]
+    forward = other_reader(path, base, tip)
+    machine = replace(machine.remove("scale", joint="turn"), measured=Measured("point", "machine"))
+    q = RNG.uniform(-1, 1, (6, 3))
+    design = {"slide_1 [m]": q[:, 0], "turn [rad]": q[:, 1], "nod [rad]": q[:, 2]}
+    found = simulate(machine, design, noise=0.0, seed=1).columns
+    for row, values in enumerate(q):
+        expected = [found[f"{x} [mm]"][row] for x in "xyz"]
+        assert 1000 * (forward(values) @ local)[:3] == pytest.approx(expected, abs=1e-5)  # 1e-9 m are written
+
+
+@pytest.mark.filterwarnings("ignore:Link .* is of type .fixed.")  # of ikpy, where no mask is given
+def test_ur10s_own_urdf_has_the_places_that_its_measurements_say(tmp_path):
+    """23 poses by a camera: the fitted axes and zeros, in the file that the robot came with, by another reader."""
+    if not UR10.exists():
+        pytest.skip(f"needs {UR10}, which is not part of this repository")
+    machine = machine_from_urdf(UR10, "base_link", "wrist_3_link").machine
+    names = [joint.name for joint in machine.joints]
+    table = np.genfromtxt(UR10.with_name("calibration.csv"), delimiter=",", names=True)
+    columns = {f"{x} [m]": table[f"{x}1"] for x in "xyz"} | {f"{name} [rad]": table[name] for name in names}
+    for name in names[1:5]:
+        machine = machine.add("zero_offset", joint=name)
+    machine = replace(machine, estimate=("target", *(f"{name}.axis" for name in names[1:5])))
+    fit = machine.fit(columns)
+    (path,) = fit.machine.emit("urdf", tmp_path, into=UR10)
+    text = path.read_text()
+    strip = re.compile(r"<origin[^>]*>")
+    assert strip.sub("", text).startswith(strip.sub("", UR10.read_text()))
+    assert strip.findall(text) != strip.findall(UR10.read_text())
+    here = replace(fit.machine, measured=Measured("point", "machine"))
+    found = simulate(
+        here, {name: columns[name] for name in columns if "rad" in name}, noise=0.0, seed=1
+    ).columns
+    expected = np.stack([found[f"{x} [mm]"] for x in "xyz"], axis=1)
+    forward, nominal = (other_reader(urdf, "base_link", "wrist_3_link") for urdf in (path, UR10))
+    q = np.stack([table[name] for name in names], axis=1)
+    assert [1000 * (forward(row) @ tool_in(path))[:3] for row in q] == pytest.approx(expected, abs=1e-5)
+    assert np.abs([1000 * (nominal(row) @ tool_in(path))[:3] for row in q] - expected).max() > 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ('name="nod"', 'name="nid"', "joint: no chain of the joints slide_1, turn and nod; expected the URDF of "),
+        ('xyz="0.4 0 0"', 'xyz="0.1 0 0.3"', "joint nod: an axis that is not where "),
+        ('rpy="1.57 0 0.3"', 'rpy="-1.57 0 0.3"', "joint turn: an axis that is not where "),
+        ("</robot>", "</robot><!-- Origins corrected by rodgen: nod -->", "corrected by rodgen already; expected the"),
+        ("</robot>", "", "line 11: no XML"),
+    ],
+)  # fmt: skip
+def test_a_urdf_of_another_robot_is_not_corrected(robot, tmp_path, rodgen_command: Run, old, new, expected):
+    machine = with_errors(machine_from_urdf(robot, tip="hand").machine)
+    path = tmp_path / "m.toml"
+    path.write_text(machine_text(replace(machine, estimate=())))
+    robot.write_text(ROBOT.replace(old, new))
+    emit = "emit", path, "--lang", "urdf", "--into", robot, "-o", tmp_path / "out"
+    code, out, err = rodgen_command(*emit)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert expected in err
+    robot.write_text(ROBOT)
+    assert not (tmp_path / "out").exists()
+    assert rodgen_command(*emit)[0] == 0
+    assert rodgen_command(*emit)[0] == 0  # over its own file
+    assert rodgen_command(*emit[:-1], tmp_path)[0] == 2  # not over the user's
+    assert robot.read_text() == ROBOT
+    code, _, err = rodgen_command(*emit[:3], "dh", *emit[4:])
+    assert (code, "--into: with --lang dh; expected --lang urdf" in err) == (2, True)

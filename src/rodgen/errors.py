@@ -126,7 +126,7 @@ def joined(names: Iterable[str], word: str = "and") -> str:
 
 
 def listed(options: Collection[str]) -> str:
-    """Return names, quoted, for an error message; only the first of more than eight.
+    """Return names, quoted, for an error message; of more than nine the first eight, and how many more there are.
 
     Examples
     --------
@@ -134,7 +134,9 @@ def listed(options: Collection[str]) -> str:
     "'x', 'y' or 'z'"
     """
     names = [shown(option) for option in options]
-    return joined(names, "or") if len(names) <= 8 else f"one of {', '.join(names[:8])}, …"
+    return (
+        joined(names, "or") if len(names) <= 9 else f"one of {', '.join(names[:8])} and {len(names) - 8} more"
+    )
 
 
 def nearest_name(name: str, options: Collection[str]) -> str | None:

@@ -6,6 +6,7 @@ import argparse
 
 from rodgen.cli._console import Command, after_fits, notify, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
+from rodgen.errors import InputFileError
 from rodgen.machines.emit import FORMS
 
 __all__ = ["add_to"]
@@ -44,6 +45,11 @@ def add_to(command: Command) -> None:
         help="C99, Python with NumPy or JAX, or one of the forms above",
     )
     emit.add_argument("-o", "--output", metavar="FOLDER", default="build", help="default: %(default)s")
+    emit.add_argument(
+        "--into",
+        metavar="ROBOT.urdf",
+        help="with --lang urdf: the URDF that was imported; it is written with corrected origins, and else as it is",
+    )
     add_loss(emit)
     emit.add_argument(
         "--force",
@@ -57,16 +63,17 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.calibration.problem.assembly_modes import not_found_by_code
     from rodgen.machines.machine import Machine
 
+    if options.into and options.lang != "urdf":
+        raise InputFileError("command line", "--into", f"with --lang {options.lang}", "--lang urdf")
     converged, lost = True, 0.0
+    given = {"into": options.into, "force": options.force}
     if not options.data:
-        written = Machine.load(options.machine).emit(options.lang, options.output, force=options.force)
+        written = Machine.load(options.machine).emit(options.lang, options.output, **given)
     else:
         fit = fitted(options)
         travel = fit.observations.travel
         spread = [p.key for p in fit.parameters], fit.covariance
-        written = fit.machine.emit(
-            options.lang, options.output, travel=travel, covariance=spread, force=options.force
-        )
+        written = fit.machine.emit(options.lang, options.output, travel=travel, covariance=spread, **given)
         converged, lost = fit.solution.converged, not_found_by_code(fit.machine, fit.observations)
     files = [str(path) for path in written]
     show_result(options, lambda: {"files": files, "converged": converged}, lambda: "\n".join(files))

@@ -31,6 +31,7 @@ def emit(
     name: str | None = None,
     travel: Any = None,
     covariance: tuple[Sequence[str], Any] | None = None,
+    into: str | os.PathLike[str] | None = None,
     force: bool = False,
 ) -> list[Path]:
     """Write a fitted machine as standalone code.
@@ -95,6 +96,10 @@ def emit(
         does not give. It does not limit compensations.
     covariance : tuple of keys and ndarray, optional
         Of parameters, internal units, for uncertainties of tables with the names of ISO 230.
+    into : str or os.PathLike, optional
+        With ``"urdf"``: the URDF that the machine was imported from. Its text is written, with corrected origins of
+        joints and nothing else changed. Where the target of the machine file is the tip, a fixed joint leads to it
+        where the model has it; otherwise a comment says where the target is on the last link.
     force : bool
         Whether a machine is written, too, that has numbers which no machine has, or was fitted to data that cannot
         belong to its file (`rodgen check`), and whether files that rodgen did not write are replaced.
@@ -128,12 +133,19 @@ def emit(
     """
     if lang not in FORMS:
         raise RodgenError(f"no language {shown(lang)}; expected one of {', '.join(FORMS)}")
+    if into is not None and lang != "urdf":
+        raise RodgenError(f"into with {shown(lang)}; expected it with 'urdf' only")
     from rodgen.files import write_files
     from rodgen.machines.emit._content import content_of, named
     from rodgen.machines.emit._render import DO_NOT_EDIT, render
     from rodgen.machines.plausible import implausible_numbers
 
-    if lang in ("c", "numpy", "jax"):
+    note = DO_NOT_EDIT
+    if into is not None:
+        from rodgen.machines.emit._into_urdf import CORRECTED, corrected_urdf
+
+        note, files = CORRECTED, {Path(into).name: corrected_urdf(machine, into, travel)}
+    elif lang in ("c", "numpy", "jax"):
         files = render(content_of(machine, name, travel), lang)
     else:
         files = _tables(machine, lang, named(machine, name), DO_NOT_EDIT, travel, covariance)
@@ -144,7 +156,7 @@ def emit(
             error = NotConvergedError if wrong == NotConvergedError.reason else InputFileError
             raise error(machine.file or machine.name, "file", wrong.rstrip("."), expected)
     for path in () if force else (Path(folder, each) for each in files):
-        if path.is_file() and not _written_by_rodgen(path, files[path.name], DO_NOT_EDIT):
+        if path.is_file() and not _written_by_rodgen(path, files[path.name], note):
             expected = "another folder; --force, in Python force=True, replaces it"
             raise InputFileError(path, "file", "stands there, and rodgen did not write it", expected)
     return write_files(Path(folder), files)

@@ -14,7 +14,7 @@ from rodgen.machines.rigid import complete_basis, roll_pitch_yaw, rotation_matri
 if TYPE_CHECKING:
     from rodgen.machines.emit._geometry import Geometry
 
-__all__ = ["urdf_text"]
+__all__ = ["numbers_text", "urdf_text"]
 
 _UNLIMITED = 1000.0
 """Limits, in m, that a slide without a travel gets: URDF demands some."""
@@ -36,7 +36,7 @@ def urdf_text(geometry: Geometry, name: str, note: str) -> str:
         kind = ("revolute" if joint.travel else "continuous") if turns else "prismatic"
         element = _joined(robot, joint.name, kind, parent, link, (np.array(joint.point) - place) * metre)
         axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
-        ElementTree.SubElement(element, "axis", xyz=_numbers(axis))
+        ElementTree.SubElement(element, "axis", xyz=numbers_text(axis))
         if kind != "continuous":
             scale = 1.0 if turns else metre
             low, high = (x * scale for x in joint.travel) if joint.travel else (-_UNLIMITED, _UNLIMITED)
@@ -69,10 +69,14 @@ def _joined(
     ElementTree.SubElement(joint, "parent", link=parent)
     ElementTree.SubElement(joint, "child", link=child)
     ElementTree.SubElement(
-        joint, "origin", xyz=_numbers(origin), rpy="0 0 0" if turn is None else _numbers(roll_pitch_yaw(turn))
+        joint,
+        "origin",
+        xyz=numbers_text(origin),
+        rpy="0 0 0" if turn is None else numbers_text(roll_pitch_yaw(turn)),
     )
     return joint
 
 
-def _numbers(values: Sequence[float] | np.ndarray) -> str:
+def numbers_text(values: Sequence[float] | np.ndarray) -> str:
+    """Return numbers as an attribute has them."""
     return " ".join(repr(round(float(x), 15) + 0.0) for x in values)

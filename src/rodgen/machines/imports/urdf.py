@@ -24,13 +24,15 @@ from rodgen.machines.measured import Measured
 from rodgen.machines.parts import Joint, Target
 from rodgen.machines.rigid import matrix_from_roll_pitch_yaw
 
-__all__ = ["is_urdf", "machine_from_urdf"]
+__all__ = ["MOVING", "UrdfJoint", "is_urdf", "joints_of", "machine_from_urdf"]
 
 Array = NDArray[np.float64]
 
 _EXPECTED = "a robot in URDF"
-_MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _MM = 1000.0
+_STEP, _NEAR = math.pi / 12, 1e-7
+"""An angle that is written nearer than 1e-7 rad (0.1 um at a metre) to a multiple of 15 deg is that multiple."""
 
 
 def is_urdf(file: str, start: bytes) -> bool:
@@ -68,7 +70,7 @@ def machine_from_urdf(
     """
     file = os.fspath(path)
     robot = _root(file)
-    joints = {joint.child: joint for joint in _joints(file, robot)}
+    joints = joints_of(file, robot)
     links = [link.get("name", "") for link in robot.iterfind("link")]
     base = _link(file, "--base", base, links, [link for link in links if link not in joints], "roots")
     parents = {joint.parent for joint in joints.values()}
@@ -80,8 +82,22 @@ def machine_from_urdf(
 
 
 @dataclass(frozen=True)
-class _UrdfJoint:
-    """A joint as it stands in the file: metres and radians, in the frame of its parent."""
+class UrdfJoint:
+    """A joint as it stands in the file: metres and radians, in the frame of its parent.
+
+    Attributes
+    ----------
+    name, type, parent, child : str
+    turn : ndarray (3, 3)
+    origin : ndarray (3,)
+    axis : ndarray (3,)
+        A unit vector in its own frame.
+    travel : tuple of (float, float) or None
+    mimic : str
+        The rule by which it follows another joint; empty where it does not.
+    near : str
+        Angles of its origin that are written as nearly a multiple of 15 deg, and taken as that.
+    """
 
     name: str
     type: str
@@ -92,6 +108,7 @@ class _UrdfJoint:
     axis: Array
     travel: tuple[float, float] | None
     mimic: str
+    near: str = ""
 
 
 def _root(file: str) -> ElementTree.Element:
@@ -120,7 +137,24 @@ def _root(file: str) -> ElementTree.Element:
     return root
 
 
-def _joints(file: str, robot: ElementTree.Element) -> Iterator[_UrdfJoint]:
+def joints_of(file: str, robot: ElementTree.Element | None = None) -> dict[str, UrdfJoint]:
+    """Return the joints of a URDF by the links that they carry.
+
+    Parameters
+    ----------
+    file : str
+    robot : Element, optional
+        The file's root, where it has been read.
+
+    Raises
+    ------
+    InputFileError
+        When it is no URDF.
+    """
+    return {joint.child: joint for joint in _joints(file, _root(file) if robot is None else robot)}
+
+
+def _joints(file: str, robot: ElementTree.Element) -> Iterator[UrdfJoint]:
     names: set[str] = set()
     children: dict[str, str] = {}
     links = {link.get("name") for link in robot.iterfind("link")}
@@ -142,7 +176,7 @@ def _joints(file: str, robot: ElementTree.Element) -> Iterator[_UrdfJoint]:
         yield joint
 
 
-def _joint(file: str, element: ElementTree.Element, number: int) -> _UrdfJoint:
+def _joint(file: str, element: ElementTree.Element, number: int) -> UrdfJoint:
     name = element.get("name", "")
     if not name:
         raise InputFileError(file, f"joint {number}", "no name", "name = and type = of a joint")
@@ -166,22 +200,29 @@ def _joint(file: str, element: ElementTree.Element, number: int) -> _UrdfJoint:
         return values
 
     axis = numbers("axis", "xyz", (1.0, 0.0, 0.0))
+    angles = numbers("origin", "rpy", (0.0, 0.0, 0.0))
+    multiples = np.round(angles / _STEP)
+    near = np.abs(angles - multiples * _STEP) < _NEAR
+    off = near & (np.abs(angles - multiples * _STEP) > 1e-12)
     length = float(np.linalg.norm(axis))
     kind = element.get("type", "")
-    if kind in _MOVING and length == 0:
+    if kind in MOVING and length == 0:
         raise InputFileError(file, f"{place}, axis xyz", "no direction", "three numbers, not all zero")
     low, high = (float(numbers("limit", key, (0.0,))[0]) for key in ("lower", "upper"))
     limited = kind in ("revolute", "prismatic") and low < high
-    return _UrdfJoint(
+    return UrdfJoint(
         name=name,
         type=kind,
         parent=text("parent", "link") or "",
         child=text("child", "link") or "",
-        turn=matrix_from_roll_pitch_yaw(numbers("origin", "rpy", (0.0, 0.0, 0.0))),
+        turn=matrix_from_roll_pitch_yaw(np.where(near, multiples * _STEP, angles)),
         origin=numbers("origin", "xyz", (0.0, 0.0, 0.0)),
         axis=axis / (length or 1.0),
         travel=(low, high) if limited else None,
         mimic=_mimic(text("mimic", "joint"), text("mimic", "multiplier"), text("mimic", "offset")),
+        near=", ".join(
+            f"{x!r} as {15 * k:g} deg" for x, k in zip(angles[off].tolist(), multiples[off], strict=True)
+        ),
     )
 
 
@@ -208,9 +249,9 @@ def _link(file: str, option: str, given: str | None, links: list[str], natural: 
     return natural[0]
 
 
-def _chain(file: str, joints: Mapping[str, _UrdfJoint], base: str, tip: str) -> list[_UrdfJoint]:
+def _chain(file: str, joints: Mapping[str, UrdfJoint], base: str, tip: str) -> list[UrdfJoint]:
     """Return the joints from one link to another."""
-    chain: list[_UrdfJoint] = []
+    chain: list[UrdfJoint] = []
     link = tip
     while link != base:
         joint = joints.get(link)
@@ -218,20 +259,20 @@ def _chain(file: str, joints: Mapping[str, _UrdfJoint], base: str, tip: str) -> 
             above = [each.parent for each in chain]
             found = f"no link above {shown(tip)}"
             raise InputFileError(file, f"--base {base}", found, listed(above) if above else "another --tip")
-        if joint.type not in _MOVING and joint.type != "fixed":
+        if joint.type not in MOVING and joint.type != "fixed":
             found = f"type {shown(joint.type)}" if joint.type else "no type"
-            raise InputFileError(file, f"joint {joint.name}", found, listed([*_MOVING, "fixed"]))
+            raise InputFileError(file, f"joint {joint.name}", found, listed([*MOVING, "fixed"]))
         chain.append(joint)
         link = joint.parent
     chain.reverse()
-    moving = sum(joint.type in _MOVING for joint in chain)
+    moving = sum(joint.type in MOVING for joint in chain)
     if not 0 < moving <= MOST_JOINTS:
         found = f"{moving} moving joints from {shown(base)} to {shown(tip)}"
         raise InputFileError(file, "file", found, f"1 to {MOST_JOINTS}; --base and --tip choose other links")
     return chain
 
 
-def _machine(file: str, robot: str, base: str, tip: str, chain: list[_UrdfJoint]) -> Imported:
+def _machine(file: str, robot: str, base: str, tip: str, chain: list[UrdfJoint]) -> Imported:
     turn, place = np.eye(3), np.zeros(3)
     joints: list[Joint] = []
     notes = [
@@ -242,7 +283,7 @@ def _machine(file: str, robot: str, base: str, tip: str, chain: list[_UrdfJoint]
         turn = turn @ joint.turn
         if joint.type == "fixed":
             continue
-        kind = _MOVING[joint.type]
+        kind = MOVING[joint.type]
         name = machine_name(joint.name, [each.name for each in joints], joint=True)
         scale = 1.0 if kind == "revolute" else _MM
         travel = None if joint.travel is None else (joint.travel[0] * scale, joint.travel[1] * scale)
@@ -254,6 +295,9 @@ def _machine(file: str, robot: str, base: str, tip: str, chain: list[_UrdfJoint]
                 f"Joint {name} is a mimic joint, {name} = {joint.mimic} (m, rad). That is not taken: it is a joint of "
                 "its own here, and needs its own column."
             )
+    notes += [
+        f"Angles of joint {joint.name} are taken exactly: {joint.near}." for joint in chain if joint.near
+    ]
     notes += _on_fixed_and_limits(chain)
     target = Target(machine_name(tip, [joint.name for joint in joints]), clean(_MM * place, 9))
     machine = Machine(
@@ -273,10 +317,10 @@ def _machine(file: str, robot: str, base: str, tip: str, chain: list[_UrdfJoint]
     return Imported(machine, tuple(notes))
 
 
-def _on_fixed_and_limits(chain: list[_UrdfJoint]) -> Iterator[str]:
+def _on_fixed_and_limits(chain: list[UrdfJoint]) -> Iterator[str]:
     fixed = [joint.name for joint in chain if joint.type == "fixed"]
     if fixed:
         yield f"Fixed joints are part of what they join: {', '.join(fixed)}."
-    endless = [joint.name for joint in chain if joint.type in _MOVING and joint.travel is None]
+    endless = [joint.name for joint in chain if joint.type in MOVING and joint.travel is None]
     if endless:
         yield f"Without limits, so that the travel is that of the readings: {', '.join(endless)}."
