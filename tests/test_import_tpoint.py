@@ -65,6 +65,7 @@ def altaz(A, E):
         "NRX": (-cos(E), sin(E)), "NRY": (sin(E), cos(E)),
         "TF": (none, -cos(E)), "TX": (none, -1 / np.tan(E)),
         "FLOP": (none, one), "HACA3": (cos(3 * A) * cos(E), none), "HESE2": (none, sin(2 * E)),
+        "HSCA2": (cos(2 * A), none), "HZSZ4": (none, -sin(4 * (np.pi / 2 - E))), "HZCA": (none, -cos(A)),
     }  # fmt: skip
 
 
@@ -84,6 +85,9 @@ def equatorial(h, d):
         "FO": (none, cos(h)), "DAF": (-(cl * cos(h) * cos(d) + sl * sin(d)), none),
         "TF": (west, north), "TX": (west / zenith, north / zenith),
         "DNP": (sin(h) * sin(d), none), "HDSH3": (none, sin(3 * h)), "X2HC": (cos(2 * h), none),
+        "HHSH2CD1": (sin(2 * h) * cos(d) * cos(d), none), "PHH": (h * cos(d), none), "PDD": (none, d),
+        "FLOP": tuple(-x / np.sqrt(1 - zenith**2) for x in (west, north)),
+        "HZCZ2": tuple(cos(2 * np.arccos(zenith)) / np.sqrt(1 - zenith**2) * x for x in (west, north)),
     }  # fmt: skip
 
 
@@ -212,6 +216,35 @@ def test_each_format_gives_the_same_run(form, tmp_path):
         # a tenth of a sidereal hour is 359.0170 s
         np.testing.assert_allclose(run.time, 359.0170 * np.arange(20), atol=0.01)
         assert any("refraction is left to the model" in note for note in run.notes)
+
+
+@pytest.mark.parametrize(
+    ("extra", "given", "form", "auxiliary"),
+    [
+        ("3 30.0", None, 2, 0),
+        ("3 30.0 -7", None, 2, 1),
+        ("-3 30.0", None, 3, 2),  # no sidereal time
+        ("3 75.0 1", None, 3, 3),
+        ("3 30.0", 3, 3, 2),
+        ("3 30.0 1 2 3", None, 2, 3),  # 2000 is no equinox here
+    ],
+)
+def test_a_format_is_known_by_what_numbers_can_be(extra, given, form, auxiliary, tmp_path):
+    lines = RUN.replace("  3 30.0", f" {extra}").replace("  3 40.0", f" {extra}")
+    (tmp_path / "run.dat").write_text(lines)
+    run = read_pointings(tmp_path / "run.dat", form=given)
+    assert any(note.startswith(f"Observations are of format {form}:") for note in run.notes)
+    assert run.auxiliary.shape == (2, auxiliary)
+    count = 12 + len(extra.split())
+    assert any("--format says otherwise" in note for note in run.notes) == (given is None)
+    hours = np.array([2.0, 5.0]) if form == 3 else 3.5 - np.array([2.0, 5.0])
+    np.testing.assert_allclose(
+        run.seen, EQUATORIAL.direction(*np.radians([15 * hours, [10, -0.5]])), atol=1e-9
+    )
+    with pytest.raises(
+        InputFileError, match=f"line 6: {count} numbers of an observation; expected 4, and up to 3"
+    ):
+        read_pointings(tmp_path / "run.dat", form=4)
 
 
 def test_an_alt_azimuth_run_may_have_right_ascensions(tmp_path):

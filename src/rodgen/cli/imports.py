@@ -88,6 +88,12 @@ def add_to(command: Command) -> None:
         help="of a pointing run: where azimuth is 0; it runs through east",
     )
     made.add_argument(
+        "--format",
+        type=int,
+        choices=(1, 2, 3, 4),
+        help="of a pointing run: TPOINT's format of its lines, where their numbers could be of two",
+    )
+    made.add_argument(
         "--latitude",
         metavar="ANGLE",
         type=quantity("--latitude", "31.7deg", dimension="angle"),
@@ -179,7 +185,9 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
     elif _RUN in kinds or _MODEL in kinds:
         run, model = (kinds.get(kind, [None])[0] for kind in (_RUN, _MODEL))
         latitude = options.latitude.to("rad")[0] if options.latitude else None
-        made = machine_from_tpoint(run, model, latitude=latitude, from_south=options.azimuth == "south")
+        made = machine_from_tpoint(
+            run, model, latitude=latitude, from_south=options.azimuth == "south", form=options.format
+        )
     else:
         file = kinds[_READINGS][0]
         raise InputFileError(file, "file", _UNKNOWN, "a machine file, too: 'rodgen new' makes one")

@@ -22,6 +22,7 @@ def machine_from_tpoint(
     *,
     latitude: float | None = None,
     from_south: bool = True,
+    form: int | None = None,
 ) -> Imported:
     """Return the mount of a pointing run, or with the terms of a model, or both.
 
@@ -33,6 +34,8 @@ def machine_from_tpoint(
         rad; of an equatorial mount, where no run gives it.
     from_south : bool
         Whether azimuths of the run are from south through east, else from north.
+    form : {1, 2, 3, 4}, optional
+        Format of the run's observations; default: that which their numbers fit.
 
     Returns
     -------
@@ -43,7 +46,7 @@ def machine_from_tpoint(
     ------
     InputFileError
     """
-    pointings = read_pointings(run, from_south=from_south) if run else None
+    pointings = read_pointings(run, from_south=from_south, form=form) if run else None
     terms = read_model(model) if model else None
     mount = pointings.mount if pointings else (terms and terms.mount) or ALTAZ
     if latitude is None and pointings and pointings.site:

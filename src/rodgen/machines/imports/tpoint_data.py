@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, joined, shown
 from rodgen.files import decoded, read_input
 from rodgen.machines.imports.imported import one_line
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL, Mount
@@ -38,7 +38,8 @@ Array = NDArray[np.float64]
 
 _EXPECTED = "a pointing run of TPOINT"
 _OPTIONS = {"EQUAT": EQUATORIAL, "ALTAZ": ALTAZ}
-_COUNTS = {17: 1, 14: 2, 12: 3, 4: 4}
+_COUNTS = {1: 17, 2: 14, 3: 12, 4: 4}
+"""How many numbers a line of a format has, without auxiliary readings."""
 _WORDS = {
     1: "mean places, reduced by ERFA to apparent ones at 0 h of the date",
     2: "apparent places",
@@ -118,7 +119,9 @@ def is_pointing_run(start: bytes) -> bool:
     return any(re.match(r"\s*:\s*(ALTAZ|EQUAT)\b", line, re.I) for line in lines) or start.startswith(b"CAT:")
 
 
-def read_pointings(path: str | os.PathLike[str], *, from_south: bool = True) -> Pointings:
+def read_pointings(
+    path: str | os.PathLike[str], *, from_south: bool = True, form: int | None = None
+) -> Pointings:
     """Return a pointing run.
 
     Parameters
@@ -126,6 +129,8 @@ def read_pointings(path: str | os.PathLike[str], *, from_south: bool = True) -> 
     path : str or os.PathLike
     from_south : bool
         Whether azimuths of a TPOINT file are from south (0) through east (90), else from north.
+    form : {1, 2, 3, 4}, optional
+        Format of observations; default: that which their numbers fit, how many there are and what they can be.
 
     Raises
     ------
@@ -138,7 +143,7 @@ def read_pointings(path: str | os.PathLike[str], *, from_south: bool = True) -> 
     if any(line.startswith("RAA:") for _, line in lines):
         return _of_log(file, lines)
     stated = [(number, line) for number, line in lines if line and not line.startswith("!")]
-    return _of_tpoint(file, stated, from_south=from_south)
+    return _of_tpoint(file, stated, form, from_south=from_south)
 
 
 # TPOINT's files ---------------------------------------------------------------------------------------------
@@ -147,12 +152,12 @@ def read_pointings(path: str | os.PathLike[str], *, from_south: bool = True) -> 
 @dataclass(frozen=True)
 class _Record:
     line: int
-    form: int
     values: tuple[float, ...]
-    auxiliary: tuple[float, ...]
 
 
-def _of_tpoint(file: str, lines: Sequence[tuple[int, str]], *, from_south: bool) -> Pointings:
+def _of_tpoint(
+    file: str, lines: Sequence[tuple[int, str]], form: int | None, *, from_south: bool
+) -> Pointings:
     if not lines:
         raise InputFileError(file, "file", "no lines", _EXPECTED)
     (_, caption), *rest = lines
@@ -177,9 +182,10 @@ def _of_tpoint(file: str, lines: Sequence[tuple[int, str]], *, from_south: bool)
         raise InputFileError(
             file, "file", "no observations", "the record of the site, then a line for each star"
         )
-    form = records[0].form
-    values = np.array([record.values for record in records])
-    notes = [f"Observations are of format {form}: {_WORDS[form]}."]
+    form, notes = _form(file, records, form)
+    numbers = np.array([record.values for record in records])
+    values, auxiliary = numbers[:, : _COUNTS[form]], numbers[:, _COUNTS[form] :]
+    records = [replace(record, values=record.values[: _COUNTS[form]]) for record in records]
     time = None
     if form == 4:
         for record in records:
@@ -195,7 +201,7 @@ def _of_tpoint(file: str, lines: Sequence[tuple[int, str]], *, from_south: bool)
         seen = mount.direction(angles[:, 0], angles[:, 1])
         commanded = angles[:, 2:]
     else:
-        star, commanded, sidereal = _hour_angles(file, records, site)
+        star, commanded, sidereal = _hour_angles(file, records, site, form)
         seen = EQUATORIAL.direction(*star.T)
         if sidereal is not None:
             seen = _observed(seen, site, diurnal="NODA" not in options)
@@ -208,7 +214,6 @@ def _of_tpoint(file: str, lines: Sequence[tuple[int, str]], *, from_south: bool)
             notes.append("Hour angles and declinations of star and telescope became azimuths and elevations.")
     unused = sorted(set(options) - {*_OPTIONS, "NODA", "ALLSKY"})
     notes += [f"Options that are not used: {', '.join(unused)}."] if unused else []
-    auxiliary = np.array([record.auxiliary for record in records], float).reshape(len(records), -1)
     notes += [f"Auxiliary readings are covariates: {auxiliary.shape[1]}."] if auxiliary.shape[1] else []
     return Pointings(
         one_line(caption) or "Pointing run", mount, site, commanded, seen, time, auxiliary, tuple(notes)
@@ -242,23 +247,47 @@ def _site(file: str, number: int, line: str) -> Site:
     air: dict[str, Any] = dict(
         zip(("temperature", "pressure", "height", "humidity", "wavelength"), values[6:], strict=False)
     )
+    if air.get("humidity", 0.0) > 1:  # in per cent
+        air["humidity"] /= 100
     return replace(Site(math.radians(latitude), (year, month, day)), **air)
 
 
 def _record(file: str, number: int, line: str, before: Sequence[_Record]) -> _Record:
     values = _numbers(file, number, line)
-    forms = [before[0].form] if before else list(_COUNTS.values())
-    for count, form in _COUNTS.items():
-        extra = len(values) - count
-        mean = len(values) >= 9 and values[8] > 1000  # an equinox, where an apparent place has seconds
-        if form in forms and 0 <= extra <= _AUXILIARY and (form == 1) == mean:
-            if before and extra != len(before[0].auxiliary):
-                break
-            return _Record(number, form, tuple(values[:count]), tuple(values[count:]))
-    expected = (
-        f"{len(before[0].values) + len(before[0].auxiliary)}, as above" if before else "17, 14, 12 or 4"
-    )
-    raise InputFileError(file, f"line {number}", f"{len(values)} numbers of an observation", expected)
+    count = len(values)
+    if before and count != len(before[0].values):
+        found, expected = f"{count} numbers of an observation", f"{len(before[0].values)}, as above"
+        raise InputFileError(file, f"line {number}", found, expected)
+    return _Record(number, tuple(values))
+
+
+def _form(file: str, records: Sequence[_Record], given: int | None) -> tuple[int, list[str]]:
+    """Return the format of observations, and notes on it."""
+    count, line = len(records[0].values), f"line {records[0].line}"
+    fits = [form for form, least in _COUNTS.items() if 0 <= count - least <= _AUXILIARY]
+    if not fits or (given and given not in fits):
+        of = [_COUNTS[given]] if given else _COUNTS.values()
+        expected = f"{joined([str(n) for n in of], 'or')}, and up to {_AUXILIARY} auxiliary readings"
+        raise InputFileError(file, line, f"{count} numbers of an observation", expected)
+    can_be = [form for form in fits if all(_can_be(form, record.values) for record in records)]
+    form = given or (can_be or fits)[0]
+    notes = [f"Observations are of format {form}: {_WORDS[form]}."]
+    if len(fits) > 1 and not given:
+        others = joined([str(each) for each in fits if each != form], "or")
+        notes.append(
+            f"Their {count} numbers a line could be of format {others}, too: --format says otherwise."
+        )
+    return form, notes
+
+
+def _can_be(form: int, v: Sequence[float]) -> bool:
+    """Return whether the numbers of a line can be of a format: minutes, an equinox, a sidereal time."""
+    if form == 4:
+        return True
+    star, telescope = v[:6], v[_COUNTS[1] - 8 :] if form == 1 else v[6:]
+    minutes = all(0 <= x <= 60 for angles in (star, telescope) for x in (*angles[1:3], *angles[4:6]))
+    sidereal = form == 3 or (v[_COUNTS[form] - 2] in range(25) and 0 <= v[_COUNTS[form] - 1] <= 60)
+    return minutes and sidereal and (form != 1 or v[8] > 1000)
 
 
 def _sexagesimal(values: Sequence[float]) -> float:
@@ -267,9 +296,10 @@ def _sexagesimal(values: Sequence[float]) -> float:
     return math.copysign(abs(first) + minutes / 60 + seconds / 3600, first)
 
 
-def _hour_angles(file: str, records: Sequence[_Record], site: Site) -> tuple[Array, Array, Array | None]:
+def _hour_angles(
+    file: str, records: Sequence[_Record], site: Site, form: int
+) -> tuple[Array, Array, Array | None]:
     """Return hour angle and declination of stars and telescope, rad, and the sidereal time, h."""
-    form = records[0].form
     stars, telescopes, sidereal = [], [], []
     for record in records:
         v = record.values

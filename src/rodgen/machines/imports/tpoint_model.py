@@ -228,7 +228,7 @@ def _followers(mount: Mount, parameter: str, value: float) -> Iterator[tuple[str
 
 
 def _own(machine: Machine, term: str, value: float, place: str, file: str) -> Effect:
-    own = own_term(term)
+    own = own_term(term, tuple(x.tolist() for x in complete_basis(-np.array(machine.gravity))))
     names = [*TERMS, "FLOP", "DNP", "HDSH3", "X2HC"]
     if own is None:
         near = nearest_name(term, names)
