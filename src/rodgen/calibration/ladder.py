@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -28,9 +29,10 @@ from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import html_of
 
 if TYPE_CHECKING:
+    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
 
-__all__ = ["Ladder", "Rung", "ladder", "ladder_of"]
+__all__ = ["Ladder", "Rung", "first_rung", "fit_after", "ladder", "ladder_of", "next_rung"]
 
 
 DIGITS = 3
@@ -272,7 +274,7 @@ def ladder_of(
     for k in range(1, len(fits)):
         if _larger(fits[k], fits[k - 1]):
             fits[k - 1] = _not_worse(fits[k - 1], fits[k])
-    made = [Rung(_base_title(machines[0]), None, fits[0], held_out(fits[0]))]
+    made = [first_rung(fits[0])]
     for before, after in pairwise(fits):
         effect, sign = _changed(before.machine, after.machine)
         if sign == "+":  # given all others: what comes later is no noise
@@ -281,6 +283,41 @@ def ladder_of(
             worth = effect_test(after, before)
         made.append(Rung(f"{sign} {effect.title}", effect, after, held_out(after), worth))
     return Ladder(tuple(made))
+
+
+def first_rung(fit: Fit) -> Rung:
+    """Return a fit as the first rung of a ladder."""
+    return Rung(_base_title(fit.machine), None, fit, held_out(fit))
+
+
+def fit_after(before: Fit, machine: Machine, observations: Observations) -> Fit:
+    """Return the fit after a change, which starts from the values of the fit before.
+
+    Parameters
+    ----------
+    before : Fit
+    machine : Machine
+        After the change, without fitted values.
+    observations : Observations
+        Those of the fit before, or other rows of the same table.
+    """
+    after = fit(_started(machine, before), observations)
+    same = observations is before.observations
+    return _not_worse(after, before) if same and _larger(before, after) else after
+
+
+def next_rung(before: Fit, after: Fit) -> Rung:
+    """Return a fit as the rung after another, with one change: of effects, of what is held or known, or of rows.
+
+    It is tested against the fit before where one model is inside the other, and the rows are the same.
+    """
+    effect, title = None, "changed"
+    with suppress(RodgenError):
+        effect, sign = _changed(before.machine, after.machine)
+        title = f"{sign} {effect.title}"
+    smaller, larger = sorted((before, after), key=lambda f: len(f.free))
+    nested = after.observations is before.observations and len(smaller.free) < len(larger.free)
+    return Rung(title, effect, after, held_out(after), effect_test(smaller, larger) if nested else None)
 
 
 def _base_title(machine: Machine) -> str:

@@ -10,18 +10,27 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 from rodgen.errors import InputFileError
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
-from rodgen.machines.files.write import effect_text, machine_text
+from rodgen.machines.files.write import effect_text, known_line, machine_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Effect
 
-__all__ = ["name_with", "text_with_effects", "text_with_geometry", "text_without_effect"]
+__all__ = [
+    "name_with",
+    "text_with_effect",
+    "text_with_effects",
+    "text_with_geometry",
+    "text_with_known",
+    "text_without_effect",
+]
+
+Source: TypeAlias = str | os.PathLike[str]
 
 
 def name_with(file: str, words: Sequence[str]) -> str:
@@ -36,7 +45,7 @@ def name_with(file: str, words: Sequence[str]) -> str:
     return stem + "".join("_" + re.sub(r"\W", "_", word) for word in words if word) + ending
 
 
-def text_with_effects(source: str | os.PathLike[str], effects: Sequence[Effect]) -> str:
+def text_with_effects(source: Source, effects: Sequence[Effect], text: str | None = None) -> str:
     """Return the text of a machine file with more ``[[effect]]`` blocks, after those that it has.
 
     Parameters
@@ -45,13 +54,15 @@ def text_with_effects(source: str | os.PathLike[str], effects: Sequence[Effect])
         A machine file.
     effects : sequence of Effect
         See :meth:`Machine.effect`.
+    text : str, optional
+        Here and below: what stands in the file, or is to stand there; left out, the file is read.
 
     Raises
     ------
     InputFileError
         When `source` is not a machine file, or an effect cannot stand there.
     """
-    text, changed = _read(source)
+    text, changed = _read(source, text)
     for effect in effects:
         changed = changed.with_effect(effect)
     new_line = "\r\n" if "\r\n" in text else "\n"
@@ -66,7 +77,69 @@ def text_with_effects(source: str | os.PathLike[str], effects: Sequence[Effect])
     return _checked(before + added + after, changed, source)
 
 
-def text_without_effect(source: str | os.PathLike[str], name: str, place: str | None) -> str:
+def text_with_effect(source: Source, effect: Effect, text: str | None = None) -> str:
+    """Return the text of a machine file with the block of an effect that it has written anew: what is held differs.
+
+    Raises
+    ------
+    InputFileError
+        When `source` is not a machine file, has no such effect, or the block cannot be edited.
+    """
+    text, before = _read(source, text)
+    number = [e.identity for e in before.effects].index(effect.identity)
+    changed = replace(
+        before, effects=(*before.effects[:number], effect, *before.effects[number + 1 :]), file=before.file
+    )
+    blocks = _blocks(text, "effect")
+    for k, part in reversed(list(enumerate(blocks[number] if number < len(blocks) else []))):
+        written = "" if k else effect_text(changed, effect)
+        text = text[: part.start] + written + text[part.stop :]
+    return _checked(text, changed, source)
+
+
+def text_with_known(source: Source, key: str, content: Mapping[str, Any], text: str | None = None) -> str:
+    """Return the text of a machine file that says other things, or nothing more, of a parameter in ``[known]``.
+
+    Parameters
+    ----------
+    source : str or os.PathLike
+    key : str
+        Of a parameter, or of what several belong to; see :meth:`Machine.knowing`.
+    content : mapping
+        ``prior`` and ``bounds``, as that method takes them; empty: nothing is known.
+    text : str, optional
+
+    Raises
+    ------
+    InputFileError
+        When `source` is not a machine file, or the entry cannot be right.
+    """
+    text, before = _read(source, text)
+    changed = replace(before, known={k: v for k, v in before.known.items() if k != key})
+    if content:
+        changed = changed.knowing(key, **content)
+    own: list[slice] = []
+    after, inside = None, False
+    for statement in _statements(text):
+        if statement.header is not None:
+            inside = statement.header == {"known": {}}
+            after = statement.stop if inside else after
+        elif inside and _known_key(text[statement.start : statement.stop]) == key:
+            own.append(slice(statement.start, statement.stop))
+    new_line = "\r\n" if "\r\n" in text else "\n"
+    line = known_line(changed, key, changed.known[key]) + new_line if content else ""
+    for part in reversed(own):
+        text = text[: part.start] + text[part.stop :]
+    if after is None and line:
+        first = min((part.start for parts in _blocks(text, "effect") for part in parts), default=len(text))
+        gap = "" if not first or text[:first].endswith(("\n\n", "\r\n\r\n")) else new_line
+        text = f"{text[:first]}{gap}[known]{new_line}{line}{new_line if text[first:] else ''}{text[first:]}"
+    elif line:
+        text = text[:after] + line + text[after:]
+    return _checked(text, changed, source)
+
+
+def text_without_effect(source: Source, name: str, place: str | None, text: str | None = None) -> str:
     """Return the text of a machine file without the block of an effect.
 
     What stands inside the block goes with it, comments included; comments above it stay.
@@ -85,7 +158,7 @@ def text_without_effect(source: str | os.PathLike[str], name: str, place: str | 
     InputFileError
         When `source` is not a machine file, or has no such effect.
     """
-    text, machine = _read(source)
+    text, machine = _read(source, text)
     changed = machine.without_effect(name, place)
     number = [e.identity for e in machine.effects].index((name, place))
     blocks = _blocks(text, "effect")
@@ -98,7 +171,7 @@ def text_without_effect(source: str | os.PathLike[str], name: str, place: str | 
     return _checked(text, changed, source)
 
 
-def text_with_geometry(source: str | os.PathLike[str], machine: Machine) -> str:
+def text_with_geometry(source: Source, machine: Machine, text: str | None = None) -> str:
     """Return the text of a machine file with the joints, targets and lengths of another machine, comments included.
 
     Blocks of joints are moved with the comments in them and right above them; joints of branches, which list them, stay
@@ -117,7 +190,7 @@ def text_with_geometry(source: str | os.PathLike[str], machine: Machine) -> str:
     InputFileError
         When `source` is not a machine file.
     """
-    text, before = _read(source)
+    text, before = _read(source, text)
     names = [joint.name for joint in before.joints]
     order = [names.index(joint.name) for joint in machine.joints]
     blocks = [_with_comments_above(text, parts) for parts in _blocks(text, "joint")]
@@ -138,13 +211,13 @@ def text_with_geometry(source: str | os.PathLike[str], machine: Machine) -> str:
         return machine_text(machine)
 
 
-def _read(source: str | os.PathLike[str]) -> tuple[str, Machine]:
+def _read(source: Source, text: str | None) -> tuple[str, Machine]:
     file = os.fspath(source)
-    text = read_text(file)
+    text = read_text(file) if text is None else text
     return text, machine_of(text, file, Machine)
 
 
-def _checked(text: str, meant: Machine, source: str | os.PathLike[str]) -> str:
+def _checked(text: str, meant: Machine, source: Source) -> str:
     """Return the text, which must read as the machine that is meant."""
     try:
         found: Machine | None = machine_of(text, os.fspath(source), Machine)
@@ -160,9 +233,19 @@ def _checked(text: str, meant: Machine, source: str | os.PathLike[str]) -> str:
     return text
 
 
-def _outline(machine: Machine) -> tuple[Machine, list[tuple[str, str | None]]]:
-    """Return what must be as intended: everything but the last bits of held numbers."""
-    return replace(machine, effects=(), values={}), [e.identity for e in machine.effects]
+def _outline(machine: Machine) -> tuple[Any, ...]:
+    """Return what must be as intended: everything but the last bits of numbers that are held or known."""
+    rest = replace(machine, effects=(), values={}, known={})
+    return rest, sorted(machine.known), [e.identity for e in machine.effects]
+
+
+def _known_key(statement: str) -> str:
+    """Return the key of an entry of ``[known]``."""
+    names, content = [], tomllib.loads(statement)
+    while len(content) == 1 and not content.keys() & {"prior", "bounds"}:
+        ((name, content),) = content.items()
+        names.append(name)
+    return ".".join(names)
 
 
 # where statements are ------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from rodgen.machines.parts import BRANCHES, Effect, Joint, Known, StatedPlausibi
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["description", "effect_text", "machine_text", "toml_string"]
+__all__ = ["description", "effect_text", "known_line", "machine_text", "toml_string"]
 
 
 # numbers and texts -------------------------------------------------------------------------------------------------
@@ -96,9 +96,7 @@ def machine_text(machine: Machine) -> str:
     if machine.estimate:
         blocks.append(["[estimate]", f"parameters = [{', '.join(map(toml_string, machine.estimate))}]"])
     if machine.known:
-        blocks.append(
-            ["[known]", *(_known_line(machine, key, known) for key, known in machine.known.items())]
-        )
+        blocks.append(["[known]", *(known_line(machine, key, known) for key, known in machine.known.items())])
     if machine.plausible:
         blocks.append(["[plausibility]", *(_plausible_line(*entry) for entry in machine.plausible.items())])
     blocks += [_effect_lines(machine, effect) for effect in machine.effects]
@@ -113,7 +111,8 @@ def _target_lines(machine: Machine, target: Target) -> list[str]:
     return lines
 
 
-def _known_line(machine: Machine, key: str, known: Known) -> str:
+def known_line(machine: Machine, key: str, known: Known) -> str:
+    """Return the line of ``[known]`` on a parameter."""
     unit = unit_of(machine, key)
     factor, _ = unit_factor(unit, machine.length_unit)
     of = "" if unit == "1" else f" {unit}"

@@ -1,0 +1,411 @@
+"""What is done in a session: each action changes the text of the machine file, or which rows count.
+
+An action says which command and which line of Python do the same.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+
+import numpy as np
+
+from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.machines.files.edit import (
+    text_with_effect,
+    text_with_effects,
+    text_with_geometry,
+    text_with_known,
+    text_without_effect,
+)
+from rodgen.machines.files.read import effect_of
+from rodgen.machines.machine import Effect, Machine
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rodgen.workbench.session import State
+
+__all__ = ["ACTIONS", "Action", "Add", "Aside", "Back", "Known", "Mend", "Remove", "Written", "action_of"]
+
+Place: TypeAlias = str | None
+
+
+@dataclass(frozen=True)
+class Action:
+    """Something that was done, and may be undone.
+
+    Attributes
+    ----------
+    why : str
+        A note of the user, or where a suggestion is from.
+    """
+
+    kind: ClassVar[str] = ""
+    why: str = field(default="", kw_only=True)
+
+    @property
+    def title(self) -> str:
+        """What it does, in a few words."""
+        raise NotImplementedError
+
+    def text(self, state: State) -> str:
+        """Return the text of the machine file after it."""
+        return state.text
+
+    def aside(self, state: State) -> NDArray[np.bool_]:
+        """Return which rows of the observations do not count after it."""
+        return state.aside
+
+    def command(self, machine: str, data: str) -> str:
+        """Return the command that does the same to the files; empty where there is none."""
+        return ""
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same to `machine`, `observations` and `fit`."""
+        raise NotImplementedError
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {"do": self.kind} | {key: value for key, value in asdict(self).items() if value}
+
+
+def _titled(name: str, place: Place) -> str:
+    return f"{name} at {place}" if place else name
+
+
+def _words(*words: str) -> str:
+    return shlex.join(["rodgen", *words])
+
+
+@dataclass(frozen=True)
+class _OfEffect(Action):
+    """An action on the keys of an ``[[effect]]``: of the catalogue, or with a formula of its own."""
+
+    effect: Mapping[str, Any]
+
+    @property
+    def place(self) -> Place:
+        """The joint or target; None for the whole machine."""
+        return self.effect.get("joint") or self.effect.get("target")
+
+    @property
+    def name(self) -> str:
+        """The name of the effect."""
+        return str(self.effect.get("name", ""))
+
+    def made(self, machine: Machine) -> Effect:
+        """Return the effect on a machine that does not have it."""
+        return effect_of(machine, self.effect, machine.file or machine.name, f"effect {self.name}")
+
+    @property
+    def _is_own(self) -> bool:
+        return "parameters" in self.effect or "formula" in self.effect
+
+    def _where(self) -> list[str]:
+        keys = [key for key in ("joint", "target") if key in self.effect]
+        return [word for key in keys for word in (f"--{key}", str(self.effect[key]))]
+
+    def _add_command(self, machine: str, data: str) -> str:
+        if self._is_own:
+            return ""
+        held = [
+            word
+            for key, value in self.effect.get("hold", {}).items()
+            for word in ("--hold", f"{key}={value}")
+        ]
+        return _words("add", machine, self.name, data, *self._where(), *held, "-o", machine)
+
+    def _added(self, machine: str = "machine") -> str:
+        if self._is_own:
+            block = dict(self.effect)
+            return f"machine = {machine}.with_effect(effect_of({machine}, {block!r}, 'python', 'effect'))"
+        keys = {k: self.effect[k] for k in ("joint", "target", "hold") if self.effect.get(k)}
+        given = ", ".join([repr(self.name), *(f"{k}={v!r}" for k, v in keys.items())])
+        return f"machine = {machine}.add({given})"
+
+
+FIT = "fit = machine.fit(observations)"
+
+
+@dataclass(frozen=True)
+class Add(_OfEffect):
+    """An effect is added.
+
+    Attributes
+    ----------
+    effect : mapping
+        The keys of an ``[[effect]]`` of a machine file.
+    """
+
+    kind = "add"
+
+    @property
+    def title(self) -> str:
+        """What it does, in a few words."""
+        return f"+ {_titled(self.name, self.place)}"
+
+    def text(self, state: State) -> str:
+        """Return the text of the machine file after it."""
+        return text_with_effects(state.file, [self.made(state.machine)], state.text)
+
+    def command(self, machine: str, data: str) -> str:
+        """Return the command that does the same; empty for a formula of the user's own."""
+        return self._add_command(machine, data)
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same."""
+        return f"{self._added()}\n{FIT}"
+
+
+@dataclass(frozen=True)
+class Written(_OfEffect):
+    """An effect that is there is written anew: other parameters are held, or its formula is another one."""
+
+    kind = "rewrite"
+
+    @property
+    def title(self) -> str:
+        """What it does, in a few words."""
+        held = ", ".join(f"{key} = {value:g}" for key, value in self.effect.get("hold", {}).items())
+        what = f"{held} held" if held else "nothing held"
+        return f"{_titled(self.name, self.place)}: {what}"
+
+    def text(self, state: State) -> str:
+        """Return the text of the machine file after it."""
+        without = state.machine.without_effect(self.name, self.place)
+        return text_with_effect(state.file, self.made(without), state.text)
+
+    def command(self, machine: str, data: str) -> str:
+        """Return the commands that do the same; empty for a formula of the user's own."""
+        removed = _words("remove", machine, self.name, *self._where(), "-o", machine)
+        added = self._add_command(machine, data)
+        return f"{removed}\n{added}" if added else ""
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same."""
+        keys = {k: self.effect[k] for k in ("joint", "target") if k in self.effect}
+        given = ", ".join([repr(self.name), *(f"{k}={v!r}" for k, v in keys.items())])
+        return f"{self._added(f'machine.remove({given})')}\n{FIT}"
+
+
+@dataclass(frozen=True)
+class Remove(Action):
+    """An effect is removed."""
+
+    kind = "remove"
+    name: str
+    place: Place = None
+
+    @property
+    def title(self) -> str:
+        """What it does, in a few words."""
+        return f"- {_titled(self.name, self.place)}"
+
+    def text(self, state: State) -> str:
+        """Return the text of the machine file after it."""
+        return text_without_effect(state.file, self.name, self.place, state.text)
+
+    def command(self, machine: str, data: str) -> str:
+        """Return the command that does the same."""
+        return _words("remove", machine, self.name, data, *self._option(), "-o", machine)
+
+    def _option(self) -> list[str]:
+        return ["--joint", self.place] if self.place else []
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same."""
+        place = f", {self.place!r}" if self.place else ""
+        return f"machine = machine.without_effect({self.name!r}{place})\n{FIT}"
+
+
+@dataclass(frozen=True)
+class Known(Action):
+    """A parameter gets a prior or bounds, or loses them.
+
+    Attributes
+    ----------
+    key : str
+        Of a parameter, or of what several belong to.
+    content : mapping
+        ``prior`` and ``bounds`` as in ``[known]`` of a machine file; empty: nothing is known.
+    """
+
+    kind = "know"
+    key: str
+    content: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def title(self) -> str:
+        """What it does, in a few words."""
+        said = [f"prior {self.content['prior']}"] if "prior" in self.content else []
+        if "bounds" in self.content:
+            said.append("within " + " and ".join(map(str, self.content["bounds"])))
+        return f"{self.key}: {', '.join(said) or 'nothing is known of it'}"
+
+    def text(self, state: State) -> str:
+        """Return the text of the machine file after it."""
+        return text_with_known(state.file, self.key, self.content, state.text)
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same."""
+        if not self.content:
+            kept = f"{{k: v for k, v in machine.known.items() if k != {self.key!r}}}"
+            return f"machine = dataclasses.replace(machine, known={kept})\n{FIT}"
+        given = ", ".join(f"{key}={value!r}" for key, value in self.content.items())
+        return f"machine = machine.knowing({self.key!r}, {given})\n{FIT}"
+
+
+@dataclass(frozen=True)
+class _OfRows(Action):
+    """An action on rows.
+
+    Attributes
+    ----------
+    rows : sequence of int
+        As the table counts them: lines of a CSV file from 1, else rows from 0.
+    """
+
+    rows: Sequence[int]
+
+    def _mask(self, state: State) -> NDArray[np.bool_]:
+        found = np.isin(state.numbers, np.asarray(self.rows, np.int64))
+        if missing := set(self.rows) - set(state.numbers[found].tolist()):
+            counted = state.observations.data.counted
+            raise InputFileError(
+                state.observations.data.file,
+                f"{counted} {min(missing)}",
+                "no measurement of its own",
+                f"{counted}s that have one",
+            )
+        return np.asarray(found)
+
+    @property
+    def _counted(self) -> str:
+        return f"{len(self.rows)} row{'s' * (len(self.rows) != 1)}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return super().to_dict() | {"rows": [int(row) for row in self.rows]}
+
+
+@dataclass(frozen=True)
+class Aside(_OfRows):
+    """Rows are set aside: they are shown, but nothing is fitted to them."""
+
+    kind = "set aside"
+
+    @property
+    def title(self) -> str:
+        """What it does, in a few words."""
+        return f"{self._counted} set aside"
+
+    def aside(self, state: State) -> NDArray[np.bool_]:
+        """Return which rows of the observations do not count after it."""
+        found = state.aside | self._mask(state)
+        if found.all():
+            raise RodgenError("no row is left to fit to; expected some that count")
+        return found
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same."""
+        rows = [int(row) for row in self.rows]
+        return f"aside |= np.isin(numbers, {rows})\nfit = machine.fit(observations.take(~aside))"
+
+
+@dataclass(frozen=True)
+class Back(_OfRows):
+    """Rows that were set aside count again."""
+
+    kind = "bring back"
+
+    @property
+    def title(self) -> str:
+        """What it does, in a few words."""
+        return f"{self._counted} brought back"
+
+    def aside(self, state: State) -> NDArray[np.bool_]:
+        """Return which rows of the observations do not count after it."""
+        return state.aside & ~self._mask(state)
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same."""
+        rows = [int(row) for row in self.rows]
+        return f"aside &= ~np.isin(numbers, {rows})\nfit = machine.fit(observations.take(~aside))"
+
+
+@dataclass(frozen=True)
+class Mend(Action):
+    """The machine file is mended where a check finds it wrong.
+
+    Attributes
+    ----------
+    words : str
+        Which of the changes that mend it, as the check words it.
+    """
+
+    kind = "mend"
+    words: str
+
+    @property
+    def title(self) -> str:
+        """What it does, in a few words."""
+        return f"mended: {self.words}"
+
+    def text(self, state: State) -> str:
+        """Return the text of the machine file after it."""
+        for mend in state.check.repairs:
+            if mend.words == self.words and not mend.of_data:
+                mended, _ = mend.applied(state.machine, state.observations)
+                return text_with_geometry(state.file, mended, state.text)
+        offered = (
+            "; ".join(m.words for m in state.check.repairs if not m.of_data) or "nothing is wrong with it"
+        )
+        raise InputFileError(state.file, "file", f"no change {shown(self.words)}", offered)
+
+    def command(self, machine: str, data: str) -> str:
+        """Return the command that does the same."""
+        return _words("check", machine, data, "-o", "mended_" + machine.rpartition("/")[2])
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same."""
+        return f"machine, _ = fit.check().repairs[0].applied(machine, observations)\n{FIT}"
+
+
+ACTIONS: dict[str, Callable[..., Action]] = {
+    made.kind: made for made in (Add, Written, Remove, Known, Aside, Back, Mend)
+}
+"""What an action of a session file is, by its key ``do``."""
+
+
+def action_of(content: Any) -> Action:
+    """Return an action from plain data, as `Action.to_dict` makes them.
+
+    Raises
+    ------
+    RodgenError
+        When it is none.
+    """
+    known = ", ".join(ACTIONS)
+    if not isinstance(content, dict) or not isinstance(content.get("do"), str):
+        raise RodgenError(f"{shown(repr(content)[:80])}; expected an action, such as {{'do': 'remove', …}}")
+    made = ACTIONS.get(content["do"])
+    if made is None:
+        raise RodgenError(f"the action {shown(content['do'])}; expected one of {known}")
+    keys = {key: value for key, value in content.items() if key != "do"}
+    kinds: dict[str, Any] = {"rows": list, "effect": dict, "content": dict, "place": str | None}
+    for key, value in keys.items():
+        if not isinstance(value, kinds.get(key, str)):
+            raise RodgenError(
+                f"{key} of the action {content['do']!r}, {shown(repr(value)[:80])}; expected another kind"
+            )
+    if not all(type(row) is int for row in keys.get("rows", ())):
+        raise RodgenError(f"rows of the action {content['do']!r}; expected whole numbers")
+    try:
+        return made(**keys)
+    except TypeError:
+        raise RodgenError(
+            f"keys {', '.join(keys)} of the action {content['do']!r}; expected other ones"
+        ) from None

@@ -1,0 +1,169 @@
+"""A session of the workbench: what is done to a machine, undone, done again, saved and replayed."""
+
+import json
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rodgen.calibration.ladder import ladder
+from rodgen.cli.main import main
+from rodgen.errors import RodgenError
+from rodgen.machines.machine import Machine
+from rodgen.workbench.actions import Add, Aside, Back, Known, Remove, Written
+from rodgen.workbench.session import Session
+
+MOUNT = Path(__file__).parents[1] / "examples/machines/mount"
+FLEXURE, REFRACTION = {"name": "tube_flexure"}, {"name": "refraction"}
+
+
+@pytest.fixture
+def files(tmp_path):
+    for name in ("machine.toml", "mmt_2021.csv"):
+        shutil.copy(MOUNT / name, tmp_path)
+    return tmp_path / "machine.toml", tmp_path / "mmt_2021.csv"
+
+
+@pytest.fixture
+def session(files):
+    return Session.open(*files)
+
+
+def test_the_error_of_the_telescope_falls_and_rises_again(session):
+    assert session.state.fit.rms == pytest.approx(2.71, abs=0.005)
+    assert session.do(Add(FLEXURE)).fit.rms == pytest.approx(0.97, abs=0.005)
+    assert session.do(Add(REFRACTION)).fit.rms == pytest.approx(0.66, abs=0.005)
+    after = session.state
+    assert session.undo().fit.rms == pytest.approx(0.97, abs=0.005)
+    assert session.undo().fit.rms == pytest.approx(2.71, abs=0.005)
+    assert session.undo() is session.states[0]
+    session.redo()
+    assert session.redo() is after
+    assert session.redo() is after
+    found = session.ladder
+    assert [rung.title for rung in found.rungs] == ["base", "+ tube_flexure", "+ refraction"]
+    machine, data = session.states[0].machine, session.state.observations
+    same = ladder(machine, data, [machine.effect("tube_flexure"), machine.effect("refraction")])
+    for one, other in zip(found.rungs, same.rungs, strict=True):
+        assert one.fit.rms == pytest.approx(other.fit.rms, rel=1e-8)
+        assert one.held_out.rms == pytest.approx(other.held_out.rms, rel=1e-6)
+    last, of_all = found.rungs[-1].step, same.rungs[-1].step
+    assert last.statistic == pytest.approx(of_all.statistic, rel=1e-6)
+    assert last.significant
+
+
+def test_rows_are_set_aside_and_brought_back(session):
+    base = session.state
+    state = session.do(Aside([3, 4, 17], why="clouds"))
+    assert state.observations.data.place(int(np.flatnonzero(state.aside)[0])) == "line 3"
+    assert state.fit.observations.n == base.fit.observations.n - 3
+    assert state.residuals.shape == base.residuals.shape
+    kept = ~state.aside
+    np.testing.assert_allclose(state.residuals[kept], state.fit.residuals, rtol=1e-9, atol=1e-9)
+    assert "# Set aside in mmt_2021.csv: lines 3-4, 17 (clouds)\n" in session.machine_text()
+    assert session.do(Back([4])).aside.sum() == 2
+    assert session.do(Back([3, 17])).fit.rms == pytest.approx(base.fit.rms, rel=1e-9)
+    assert "Set aside" not in session.machine_text()
+    with pytest.raises(RodgenError, match="line 1: no measurement of its own"):
+        session.do(Aside([1]))
+    with pytest.raises(RodgenError, match="no row is left"):
+        session.do(Aside(base.numbers.tolist()))
+    assert session.at == 3
+
+
+def test_parameters_are_held_and_bounded(session):
+    session.do(Add(FLEXURE))
+    free = session.state.fit.estimates["tube_flexure.a"].value
+    session.do(Written({**FLEXURE, "hold": {"a": 0.001}}))
+    assert session.state.fit.estimates["tube_flexure.a"].held
+    assert session.ladder.rungs[-1].step.significant  # the model is worse for it
+    session.do(Written(FLEXURE))
+    assert session.state.fit.estimates["tube_flexure.a"].value == pytest.approx(free, rel=1e-6)
+    session.do(Known("tube_flexure.a", {"bounds": ["-1 arcsec", "1 arcsec"]}))
+    assert session.state.fit.estimates["tube_flexure.a"].at_bound
+    assert '[known]\n"tube_flexure.a" = { bounds = ["-1 arcsec", "1 arcsec"] }\n' in session.state.text
+    session.do(Known("tube_flexure.a", {"prior": "0 ± 2 arcsec"}))
+    assert session.state.text.count("tube_flexure.a") == 1
+    session.do(Known("tube_flexure.a"))
+    assert session.state.fit.estimates["tube_flexure.a"].value == pytest.approx(free, rel=1e-6)
+
+
+def test_a_formula_of_ones_own_is_added(session):
+    own = {
+        "name": "sag",
+        "joint": "EL",
+        "component": "reading",
+        "formula": "k*cos(q)",
+        "parameters": {"k": "arcsec"},
+    }
+    assert session.do(Add(own)).fit.rms == pytest.approx(0.97, abs=0.005)
+    with pytest.raises(RodgenError, match="formula"):
+        session.do(Add({**own, "name": "other", "formula": "k*cos(q"}))
+    assert session.do(Remove("sag", "EL")).fit.rms == pytest.approx(2.71, abs=0.005)
+
+
+def test_a_session_is_saved_with_every_action_and_replays(session, files, tmp_path):
+    session.save(tmp_path / "mount.rodgen")
+    session.do(Add(FLEXURE, why="it bends"))
+    session.do(Aside([5]))
+    session.do(Add(REFRACTION))
+    session.undo()
+    session.save_machine(files[0])  # the file of the session differs from now on
+    again = Session.load(tmp_path / "mount.rodgen")
+    assert (again.at, len(again.states), again.remarks) == (2, 4, [])
+    assert again.state.text == session.state.text
+    assert again.state.fit.rms == session.state.fit.rms
+    assert [s.action for s in again.states[1:]] == [s.action for s in session.states[1:]]
+    assert again.redo().fit.rms == session.redo().fit.rms
+    files[1].write_text(files[1].read_text().replace("347.2778909", "347.2778908"))
+    with pytest.raises(RodgenError, match="not the measurements of"):
+        Session.load(tmp_path / "mount.rodgen")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda c: c.update(format=2), "format"),
+        (lambda c: c["machine"].update(text="x = 1"), "not the text of its hash"),
+        (lambda c: c["actions"].append({"do": "delete"}), "action 1: .*expected one of"),
+        (lambda c: c["actions"].append({"do": "add", "effect": "x"}), "action 1: effect"),
+        (lambda c: c["actions"].append({"do": "add", "effect": {"name": "<script>"}}), "action 1"),
+        (lambda c: c["actions"].append({"do": "set aside", "rows": [True]}), "whole numbers"),
+        (lambda c: c.pop("at"), "KeyError"),
+    ],
+)
+def test_a_session_file_that_is_none_is_one_sentence(session, tmp_path, change, message):
+    file = tmp_path / "mount.rodgen"
+    session.save(file)
+    content = json.loads(file.read_text())
+    change(content)
+    file.write_text(json.dumps(content))
+    with pytest.raises(RodgenError, match=message) as error:
+        Session.load(file)
+    assert "\n" not in str(error.value)
+
+
+def test_commands_and_python_do_the_same(session, files, tmp_path):
+    session.do(Add(FLEXURE))
+    session.do(Written({**FLEXURE, "hold": {"a": 0.001}}))
+    session.do(Written(FLEXURE))
+    session.do(Add(REFRACTION))
+    session.do(Remove("tube_flexure"))
+    made = {}
+    exec(session.python(), made)
+    assert made["fit"].rms == pytest.approx(session.state.fit.rms, rel=1e-8)
+    for line in session.commands():
+        assert main(shlex.split(line)[1:]) == 0
+    machine = Machine.load(files[0])
+    assert [e.title for e in machine.effects] == ["refraction"]
+    assert files[0].read_text() == session.machine_text()
+
+
+def test_to_import_rodgen_imports_no_page():
+    code = "import sys, rodgen, rodgen.cli.main, rodgen.workbench; print('nicegui' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
