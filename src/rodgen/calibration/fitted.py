@@ -388,14 +388,7 @@ class FittedModel:
 
     @cached_property
     def _residuals(self) -> Array:
-        return self._residuals_of(self.problem)
-
-    def residuals_on(self, observations: Observations) -> Array:
-        """Return measured less predicted of other rows of the same table, (n, m), in :attr:`unit`."""
-        return self._residuals_of(Problem(self.problem.model, observations))
-
-    def _residuals_of(self, problem: Problem) -> Array:
-        r = problem.residuals(self.solution.theta, self.solution.frame)
+        r = self.problem.residuals(self.solution.theta, self.solution.frame)
         return np.asarray(self.machine.measurand.error(r, self.observations.arm) / self.unit_factor)
 
     @property

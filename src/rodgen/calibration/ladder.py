@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rodgen.calibration.checks.effect_test import EffectTest, effect_test, worth_of
 from rodgen.calibration.checks.held_out import HeldOut, held_out
@@ -29,7 +30,6 @@ from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import html_of
 
 if TYPE_CHECKING:
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
 
 __all__ = ["Ladder", "Rung", "first_rung", "fit_after", "ladder", "ladder_of", "next_rung"]
@@ -290,20 +290,19 @@ def first_rung(fit: Fit) -> Rung:
     return Rung(_base_title(fit.machine), None, fit, held_out(fit))
 
 
-def fit_after(before: Fit, machine: Machine, observations: Observations) -> Fit:
-    """Return the fit after a change, which starts from the values of the fit before.
+def fit_after(before: Fit, machine: Machine, outliers: NDArray[np.bool_]) -> Fit:
+    """Return the fit after a change, to the same observations; it starts from the values of the fit before.
 
     Parameters
     ----------
     before : Fit
     machine : Machine
         After the change, without fitted values.
-    observations : Observations
-        Those of the fit before, or other rows of the same table.
+    outliers : ndarray of bool, shape (n,)
+        Rows that are not to be believed.
     """
-    after = fit(_started(machine, before), observations)
-    same = observations is before.observations
-    return _not_worse(after, before) if same and _larger(before, after) else after
+    after = fit(_started(machine, before), before.observations, outliers=outliers)
+    return _not_worse(after, before) if _larger(before, after) else after
 
 
 def next_rung(before: Fit, after: Fit) -> Rung:
@@ -316,7 +315,8 @@ def next_rung(before: Fit, after: Fit) -> Rung:
         effect, sign = _changed(before.machine, after.machine)
         title = f"{sign} {effect.title}"
     smaller, larger = sorted((before, after), key=lambda f: len(f.free))
-    nested = after.observations is before.observations and len(smaller.free) < len(larger.free)
+    same = before.observations is after.observations and np.array_equal(before.outliers, after.outliers)
+    nested = same and len(smaller.free) < len(larger.free)
     return Rung(title, effect, after, held_out(after), effect_test(smaller, larger) if nested else None)
 
 

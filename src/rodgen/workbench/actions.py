@@ -28,7 +28,19 @@ if TYPE_CHECKING:
 
     from rodgen.workbench.session import State
 
-__all__ = ["ACTIONS", "Action", "Add", "Aside", "Back", "Known", "Mend", "Remove", "Written", "action_of"]
+__all__ = [
+    "ACTIONS",
+    "FIT",
+    "Action",
+    "Add",
+    "Aside",
+    "Back",
+    "Known",
+    "Mend",
+    "Remove",
+    "Written",
+    "action_of",
+]
 
 Place: TypeAlias = str | None
 
@@ -64,7 +76,7 @@ class Action:
         return ""
 
     def python(self) -> str:
-        """Return the lines of Python that do the same to `machine`, `observations` and `fit`."""
+        """Return the lines of Python that do the same to `machine`, `aside` and `fit`."""
         raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
@@ -127,7 +139,8 @@ class _OfEffect(Action):
         return f"machine = {machine}.add({given})"
 
 
-FIT = "fit = machine.fit(observations)"
+FIT = "fit = fitted(machine, observations, outliers=aside)"
+"""The line of Python after every change."""
 
 
 @dataclass(frozen=True)
@@ -312,7 +325,7 @@ class Aside(_OfRows):
     def python(self) -> str:
         """Return the lines of Python that do the same."""
         rows = [int(row) for row in self.rows]
-        return f"aside |= np.isin(numbers, {rows})\nfit = machine.fit(observations.take(~aside))"
+        return f"aside |= np.isin(numbers, {rows})\n{FIT}"
 
 
 @dataclass(frozen=True)
@@ -333,7 +346,7 @@ class Back(_OfRows):
     def python(self) -> str:
         """Return the lines of Python that do the same."""
         rows = [int(row) for row in self.rows]
-        return f"aside &= ~np.isin(numbers, {rows})\nfit = machine.fit(observations.take(~aside))"
+        return f"aside &= ~np.isin(numbers, {rows})\n{FIT}"
 
 
 @dataclass(frozen=True)

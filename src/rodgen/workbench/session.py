@@ -31,7 +31,7 @@ from rodgen.files import open_input, read_input, write_file
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
 from rodgen.machines.machine import Machine
-from rodgen.workbench.actions import Action, Aside, action_of
+from rodgen.workbench.actions import FIT, Action, Aside, action_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.file_check import Check
@@ -64,7 +64,7 @@ class State:
     aside : ndarray of bool, shape (n,)
         Which of them do not count.
     fit : Fit
-        To all others.
+        To all others; those are its outliers.
     action : Action or None
         That led here; None at the beginning.
     before : State or None
@@ -99,16 +99,12 @@ class State:
         """
         text, aside = action.text(self), action.aside(self)
         machine = self.machine if text == self.text else machine_of(text, self.file, Machine)
-        observations, before = self.observations, self.fit
-        kept = before.observations
-        if _carriers(machine) != _carriers(self.machine):
-            kept = observations = bind_once(machine, observations.data)
-            kept = observations.take(~aside) if aside.any() else kept
-            made = fit(machine, kept)
+        observations = self.observations
+        if _carriers(machine) == _carriers(self.machine):
+            made = fit_after(self.fit, machine, aside)
         else:
-            if not np.array_equal(aside, self.aside):
-                kept = observations.take(~aside) if aside.any() else observations
-            made = fit_after(before, machine, kept)
+            observations = bind_once(machine, observations.data)
+            made = fit(machine, observations, outliers=aside)
         return State(self.file, text, machine, observations, aside, made, action, self)
 
     @cached_property
@@ -122,13 +118,6 @@ class State:
     def numbers(self) -> NDArray[np.int64]:
         """What the table calls each row, (n,): lines of a CSV file from 1, else rows from 0."""
         return self.observations.data.numbers(range(self.observations.n))
-
-    @cached_property
-    def residuals(self) -> NDArray[np.float64]:
-        """Measured less predicted, (n, m), in the fit's unit, of the rows that are set aside, too."""
-        return (
-            self.fit.residuals_on(self.observations) if self.aside.any() else np.asarray(self.fit.residuals)
-        )
 
     @cached_property
     def check(self) -> Check:
@@ -235,6 +224,7 @@ class Session:
             "import dataclasses",
             "import numpy as np",
             "from rodgen import Machine, Measurements",
+            "from rodgen.calibration.fit import fit as fitted",
             "from rodgen.calibration.problem.binding import bind_once",
             "from rodgen.machines.files.read import effect_of",
             "",
@@ -242,7 +232,7 @@ class Session:
             f"observations = bind_once(machine, Measurements.load({self.data_file!r}))",
             "numbers = observations.data.numbers(range(observations.n))",
             "aside = np.zeros(observations.n, bool)",
-            "fit = machine.fit(observations)",
+            FIT,
         ]
         return "\n".join([*lines, *(state.action.python() for state in self.done if state.action)]) + "\n"
 

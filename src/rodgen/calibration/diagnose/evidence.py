@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
@@ -21,7 +21,7 @@ from rodgen.statistics.columns import unchanged
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Evidence", "Screening", "gather_evidence"]
+__all__ = ["Evidence", "Screening", "evidence_of", "gather_evidence"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ def gather_evidence(
     """
     nuisance = [c for c in screening.candidates if c.key not in wander]
     first = _correlation(screening, nuisance, [])
-    evidence, chosen = _evidence_given(base, screening, first, refused)
+    evidence, chosen = _selected(base, screening, first, refused)
     known = [c for c in chosen if not c.effect.definition.follows_time]
     # a large effect hides how the set-up wanders, and what is slow must stand against that
     if not known or (len(known) == len(chosen) and not first.independent):
@@ -107,7 +107,12 @@ def gather_evidence(
     correlation = _correlation(screening, nuisance, known)
     if first.independent and correlation.independent:
         return evidence, chosen
-    return _evidence_given(base, screening, correlation, refused)
+    return _selected(base, screening, correlation, refused)
+
+
+def evidence_of(base: Fit, screening: Screening) -> Evidence:
+    """Return the evidence at a fit, of which nothing was selected yet."""
+    return _evidence_given(base, screening, _correlation(screening, screening.candidates, []))
 
 
 @stage("estimating the correlation")
@@ -120,10 +125,22 @@ def _correlation(
 
 
 @stage("testing effects")
-def _evidence_given(
+def _selected(
     base: Fit, screening: Screening, correlation: Correlation, refused: Collection[tuple[str, str | None]]
 ) -> tuple[Evidence, list[Candidate]]:
     """Return the evidence where readings depend on each other so, and what is selected by it."""
+    evidence = _evidence_given(base, screening, correlation, refused)
+    selection, chosen = evidence.selection.or_balanced(evidence.selection.run())
+    return replace(evidence, selection=selection), chosen
+
+
+def _evidence_given(
+    base: Fit,
+    screening: Screening,
+    correlation: Correlation,
+    refused: Collection[tuple[str, str | None]] = (),
+) -> Evidence:
+    """Return the evidence where readings depend on each other so."""
     sensitivities = screening.sensitivities
     o, model = sensitivities.observations, sensitivities.model
     space = CandidateSpace(model, screening.candidates, correlation.whiten)
@@ -135,5 +152,4 @@ def _evidence_given(
     selection = Selection(
         space.without(refused) if refused else space, blocks, base.observations.n, clusters, stretches
     )
-    selection, chosen = selection.or_balanced(selection.run())
-    return Evidence(base, sensitivities, correlation, space, selection), chosen
+    return Evidence(base, sensitivities, correlation, space, selection)

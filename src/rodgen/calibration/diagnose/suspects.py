@@ -1,0 +1,149 @@
+"""Every effect that a fit may lack, as a user looks for it: how much it would explain, and how likely it is.
+
+The list is that from which a diagnosis chooses, at one fit, without the search and its full fits: it takes a fraction
+of a second, and is made anew after every change of the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.candidate_space import Score
+from rodgen.calibration.diagnose.evidence import Evidence, Screening, evidence_of
+from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.machines.machine import Effect
+from rodgen.statistics.f_tests import p_of_log10
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["Suspect", "Suspects", "suspects"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """An effect that may be missing.
+
+    Attributes
+    ----------
+    effect : Effect
+    p_value, log10_p : float
+        Probability that chance explains as much for any of the suspects.
+    statistic : float
+        F.
+    odds : float
+        How likely it is before any data, compared with the commonest effects.
+    possible : bool
+        Whether it would be of a size and a sign that a machine may have; asked of those beyond chance only.
+    rms : float
+        Error that it would leave, to first order, in the fit's unit.
+    visible : float
+        Part of its change of the readings, 0 to 1, that the model cannot imitate.
+    like : Effect or None
+        The effect that stands before it in the list and from which these data cannot tell it.
+    """
+
+    effect: Effect
+    p_value: float
+    log10_p: float
+    statistic: float
+    odds: float
+    possible: bool
+    rms: float
+    visible: float
+    like: Effect | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Suspects:
+    """The suspects of a fit, likeliest first; those that these data cannot tell apart follow each other.
+
+    Attributes
+    ----------
+    fit : Fit
+    listed : tuple of Suspect
+    rows : ndarray of int
+        Rows of the fit's observations that this is based on.
+    """
+
+    fit: Fit
+    listed: tuple[Suspect, ...]
+    rows: NDArray[np.int_]
+    _evidence: Evidence
+    _scores: Sequence[Score]
+
+    def explained(self, effect: Effect) -> Array:
+        """Return the part of the residuals of `rows` that an effect would explain, (rows, m), in the fit's unit.
+
+        The model's parameters change with it, to first order.
+        """
+        candidate = next(s.candidate for s in self._scores if s.candidate.key == effect.identity)
+        of, whiten = self._evidence.sensitivities, self._evidence.space.whiten
+        n, m = of.residual.shape
+        columns = np.concatenate([of.model, candidate.columns], axis=2)
+        length = np.linalg.norm(columns, axis=(0, 1))
+        columns = columns / np.where(length > 0, length, 1.0)
+        white = whiten(np.concatenate([columns, of.residual[:, :, None]], axis=2)).reshape(n * m, -1)
+        with one_thread_in_blas():
+            found, *_ = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=1e-10)
+        weight = np.where(of.weight > 0, of.weight, 1.0)
+        part = (columns @ found) / weight
+        error = self.fit.machine.measurand.error
+        before = of.residual / weight
+        arm = self.fit.observations.arm
+        return np.asarray((error(before, arm) - error(before - part, arm)) / self.fit.unit_factor)
+
+
+def suspects(fit: Fit) -> Suspects:
+    """Return every effect of the catalogue that a fit may lack, scored at the fit.
+
+    Parameters
+    ----------
+    fit : Fit
+    """
+    with one_thread_in_blas():
+        evidence = evidence_of(fit, Screening.at(fit))
+        selection = evidence.selection
+        total, scores = selection.left([]), selection.scores([])
+        best = selection.best([])
+    log10_tests = float(np.log10(selection.tests(())))
+    level = float(np.log10(selection.level))
+    order = sorted(scores, key=lambda s: (s is not best, s.log_p - s.candidate.prior.log_odds))
+    listed: list[Suspect] = []
+    waiting = list(order)
+    while waiting:
+        first = waiting.pop(0)
+        variance = first.left / max(first.residual_dof, 1)
+        like = [
+            other
+            for other in waiting
+            if first.dof
+            and selection.are_alike((other.left - first.left) / variance, other.parameters - first.parameters)
+            and min(first.log_p, other.log_p) / np.log(10) + log10_tests < level
+        ]
+        waiting = [other for other in waiting if other not in like]
+        leader = first.candidate.effect
+        for score in (first, *like):
+            log10 = min(score.log_p / float(np.log(10)) + log10_tests, 0.0)
+            candidate = score.candidate
+            listed.append(
+                Suspect(
+                    candidate.effect,
+                    p_of_log10(log10),
+                    log10,
+                    score.statistic,
+                    float(np.exp(candidate.prior.log_odds)),
+                    log10 > level or candidate not in selection.impossible([candidate], score.left),
+                    fit.rms * float(np.sqrt(score.left / total)) if total > 0 else fit.rms,
+                    score.visible,
+                    None if score is first else leader,
+                )
+            )
+    return Suspects(fit, tuple(listed), evidence.sensitivities.rows, evidence, scores)
