@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from rodgen.data.measurements import Measurements
+from rodgen.data.tables.foreign import read_foreign
+from rodgen.errors import InputFileError
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.machine import Machine
 from rodgen.machines.templates import machine_template
@@ -103,3 +105,92 @@ def test_what_is_wrong_is_said_in_one_sentence(header, option, expected, tmp_pat
     assert code == 2
     assert expected in err
     assert err.count("\n") == 1
+
+
+RTL = """HEADER::
+File type  : rtl
+Owner      : Linear
+
+TARGET DATA::
+Filetype  : ISO
+Target-count: 6
+Targets :
+0.000  100.000  200.000  300.000  400.000
+500.000
+Flags: 0 0 2 0
+
+USER-TEXT::
+Machine: VMC
+Axis:X axis
+
+RUNS::
+Run-count:2
+
+DEVIATIONS::
+Run Target Data:
+{rows}
+ENVIRONMENT::
+Air temp   : 20.1
+
+EOF::
+"""
+
+
+@pytest.mark.parametrize("form", ["rtl", "text"])
+def test_a_laser_s_own_file_is_the_axis_it_was_made_of(form, tmp_path, rodgen_command: Run):
+    positions = np.arange(0, 600, 100)
+    if form == "rtl":
+        order = [(1, k, 1) for k in range(6)] + [(2, k, -1) for k in range(5, -1, -1)]
+        rows = "\n".join(
+            f"{run}   {k + 1}      {deviations(positions[k], way, run):.3f}" for run, k, way in order
+        )
+        (tmp_path / "laser.rtl").write_text(RTL.format(rows=rows + "\n"))
+    else:
+        lines = [f"{p}\t{deviations(p, 1, 1):.3f}\t{deviations(p, -1, 2):.3f}" for p in positions]
+        header = "Report\n; made by a laser; do not edit\n\nTarget (mm)\tRun 1 + (µm)\tRun 2 - (µm)\n"
+        (tmp_path / "laser.rtl").write_text(header + "\n".join(lines) + "\n")
+    (tmp_path / "m.toml").write_text(machine_template("linear-axis"))
+    data = tmp_path / "d.csv"
+    code, _, err = rodgen_command("import", tmp_path / "m.toml", tmp_path / "laser.rtl", "-d", data)
+    assert (code, err) == (0, "")
+    table = Measurements.load(data)
+    assert table.columns["X"].values.tolist() == [*positions, *positions[::-1]]
+    assert table.columns["dir_X"].values.tolist() == [1.0] * 6 + [-1.0] * 6
+    off = table.columns["d"].values - 500 - table.columns["X"].values
+    assert 1000 * off[:6] == pytest.approx(deviations(positions, 1, 1), abs=1e-3)
+    assert 1000 * off[6:] == pytest.approx(deviations(positions[::-1], -1, 2), abs=1e-3)
+    (tmp_path / "m.toml").write_text(machine_template("3-axis"))
+    code, _, err = rodgen_command("import", tmp_path / "m.toml", tmp_path / "laser.rtl", "-d", data)
+    assert code == 2
+    assert (
+        "expected kind = 'distance' and from = the laser's place, as 'rodgen new linear-axis' writes it"
+        in err
+    )
+
+
+@pytest.mark.parametrize(("old", "new"), [("1 0.5", "1 x"), ("1 0.5", "7 0.5")])
+def test_a_damaged_file_of_a_laser_says_where(old, new, tmp_path):
+    (tmp_path / "laser.rtl").write_text(RTL.format(rows="1 1 0.5\n").replace(old, new))
+    with pytest.raises(
+        InputFileError, match=rf"line 22: '1 {new}'; expected a run, the number of a target, and a dev"
+    ):
+        read_foreign(tmp_path / "laser.rtl")
+
+
+def test_a_machine_tool_for_a_ballbar_needs_no_editor(tmp_path, rodgen_command: Run):
+    machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
+    assert rodgen_command("new", "3-axis", "--ballbar", "-o", machine)[0] == 0
+    angle = np.arange(0, 360, 10)
+    x, y = 150 * np.cos(np.radians(angle)), 150 * np.sin(np.radians(angle))
+    off = 1000 * (np.hypot(x + 80e-6 * y, y) - 150)
+    lines = [f"{a:.1f}       {d:.4f}" for a, d in zip(angle, off, strict=True)]
+    (tmp_path / "bar.txt").write_text(
+        "; a ballbar; 150 mm\nANGLE     R-DEV\n[deg]     [um]\n" + "\n".join(lines)
+    )
+    files = machine, tmp_path / "bar.txt", "-d", data
+    code, _, err = rodgen_command("import", *files, "--ballbar", "XY=150mm")
+    assert (code, err) == (0, "")
+    fit = Machine.load(machine).fit(Measurements.load(data))
+    assert abs(fit.estimates["Y.axis.a"].value) == pytest.approx(3600 * np.degrees(80e-6), rel=0.01)
+    code, _, err = rodgen_command("new", "turntable", "--ballbar")
+    assert (code, "balls of turntable; expected none: it is no machine tool" in err) == (2, True)

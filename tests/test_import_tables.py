@@ -280,8 +280,8 @@ GOOD = "C [deg],x [mm],y [mm],z [mm],target\n0,150,0,30,ball_1\n90,0,150,30,ball
             "line 3: 6 cells under 5 columns; expected a cell for each",
         ),
         (
-            ",target",
-            ",who",
+            GOOD[GOOD.index(",target") :],
+            ",who\n0,150,0,30,P1\n90,0,150,30,P2\n",
             {},
             "file: no targets; expected a column target, x1, y1, z1, x2 …, or a file for each",
         ),
@@ -353,3 +353,72 @@ def test_a_damaged_file_is_named(name, content, tmp_path):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputFileError, match=f"{name}: file: no "):
         read_foreign(tmp_path / name)
+
+
+# as the software of instruments writes them ------------------------------------------------------------
+
+
+def test_commands_and_readings_may_be_in_two_files(tmp_path):
+    """The robot's program has the angles, the tracker the points, by names, and one of them was lost."""
+    (tmp_path / "program.csv").write_text("Point Name;C [deg]\nball_3;30\nball_2;90\nball_1;0\n")
+    (tmp_path / "sa.csv").write_text(
+        "// Exported from SpatialAnalyzer; do not edit\nPoint Name,X,Y,Z,Time\n"
+        "ball_1,150.001,0.002,30,23:59:30\nball_2,-130.0,-75.0,110,00:00:10.5\n"
+    )
+    columns, notes = columns_of(TURNTABLE, tmp_path / "program.csv", tmp_path / "sa.csv", units=("mm", "deg"))
+    assert {name: list(values) for name, values in columns.items()} == {
+        "C [deg]": [0, 90],
+        "x [mm]": [150.001, -130],
+        "y [mm]": [0.002, -75],
+        "z [mm]": [30, 110],
+        "t [s]": [0, 40.5],
+        "target": ["ball_1", "ball_2"],
+    }
+    assert "Rows of program.csv, with the commands, belong to those of sa.csv by 'Point Name'." in notes
+    assert "target is 'Point Name', which has names of targets." in notes
+    (tmp_path / "program.csv").write_text("No;C [deg]\n1;30\n2;90\n")
+    columns, notes = columns_of(TURNTABLE, tmp_path / "sa.csv", tmp_path / "program.csv", units=("mm", "deg"))
+    assert columns["C [deg]"].tolist() == [30, 90]
+    assert any(note.endswith("belong to those of sa.csv in their order.") for note in notes)
+    (tmp_path / "program.csv").write_text("No;C [deg]\n1;30\n2;90\n3;0\n")
+    with pytest.raises(
+        InputFileError, match=r"sa.csv: file: 2 rows, and 3 of commands in .*; expected a row for"
+    ):
+        columns_of(TURNTABLE, tmp_path / "program.csv", tmp_path / "sa.csv")
+
+
+@pytest.mark.parametrize(
+    ("cells", "seconds"),
+    [
+        (("01.03.2026 12:00:00", "02.03.2026 12:00:30"), [0, 86430]),
+        (("12:00:00", "12:00:30.5"), [0, 30.5]),
+        (("3/1/2026 12:00 PM", "3/1/2026 12:01 PM"), None),
+    ],
+)
+def test_times_are_read_where_they_have_one_meaning(cells, seconds, tmp_path):
+    lines = [f"{cell}\t{k}\tball_1\t1\t2\t3" for k, cell in enumerate(cells)]
+    (tmp_path / "t.txt").write_text(
+        "\n".join(["Date Time\tC [deg]\tID\tx [mm]\ty [mm]\tz [mm]", *lines]) + "\n"
+    )
+    columns, notes = columns_of(TURNTABLE, tmp_path / "t.txt")
+    assert ("t [s]" in columns) == (seconds is not None)
+    if seconds is not None:
+        assert columns["t [s]"].tolist() == seconds
+    else:
+        assert (
+            "'Date Time' is no time: '3/1/2026 12:00 PM'; expected a time such as 2026-03-01T12:30:00."
+            in notes
+        )
+        with pytest.raises(InputFileError, match="expected a time such as"):
+            columns_of(TURNTABLE, tmp_path / "t.txt", stated={"t": "Date Time"})
+
+
+@pytest.mark.parametrize("cell", ["1e400", "-inf", "2,5,1"])
+def test_a_cell_that_is_no_finite_number_is_named(cell, tmp_path):
+    (tmp_path / "t.csv").write_text(
+        f"C [deg];target;x [mm];y [mm];z [mm]\n0;ball_1;1;2;3\n0;ball_1;1;{cell};3\n"
+    )
+    with pytest.raises(
+        InputFileError, match=re.escape(f"line 3, column 'y [mm]': '{cell}'; expected a number")
+    ):
+        columns_of(TURNTABLE, tmp_path / "t.csv")

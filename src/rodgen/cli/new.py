@@ -22,7 +22,8 @@ Write a machine file with comments, to be changed to your machine.
 
 Without KIND the kinds are listed, and a terminal is asked. CODE is that of ISO 10791: the axes in order from the
 workpiece w over the bed b to the tool t. With --balls the measurements are the places of balls on its table, as the
-spindle probes them, in the linear axes; else they are those of the tool, in the workpiece's axes.
+spindle probes them, in the linear axes; with --ballbar distances of the tool from a ball on it; else they are those of
+the tool, in the workpiece's axes.
 """
 
 
@@ -49,6 +50,11 @@ def add_to(command: Command) -> None:
         type=whole(1),
         help="of a machine tool: N balls on the table are measured, by a probe in the spindle",
     )
+    made.add_argument(
+        "--ballbar",
+        action="store_true",
+        help="of a machine tool: the distance from a ball on the table is measured",
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -70,7 +76,7 @@ def _run(options: argparse.Namespace) -> int:
     north = latitude.to("rad")[0] if latitude else None
     with located("command line", "rodgen new", "a kind of 'rodgen new'"), Outputs() as outputs:
         outputs.claim(options.output)
-        text = machine_template(kind, code=code, latitude=north, balls=options.balls)
+        text = machine_template(kind, code=code, latitude=north, balls=options.balls, ballbar=options.ballbar)
         machine = machine_of(text, options.output or kind, Machine)
         if options.output:
             outputs.add(options.output, text.encode())

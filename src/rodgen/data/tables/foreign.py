@@ -24,6 +24,8 @@ __all__ = ["ForeignColumn", "ForeignTable", "is_number", "read_foreign"]
 _EXPECTED = "a table: CSV or other text, .xlsx or .mat"
 _UNIT = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P<other>[^()]*)\))")
 _COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*")
+_RTL = re.compile(r"^\s*TARGET DATA::\s*$", re.MULTILINE)
+_REMARKS = (";", "#", "//", "!", "%")
 _BLANK = {"", "nan", "na", "n/a", "-", "--", "none", "null"}
 LARGEST = 100_000_000
 """Bytes of a text."""
@@ -83,9 +85,11 @@ class ForeignTable:
             try:
                 value = math.nan if cell is None else float(cell)
             except (TypeError, ValueError):
+                value = math.inf
+            if math.isinf(value):  # 1e400, too
                 raise InputFileError(
                     self.file, f"{place}, column {shown(column.header)}", shown(cell), "a number"
-                ) from None
+                )
             found.append(value)
         return found
 
@@ -109,13 +113,65 @@ def read_foreign(path: str | os.PathLike[str]) -> ForeignTable:
         return _of_rows(file, rows, "row", (note,))
     if file.lower().endswith(".mat"):
         return _of_mat(file)
-    return _of_text(file)
-
-
-def _of_text(file: str) -> ForeignTable:
     text, coding = _decoded(read_input(file, _EXPECTED, largest=LARGEST), file)
-    lines = text.removeprefix("\ufeff").splitlines()
+    text = text.removeprefix("\ufeff")
+    if _RTL.search(text[:10_000]):
+        return _of_rtl(file, text)
+    return _of_text(file, text, coding)
+
+
+def _of_rtl(file: str, text: str) -> ForeignTable:
+    """Return a file of Renishaw's laser software: targets in mm, then run, number of the target, deviation in um.
+
+    Columns are those of a table by ISO 230-2: the positions, called by the axis that the file names, and the deviations
+    of each run, with its direction.
+    """
+    lines = [line.strip() for line in text.splitlines()]
+    targets: list[float] = []
+    runs: dict[int, dict[int, float]] = {}
+    section = part = axis = ""
+    for number, line in enumerate(lines, start=1):
+        if line.endswith("::"):
+            section, part = line[:-2], ""
+            continue
+        key, colon, value = line.partition(":")
+        if colon:
+            part = key.strip().lower()
+            axis = value.strip() if part == "axis" else axis
+            continue
+        cells = line.replace(",", ".").split()
+        try:
+            if section == "TARGET DATA" and part == "targets":
+                targets += [float(cell) for cell in cells]
+            elif section == "DEVIATIONS" and cells:
+                run, target, off = int(cells[0]), int(cells[1]), float(cells[2])
+                if not 1 <= target <= len(targets):
+                    raise ValueError
+                runs.setdefault(run, {})[target - 1] = off
+        except (ValueError, IndexError):
+            expected = "a run, the number of a target, and a deviation" if targets else "positions of targets"
+            raise InputFileError(file, f"line {number}", shown(line), expected) from None
+    if not targets or not runs:
+        raise InputFileError(file, "file", "no targets and deviations", "a file of a linear measurement")
+    name = axis.removesuffix("axis").strip() or "position"
+    columns = [ForeignColumn(f"{name} [mm]", name, "mm", tuple(targets))]
+    for run, found in sorted(runs.items()):
+        order = [targets[k] for k in found]
+        header = f"{run} {'↓' if order[-1] < order[0] else '↑'}"
+        cells_of = tuple(found.get(k) for k in range(len(targets)))
+        columns.append(ForeignColumn(f"{header} [um]", header, "um", cells_of))
+    note = (
+        f"{os.path.basename(file)}: linear measurement of Renishaw's software, {len(targets)} targets in mm, "
+        f"{len(runs)} runs in um{f', axis {axis}' if axis else ''}."
+    )
+    places = tuple(f"target {k + 1}" for k in range(len(targets)))
+    return ForeignTable(file, tuple(columns), places, (note,))
+
+
+def _of_text(file: str, text: str, coding: str) -> ForeignTable:
+    lines = text.splitlines()
     head = [line for line in lines if line.strip()][:MOST_PREAMBLE]
+    head = [line for line in head if not line.lstrip().startswith(_REMARKS)] or head
     if not head:
         raise InputFileError(file, "file", "an empty file", _EXPECTED)
 

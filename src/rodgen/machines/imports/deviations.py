@@ -24,8 +24,8 @@ __all__ = ["as_distances", "of_ballbar"]
 
 Array = NDArray[np.float64]
 
-_POSITION = ("position", "target position", "nominal", "nominal position", "sollposition")
-_DEVIATION = ("deviation", "error", "dev")
+_POSITION = ("position", "target position", "target", "nominal", "nominal position", "sollposition")
+_DEVIATION = ("deviation", "error", "dev", "r-dev", "dr", "radial deviation", "radius deviation")
 _ANGLE = ("angle", "theta", "phi")
 _RADIUS = ("radius", "r", "d", "length")
 _UP, _DOWN = ("↑", "+", "up", "pos", "fwd", "forward"), ("↓", "-", "down", "neg", "rev", "back", "backward")
@@ -58,6 +58,10 @@ def as_distances(machine: Machine, table: ForeignTable) -> ForeignTable:
     passes = [each for each in passes if each[1]] or [(column, None) for column in (single,) if column]
     names = [column for column in table.columns if column.name in joints]
     position = names[0] if len(names) == 1 else _first(table, _POSITION)
+    if passes and passes[0][1] and not machine.measurand.has_origin:
+        what = f"kind = {machine.measured.kind!r}, and deviations at positions in {table.file}"
+        expected = "kind = 'distance' and from = the laser's place, as 'rodgen new linear-axis' writes it"
+        raise InputFileError(machine.file or machine.name, "[measured], kind", what, expected)
     if not machine.measurand.has_origin or position is None or not passes or _first(table, ("d",)):
         return table
     if position.name in joints:
@@ -126,9 +130,10 @@ def of_ballbar(machine: Machine, table: ForeignTable, plane: str, radius: float)
     """
     if machine.measured.origin is None:
         found = f"kind = {machine.measured.kind!r}"
-        raise InputFileError(
-            machine.file or machine.name, "[measured], kind", found, "'distance', for a ballbar"
+        expected = (
+            "kind = 'distance' and from = the circle's centre, as 'rodgen new 3-axis --ballbar' writes it"
         )
+        raise InputFileError(machine.file or machine.name, "[measured], kind", found, expected)
     angle = _first(table, _ANGLE)
     length, off = _first(table, _RADIUS), _first(table, _DEVIATION)
     if angle is None or (length is None and off is None):

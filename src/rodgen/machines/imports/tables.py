@@ -7,12 +7,13 @@ target, run, load, t, T_… and what else a measurement file knows. Anything els
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import math
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any
 
@@ -36,7 +37,7 @@ _OTHER_NAMES = {
     "el": ("alt", "altitude", "elevation", "star_el", "true_el", "star_alt"),
     "ha": ("hour_angle", "hourangle", "star_ha", "true_ha"),
     "dec": ("declination", "star_dec", "true_dec"),
-    "t": ("time", "timestamp", "date", "datetime", "utc"),
+    "t": ("time", "timestamp", "date", "datetime", "date_time", "utc"),
     "target": ("ball", "point", "marker", "reflector", "smr"),
 }
 _AXIS_NAMES = ("{}_axis", "axis_{}", "{}_achse", "achse_{}")
@@ -90,10 +91,11 @@ def measurements_of(
     """
     notes: list[str] = []
     parts: list[dict[str, list[Any]]] = []
-    stems = [os.path.splitext(os.path.basename(file))[0] for file in files]
     targets = [target.name for target in machine.targets]
-    for file, stem in zip(files, stems, strict=True):
-        table = read_foreign(file)
+    tables = _paired(machine, [read_foreign(file) for file in files], stated)
+    files = [table.file for table in tables]
+    stems = [os.path.splitext(os.path.basename(file))[0] for file in files]
+    for table, file, stem in zip(tables, files, stems, strict=True):
         table = of_ballbar(machine, table, *ballbar) if ballbar else as_distances(machine, table)
         columns, said = _of_table(machine, table, stated, units, attitudes or machine.measurand.has_attitude)
         rows = len(next(iter(columns.values())))
@@ -118,6 +120,59 @@ def measurements_of(
     }, notes
 
 
+def _paired(
+    machine: Machine, tables: list[ForeignTable], stated: Mapping[str, ColumnSource]
+) -> list[ForeignTable]:
+    """Return the tables, two of which are one where the first has the commands and the second the readings.
+
+    Rows belong together by a column that both have, in which each row has a value of its own, else by their order.
+    """
+    joints = [joint.name for joint in machine.joints]
+
+    def has(table: ForeignTable) -> list[bool]:
+        names = {_plain(column.name) for column in table.columns} | {c.header for c in table.columns}
+        return [
+            any(_plain(name) in names for name in _names_of_joint(joint))
+            or (joint in stated and stated[joint].name in names)
+            for joint in joints
+        ]
+
+    if len(tables) != 2 or sorted((all(has(t)), any(has(t))) for t in tables) != [
+        (False, False),
+        (True, True),
+    ]:
+        return tables
+    commands, readings = sorted(tables, key=lambda table: not all(has(table)))
+    theirs = {column.name: column for column in commands.columns}
+    rows, how = [*range(len(readings.places))], "in their order"
+    for column in readings.columns:
+        if column.name in theirs:
+            at = {str(cell): k for k, cell in enumerate(theirs[column.name].cells)}
+            found = [at.get(str(cell), -1) for cell in column.cells]
+            if len(at) == len(commands.places) and len({*found}) == len(found) and min(found) >= 0:
+                rows, how = found, f"by {shown(column.header)}"
+                break
+    else:
+        if len(commands.places) != len(readings.places):
+            what = f"{len(readings.places)} rows, and {len(commands.places)} of commands in {commands.file}"
+            expected = "a row for each command, or a column in both that says which row is which"
+            raise InputFileError(readings.file, "file", what, expected)
+    own = {column.name for column in readings.columns}
+    columns = [
+        replace(column, cells=tuple(column.cells[k] for k in rows))
+        for column in commands.columns
+        if column.name not in own
+    ]
+    note = f"Rows of {os.path.basename(commands.file)}, with the commands, belong to those of "
+    note += f"{os.path.basename(readings.file)} {how}."
+    notes = (*commands.notes, *readings.notes, note)
+    return [replace(readings, columns=(*columns, *readings.columns), notes=notes)]
+
+
+def _names_of_joint(joint: str) -> list[str]:
+    return [joint, *(each.format(joint) for each in _AXIS_NAMES)]
+
+
 def _of_table(
     machine: Machine,
     table: ForeignTable,
@@ -128,7 +183,7 @@ def _of_table(
     columns = _Columns(table, notes=list(table.notes))
     _take_stated(columns, stated)
     for joint in machine.joints:
-        _take_named(columns, joint.name, [each.format(joint.name) for each in _AXIS_NAMES], machine)
+        _take_named(columns, joint.name, _names_of_joint(joint.name), machine)
     if attitudes:
         _take_attitude(columns, machine)
     wide = {} if all(name in columns.found for name in _places(machine)) else _take_readings(columns, machine)
@@ -137,6 +192,8 @@ def _of_table(
             _take_named(columns, column.name, (), machine)
     for name in ("t", "target"):
         _take_named(columns, name, _OTHER_NAMES[name], machine)
+    _take_target(columns, machine)
+    _leave_unreadable_time(columns, stated)
     _check_all(columns, machine, wide)
     taken = {id(column) for column, _ in columns.found.values()}
     taken |= {id(column) for each in wide.values() for column in each.values()}
@@ -190,6 +247,31 @@ def _take_named(columns: _Columns, name: str, others: Sequence[str], machine: Ma
             columns.notes.append(f"{name} is {shown(column.header)}.")
         return True
     return False
+
+
+def _leave_unreadable_time(columns: _Columns, stated: Mapping[str, ColumnSource]) -> None:
+    """Take no column for the time of rows by its name alone where it has none."""
+    if "t" in columns.found and "t" not in stated:
+        column, _ = columns.found["t"]
+        if all(cell is None or is_number(cell) for cell in column.cells):
+            return
+        try:
+            _seconds(columns.table, column)
+        except InputFileError as error:
+            del columns.found["t"]
+            columns.notes.append(
+                f"{shown(column.header)} is no time: {error.found}; expected {error.expected}."
+            )
+
+
+def _take_target(columns: _Columns, machine: Machine) -> None:
+    """Take a column, of whatever name, in which each cell is the name of a target."""
+    targets = {target.name for target in machine.targets}
+    taken = {id(column) for column, _ in columns.found.values()}
+    for column in columns.table.columns:
+        if "target" not in columns.found and id(column) not in taken and {*column.cells} <= targets:
+            columns.found["target"] = column, ColumnSource(column.name)
+            columns.notes.append(f"target is {shown(column.header)}, which has names of targets.")
 
 
 def _places(machine: Machine) -> tuple[str, ...]:
@@ -395,22 +477,44 @@ def _unit(
     return unit, 1.0
 
 
+_NO_DATE = datetime.date(1, 1, 1)
+"""Of times of the day."""
+
+
+def _time(cell: Any) -> datetime.datetime:
+    """Return a time.
+
+    Raises
+    ------
+    ValueError
+    """
+    if isinstance(cell, datetime.datetime):
+        return cell
+    if isinstance(cell, datetime.time):
+        return datetime.datetime.combine(_NO_DATE, cell)
+    text = str(cell)
+    with contextlib.suppress(ValueError):
+        return datetime.datetime.combine(_NO_DATE, datetime.time.fromisoformat(text))
+    if german := re.fullmatch(r"(\d\d?)\.(\d\d?)\.(\d{4})[ T](.+)", text):
+        day, month, year, rest = german.groups()
+        text = f"{year}-{int(month):02}-{int(day):02}T{rest}"
+    return datetime.datetime.fromisoformat(text)
+
+
 def _seconds(table: ForeignTable, column: ForeignColumn) -> list[float]:
-    """Return seconds from the first time of a column of ISO times."""
+    """Return seconds from the first time of a column of times: ISO, day.month.year, or of the day alone."""
     times: list[datetime.datetime | None] = []
+    day, last = datetime.timedelta(days=1), None
     for place, cell in zip(table.places, column.cells, strict=True):
         try:
-            time = (
-                cell
-                if isinstance(cell, datetime.datetime)
-                else cell and datetime.datetime.fromisoformat(str(cell))
-            )
+            time = None if cell is None else _time(cell)
         except ValueError:
-            where = f"{place}, column {shown(column.header)}"
-            raise InputFileError(
-                table.file, where, shown(cell), "a time such as 2026-03-01T12:30:00"
-            ) from None
-        times.append(time or None)
+            where, expected = f"{place}, column {shown(column.header)}", "a time such as 2026-03-01T12:30:00"
+            raise InputFileError(table.file, where, shown(cell), expected) from None
+        if time and last and last.year == _NO_DATE.year:
+            time -= (time - last) // day * day  # past midnight
+        last = time or last
+        times.append(time)
     aware = [time.tzinfo is not None for time in times if time]
     if any(aware) and not all(aware):
         where = f"column {shown(column.header)}"

@@ -56,7 +56,12 @@ _ON_THE_AXES = """\
 
 
 def machine_template(
-    kind: str, *, code: str | None = None, latitude: float | None = None, balls: int | None = None
+    kind: str,
+    *,
+    code: str | None = None,
+    latitude: float | None = None,
+    balls: int | None = None,
+    ballbar: bool = False,
 ) -> str:
     """Return the text of a machine file with comments.
 
@@ -70,6 +75,8 @@ def machine_template(
         Of an equatorial mount, rad.
     balls : int, optional
         How many balls on a machine tool's table its spindle probes; None where the tool's place is measured.
+    ballbar : bool
+        Whether a ballbar measures the tool's distance from a ball on a machine tool's table.
 
     Raises
     ------
@@ -85,10 +92,12 @@ def machine_template(
         raise RodgenError(f"no kind {shown(kind)}; expected {suggestion(kind, KINDS)}")
     if code is not None and kind not in CODES:
         raise RodgenError(f"a code of {kind}; expected none: it is no machine tool")
-    if balls is not None and kind not in CODES:
+    if (balls is not None or ballbar) and kind not in CODES:
         raise RodgenError(f"balls of {kind}; expected none: it is no machine tool")
+    if balls is not None and ballbar:
+        raise RodgenError("balls and a ballbar; expected one of the two")
     if kind in CODES:
-        return _machine_tool(code or CODES[kind], balls)
+        return _machine_tool(code or CODES[kind], balls, ballbar=ballbar)
     text = resources.files(__name__).joinpath(f"{kind}.toml").read_text(encoding="utf-8")
     if kind.startswith("equatorial"):
         if latitude is None or not abs(latitude) <= math.pi / 2:
@@ -99,7 +108,7 @@ def machine_template(
     return text
 
 
-def _machine_tool(code: str, balls: int | None) -> str:
+def _machine_tool(code: str, balls: int | None, *, ballbar: bool) -> str:
     """Return the file of a machine tool: a chain from the workpiece to the tool, or the table under balls."""
     axes = re.findall(r"\(.*?\)|[A-Za-z]'?", code)  # what stands in parentheses is a spindle
     names = [axis.removesuffix("'") for axis in axes if not axis.startswith("(")]
@@ -110,16 +119,18 @@ def _machine_tool(code: str, balls: int | None) -> str:
             f"the code {shown(code)}; expected axes X, Y, Z, A, B, C, each once, from the workpiece w over the bed b "
             "to the tool t, such as '[w C A b X Y Z t]'"
         )
-    return "\n".join(_tool_lines(names, letters) if balls is None else _table_lines(names, letters, balls))
+    if balls is not None:
+        return "\n".join(_table_lines(names, letters, balls))
+    return "\n".join(_tool_lines(names, letters, ballbar=ballbar))
 
 
-def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
+def _tool_lines(names: list[str], letters: list[str], *, ballbar: bool) -> Iterator[str]:
     table = letters[: names.index("b") - 1]
     turning = [axis for axis in letters if axis in _TURNS]
     header = ",".join(f"{axis} [{'deg' if axis in _TURNS else 'mm'}]" for axis in letters)
     yield f"# A machine tool [{' '.join(names)}], in order from the workpiece w over the bed b to the tool t."
     yield from _ON_THE_AXES.splitlines()
-    yield f"# A row of measurements: {header},x [mm],y [mm],z [mm]"
+    yield f"# A row of measurements: {header},{'d [mm]' if ballbar else 'x [mm],y [mm],z [mm]'}"
     yield f'name = "Machine tool {" ".join(names)}"'
     yield _UNITS
     for branch, carried in (("workpiece", table[::-1]), ("tool", letters[len(table) :])):
@@ -135,7 +146,11 @@ def _tool_lines(names: list[str], letters: list[str]) -> Iterator[str]:
     yield "point = [0, 0, 0]            # the tool's tip, with all joints at zero: where the table's axes meet"
     yield ""
     yield "[measured]"
-    yield 'kind  = "point"'
+    if ballbar:
+        yield 'kind  = "distance"'
+        yield "from  = [0, 0, 0]            # the ball on the table, with all joints at zero: the circle's centre"
+    else:
+        yield 'kind  = "point"'
     yield 'frame = "machine"            # free: the readings are in a frame of the instrument'
     yield 'instrument = "workpiece"     # the tool is seen; "tool": sensors in the spindle see targets on the table'
     yield _NOISE
