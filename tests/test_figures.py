@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import json
+import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+from statistics import NormalDist
+from typing import Any
 
+import made_diagnoses
 import numpy as np
 import pytest
 from browser import check_layouts, needs_browser
 
 import rodgen
 from rodgen import Machine, Measurements, figures, spatial, three_sps_s, tricept
+from rodgen.calibration.fit import Fit
 from rodgen.calibration.ladder import ladder
 from rodgen.data.tables import read_pairs
 from rodgen.errors import InputFileError
 from rodgen.kinematics.tricept import TriceptStatus
 from rodgen.output.figures import files
+from rodgen.output.figures.drawn_rows import DrawnRows
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 U_PAPER = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
@@ -79,9 +87,32 @@ def maps() -> list:
     ]
 
 
+def of_rows() -> list:
+    machine, data = machine_and_data("gantry_rotary")
+    before = fitted("gantry_rotary")
+    after = machine.with_effect(machine.effect("encoder_eccentricity", "C")).fit(data)
+    return [
+        figures.residual_plot(after, "C", before=before, approach="C", selected=[3, 50], aside=[7]),
+        figures.residual_plot(after, "Z", before=before, colour="C", whitened=True),
+        figures.residual_plot(after, "dir_C", parts="C", colour="target"),
+        figures.residual_plot(after, "target", parts="together"),
+        figures.residual_map(after, before=before, selected=[3]),
+        figures.quantiles_of_residuals(after, before=before, selected=[3]),
+        figures.autocorrelation_of_residuals(after, before=before),
+        figures.residual_map(fitted("mount")),
+    ]
+
+
 @pytest.fixture(scope="module")
 def every() -> list:
-    return [*axis(), *telescope(), *comparison_of("mount"), *comparison_of("ballbar_gantry"), *maps()]
+    return [
+        *of_rows(),
+        *axis(),
+        *telescope(),
+        *comparison_of("mount"),
+        *comparison_of("ballbar_gantry"),
+        *maps(),
+    ]
 
 
 @pytest.mark.slow
@@ -200,9 +231,9 @@ def test_axis_figure_shows_every_pair_and_marks_outliers() -> None:
 
 
 def test_directions_and_distances_are_drawn() -> None:
-    for name, unit in (("mount", "arcsec"), ("ballbar_gantry", "mm")):
+    for name, unit in (("mount", "arcsec"), ("ballbar_gantry", "µm")):
         for figure in comparison_of(name):
-            assert unit in figure.to_json()
+            assert json.dumps(unit)[1:-1] in figure.to_json()
             assert figure.layout.meta["name"]
 
 
@@ -228,3 +259,156 @@ def test_map_of_attitudes_shows_the_cells() -> None:
         shown = z[np.abs(at - y).argmin(), np.abs(at - x).argmin()]
         status = found.status[0, azimuth, tilt]
         assert shown == (7 if found.joined[0, azimuth, tilt] else status)
+
+
+# residuals of rows -------------------------------------------------------------------------------------------------
+
+
+@cache
+def fitted(name: str) -> Fit:
+    machine, data = machine_and_data(name)
+    return machine.fit(data)
+
+
+def trace_of(figure: Any, panel: int, name: str) -> Any:
+    """The trace of a panel, from 0, whose name begins so."""
+    axis = f"x{panel + 1}" if panel else "x"
+    return next(t for t in figure.data if t.xaxis == axis and str(t.name).startswith(name))
+
+
+def test_residuals_stand_where_their_rows_are() -> None:
+    fit = fitted("gantry_rotary")
+    figure = figures.residual_plot(fit, "C", colour="Z", selected=[3], aside=[7])
+    kept = np.setdiff1d(np.arange(fit.observations.n), 7)
+    for panel in range(3):
+        trace = trace_of(figure, panel, "residual")
+        assert list(trace.x) == [None] if panel == 0 else trace.x is not None  # the legend's mark
+        trace = [t for t in figure.data if t.xaxis == trace.xaxis and t.name == trace.name][-1]
+        np.testing.assert_array_equal(trace.customdata, kept)
+        np.testing.assert_allclose(trace.x, np.degrees(fit.observations.q[kept, 3]))
+        np.testing.assert_allclose(trace.y, 1000 * fit.residuals[kept, panel])
+        np.testing.assert_allclose(trace.marker.color, fit.observations.q[kept, 2])
+        assert list(trace_of(figure, panel, "selected").customdata) == [3]
+        assert list(trace_of(figure, panel, "set aside").customdata) == [7]
+    assert trace.hovertext[0].startswith("line 2, ball_1<br>X ")
+    assert figure.layout.coloraxis.colorbar.title.text == "Z [mm]"
+    assert [note.text for note in figure.layout.annotations] == ["x [µm]", "y [µm]", "z [µm]"]
+
+
+def test_residuals_before_and_after_whitened_and_in_parts() -> None:
+    machine, data = machine_and_data("gantry_rotary")
+    before = fitted("gantry_rotary")
+    after = machine.with_effect(machine.effect("encoder_eccentricity", "C")).fit(data)
+    sides = {"before": before, "after": after}
+    together = figures.residual_plot(after, before=before, parts="together", whitened=True)
+    apart = figures.residual_plot(after, before=before, whitened=True, approach="C")
+    sigma = before.observations.sigma
+    for name, fit in sides.items():
+        size = np.linalg.norm(fit.residuals / sigma, axis=1)
+        np.testing.assert_allclose(trace_of(together, 0, name).y, size, rtol=1e-9)
+        forwards = trace_of(apart, 1, f"{name}, forwards")
+        rows = np.flatnonzero(before.observations.s[:, 3] > 0)
+        np.testing.assert_array_equal(forwards.customdata, rows)
+        np.testing.assert_allclose(forwards.y, (fit.residuals / sigma)[rows, 1])
+    table = made_diagnoses.table(72).base
+    along = figures.residual_plot(table, "C", parts="C")
+    reading, across = (trace_of(along, k, "residual") for k in (0, 1))
+    arm = np.linalg.norm(table.places(table.observations)[:, :2], axis=1) * np.pi / 648  # µm for an arcsec
+    size = 1000 * np.linalg.norm(table.residuals, axis=1)
+    np.testing.assert_allclose(np.hypot(reading.y * arm, across.y), size, rtol=1e-6)
+    with pytest.raises(ValueError, match="'W' is none of X, Y"):
+        figures.residual_plot(before, "W")
+    with pytest.raises(ValueError, match="'W' is no joint: X, Y, Z, C"):
+        figures.residual_plot(before, approach="W")
+
+
+def test_many_rows_are_thinned_keep_their_extremes_and_say_so() -> None:
+    fit = made_diagnoses.table(40_000).base
+    figure = figures.residual_plot(fit, selected=[12_345])
+    drawn = trace_of(figure, 0, "residual")
+    assert f"{len(drawn.x)} of 40000 rows are drawn" in figure.layout.meta["note"]
+    assert {12_345, *np.argsort(-np.abs(fit.residuals[:, 0]))[:10].tolist()} <= {*drawn.customdata.tolist()}
+    assert len(drawn.x) < 1100
+    mean = trace_of(figure, 0, "mean of neighbours")
+    np.testing.assert_allclose(np.mean(mean.y), 1000 * fit.residuals[:, 0].mean(), atol=0.2)
+
+
+def test_residuals_can_be_drawn_against_everything_that_varies() -> None:
+    sky = DrawnRows(fitted("mount"))
+    assert {"AZ", "EL", "altitude", "azimuth", "order"} <= sky.drivers.keys()
+    x, y, z = sky.places.T
+    np.testing.assert_allclose(sky.driver("altitude").noted, np.degrees(np.arcsin(z)), atol=1e-6)
+    np.testing.assert_allclose(sky.driver("azimuth").noted, np.degrees(np.arctan2(x, y)) % 360, atol=1e-6)
+    for name in sky.drivers:
+        assert figures.residual_plot(fitted("mount"), name).data
+
+
+def test_arrows_are_as_many_times_too_long_as_the_note_says() -> None:
+    fit = fitted("gantry_rotary")
+    figure = figures.residual_map(fit, exaggeration=5000.0, selected=[3])
+    assert "Arrows are 5,000 times as long as the residuals." in figure.layout.meta["note"]
+    arrows, row = trace_of(figure, 0, "residual"), trace_of(figure, 0, "residual").customdata[::3]
+    start, tip = (np.column_stack([arrows.x[k::3], arrows.y[k::3]]) for k in (0, 1))
+    np.testing.assert_allclose(start, fit.places(fit.observations)[row][:, :2])
+    np.testing.assert_allclose(tip - start, 5000 * fit.residuals[row][:, :2], atol=1e-9)
+    assert list(trace_of(figure, 0, "selected").customdata) == [3]
+    sky = figures.residual_map(fitted("mount"))
+    words = {note.text: (note.x, note.y) for note in sky.layout.annotations if note.text.startswith("az ")}
+    for azimuth, at in (("az 0°", (0, 1)), ("az 90°", (1, 0)), ("az 180°", (0, -1)), ("az 270°", (-1, 0))):
+        np.testing.assert_allclose(np.array(words[azimuth]) / 101, at, atol=1e-12)
+    arrows = trace_of(sky, 0, "residual")
+    drivers = DrawnRows(fitted("mount")).drivers
+    seen = np.degrees(np.arctan2(arrows.x[::3], arrows.y[::3])) % 360
+    np.testing.assert_allclose(
+        seen, drivers["azimuth"].noted, atol=0.01
+    )  # read and predicted differ by arcsec
+    times = float(re.search(r"Arrows are (\S+) times", sky.layout.meta["note"])[1].replace(",", ""))
+    start, tip = (np.column_stack([arrows.x[k::3], arrows.y[k::3]]) for k in (0, 1))
+    outwards = np.sum((tip - start) * start, axis=1) / np.linalg.norm(start, axis=1)
+    np.testing.assert_allclose(outwards * 3600, -times * fitted("mount").residuals[:, 1], rtol=0.1, atol=2000)
+
+
+def test_quantiles_are_those_of_all_rows() -> None:
+    fit = fitted("gantry_rotary")
+    figure = figures.quantiles_of_residuals(fit)
+    trace = trace_of(figure, 0, "residual")
+    r = 1000 * fit.residuals[:, 0]
+    np.testing.assert_allclose(trace.y, r[trace.customdata])
+    n, rank = len(r), np.argsort(np.argsort(r))
+    np.testing.assert_allclose([NormalDist().cdf(x) for x in trace.x], (rank + 0.5) / n, rtol=1e-9)
+    band = trace_of(figure, 0, "95 %")
+    half = len(band.x) // 2
+    low, high = np.array(band.y[:half]), np.array(band.y[half:][::-1])
+    middle = half // 2  # of the median: 1.253 sigma/sqrt(n) on both sides
+    assert (high - low)[middle] == pytest.approx(2 * 1.96 * 1.253 * np.std(r) / np.sqrt(n), rel=0.02)
+    assert np.all(high > low)
+
+
+def test_correlation_in_time_is_seen_and_independence_is_within_its_bounds() -> None:
+    random = np.random.default_rng(2)
+    n, keeps = 2000, 0.8
+    wander = np.zeros(n)
+    for k in range(1, n):
+        wander[k] = keeps * wander[k - 1] + random.normal()
+    angle = random.uniform(0, 360, n)
+    z = 0.001 * wander
+    data = {
+        "C [deg]": angle,
+        "x [mm]": 100 * np.cos(np.radians(angle)),
+        "y [mm]": 100 * np.sin(np.radians(angle)),
+    }
+    data |= {"z [mm]": z, "t [s]": 60.0 * np.arange(n)}
+    data["x [mm]"] = data["x [mm]"] + random.normal(size=n) * 0.001
+    machine = made_diagnoses.table(8, hidden=()).base.machine
+    fit = machine.fit(Measurements.from_frame(data))
+    figure = figures.autocorrelation_of_residuals(fit, against="t")
+    found = trace_of(figure, 2, "residual")
+    np.testing.assert_allclose(found.x, 60 * np.arange(1, 41))
+    np.testing.assert_allclose(found.y[:5], keeps ** np.arange(1, 6), atol=0.15)
+    independent, bound = trace_of(figure, 0, "residual"), trace_of(figure, 0, "95 %")
+    assert bound.y[0] == pytest.approx(1.96 / np.sqrt(n - 1))
+    assert np.mean(np.abs(independent.y) < bound.y) > 0.85
+    order = figures.autocorrelation_of_residuals(fit)
+    np.testing.assert_array_equal(trace_of(order, 2, "residual").x, np.arange(1, 41))
+    with pytest.raises(ValueError, match="no column t"):
+        figures.autocorrelation_of_residuals(fitted("gantry_rotary"), against="t")

@@ -21,8 +21,18 @@ from rodgen.statistics.monotone_curve import monotone_curve
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
+    from rodgen.machines.machine import Machine
 
-__all__ = ["Driver", "Kind", "drivers", "goes_round", "order_of_rows", "products"]
+__all__ = [
+    "Driver",
+    "Kind",
+    "drivers",
+    "drivers_of_place",
+    "goes_round",
+    "horizontal",
+    "order_of_rows",
+    "products",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 Kind: TypeAlias = Literal[
@@ -300,6 +310,44 @@ def drivers(o: Observations) -> Iterator[Driver]:
     targets = tuple(target.name for target in machine.targets)
     yield Driver("target", "target", o.target, o.target, text="the target", categories=targets)
     yield Driver("run", "run", o.run, o.run, text="the run", categories=o.run_names)
+
+
+def drivers_of_place(machine: Machine, place: Array) -> Iterator[Driver]:
+    """Yield where a model puts what was measured, of places (n, 3) in machine axes; of directions, unit vectors.
+
+    Of directions these are the altitude, and the azimuth as formulas have it: with z upwards 0 towards y and 90 degrees
+    towards x.
+    """
+    size = float(np.max(np.abs(place), initial=0.0)) or 1.0
+    place = np.round(place / size, 9) * size  # what differs by rounding is the same
+    up = -np.asarray(machine.gravity)
+    height = place @ up
+    level = place - np.outer(height, up)
+
+    def of(name: str, unit: str, values: Array, text: str, period: float | None = None) -> Driver:
+        return Driver("place", name, values, values, unit, text, period=period)
+
+    if machine.measurand.is_direction:
+        altitude = np.degrees(np.arctan2(height, np.linalg.norm(level, axis=1)))
+        yield of("altitude", "deg", altitude, "the altitude")
+        east, north = horizontal(up)
+        azimuth = np.degrees(np.arctan2(level @ east, level @ north)) % 360
+        yield of("azimuth", "deg", azimuth, "the azimuth", 360.0)
+    elif machine.measurand.moving:
+        unit = machine.length_unit
+        for i, x in enumerate("xyz"):
+            yield of(f"place {x}", unit, place[:, i], f"the place in {x}")
+        yield of("height", unit, height, "the height")
+        radius = np.linalg.norm(level, axis=1)
+        yield of("radius", unit, radius, "the distance from the vertical through the origin")
+
+
+def horizontal(up: Array) -> tuple[Array, Array]:
+    """Return the horizontal unit vectors at azimuth 90 and 0 degrees: east and north where x and y are so."""
+    north = np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    north = north - (north @ up) * up
+    north /= np.linalg.norm(north)
+    return np.cross(north, up), north
 
 
 def order_of_rows(o: Observations) -> Driver:

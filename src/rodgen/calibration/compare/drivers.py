@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import TypeAlias
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.compare.sample import Sample
-from rodgen.data.drivers import Driver, products
+from rodgen.data.drivers import Driver, drivers_of_place, products
 
 __all__ = ["Pair", "compared"]
 
@@ -65,7 +65,7 @@ def compared(sample: Sample) -> list[Driver | Pair]:
     """
     listed: list[Driver] = []
     given = (driver.as_noted(sample.mean, sample.first) for driver in sample.observations.drivers())
-    for driver in (*given, *_places(sample)):
+    for driver in (*given, *drivers_of_place(sample.fit.machine, sample.places)):
         if driver.levels < 2:
             continue
         twin = next((i for i, other in enumerate(listed) if _same(driver, other)), None)
@@ -75,37 +75,6 @@ def compared(sample: Sample) -> list[Driver | Pair]:
             listed[twin] = replace(listed[twin], same=(*listed[twin].same, driver.text))
     places = [driver for driver in listed if driver.kind == "place"]
     return [*(driver for driver in listed if driver.kind != "place"), *_pairs(listed), *places]
-
-
-def _places(sample: Sample) -> Iterator[Driver]:
-    """Yield where the model puts what was measured, in machine axes."""
-    machine, place = sample.fit.machine, sample.places
-    size = float(np.max(np.abs(place), initial=0.0)) or 1.0
-    place = np.round(place / size, 9) * size  # what differs by rounding is the same
-    up = -np.asarray(machine.gravity)
-    height = place @ up
-    level = place - np.outer(height, up)
-
-    def of(name: str, unit: str, values: Array, text: str, period: float | None = None) -> Driver:
-        return Driver("place", name, values, values, unit, text, period=period)
-
-    if not machine.measurand.moving and not machine.measurand.is_direction:
-        return
-    if not machine.measurand.moving:
-        altitude = np.degrees(np.arctan2(height, np.linalg.norm(level, axis=1)))
-        yield of("altitude", "deg", altitude, "the altitude")
-        # Azimuth counts from the first machine axis that is level enough, to the right as seen along gravity.
-        x = np.eye(3)[int(np.argmin(np.abs(up)))]
-        x = x - (x @ up) * up
-        azimuth = np.degrees(np.arctan2(level @ np.cross(up, x), level @ x))
-        yield of("azimuth", "deg", azimuth, "the azimuth", 360.0)
-        return
-    unit = machine.length_unit
-    for i, x in enumerate("xyz"):
-        yield of(f"place {x}", unit, place[:, i], f"the place in {x}")
-    yield of("height", unit, height, "the height")
-    radius = np.linalg.norm(level, axis=1)
-    yield of("radius", unit, radius, "the distance from the vertical through the origin")
 
 
 def _same(one: Driver, other: Driver) -> bool:

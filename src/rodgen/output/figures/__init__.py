@@ -11,7 +11,16 @@ from typing import Any as _Any
 
 if _TYPE_CHECKING:
     from rodgen.output.figures.axis import axis_fit as axis_fit
+    from rodgen.output.figures.comparisons import comparison as comparison
+    from rodgen.output.figures.comparisons import residuals_against as residuals_against
+    from rodgen.output.figures.comparisons import residuals_in_order as residuals_in_order
     from rodgen.output.figures.diagnoses import diagnosis as diagnosis
+    from rodgen.output.figures.diagnoses import planned_poses as planned_poses
+    from rodgen.output.figures.distributions import (
+        autocorrelation_of_residuals as autocorrelation_of_residuals,
+    )
+    from rodgen.output.figures.distributions import distribution_of_residuals as distribution_of_residuals
+    from rodgen.output.figures.distributions import quantiles_of_residuals as quantiles_of_residuals
     from rodgen.output.figures.files import check_figure_name as check_figure_name
     from rodgen.output.figures.files import check_images as check_images
     from rodgen.output.figures.files import check_place as check_place
@@ -19,31 +28,32 @@ if _TYPE_CHECKING:
     from rodgen.output.figures.files import save_figures as save_figures
     from rodgen.output.figures.ladders import ladder as ladder
     from rodgen.output.figures.machines import skeleton as skeleton
+    from rodgen.output.figures.maps import residual_map as residual_map
     from rodgen.output.figures.mechanism import planar_representation as planar_representation
     from rodgen.output.figures.parallel import influence as influence
     from rodgen.output.figures.parallel import orientation_workspace as orientation_workspace
     from rodgen.output.figures.parallel import uncertainty_map as uncertainty_map
-    from rodgen.output.figures.residuals import comparison as comparison
-    from rodgen.output.figures.residuals import distribution_of_residuals as distribution_of_residuals
-    from rodgen.output.figures.residuals import residuals_against as residuals_against
-    from rodgen.output.figures.residuals import residuals_in_order as residuals_in_order
-    from rodgen.output.figures.residuals import residuals_over_workspace as residuals_over_workspace
+    from rodgen.output.figures.residuals import residual_plot as residual_plot
 
 _PLACES = {
+    "autocorrelation_of_residuals": "distributions",
     "axis_fit": "axis",
     "check_figure_name": "files",
     "check_images": "files",
     "check_place": "files",
-    "comparison": "residuals",
+    "comparison": "comparisons",
     "diagnosis": "diagnoses",
-    "distribution_of_residuals": "residuals",
+    "distribution_of_residuals": "distributions",
     "influence": "parallel",
     "ladder": "ladders",
     "orientation_workspace": "parallel",
     "planar_representation": "mechanism",
-    "residuals_against": "residuals",
-    "residuals_in_order": "residuals",
-    "residuals_over_workspace": "residuals",
+    "planned_poses": "diagnoses",
+    "quantiles_of_residuals": "distributions",
+    "residual_map": "maps",
+    "residual_plot": "residuals",
+    "residuals_against": "comparisons",
+    "residuals_in_order": "comparisons",
     "save_figure": "files",
     "save_figures": "files",
     "skeleton": "machines",

@@ -3,47 +3,30 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.diagnosis import Unexplained
 from rodgen.calibration.words import plain
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import parse_unit
-from rodgen.output.figures.drawn_rows import Against, DrawnRows, coordinate
+from rodgen.output.figures.drawn_rows import DrawnRows, coordinate
 from rodgen.output.figures.ladders import error_ladder
-from rodgen.output.figures.maps import (
-    SKY_NOTE,
-    in_machine_axes,
-    residuals_in_space,
-    residuals_on_the_sky,
-    space_note,
-)
-from rodgen.output.figures.style import (
-    BLUE,
-    GREY,
-    ORANGE,
-    OUTLIER,
-    Array,
-    Index,
-    Panel,
-    add_trace,
-    column,
-    describe,
-    evenly,
-    label,
-    mark_size,
-)
+from rodgen.output.figures.maps import map_of
+from rodgen.output.figures.residuals import components_of, reading_of, residuals_over
+from rodgen.output.figures.style import BLUE, GREY, Array, Panel, column, describe, evenly, label
 from rodgen.output.numbers import Shown, percent, shown_unit
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Diagnosis
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan import Plan
+    from rodgen.data.drivers import Driver
 
 __all__ = [
     "LEVEL",
@@ -53,21 +36,16 @@ __all__ = [
     "diagnosis",
     "errors_of",
     "planned_poses",
-    "residuals_over",
+    "residuals_by",
     "rungs",
     "unit_of",
 ]
 
-MOST_ARROWS = 300
-MOST_RANKED = 10
+MOST_RANKED, MOST_MEASURED = 10, 1000
 LEVEL = 0.01
 """Probability of a false alarm among all candidates together."""
-MARGIN = 1.12
-"""Of the y axis beyond the largest residual."""
-PANEL, SINGLE = 140, 260
-"""Heights of a panel among others, and alone, in pixels."""
-ANGLES = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 60.0, 90.0, 180.0, 360.0, 720.0)
-"""Steps between the numbers of an axis that counts degrees."""
+SAME = 0.999
+"""Drivers that are correlated more than this count as one."""
 
 PLANNED = {"symbol": "diamond-open", "size": 9, "color": BLUE, "line": {"width": 2}}
 
@@ -85,14 +63,16 @@ def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Fig
         What to measure next.
     """
     shown = unit_of(diagnosis)
-    rows = DrawnRows(diagnosis, diagnosis.final_with_forms, shown)
+    rows = DrawnRows(diagnosis.base, diagnosis.final_with_forms, shown)
     yield errors_of(diagnosis, shown)
-    for against in rows.drivers():
-        yield residuals_over(rows, against)
-    yield _in_space(rows) if rows.base.machine.measurand.moving else _on_the_sky(rows)
+    for against in drivers(diagnosis, rows):
+        yield residuals_by(diagnosis, rows, against)
+    places = map_of(rows, _measured(diagnosis, rows))
+    if places is not None:
+        yield places
     if diagnosis.ranking:
         yield candidates(diagnosis)
-    planned = planned_poses(rows, plan)
+    planned = planned_poses(rows.base, plan, {step.effect.place for step in diagnosis.steps})
     if planned is not None:
         yield planned
 
@@ -157,151 +137,94 @@ def errors_of(diagnosis: Diagnosis, shown: Shown) -> go.Figure:
 # residuals ---------------------------------------------------------------------------------------------------------
 
 
-def residuals_over(rows: DrawnRows, against: Against) -> go.Figure:
-    """Return the residuals before and after over what they depend on, one of ``rows.drivers()``, in the same axes."""
-    driver, sides = against.driver, _sides(rows)
-    curves = [_curves(rows, fit, against) for _, fit in sides]
-    titles = [title for title, _ in curves[0]]
-    height = PANEL if len(titles) > 1 else SINGLE
-    below = label(plain(driver.label))
-    figure = column([Panel(title, height, below if title is titles[-1] else "") for title in titles])
-    x = np.asarray(driver.noted, float)
-    hover = [label(tip).replace("\n", "<br>") for tip in rows.tips]
-    for number in range(len(titles)):
-        limit = _limit(np.concatenate([curve[number][1][~rows.bad] for curve in curves]))
-        for (name, fit), curve in zip(sides, curves, strict=True):
-            y = curve[number][1]
-            for words, mask, mark in _kinds(rows, against, name):
-                at = np.flatnonzero(mask & ~rows.bad & np.isfinite(y))
-                _dots(
-                    figure, number, x[at], y[at], _named(rows, words, name, fit), mark, [hover[i] for i in at]
-                )
-        bad = np.flatnonzero(rows.bad & np.isfinite(curves[-1][number][1]))
-        if len(bad):
-            y = np.clip(curves[-1][number][1][bad], -0.95 * limit, 0.95 * limit)
-            _dots(figure, number, x[bad], y, "outlier, left out", OUTLIER, [hover[i] for i in bad])
-        figure.update_layout({f"yaxis{number + 1}": {"range": [-limit, limit], "zeroline": True}})
-    _scale(figure, len(titles), driver, x)
-    name = re.sub(r"[^A-Za-z0-9]", "_", driver.name)[:40].strip("_") or "column"
-    sizes = ", ".join(f"{name} {rows.shown(fit.rms)} {rows.shown.unit}" for name, fit in sides)
-    return describe(
-        figure,
-        f"residuals_by_{name}",
-        f"Residuals over {plain(driver.text)}",
-        note=" ".join(filter(None, [_measured(rows), *_remarks(rows, against)])),
-        alt=f"Measured minus predicted over {plain(driver.text)}; rms {sizes}.",
-    )
+def residuals_by(diagnosis: Diagnosis, rows: DrawnRows, against: Against) -> go.Figure:
+    """Return the residuals before and after against what they depend on, one of `drivers`, in the same axes."""
+    joint, remarks = against.joint, [_measured(diagnosis, rows)]
+    reading = [] if joint is None else reading_of(rows, joint)[:1]
+    if reading and joint is not None:
+        name = plain(rows.base.machine.joints[joint].name)
+        remarks.append(
+            f"At the top: the error of the reading of {name} that would explain each residual best."
+        )
+    panels = [*reading, *components_of(rows)]
+    return residuals_over(rows, against.driver, panels, approach=against.approach, remarks=remarks)
 
 
-def _sides(rows: DrawnRows) -> list[tuple[str, Fit]]:
-    return [("before", rows.base), ("after", rows.final)] if rows.two else [("residual", rows.base)]
-
-
-def _curves(rows: DrawnRows, fit: Fit, against: Against) -> list[tuple[str, Array]]:
-    found = []
-    if against.joint is not None:
-        along, unit = rows.along_reading(fit, against.joint)
-        if np.isfinite(along[~rows.bad]).any():
-            name = label(plain(fit.machine.joints[against.joint].name, 12))
-            found.append((f"reading of {name} [{label(unit)}]", along))
-    for name, r in zip(rows.names, rows.residuals(fit).T, strict=True):
-        found.append((f"{name} [{label(rows.shown.unit)}]", r))
-    return found
-
-
-def _kinds(rows: DrawnRows, against: Against, name: str) -> Iterator[tuple[str, Any, dict[str, Any]]]:
-    """Yield the groups that differ by shape: name, rows and mark."""
-    colour = {"before": ORANGE, "after": BLUE, "residual": BLUE}[name]
-    size = mark_size(len(rows.chosen))
-    if against.approach is None:
-        symbol = "circle" if name == "after" else "circle-open"
-        yield name, np.ones(len(rows.chosen), bool), {"symbol": symbol, "color": colour, "size": size}
-        return
-    ahead = against.approach >= 0
-    for words, mask, symbol in (
-        ("forwards", ahead, "triangle-right"),
-        ("backwards", ~ahead, "triangle-left-open"),
-    ):
-        yield f"{name}, {words}", mask, {"symbol": symbol, "color": colour, "size": 1.2 * size}
-
-
-def _named(rows: DrawnRows, words: str, name: str, fit: Fit) -> str:
-    return f"{words}: rms {rows.shown(fit.rms)} {label(rows.shown.unit)}" if words == name else words
-
-
-def _dots(
-    figure: go.Figure, number: int, x: Array, y: Array, name: str, mark: dict[str, Any], hover: Sequence[str]
-) -> None:
-    add_trace(
-        figure, number, name, x=x, y=y, mode="markers", marker={"opacity": 1, **mark}, hovertext=hover,
-        hoverinfo="text",
-    )  # fmt: skip
-
-
-def _scale(figure: go.Figure, panels: int, driver: Any, x: Array) -> None:
-    """Give the x axes names of categories, or round numbers of degrees."""
-    given: dict[str, Any] = {}
-    known = x[np.isfinite(x)]
-    span = float(np.ptp(known)) if len(known) else 0.0
-    if driver.categories:
-        names = [label(plain(name, 10)) for name in driver.categories]
-        given = {"tickvals": list(range(len(names))), "ticktext": names, "range": [-0.6, len(names) - 0.4]}
-    elif driver.unit == "deg" and span >= 5:
-        given = {"dtick": next((step for step in ANGLES if span / step <= 6), span / 6)}
-    figure.update_layout({f"xaxis{number + 1}": given for number in range(panels)})
-
-
-def _measured(rows: DrawnRows) -> str:
-    if not rows.two:
-        return "Measured minus predicted."
-    formed = rows.final is not rows.diagnosis.final
+def _measured(diagnosis: Diagnosis, rows: DrawnRows) -> str:
+    formed = rows.two and rows.final is not diagnosis.final
     return "Measured minus predicted." + (" After: with the form outside the catalogue." if formed else "")
 
 
-def _remarks(rows: DrawnRows, against: Against) -> Iterator[str]:
-    if against.joint is not None:
-        name = plain(rows.base.machine.joints[against.joint].name)
-        yield f"At the top: the error of the reading of {name} that would explain each residual best."
-    yield rows.thinned
-    if rows.bad.any():
-        yield "Outliers beyond the axis are drawn at its edge."
+@dataclass(frozen=True)
+class Against:
+    """A driver that residuals are drawn against.
+
+    Attributes
+    ----------
+    driver : Driver
+        Of the rows that are drawn.
+    joint : int or None
+        The joint whose reading is wrong, where an effect says so.
+    approach : ndarray of int, shape (n,), or None
+        Direction of approach, where the effect depends on it.
+    """
+
+    driver: Driver
+    joint: int | None = None
+    approach: NDArray[np.int8] | None = None
 
 
-def _limit(y: Array) -> float:
-    known = np.abs(y[np.isfinite(y)])
-    return float(known.max(initial=0.0)) * MARGIN or 1.0
+def drivers(diagnosis: Diagnosis, rows: DrawnRows, most: int = 2) -> list[Against]:
+    """Return what the effects that were found depend on, in their order; then the joints that moved."""
+    found: list[Against] = []
+    for one in _called_for(diagnosis, rows):
+        if len(found) == most:
+            break
+        if not any(_same(one.driver, other.driver) for other in found):
+            found.append(one)
+    return found
 
 
-def _in_space(rows: DrawnRows) -> go.Figure:
-    """Return residuals where they were measured: arrows of points, signs of distances."""
-    some = evenly(np.flatnonzero(~rows.bad & np.isfinite(rows.places).all(axis=1)), MOST_ARROWS)
-    residuals = [(name, in_machine_axes(fit, rows.residuals(fit))[some]) for name, fit in _sides(rows)]
-    unit, hover = rows.base.machine.length_unit, _hover(rows, some)
-    figure = residuals_in_space(rows.places[some], residuals, unit, rows.shown.unit, hover)
-    note = " ".join([_measured(rows), space_note(residuals[0][1]), *_few(rows, some)])
-    return describe(figure, "residuals_in_space", "Residuals over the workspace", note=note)
+def _called_for(diagnosis: Diagnosis, rows: DrawnRows) -> Iterator[Against]:
+    machine, known = rows.base.machine, rows.drivers
+    joints = {name: driver for name, driver in known.items() if driver.kind == "joint"}
+    order = known["order"]
+    for step in diagnosis.steps:
+        place, definition = step.effect.place, step.effect.definition
+        names = definition.formula.names
+        own = joints.get(str(place))
+        if own is not None and own.number is not None:
+            reading = own.number if definition.component == "reading" else None
+            by = {"T": f"T_{place}", "F": "load", "v": f"v_{place}"}
+            for name, column in by.items():
+                if name in names and column in known:
+                    yield Against(known[column], reading)
+            yield Against(own, reading, rows.o.s[:, own.number] if "s" in names else None)
+        elif definition.component == "lift" and "altitude" in known:
+            yield Against(known["altitude"])
+        elif definition.component in {"frame", "frame_shift"} and "t" in known:
+            yield Against(known["t"])
+        elif definition.component == "target" and len(machine.targets) > 1 and "target" in known:
+            yield Against(known["target"])
+        else:
+            yield Against(order)
+    for form in diagnosis.unexplained:
+        driver = known.get(form.driver)
+        if driver is not None:
+            yield Against(driver, driver.number if form.component == "reading" else None)
+    moved = sorted(joints.values(), key=lambda driver: -len(driver.distinct))
+    for driver in moved[:1] if diagnosis.steps else moved[:2]:
+        yield Against(driver)
+    if not diagnosis.steps:
+        yield Against(order)
 
 
-def _on_the_sky(rows: DrawnRows) -> go.Figure:
-    """Return residuals of directions as arrows, the zenith in the middle."""
-    some = evenly(np.flatnonzero(~rows.bad), MOST_ARROWS)
-    residuals = [(name, rows.residuals(fit)[some]) for name, fit in _sides(rows)]
-    figure = residuals_on_the_sky(
-        rows.base, rows.o.take(some), residuals, rows.shown.unit, _hover(rows, some)
-    )
-    note = " ".join([_measured(rows), SKY_NOTE, *_few(rows, some)])
-    return describe(figure, "residuals_on_the_sky", "Residuals on the sky", note=note)
-
-
-def _hover(rows: DrawnRows, some: Index) -> list[str]:
-    return [label(rows.tips[i]).replace("\n", "<br>") for i in some]
-
-
-def _few(rows: DrawnRows, some: Index) -> list[str]:
-    """Say which rows are not on a map."""
-    if len(some) < rows.total - int(rows.outlier.sum()):
-        return [f"{len(some)} of {rows.total} rows are drawn, evenly spread."]
-    return ["Outliers are left out."] if rows.outlier.any() else []
+def _same(one: Driver, other: Driver) -> bool:
+    if one.name == other.name:
+        return True
+    a, b = one.noted - one.noted.mean(), other.noted - other.noted.mean()
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return size > 0 and abs(float(a @ b)) > SAME * size
 
 
 # candidates --------------------------------------------------------------------------------------------------------
@@ -345,21 +268,29 @@ def candidates(diagnosis: Diagnosis) -> go.Figure:
 # what to measure next ----------------------------------------------------------------------------------------------
 
 
-def planned_poses(rows: DrawnRows, plan: Plan | None) -> go.Figure | None:
-    """Return planned poses among those measured, over the two joints that the plan moves most; None without a plan."""
-    new = planned_commands(rows.base, plan)
+def planned_poses(
+    fit: FittedModel, plan: Plan | None, asked: Collection[str | None] = ()
+) -> go.Figure | None:
+    """Return planned poses among those measured, over the two joints that the plan moves most; None without a plan.
+
+    Parameters
+    ----------
+    fit : FittedModel
+    plan : Plan or None
+    asked : collection of str
+        Joints that the question is about, which come first.
+    """
+    new = planned_commands(fit, plan)
     if new is None or not len(new):
         return None
-    machine, o = rows.base.machine, rows.base.observations
+    machine, o = fit.machine, fit.observations
     factors = np.array([coordinate(o, j)[1] for j in range(len(machine.joints))])
-    there = o.q[rows.chosen] / factors
+    there = o.q[evenly(o.n, MOST_MEASURED)] / factors
     size = np.ptp(np.concatenate([there, new]), axis=0)
     moved = [int(j) for j in np.flatnonzero(size > 0)]
     if not moved:
         return None
     spread = [float(np.ptp(new[:, j]) / (size[j] or 1.0)) for j in range(len(size))]
-    # The joints that the question is about come first.
-    asked = {step.effect.place for step in rows.diagnosis.steps}
     moved.sort(key=lambda j: (machine.joints[j].name not in asked, -spread[j]))
     names = [label(f"{plain(joint.name)} [{coordinate(o, j)[0]}]") for j, joint in enumerate(machine.joints)]
     single = len(moved) == 1
@@ -394,7 +325,7 @@ def planned_poses(rows: DrawnRows, plan: Plan | None) -> go.Figure | None:
     )
 
 
-def planned_commands(fit: Fit, plan: Plan | None) -> Array | None:
+def planned_commands(fit: FittedModel, plan: Plan | None) -> Array | None:
     """Return the commanded coordinates of a plan, (poses, joints), in the units of the data; None without."""
     if plan is None or not plan.rows:
         return None

@@ -1,27 +1,29 @@
-"""The rows that the figures of a diagnosis show, with their residuals before and after."""
+"""The rows that figures show, with the residuals of one fit, or of two before and after an effect."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.diagnosis import Diagnosis
-from rodgen.calibration.fit import Fit
 from rodgen.calibration.plan.words import column_unit
 from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
 from rodgen.calibration.words import plain, three_digits
-from rodgen.data.drivers import Driver, order_of_rows
+from rodgen.data.drivers import Driver, drivers_of_place, order_of_rows
 from rodgen.data.observations import Observations
+from rodgen.data.tables.table import row_place
 from rodgen.data.units import ARCSEC
-from rodgen.output.figures.maps import up_of
-from rodgen.output.numbers import Shown, minus
+from rodgen.output.figures.style import evenly, label
+from rodgen.output.numbers import Shown, minus, shown_unit
 
-__all__ = ["Against", "DrawnRows", "coordinate"]
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
+
+__all__ = ["DEVIATIONS", "DrawnRows", "coordinate", "taken"]
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -31,57 +33,55 @@ MOST_MARKS = 4000
 MOST_ROWS = 1000
 EXTREMES = 10
 """Largest residuals of each component, before and after, that are always drawn."""
-SAME = 0.999
-"""Drivers that are correlated more than this count as one."""
-
-
-@dataclass(frozen=True)
-class Against:
-    """A driver that residuals are drawn against.
-
-    Attributes
-    ----------
-    driver : Driver
-        Of the rows that are drawn.
-    joint : int or None
-        The joint whose reading is wrong, where an effect says so.
-    approach : ndarray of int, shape (n,), or None
-        Direction of approach, where the effect depends on it.
-    """
-
-    driver: Driver
-    joint: int | None = None
-    approach: NDArray[np.int8] | None = None
+DEVIATIONS = "standard deviations"
+"""The unit of whitened residuals."""
 
 
 class DrawnRows:
-    """The rows of a diagnosis that are drawn.
+    """The rows of observations that are drawn: all of few, of many some evenly spread and those with extremes.
 
     Parameters
     ----------
-    diagnosis : Diagnosis
-    last : Fit
-        With everything that was found.
-    shown : Shown
-        The unit in which errors are shown.
+    base : FittedModel
+    last : FittedModel, optional
+        Another model of the same observations, drawn as "after".
+    shown : Shown, optional
+        The unit in which errors are shown; left out: one in which both have few digits.
+    kept : collection of int, optional
+        Rows that are drawn in any case, such as those that are selected.
+    most : int, optional
+        Marks of a figure.
     """
 
-    def __init__(self, diagnosis: Diagnosis, last: Fit, shown: Shown) -> None:
-        self.diagnosis, self.shown = diagnosis, shown
-        self.base, self.final = diagnosis.base, last
+    def __init__(
+        self,
+        base: FittedModel,
+        last: FittedModel | None = None,
+        shown: Shown | None = None,
+        *,
+        kept: Collection[int] = (),
+        most: int = MOST_MARKS,
+    ) -> None:
+        self.base, self.final = base, base if last is None else last
+        self.shown = shown or shown_unit(base.unit, [base.rms, self.final.rms])
         self.outlier = self.base.outliers | self.final.outliers
-        n, m = self.base.residuals.shape
-        self.total = n
-        self.components = m
+        self.total, self.components = self.base.residuals.shape
         views = 2 if self.two else 1
-        self.chosen = self._chosen(min(MOST_ROWS, MOST_MARKS // ((m + 1) * views)))
+        self.most = min(MOST_ROWS, most // ((self.components + 1) * views))
+        self.chosen = self._chosen(kept)
         self.bad = self.outlier[self.chosen]
+        self.even = np.isin(self.chosen, self._evenly())
         self.o: Observations = self.base.observations.take(self.chosen)
 
     @property
     def two(self) -> bool:
         """Whether there is a model after the base."""
         return self.final is not self.base
+
+    @property
+    def sides(self) -> list[tuple[str, FittedModel]]:
+        """The models with what their residuals are called."""
+        return [("before", self.base), ("after", self.final)] if self.two else [("residual", self.base)]
 
     @property
     def thinned(self) -> str:
@@ -93,19 +93,46 @@ class DrawnRows:
             "of every component."
         )
 
-    def _chosen(self, most: int) -> Index:
-        if self.total <= most:
-            return np.arange(self.total)
-        kept = [np.linspace(0, self.total - 1, most).astype(np.intp)]
-        for fit in (self.base, self.final):
+    def _evenly(self) -> Index:
+        return evenly(self.total, self.most)
+
+    def _chosen(self, wanted: Collection[int]) -> Index:
+        kept = [self._evenly(), np.asarray([*wanted], np.intp)]
+        if self.total <= self.most:
+            return kept[0]
+        for _, fit in self.sides:
             size = np.where(self.outlier[:, None] | ~np.isfinite(fit.residuals), -1.0, np.abs(fit.residuals))
             kept += [np.argpartition(column, -EXTREMES)[-EXTREMES:] for column in size.T]
         kept.append(np.flatnonzero(self.outlier)[:EXTREMES])
         return np.unique(np.concatenate(kept))
 
-    def residuals(self, fit: Fit) -> Array:
+    @property
+    def units(self) -> list[str]:
+        """What components of a residual are shown in."""
+        return [self.shown.unit if unit == self.base.unit else unit for unit in self.base.units]
+
+    @property
+    def factors(self) -> Array:
+        """What brings components of residuals to `units`, (m,)."""
+        own = np.array([unit == self.base.unit for unit in self.base.units])
+        return np.where(own, self.shown.factor, self.base.in_units)
+
+    def residuals(self, fit: FittedModel) -> Array:
         """Return residuals, (chosen, m), in the unit shown."""
         return np.asarray(fit.residuals[self.chosen] * self.shown.factor)
+
+    def every(self, fit: FittedModel, *, whitened: bool = False) -> Array:
+        """Return the residuals of all rows, (n, m), in `units`; or whitened, in standard deviations.
+
+        Whitened: in stated standard deviations, less what a stated correlation explains; where none is stated, in those
+        of the last model's residuals.
+        """
+        if not whitened:
+            return np.asarray(fit.residuals * self.factors)
+        size = _weighted(fit)
+        if fit.observations.sigma is None:
+            size /= np.sqrt(np.mean(_weighted(self.final)[~self.final.outliers] ** 2)) or 1.0
+        return size
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -114,29 +141,30 @@ class DrawnRows:
 
     @cached_property
     def tips(self) -> tuple[str, ...]:
-        """The hover text of each row."""
+        """The hover text of each row: its place in the file, its target, its commanded coordinates."""
         machine, o = self.base.machine, self.o
-        before, after = self.residuals(self.base), self.residuals(self.final)
+        numbers = o.data.numbers(np.arange(o.n)).tolist()
+        targets = [plain(target.name, 24) for target in machine.targets]
+        joints = [plain(joint.name, 16) for joint in machine.joints]
+        commanded = np.transpose([o.q[:, j] / coordinate(o, j)[1] for j in range(len(joints))]).tolist()
         found = []
-        for i in range(len(self.chosen)):
-            where = [
-                f"{plain(joint.name, 16)} {_short(self._commanded(j)[i])}"
-                for j, joint in enumerate(machine.joints)
-            ]
-            lines = [self.o.data.place(i) + (", outlier" if self.bad[i] else "")]
-            if len(machine.targets) > 1:
-                lines[0] += f", {plain(machine.targets[int(o.target[i])].name, 24)}"
-            lines.append(", ".join(where))
-            for j, name in enumerate(self.names):
-                was = f"{name}: {_signed(before[i, j])}"
-                lines.append(f"{was} → {_signed(after[i, j])}" if self.two else was)
-            lines[-1] += f" {self.shown.unit}"
-            found.append("\n".join(lines))
+        for number, target, bad, row in zip(
+            numbers, o.target.tolist(), self.bad.tolist(), commanded, strict=True
+        ):
+            first = row_place(o.data.counted, [number]) + (", outlier" if bad else "")
+            if len(targets) > 1:
+                first += f", {targets[target]}"
+            where = ", ".join(f"{name} {value:.6g}" for name, value in zip(joints, row, strict=True))
+            found.append(label(f"{first}\n{minus(where)}").replace("\n", "<br>"))
         return tuple(found)
 
-    def _commanded(self, joint: int) -> Array:
-        """Return a joint's coordinates in the unit of the data."""
-        return np.asarray(self.o.q[:, joint] / coordinate(self.o, joint)[1])
+    def tip_with_residuals(self, row: int) -> str:
+        """Return the hover text of one row with its residuals, before and after."""
+        before, after = (self.residuals(fit)[row] for fit in (self.base, self.final))
+        lines = [self.tips[row]]
+        for name, was, now in zip(self.names, before, after, strict=True):
+            lines.append(f"{name}: {_signed(was)}" + (f" → {_signed(now)}" if self.two else ""))
+        return "<br>".join(lines) + f" {label(self.shown.unit)}"
 
     # where --------------------------------------------------------------------------------------------------------
 
@@ -145,82 +173,61 @@ class DrawnRows:
         """Where the model puts what was measured, (chosen, 3), in machine axes."""
         return self.base.places(self.o)
 
-    def along_reading(self, fit: Fit, joint: int) -> tuple[Array, str]:
-        """Return the error of a joint's reading that would explain each residual best, and its unit."""
+    def along_reading(self, fit: FittedModel, joint: int) -> tuple[Array, str, Array]:
+        """Return the error of a joint's reading that would explain each residual best, its unit, and what is across.
+
+        The part across is the size of the residual without it, in the unit shown.
+        """
         motion = motion_with_reading(fit, self.o, joint)
-        error = error_of_reading(motion, fit.residuals[self.chosen] * fit.unit_factor)
+        residual = np.asarray(fit.residuals[self.chosen]) * fit.unit_factor
+        error = error_of_reading(motion, residual)
+        across = np.linalg.norm(residual - np.nan_to_num(error)[:, None] * motion, axis=1)
         turns = fit.machine.joints[joint].revolute
         unit, factor = ("arcsec", 1 / ARCSEC) if turns else (self.shown.unit, self.shown.factor)
-        return error * factor, unit
+        return error * factor, unit, across / fit.unit_factor * self.shown.factor
 
     # against what -------------------------------------------------------------------------------------------------
 
-    def drivers(self, most: int = 2) -> list[Against]:
-        """Return what the effects that were found depend on, in their order; then the joints that moved."""
-        found: list[Against] = []
-        for one in self._candidates():
-            if len(found) == most:
-                break
-            varies = np.ptp(one.driver.noted) > 0
-            if varies and not any(_same(one.driver, other.driver) for other in found):
-                found.append(one)
-        return found
+    @cached_property
+    def drivers(self) -> dict[str, Driver]:
+        """What residuals can be drawn against, by name, as far as it varies; of the rows that are drawn.
 
-    def _candidates(self) -> Iterator[Against]:
-        machine = self.base.machine
-        known = {driver.name: driver for driver in self.o.drivers()}
-        joints = self.o.drivers("joint")
-        order = order_of_rows(self.o)
-        for step in self.diagnosis.steps:
-            place, definition = step.effect.place, step.effect.definition
-            names = definition.formula.names
-            own = next((joint for joint in joints if joint.name == place), None)
-            reading = own.number if own and definition.component == "reading" else None
-            if own is not None:
-                by = {"T": f"T_{place}", "F": "load", "v": f"v_{place}"}
-                for name, column in by.items():
-                    if name in names and column in known:
-                        yield Against(known[column], reading)
-                approach = self.o.s[:, own.number] if "s" in names else None
-                yield Against(own, reading, approach)
-            elif definition.component == "lift":
-                yield Against(self._altitude())
-            elif definition.component in {"frame", "frame_shift"} and "t" in known:
-                yield Against(known["t"])
-            elif definition.component == "target" and len(machine.targets) > 1:
-                yield Against(known["target"])
-            else:
-                yield Against(order)
-        for form in self.diagnosis.unexplained:
-            driver = known.get(form.driver)
-            if driver is not None:
-                yield Against(driver, driver.number if form.component == "reading" else None)
-        moved = sorted(joints, key=lambda driver: -len(driver.distinct))
-        for driver in moved[:1] if self.diagnosis.steps else moved[:2]:
-            yield Against(driver)
-        if not self.diagnosis.steps:
-            yield Against(order)
+        Joints, their directions of approach, velocities and temperatures, the load, further columns, the time, the
+        order of measurement, target and run, and where the model puts what was measured.
+        """
+        o = self.base.observations
+        every = [taken(driver, self.chosen) for driver in (*o.drivers(), order_of_rows(o))]
+        every += drivers_of_place(self.base.machine, self.places)
+        return {d.name: d for d in every if d.kind == "order" or np.ptp(d.values) > 0}
 
-    def _altitude(self) -> Driver:
-        altitude = np.degrees(np.arcsin(np.clip(self.o.reading @ up_of(self.base), -1, 1)))
-        return Driver("place", "altitude", altitude, altitude, "deg", "the altitude")
+    def driver(self, name: str) -> Driver:
+        """Return one of `drivers`.
+
+        Raises
+        ------
+        ValueError
+            When there is none of this name.
+        """
+        if name not in self.drivers:
+            raise ValueError(f"{name!r} is none of {', '.join(self.drivers)}")
+        return self.drivers[name]
+
+
+def _weighted(fit: FittedModel) -> Array:
+    size = fit.residuals * (fit.problem.base_weight * fit.unit_factor)
+    whitening = fit.machine.measured.whitening
+    return np.asarray(size if whitening is None else size @ whitening.T)
+
+
+def taken(driver: Driver, rows: Index) -> Driver:
+    """Return a driver of some of its rows."""
+    coordinate = None if driver.coordinate is None else taken(driver.coordinate, rows)
+    return replace(driver, values=driver.values[rows], noted=driver.noted[rows], coordinate=coordinate)
 
 
 def coordinate(o: Observations, joint: int) -> tuple[str, float]:
     """Return the unit in which a joint's coordinate is shown, that of the data, and its internal value."""
     return column_unit(o, o.machine.joints[joint].name)
-
-
-def _same(one: Driver, other: Driver) -> bool:
-    if one.name == other.name:
-        return True
-    a, b = one.noted - one.noted.mean(), other.noted - other.noted.mean()
-    size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return size > 0 and abs(float(a @ b)) > SAME * size
-
-
-def _short(value: float) -> str:
-    return minus(f"{value:.6g}")
 
 
 def _signed(value: float) -> str:

@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 
+from rodgen.data.drivers import horizontal
+from rodgen.output.figures.drawn_rows import DrawnRows
 from rodgen.output.figures.style import (
     BLUE,
     INK,
     LINE,
     ORANGE,
+    SELECTED,
     SOFT,
     Array,
+    Index,
     Panel,
     add_arrows,
     add_trace,
     column,
+    describe,
+    evenly,
     from_zenith,
-    horizontal,
     label,
     ring,
 )
@@ -30,14 +37,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = [
-    "SKY_NOTE",
-    "in_machine_axes",
-    "residuals_in_space",
-    "residuals_on_the_sky",
-    "space_note",
-    "up_of",
-]
+__all__ = ["map_of", "residual_map", "up_of"]
 
 FLAT, TALL = 0.5, 1.1
 """Least and largest height of a map, as a share of its width."""
@@ -50,17 +50,104 @@ SKY_ARROW = 8.0
 FLAT_SPACE = 0.02
 """A third dimension below this share of the largest is not drawn for distances."""
 COLOURS = {"before": ORANGE, "after": BLUE, "residual": BLUE}
-SKY_NOTE = "The zenith is in the middle, circles are of equal altitude."
+LONGEST_KEY = 0.3
+"""Length of the arrow that is the key, as a share of the map's width."""
+MOST_ARROWS = 300
+OUTSIDE = 101.0
+"""Where azimuths are written, in degrees from the zenith."""
+SKY_NOTE = (
+    "The zenith is in the middle, circles are of equal altitude; azimuth is 0° towards {} and 90° towards {}."
+)
 
 
-def space_note(residuals: Array) -> str:
-    """Return what to know of a map of residuals (n, 3) or (n, 1) over the workspace."""
-    area = "" if residuals.shape[1] == 3 else " The area of a mark follows the size of the residual."
-    return f"In machine axes.{area}"
+def residual_map(
+    fit: FittedModel,
+    *,
+    before: FittedModel | None = None,
+    exaggeration: float = 0.0,
+    selected: Collection[int] = (),
+    most: int = MOST_ARROWS,
+) -> go.Figure | None:
+    """Return the residuals where they were measured: as arrows over the workspace or on the sky, of distances as signs.
+
+    None where only angles or attitudes are read.
+
+    The ``customdata`` of every arrow's foot is the number of its row, from 0.
+
+    Parameters
+    ----------
+    fit : FittedModel
+    before : FittedModel, optional
+        Another model of the same observations, whose residuals are drawn, too.
+    exaggeration : float, optional
+        How many times as long as residuals their arrows are, which the note says; left out: so that they can be seen.
+    selected : collection of int, optional
+        Rows that are marked.
+    most : int, optional
+        Arrows; of more rows some are drawn, and the note says so.
+    """
+    rows = DrawnRows(before or fit, None if before is None else fit, kept=selected)
+    return map_of(rows, exaggeration=exaggeration, selected=selected, most=most)
 
 
-def in_machine_axes(fit: FittedModel, residuals: Array) -> Array:
-    """Return residuals of points (n, 3) in machine axes; those of distances (n, 1) as they are."""
+def map_of(
+    rows: DrawnRows,
+    remark: str = "Measured minus predicted.",
+    *,
+    exaggeration: float = 0.0,
+    selected: Collection[int] = (),
+    most: int = MOST_ARROWS,
+) -> go.Figure | None:
+    """Return the figure of `residual_map` of rows, with a sentence that its note begins with."""
+    sky = rows.base.machine.measurand.is_direction
+    if not sky and not rows.base.machine.measurand.moving:
+        return None
+    known = ~rows.bad if sky else ~rows.bad & np.isfinite(rows.places).all(axis=1)
+    chosen = np.isin(rows.chosen, np.asarray([*selected], np.intp))
+    some = np.union1d(evenly(np.flatnonzero(known), most), np.flatnonzero(known & chosen))
+    marks = Marks([rows.tip_with_residuals(i) for i in some], rows.chosen[some], chosen[some])
+    found = [rows.residuals(fit)[some] for _, fit in rows.sides]
+    names = [name for name, _ in rows.sides]
+    if sky:
+        pairs = list(zip(names, found, strict=True))
+        figure, times = _on_the_sky(rows, rows.o.take(some), pairs, marks, exaggeration)
+        name, title, note = "residuals_on_the_sky", "Residuals on the sky", [_sky_note(rows)]
+    else:
+        pairs = [(name, _in_machine_axes(rows.base, r)) for name, r in zip(names, found, strict=True)]
+        figure, times = _in_space(rows, rows.places[some], pairs, marks, exaggeration)
+        name, title, note = "residuals_in_space", "Residuals over the workspace", ["In machine axes."]
+    if not times:
+        note.append("The area of a mark follows the size of the residual.")
+    else:
+        note.append(f"Arrows are {times:,.6g} times as long as the residuals.")
+    if len(some) < rows.total - int(rows.outlier.sum()):
+        note.append(f"{len(some)} of {rows.total} rows are drawn.")
+    elif rows.outlier.any():
+        note.append("Outliers are left out.")
+    return describe(figure, name, title, note=" ".join([remark, *note]))
+
+
+@dataclass(frozen=True)
+class Marks:
+    """What belongs to the rows of a map.
+
+    Attributes
+    ----------
+    hover : sequence of str
+    row : ndarray of int, shape (n,)
+        Their numbers.
+    chosen : ndarray of bool, shape (n,)
+        Which are selected.
+    """
+
+    hover: Sequence[str]
+    row: Index
+    chosen: NDArray[np.bool_]
+
+
+def _in_machine_axes(fit: FittedModel, residuals: Array) -> Array:
+    """Return residuals of points, also of poses, (n, 3), in machine axes; those of distances, (n, 1), as they are."""
+    residuals = residuals[:, :3]
     if residuals.shape[1] == 3 and fit.machine.measured.frame == "free":
         return np.asarray(residuals @ fit.solution.frame.rotation)
     return residuals
@@ -72,39 +159,25 @@ def up_of(fit: FittedModel) -> Array:
     return np.asarray(fit.solution.frame.rotation @ up if fit.machine.measured.frame == "free" else up)
 
 
-def residuals_in_space(
-    places: Array,
-    residuals: Sequence[tuple[str, Array]],
-    length_unit: str,
-    unit: str,
-    hover: Sequence[str] = (),
-) -> go.Figure:
-    """Return maps of residuals over the workspace in two projections.
+def _in_space(
+    rows: DrawnRows, places: Array, residuals: Sequence[tuple[str, Array]], marks: Marks, exaggeration: float
+) -> tuple[go.Figure, float]:
+    """Return maps of residuals over the workspace in two projections, and by how much arrows are too long.
 
-    Residuals of points are arrows; those of distances are triangles, upwards where more was measured.
-
-    Parameters
-    ----------
-    places : ndarray, shape (n, 3)
-        Where they were measured, in machine axes.
-    residuals : sequence of (str, ndarray)
-        Named ``"residual"``, or ``"before"`` and ``"after"``; each (n, 3), in machine axes, or (n, 1). The first one
-        gives the scale.
-    length_unit, unit : str
-        Of places and residuals.
-    hover : sequence of str, optional
-        Hover text of each place.
+    Residuals of points are arrows, (n, 3) in machine axes; those of distances, (n, 1), are triangles, upwards where
+    more was measured. The first of them gives the scale.
     """
     points = residuals[0][1].shape[1] == 3
+    length_unit, unit = rows.base.machine.length_unit, rows.shown.unit
     spread = np.ptp(places, axis=0) if len(places) else np.ones(3)
     order = np.argsort(-spread, kind="stable")
     first = sorted(int(k) for k in order[:2])
     planes = [(first[0], first[1])]
     if spread[order[2]] > FLAT_SPACE * spread[order[0]] or points:
         planes.append((first[0], int(order[2])))
-    rms = float(np.sqrt(np.mean(np.sum(residuals[0][1] ** 2, axis=1)))) if len(places) else 1.0
-    size = rms or 1.0
+    size = _rms(residuals[0][1])
     frames = [_frame(places[:, a], places[:, b]) for a, b in planes]
+    wide = [xlim[1] - xlim[0] for xlim, _ in frames]
     panels = [
         Panel(
             f"{'xyz'[b]} [{label(length_unit)}]",
@@ -115,15 +188,19 @@ def residuals_in_space(
         for (a, b), (xlim, ylim) in zip(planes, frames, strict=True)
     ]
     figure = column(panels)
+    # one scale for all projections, in units of length for one unit of residuals
+    times = exaggeration or _round_size(ARROW * wide[0] / size * rows.shown.factor)[1]
+    scale = times / rows.shown.factor
     for number, ((a, b), (xlim, ylim)) in enumerate(zip(planes, frames, strict=True)):
-        scale = ARROW * (xlim[1] - xlim[0]) / size
+        at = places[:, [a, b]]
         for name, r in residuals:
             if points:
-                start = places[:, [a, b]]
-                tip = start + scale * r[:, [a, b]]
-                add_arrows(figure, number, start, tip, name, COLOURS[name], hover, legend=number == 0)
+                add_arrows(
+                    figure, number, at, at + scale * r[:, [a, b]], name, COLOURS[name], marks.hover, marks.row
+                )
             else:
-                _signs(figure, number, places[:, [a, b]], r[:, 0], size, name, hover)
+                _signs(figure, number, at, r[:, 0], size, name, marks)
+        _selected(figure, number, at, marks)
         figure.update_layout(
             {
                 f"xaxis{number + 1}": {"range": list(xlim)},
@@ -131,13 +208,32 @@ def residuals_in_space(
             }
         )
     if points:
-        key, length = _round_size(size)
-        _key(figure, ARROW * length / size, f"{key} {unit}")
-    return figure
+        _key(figure, scale / wide[0], size, unit)
+    return figure, times if points else 0.0
 
 
-def _key(figure: go.Figure, share: float, text: str) -> None:
-    """Add an arrow of known length, as a share of the width, above the first map, at the right."""
+def _rms(residuals: Array) -> float:
+    """Return the root mean square of the lengths of residuals, (n, m); 1 where there are none."""
+    return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1)))) or 1.0 if len(residuals) else 1.0
+
+
+def _selected(figure: go.Figure, number: int, at: Array, marks: Marks) -> None:
+    some = np.flatnonzero(marks.chosen)
+    if len(some):
+        add_trace(
+            figure, number, "selected", x=at[some, 0], y=at[some, 1], mode="markers", marker=SELECTED,
+            customdata=marks.row[some],
+        )  # fmt: skip
+
+
+def _key(figure: go.Figure, scale: float, size: float, unit: str) -> None:
+    """Add an arrow of known length above the first map, at the right.
+
+    Its length is a round number near `size`, no longer than a third of the map; `scale` is the share of the width that
+    one unit has.
+    """
+    text, length = _round_size(min(size, LONGEST_KEY / scale))
+    share, text = scale * length, f"{text} {unit}"
     figure.add_annotation(
         x=1 - share - 0.01, y=1, xref="x domain", yref="y domain", xanchor="right", yanchor="bottom", yshift=4,
         text=label(text), showarrow=False, font={"size": 12, "color": SOFT},
@@ -148,17 +244,15 @@ def _key(figure: go.Figure, share: float, text: str) -> None:
     )  # fmt: skip
 
 
-def _signs(
-    figure: go.Figure, number: int, at: Array, r: Array, size: float, name: str, hover: Sequence[str]
-) -> None:
+def _signs(figure: go.Figure, number: int, at: Array, r: Array, size: float, name: str, marks: Marks) -> None:
     for sign, symbol, words in ((1, "triangle-up", "longer"), (-1, "triangle-down-open", "shorter")):
         some = np.flatnonzero(r * sign > 0)
         title = f"{words} than predicted" if name == "residual" else f"{name}: {words} than predicted"
         areas = 9 * np.sqrt(np.clip(np.abs(r[some]) / size, 0.1, 4.0))
-        said = {"hovertext": [hover[int(i)] for i in some], "hoverinfo": "text"} if len(hover) else {}
         add_trace(
             figure, number, title, f"{name} {words}", x=at[some, 0], y=at[some, 1], mode="markers",
-            marker={"symbol": symbol, "color": COLOURS[name], "size": areas}, **said,
+            marker={"symbol": symbol, "color": COLOURS[name], "size": areas}, customdata=marks.row[some],
+            hovertext=[marks.hover[int(i)] for i in some], hoverinfo="text",
         )  # fmt: skip
 
 
@@ -183,52 +277,67 @@ def _round_size(size: float) -> tuple[str, float]:
     return f"{value:.6g}", value
 
 
-def residuals_on_the_sky(
-    fit: FittedModel,
+def _on_the_sky(
+    rows: DrawnRows,
     readings: Observations,
     residuals: Sequence[tuple[str, Array]],
-    unit: str,
-    hover: Sequence[str] = (),
-) -> go.Figure:
-    """Return residuals of directions as arrows on the sky: the zenith in the middle, the horizon outside.
+    marks: Marks,
+    exaggeration: float,
+) -> tuple[go.Figure, float]:
+    """Return residuals of directions as arrows on the sky, and by how much they are too long.
 
-    Parameters
-    ----------
-    fit : FittedModel
-        Whose machine and frame say where the zenith is.
-    readings : Observations
-        n measured directions.
-    residuals : sequence of (str, ndarray)
-        Named ``"residual"``, or ``"before"`` and ``"after"``; each (n, 2). The first one gives the scale.
-    unit : str
-    hover : sequence of str, optional
-        Hover text of each direction.
+    The zenith is in the middle, the horizon outside, azimuth 0 above and 90 degrees at the right, as on a map. The
+    first of the residuals, (n, 2), gives the scale.
     """
-    directions, basis, up = readings.reading, readings.basis, up_of(fit)
+    directions, basis, up = readings.reading, readings.basis, up_of(rows.base)
     x, y = horizontal(up)
-    size = float(np.sqrt(np.mean(residuals[0][1] ** 2)) * math.sqrt(2)) or 1.0
+    size = _rms(residuals[0][1])
+    times = exaggeration or _round_size(SKY_ARROW / size * 3600)[1]
+    scale = times / 3600  # degrees for an arcsec
     start = from_zenith(directions, x, y, up)
-    far = max(104.0, 1.08 * float(np.max(np.abs(start), initial=0.0)))
+    far = max(116.0, 1.08 * float(np.max(np.abs(start), initial=0.0)))
     figure = column([Panel(" ", 520, " ", equal=True)])
     for radius in (30.0, 60.0, 90.0):
-        line, words = ring(radius, f"{90 - radius:.0f}°", 0.11 * far)
+        line, words = ring(radius, f"alt {90 - radius:.0f}°", 0.2 * far)
         figure.add_trace(go.Scatter(**line))
         figure.add_annotation(**words)
-    for c, s, name in ((1, 0, "x"), (0, 1, "y"), (-1, 0, "−x"), (0, -1, "−y")):
+    for azimuth in range(0, 360, 45):
+        to = _on_a_map(90.0, azimuth)
         figure.add_shape(
-            type="line", x0=0, y0=0, x1=90 * c, y1=90 * s, line={"color": LINE, "width": 1}, layer="below"
+            type="line", x0=0, y0=0, x1=to[0], y1=to[1], line={"color": LINE, "width": 1}, layer="below"
         )
-        figure.add_annotation(
-            x=97 * c, y=97 * s, text=name, showarrow=False, font={"size": 12, "color": SOFT}
-        )
+        if azimuth % 90 == 0:
+            at = _on_a_map(OUTSIDE, azimuth)
+            figure.add_annotation(
+                x=at[0], y=at[1], text=f"az {azimuth}°", showarrow=False, font={"size": 12, "color": SOFT}
+            )
     for name, r in residuals:
-        move = (r[:, :1] * basis[0] + r[:, 1:] * basis[1]) * (np.radians(SKY_ARROW) / size)
+        move = (r[:, :1] * basis[0] + r[:, 1:] * basis[1]) * np.radians(scale)
         tip = from_zenith(directions + move, x, y, up)
-        add_arrows(figure, 0, start, tip, name, COLOURS[name], hover)
-    key, length = _round_size(size)
+        add_arrows(figure, 0, start, tip, name, COLOURS[name], marks.hover, marks.row)
+    _selected(figure, 0, start, marks)
     figure.update_xaxes(range=[-far, far], visible=False)
     figure.update_yaxes(range=[-far, far], visible=False)
-    _key(figure, length / size * SKY_ARROW / (2 * far), f"{key} {unit}")
+    _key(figure, scale / (2 * far), size, rows.shown.unit)
     figure.update_layout(margin={"l": 12, "r": 12, "b": 8})
     figure.update_layout(height=figure.layout.height - 42)
-    return figure
+    return figure, times
+
+
+def _on_a_map(zenith_angle: float, azimuth: float) -> tuple[float, float]:
+    angle = math.radians(azimuth)
+    return zenith_angle * math.sin(angle), zenith_angle * math.cos(angle)
+
+
+def _sky_note(rows: DrawnRows) -> str:
+    """Return what to know of a sky; azimuth counts as in formulas."""
+    up = -np.asarray(rows.base.machine.gravity)
+    east, north = horizontal(up)
+    return SKY_NOTE.format(_axis_name(north), _axis_name(east))
+
+
+def _axis_name(vector: Array) -> str:
+    """Return the name of the machine axis that a level direction is along, or whose horizontal part is."""
+    k = int(np.argmax(np.abs(vector)))
+    name = ("−" if vector[k] < 0 else "") + "xyz"[k]
+    return name if abs(vector[k]) > 1 - 1e-9 else f"the horizontal part of {name}"

@@ -1,34 +1,32 @@
-"""The residuals of a comparison: against each covariate, over the workspace, in order, and their distribution.
+"""The residuals of each row against anything that was recorded, of one model or before and after another.
 
+Every mark has the number of its row as ``customdata``, so that a page can select in one figure and mark in all others.
 Large data are thinned, and the note of the figure says so.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 
-from rodgen.calibration.reading_motion import error_of_reading
-from rodgen.calibration.words import plain, three_digits
-from rodgen.data.drivers import order_of_rows
-from rodgen.data.units import ARCSEC
-from rodgen.output.figures.maps import (
-    SKY_NOTE,
-    in_machine_axes,
-    residuals_in_space,
-    residuals_on_the_sky,
-    space_note,
-)
+from rodgen.calibration.words import plain
+from rodgen.output.figures.drawn_rows import DEVIATIONS, MOST_MARKS, DrawnRows
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
     INK,
-    LINE,
+    ORANGE,
     OUTLIER,
+    PURPLE,
+    SELECTED,
+    SOFT,
     Array,
     Index,
     Panel,
@@ -36,298 +34,417 @@ from rodgen.output.figures.style import (
     axes,
     column,
     describe,
-    evenly,
     label,
     mark_size,
 )
 
 if TYPE_CHECKING:
-    from rodgen.calibration.compare.comparison import Comparison
+    from rodgen.calibration.fitted import FittedModel
     from rodgen.data.drivers import Driver
 
 __all__ = [
-    "comparison",
-    "distribution_of_residuals",
-    "residuals_against",
-    "residuals_in_order",
-    "residuals_over_workspace",
+    "SIDES",
+    "ResidualPanel",
+    "add_rows",
+    "components_of",
+    "file_name",
+    "reading_of",
+    "residual_plot",
+    "residuals_over",
 ]
 
-MOST_DOTS, MOST_ARROWS, MOST_RUNS = 4000, 400, 20
-PIECES = 40
-"""Number of points of the line that follows the residuals in the order of measurement."""
-PANEL = 150
-"""Height, in pixels."""
+SEVERAL, SINGLE = 140, 260
+"""Heights of a panel among others, and alone, in pixels."""
+MARGIN = 1.12
+"""Of the y axis beyond the largest residual."""
+ANGLES = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 60.0, 90.0, 180.0, 360.0, 720.0)
+"""Steps between the numbers of an axis that counts degrees."""
+MOST_RUNS, PIECES = 20, 40
+"""Runs up to which lines part them, and points of the line that follows residuals in time."""
+MOST_GROUPS = 10
+"""Categories that have a mark of their own."""
+JITTER = 0.3
+"""Width over which the marks of a category are spread."""
 MEAN = {"color": INK, "width": 1.6}
-"""The line of a curve or a mean among dots."""
+"""The line of a curve or a mean among marks."""
+ASIDE = {"symbol": "square-x-open", "size": 9, "color": SOFT}
+SIDES: dict[str, dict[str, Any]] = {
+    "before": {"symbol": "circle-open", "color": ORANGE},
+    "after": {"symbol": "circle", "color": BLUE},
+    "residual": {"symbol": "circle-open", "color": BLUE},
+}
+"""How models differ: open marks are before, filled ones after."""
+DIRECTIONS = {1: "forwards", -1: "backwards", 0: "not known"}
+"""Directions of approach."""
+SHAPES = "circle square diamond triangle-up triangle-down pentagon hexagram star hexagon cross".split()
+GROUPS = list(zip(SHAPES, (BLUE, ORANGE, PURPLE, INK, GREY) * 2, strict=True))
 
 
-def comparison(comparison: Comparison) -> Iterator[go.Figure]:
-    """Yield every figure of a comparison; the name of each is in its ``layout.meta``.
-
-    Parameters
-    ----------
-    comparison : rodgen.calibration.compare.Comparison
-    """
-    yield residuals_in_order(comparison)
-    yield residuals_over_workspace(comparison)
-    yield distribution_of_residuals(comparison)
-    used: set[str] = set()
-    for covariate in comparison.covariates:
-        name = "by_" + (re.sub(r"[^A-Za-z0-9_-]+", "_", covariate.name)[:60] or "column")
-        while name.casefold() in used:
-            name += "_"
-        used.add(name.casefold())
-        yield residuals_against(comparison, covariate, name)
+# one figure of rows against anything ------------------------------------------------------------------------------
 
 
-def _thinned(drawn: int, count: int) -> str:
-    return "" if drawn == count else f" {drawn} of {count} readings are drawn."
+def residual_plot(
+    fit: FittedModel,
+    against: str = "order",
+    *,
+    before: FittedModel | None = None,
+    parts: str = "apart",
+    whitened: bool = False,
+    approach: str = "",
+    colour: str = "",
+    selected: Collection[int] = (),
+    aside: Collection[int] = (),
+    most: int = MOST_MARKS,
+) -> go.Figure:
+    """Return the residuals of each row against something that was recorded, of one model or before and after.
 
-
-def _dots(
-    figure: go.Figure, number: int, x: Any, y: Any, count: int, name: str = "reading", **given: Any
-) -> None:
-    mark = {"symbol": "circle-open", "color": BLUE, "size": mark_size(count), "line": {"width": 1}}
-    add_trace(figure, number, name, x=x, y=y, mode="markers", marker=mark, **given)
-
-
-# against a covariate -----------------------------------------------------------------------------------------------
-
-
-def residuals_against(comparison: Comparison, covariate: Driver, name: str = "by_covariate") -> go.Figure:
-    """Return the residuals against a covariate: dots and a smooth curve, or means where it has categories.
-
-    Curve and means have bands of two standard errors, poses taken as independent.
+    The ``customdata`` of every mark is the number of its row in ``fit.observations``, from 0.
 
     Parameters
     ----------
-    comparison : rodgen.calibration.compare.Comparison
-    covariate : rodgen.data.drivers.Driver
-        One of ``comparison.covariates``.
-    name : str, optional
-        Of the figure's files.
+    fit : FittedModel
+    against : str, optional
+        What the x axis shows: one of `DrawnRows.drivers`: a joint, ``"dir_C"``, a column, ``"t"``, ``"order"``, …
+    before : FittedModel, optional
+        Another model of the same observations, whose residuals are drawn, too.
+    parts : str, optional
+        ``"apart"``: a panel for each component. ``"together"``: the size of the residual. The name of a joint: the
+        error of its reading that would explain each residual best, and what is across.
+    whitened : bool, optional
+        Whether residuals are in standard deviations, free of a stated correlation; not of the reading of a joint.
+    approach : str, optional
+        A joint whose directions of approach differ by their marks.
+    colour : str, optional
+        One of `DrawnRows.drivers`, which colours the marks.
+    selected, aside : collection of int, optional
+        Rows that are marked: chosen by a user, and left out by a user.
+    most : int, optional
+        Marks of the figure, from which large data are thinned; its note then says so.
+
+    Raises
+    ------
+    ValueError
+        When there is no such driver or joint.
     """
-    sample = comparison.sample
-    unit = label(comparison.unit)
-    values = [
-        (f"{c} [{unit}]", r, comparison.unit)
-        for c, r in zip(comparison.components, sample.residual.T, strict=True)
+    rows = DrawnRows(before or fit, fit if before is not None else None, kept=[*selected, *aside], most=most)
+    joints = [joint.name for joint in fit.machine.joints]
+    for name in {approach, parts} - {"", "apart", "together"}:
+        if name not in joints:
+            raise ValueError(f"{name!r} is no joint: {', '.join(joints)}")
+    sides = rows.o.s[:, joints.index(approach)] if approach else None
+    panels = _panels(rows, joints.index(parts) if parts in joints else None, parts, whitened)
+    return residuals_over(
+        rows,
+        rows.driver(against),
+        panels,
+        approach=sides,
+        colour=rows.driver(colour) if colour else None,
+        selected=selected,
+        aside=aside,
+    )
+
+
+@dataclass(frozen=True)
+class ResidualPanel:
+    """What one panel shows.
+
+    Attributes
+    ----------
+    title, unit : str
+    values : tuple of ndarray, shape (chosen,)
+        Before and after, or of the one model.
+    size : bool
+        Whether values are sizes, never negative.
+    """
+
+    title: str
+    unit: str
+    values: tuple[Array, ...]
+    size: bool = False
+
+    @property
+    def heading(self) -> str:
+        """The title with its unit, as Plotly draws it."""
+        return f"{label(self.title)} [{label(self.unit)}]"
+
+
+def components_of(rows: DrawnRows, *, whitened: bool = False) -> list[ResidualPanel]:
+    """Return a panel for each component of a residual."""
+    units = [DEVIATIONS] * rows.components if whitened else rows.units
+    found = [rows.every(fit, whitened=whitened)[rows.chosen] for _, fit in rows.sides]
+    return [
+        ResidualPanel(name, unit, tuple(r[:, c] for r in found))
+        for c, (name, unit) in enumerate(zip(rows.names, units, strict=True))
     ]
-    if covariate.number is not None:
-        along, of = _reading(comparison, covariate.number)
-        if np.isfinite(along).any():
-            joint = label(plain(comparison.fit.machine.joints[covariate.number].name))
-            values.append((f"reading of {joint} [{of}]", along, of))
-    what = label(plain(covariate.label))
-    figure = column(
-        [Panel(title, PANEL, what if i + 1 == len(values) else "") for i, (title, _, _) in enumerate(values)]
-    )
-    x = covariate.values
-    if covariate.turn is not None and np.ptp(x) > 1.01 * covariate.turn:
-        x = x % covariate.turn
-    chosen = evenly(len(x), MOST_DOTS)
-    groups = bool(covariate.categories) or covariate.kind == "approach" or covariate.levels <= 2
-    for number, (_, y, of) in enumerate(values):
-        if groups:
-            _groups(figure, number, sample.pose, covariate, y, of)
-        else:
-            hover = f"%{{x:.6g}}: %{{y:.4g}} {label(of)}"
-            _dots(figure, number, x[chosen], y[chosen], len(chosen), hovertemplate=hover)
-            _curve(figure, number, sample.pose, covariate, x, y)
-        figure.update_layout({f"yaxis{number + 1}": {"zeroline": True}})
-    if groups:
-        _name_groups(figure, covariate, len(values))
-    note = (
-        "Means with two standard errors, by pose." if groups else "The band has two standard errors, by pose."
-    )
+
+
+def reading_of(rows: DrawnRows, joint: int) -> list[ResidualPanel]:
+    """Return the error of a joint's reading that would explain each residual best, and the size of what is across.
+
+    Nothing where the joint does not move what is measured.
+    """
+    along = [rows.along_reading(fit, joint) for _, fit in rows.sides]
+    if not np.isfinite(along[0][0][~rows.bad]).any():
+        return []
+    name = plain(rows.base.machine.joints[joint].name, 12)
+    return [
+        ResidualPanel(f"reading of {name}", along[0][1], tuple(one[0] for one in along)),
+        ResidualPanel("across its motion", rows.shown.unit, tuple(one[2] for one in along), size=True),
+    ]
+
+
+def _panels(rows: DrawnRows, joint: int | None, parts: str, whitened: bool) -> list[ResidualPanel]:
+    if joint is not None:
+        return reading_of(rows, joint) or components_of(rows, whitened=whitened)
+    if parts == "apart":
+        return components_of(rows, whitened=whitened)
+    found = [
+        rows.every(fit, whitened=True)[rows.chosen] if whitened else rows.residuals(fit)
+        for _, fit in rows.sides
+    ]
+    unit = DEVIATIONS if whitened else rows.shown.unit
+    sizes = tuple(np.linalg.norm(r, axis=1) for r in found)
+    return [ResidualPanel("size of the residual", unit, sizes, size=True)]
+
+
+def residuals_over(
+    rows: DrawnRows,
+    driver: Driver,
+    panels: Sequence[ResidualPanel],
+    *,
+    approach: NDArray[np.int8] | None = None,
+    colour: Driver | None = None,
+    selected: Collection[int] = (),
+    aside: Collection[int] = (),
+    remarks: Sequence[str] = (),
+    called: str = "",
+) -> go.Figure:
+    """Return panels of residuals over one of ``rows.drivers``, before and after in the same axes.
+
+    Parameters
+    ----------
+    rows : DrawnRows
+    driver : Driver
+        Of the rows that are drawn.
+    panels : sequence of ResidualPanel
+    approach : ndarray of int, shape (chosen,), optional
+        Direction of approach, which differs by the marks.
+    colour : Driver, optional
+        Of the rows that are drawn.
+    selected, aside : collection of int
+        Rows that are marked.
+    remarks : sequence of str
+        Sentences of the note.
+    called : str
+        The name of the figure's files.
+    """
+    height = SEVERAL if len(panels) > 1 else SINGLE
+    below = label(plain(driver.label))
+    figure = column([Panel(panel.heading, height, below * (panel is panels[-1])) for panel in panels])
+    x, marks = _along(rows, driver), _Marks(rows, approach, colour, aside)
+    chosen, beyond = np.isin(rows.chosen, np.asarray([*selected], np.intp)), False
+    for number, panel in enumerate(panels):
+        good = np.concatenate([values[~marks.out] for values in panel.values])
+        limit = _limit(good)
+        end = "" if driver.kind in {"joint", "order"} else f"<br>{label(plain(driver.name))}: %{{x:.6g}}"
+        for (name, fit), values in zip(rows.sides, panel.values, strict=True):
+            for words, at, mark in marks.groups(name, np.isfinite(values)):
+                legend = (
+                    f"{words}: rms {rows.shown(fit.rms)} {label(rows.shown.unit)}" if words == name else words
+                )
+                add_rows(figure, number, legend, rows, at, x, values, mark, f"{panel.unit}, {name}{end}")
+        beyond |= bool(np.any(np.abs(panel.values[-1]) > limit))
+        last = np.clip(panel.values[-1], -0.95 * limit, 0.95 * limit)
+        known = np.isfinite(last)
+        for words, of, mark in (
+            ("outlier, left out", marks.out & ~marks.aside & known, OUTLIER),
+            ("set aside", marks.aside & known, ASIDE),
+            ("selected", chosen & known, SELECTED),
+        ):
+            at = np.flatnonzero(of)
+            if len(at):
+                add_rows(figure, number, words, rows, at, x, last, mark, panel.unit, panel.values[-1])
+        if driver.in_time:
+            _in_time(figure, number, rows, x, panel.values[-1], marks.out)
+        low = -0.05 * limit if panel.size else -limit
+        figure.update_layout({f"yaxis{number + 1}": {"range": [low, limit], "zeroline": True}})
+    if marks.bar:
+        figure.update_layout(coloraxis=marks.bar)
+    _scale(figure, len(panels), driver, x)
+    sizes = ", ".join(f"{name} {rows.shown(fit.rms)} {rows.shown.unit}" for name, fit in rows.sides)
+    note = [*remarks, rows.thinned]
+    if driver.in_time:
+        note.append(_runs(rows))
+    if beyond:
+        note.append("What is left out and beyond the axis is drawn at its edge.")
     return describe(
         figure,
-        name,
-        f"Residuals against {plain(covariate.text)}",
-        note=note + ("" if groups else _thinned(len(chosen), len(x))),
+        called or f"residuals_by_{file_name(driver.name)}",
+        f"Residuals against {plain(driver.text)}",
+        note=" ".join(filter(None, ["Measured minus predicted.", *note])),
+        alt=f"Measured minus predicted against {plain(driver.text)}; rms {sizes}.",
     )
 
 
-def _reading(comparison: Comparison, joint: int) -> tuple[Array, str]:
-    """Return the error of a joint's reading that would explain each residual best, and its unit."""
-    sample = comparison.sample
-    error = error_of_reading(sample.motions[:, :, joint], sample.y)
-    if comparison.fit.machine.joints[joint].revolute:
-        return error / ARCSEC, "arcsec"
-    return error, comparison.fit.machine.length_unit
+class _Marks:
+    """How marks differ: by side, direction of approach, and a column that colours them."""
 
+    def __init__(
+        self,
+        rows: DrawnRows,
+        approach: NDArray[np.int8] | None,
+        colour: Driver | None,
+        aside: Collection[int],
+    ) -> None:
+        self.approach, self.colour = approach, colour
+        self.aside = np.isin(rows.chosen, np.asarray([*aside], np.intp))
+        self.out = rows.bad | self.aside
+        self.size = mark_size(len(rows.chosen))
+        self.by_number = colour is not None and not colour.categories and colour.kind != "approach"
 
-def _fitted(columns: Array, y: Array, pose: Index, at: Array) -> tuple[Array, Array]:
-    """Return a regression at rows `at` of columns, and its standard errors; poses are independent, rows are not."""
-    known = np.isfinite(y)
-    columns, y, pose = columns[known], y[known], pose[known]
-    inverse = np.linalg.pinv(columns, rcond=1e-8)
-    left = y - columns @ (inverse @ y)
-    scores = np.zeros((int(pose.max(initial=0)) + 1, len(inverse)))
-    np.add.at(scores, pose, (inverse * left).T)
-    return at @ (inverse @ y), np.sqrt(np.sum((scores @ at.T) ** 2, axis=0))
-
-
-def _curve(figure: go.Figure, number: int, pose: Index, covariate: Driver, x: Array, y: Array) -> None:
-    grid = np.linspace(x.min(), x.max(), 201)
-    columns = [np.column_stack([np.ones(len(v)), covariate.curve(v)]) for v in (x, grid)]
-    if columns[0].shape[1] + 2 > len(np.unique(pose)):
-        return
-    line, error = _fitted(columns[0], y, pose, columns[1])
-    add_trace(
-        figure, number, "two standard errors", "band", mode="none", fill="toself",
-        fillcolor="rgba(140,149,159,0.35)", x=np.concatenate([grid, grid[::-1]]),
-        y=np.concatenate([line + 2 * error, (line - 2 * error)[::-1]]),
-    )  # fmt: skip
-    add_trace(figure, number, "smooth curve", "curve", x=grid, y=line, mode="lines", line=MEAN)
-    # The band of a curve at an end without poses would push everything else together.
-    size = float(np.nanmax(np.abs(np.concatenate([y, line])))) * 1.08
-    if size:
-        figure.update_layout({f"yaxis{number + 1}": {"range": [-size, size]}})
-
-
-def _groups(figure: go.Figure, number: int, pose: Index, covariate: Driver, y: Array, unit: str) -> None:
-    shown = np.unique(covariate.values)[:MOST_RUNS]
-    random = np.random.default_rng(0)
-    xs, ys, means, errors, places = [], [], [], [], []
-    for place, code in enumerate(shown):
-        inside = np.flatnonzero((covariate.values == code) & np.isfinite(y))
-        some = evenly(inside, MOST_DOTS // len(shown))
-        xs.append(place + random.uniform(-0.15, 0.15, len(some)))
-        ys.append(y[some])
-        if not len(inside):
-            continue
-        ones = np.ones((len(inside), 1))
-        mean, error = _fitted(ones, y[inside], pose[inside], ones[:1])
-        places.append(place + 0.3)
-        means.append(float(mean[0]))
-        errors.append(2 * float(error[0]))
-    hover = f"%{{y:.4g}} {label(unit)}"
-    _dots(figure, number, np.concatenate(xs), np.concatenate(ys), len(y), hovertemplate=hover)
-    add_trace(
-        figure, number, "mean", x=places, y=means, error_y={"array": errors, "color": INK, "thickness": 1.5},
-        mode="markers", marker={"symbol": "square", "size": 8, "color": INK}, hovertemplate=f"mean {hover}",
-    )  # fmt: skip
-
-
-def _name_groups(figure: go.Figure, covariate: Driver, panels: int) -> None:
-    shown = np.unique(covariate.values)[:MOST_RUNS]
-    names = [plain(covariate.categories[int(c)], 16) if covariate.categories else f"{c:+g}" for c in shown]
-    figure.update_layout(
-        {
-            f"xaxis{number + 1}": {
-                "tickvals": list(range(len(shown))),
-                "ticktext": [label(name) for name in names],
-                "range": [-0.5, len(shown) - 0.4],
-            }
-            for number in range(panels)
+    @cached_property
+    def bar(self) -> dict[str, Any] | None:
+        """The axis of colours."""
+        if self.colour is None or not self.by_number:
+            return None
+        title = {"text": label(plain(self.colour.label)), "side": "right", "font": {"size": 12}}
+        return {
+            "colorscale": "Cividis",
+            "colorbar": {
+                "title": title,
+                "thickness": 10,
+                "outlinewidth": 0,
+                "tickfont": {"size": 11},
+                "nticks": 5,
+            },
         }
-    )
+
+    def groups(self, name: str, known: NDArray[np.bool_]) -> Iterator[tuple[str, Index, dict[str, Any]]]:
+        """Yield the rows that have one kind of mark: what a legend calls them, which they are, and the mark."""
+        filled, colour = "-open" * (name != "after"), SIDES[name]["color"]
+        for words, of, mark in self._shapes(name, filled, colour):
+            at = np.flatnonzero(of & known & ~self.out)
+            mark = {"size": self.size, "opacity": 1, **mark}
+            if self.by_number and self.colour is not None:
+                mark |= {"color": np.asarray(self.colour.noted, float)[at], "coloraxis": "coloraxis"}
+            yield words, at, mark
+
+    def _shapes(
+        self, name: str, filled: str, colour: str
+    ) -> Iterator[tuple[str, NDArray[np.bool_], dict[str, Any]]]:
+        if self.colour is not None and not self.by_number:
+            values, names = self.colour.values, _categories(self.colour)
+            for place, (code, words) in enumerate(names.items()):
+                symbol, own = GROUPS[min(place, MOST_GROUPS - 1)]
+                of = values == code
+                if place == MOST_GROUPS - 1 and len(names) > MOST_GROUPS:
+                    words, of = "others", np.isin(values, [*names][place:])
+                yield f"{name}, {label(words)}", of, {"symbol": symbol + filled, "color": own}
+                if words == "others":
+                    return
+        elif self.approach is not None:
+            shapes = {1: "triangle-right", -1: "triangle-left", 0: "circle"}
+            for sign, symbol in shapes.items():
+                if sign or not self.approach.all():
+                    mark = {"symbol": symbol + filled, "color": colour, "size": 1.2 * self.size}
+                    yield f"{name}, {DIRECTIONS[sign]}", self.approach == sign, mark
+        else:
+            yield name, np.ones(len(self.out), bool), {"symbol": f"circle{filled}", "color": colour}
 
 
-# over the workspace ------------------------------------------------------------------------------------------------
+def _categories(driver: Driver) -> dict[int, str]:
+    """Return the categories of a driver that occur, with their names."""
+    there = np.unique(driver.values).astype(int).tolist()
+    if driver.kind == "approach":
+        return {code: DIRECTIONS[code] for code in there}
+    return {code: plain(driver.categories[code], 16) for code in there}
 
 
-def residuals_over_workspace(comparison: Comparison) -> go.Figure:
-    """Return the residuals where they were measured: over the workspace, or on the sky of a machine that points."""
-    sample, fit = comparison.sample, comparison.fit
-    chosen = evenly(len(sample.pose), MOST_ARROWS)
-    residual = sample.residual[chosen]
-    note = _thinned(len(chosen), len(sample.pose)).strip()
-    if comparison.unit == "arcsec":
-        readings = fit.observations.take(sample.first[chosen])
-        drawn = residuals_on_the_sky(fit, readings, [("residual", residual)], comparison.unit)
-        return describe(drawn, "workspace", "Residuals on the sky", note=f"{SKY_NOTE} {note}".strip())
-    residual = in_machine_axes(fit, residual)
-    drawn = residuals_in_space(
-        sample.places[chosen], [("residual", residual)], fit.machine.length_unit, comparison.unit
-    )
-    note = f"{space_note(residual)} {note}".strip()
-    return describe(drawn, "workspace", "Residuals over the workspace", note=note)
+def add_rows(
+    figure: go.Figure,
+    number: int,
+    name: str,
+    rows: DrawnRows,
+    at: Index,
+    x: Array,
+    y: Array,
+    mark: dict[str, Any],
+    hover: str,
+    said: Array | None = None,
+) -> None:
+    """Add marks of some rows; `said` is what the hover text says where y is drawn elsewhere."""
+    value = "%{y:.4g}" if said is None else "%{text:.4g}"
+    by_number = "coloraxis" in mark
+    if by_number and number == 0:  # a legend has no colour for a scale
+        plain_mark = {key: mark[key] for key in ("symbol", "size")} | {"color": INK}
+        add_trace(figure, number, name, x=[None], y=[None], mode="markers", marker=plain_mark)
+    add_trace(
+        figure, number, name, x=x[at], y=y[at], mode="markers", marker=mark, customdata=rows.chosen[at],
+        hovertext=[rows.tips[i] for i in at], hovertemplate=f"%{{hovertext}}<br>{value} {hover}<extra></extra>",
+        text=None if said is None else said[at], showlegend=number == 0 and not by_number,
+    )  # fmt: skip
 
 
-# in order, and as a distribution -----------------------------------------------------------------------------------
+def _along(rows: DrawnRows, driver: Driver) -> Array:
+    """Return where rows stand along the x axis; those of a category side by side, so that all are seen."""
+    x = np.asarray(driver.noted, float)
+    if driver.categories or driver.kind == "approach":
+        x = x + JITTER * ((rows.chosen * 0.6180339887) % 1 - 0.5)
+    return x
 
 
-def residuals_in_order(comparison: Comparison) -> go.Figure:
-    """Return the residuals in the order of measurement, with their mean, outliers, and the runs."""
-    fit, o = comparison.fit, comparison.fit.observations
-    names, unit = comparison.components, label(comparison.unit)
-    order = order_of_rows(o)
-    number = order.values
-    figure = column([Panel(f"{c} [{unit}]", PANEL, order.label if c is names[-1] else "") for c in names])
-    rows = np.flatnonzero(~fit.outliers)
-    chosen = evenly(rows, MOST_DOTS)
-    bad = np.flatnonzero(fit.outliers)[:MOST_DOTS]
-    pieces = [part for part in np.array_split(rows, min(PIECES, max(len(rows) // 4, 1))) if len(part)]
-    starts = np.flatnonzero(np.diff(o.run)) + 1
-    for c in range(len(names)):
-        r = fit.residuals[:, c]
-        hover = f"{order.unit} %{{x:d}}: %{{y:.4g}} {unit}"
-        _dots(figure, c, number[chosen], r[chosen], len(chosen), hovertemplate=hover)
-        means = [r[part].mean() for part in pieces]
-        add_trace(
-            figure, c, "mean", x=[number[part].mean() for part in pieces], y=means, mode="lines", line=MEAN
-        )
-        limit = 1.15 * float(np.max(np.abs(r[rows]), initial=0.0)) or 1.0
-        if len(bad):
-            add_trace(
-                figure, c, "outlier", x=number[bad], y=np.clip(r[bad], -limit, limit), customdata=r[bad],
-                mode="markers", marker=OUTLIER,
-                hovertemplate=f"{order.unit} %{{x:d}}, outlier: %{{customdata:.4g}} {unit}",
+def _scale(figure: go.Figure, panels: int, driver: Driver, x: Array) -> None:
+    """Give the x axes names of categories, or round numbers of degrees."""
+    given: dict[str, Any] = {}
+    known = x[np.isfinite(x)]
+    span = float(np.ptp(known)) if len(known) else 0.0
+    if driver.categories:
+        names = [label(plain(name, 10)) for name in driver.categories]
+        given = {"tickvals": list(range(len(names))), "ticktext": names, "range": [-0.6, len(names) - 0.4]}
+    elif driver.kind == "approach":
+        there = _categories(driver)
+        given = {"tickvals": [*there], "ticktext": [*there.values()], "range": [-1.5, 1.5]}
+    elif driver.unit == "deg" and span >= 5:
+        given = {"dtick": next((step for step in ANGLES if span / step <= 6), span / 6)}
+    figure.update_layout({f"xaxis{number + 1}": given for number in range(panels)})
+
+
+def _in_time(
+    figure: go.Figure, number: int, rows: DrawnRows, x: Array, y: Array, out: NDArray[np.bool_]
+) -> None:
+    """Add the mean of neighbours, and lines between runs."""
+    even = np.flatnonzero(rows.even & ~out & np.isfinite(y))
+    even = even[np.argsort(x[even], kind="stable")]
+    pieces = [part for part in np.array_split(even, min(PIECES, max(len(even) // 4, 1))) if len(part)]
+    add_trace(
+        figure, number, "mean of neighbours", x=[x[part].mean() for part in pieces],
+        y=[y[part].mean() for part in pieces], mode="lines", line=MEAN,
+    )  # fmt: skip
+    starts = np.flatnonzero(np.diff(rows.o.run)) + 1
+    if len(starts) < MOST_RUNS:
+        for start in starts:
+            middle = (x[start] + x[start - 1]) / 2
+            figure.add_shape(
+                type="line", x0=middle, x1=middle, y0=0, y1=1, line={"color": GREY, "width": 1, "dash": "dash"},
+                xref=axes(number)["xaxis"], yref=f"{axes(number)['yaxis']} domain",
             )  # fmt: skip
-        figure.update_layout({f"yaxis{c + 1}": {"range": [-1.1 * limit, 1.1 * limit], "zeroline": True}})
-        if len(starts) < MOST_RUNS:
-            for start in starts:
-                figure.add_shape(
-                    type="line", x0=number[start] - 0.5, x1=number[start] - 0.5, y0=0, y1=1,
-                    line={"color": GREY, "width": 1, "dash": "dash"}, xref=axes(c)["xaxis"],
-                    yref=f"{axes(c)['yaxis']} domain",
-                )  # fmt: skip
-    runs = ""
-    if 0 < len(starts) < MOST_RUNS:
-        listed = ", ".join(
-            f"{plain(o.run_names[int(o.run[s])], 16)} from {o.data.place(s)}" for s in (0, *starts)
-        )
-        runs = f" Dashed lines separate the runs: {listed}."
-    note = f"The line is the mean of neighbours.{runs}{_thinned(len(chosen), len(rows))}"
-    return describe(figure, "order", "Residuals in the order of measurement", note=note)
 
 
-def distribution_of_residuals(comparison: Comparison) -> go.Figure:
-    """Return a histogram and a normal quantile plot of the residuals of each component, without outliers."""
-    from rodgen.statistics.compiled_scipy import special
+def _runs(rows: DrawnRows) -> str:
+    """Return a sentence on the lines between runs."""
+    o = rows.base.observations
+    starts = np.flatnonzero(np.diff(o.run)) + 1
+    if not 0 < len(starts) < MOST_RUNS:
+        return ""
+    named = ", ".join(f"{plain(o.run_names[int(o.run[s])], 16)} from {o.data.place(s)}" for s in (0, *starts))
+    return f"Dashed lines separate the runs: {named}."
 
-    fit, unit = comparison.fit, label(comparison.unit)
-    panels = []
-    for name in comparison.components:
-        panels.append(Panel(f"share per {unit}", PANEL, f"{name} [{unit}]"))
-        panels.append(Panel(f"{name} [{unit}]", PANEL, "normal quantile [standard deviations]"))
-    figure = column(panels)
-    for c in range(len(comparison.components)):
-        r = np.sort(fit.residuals[~fit.outliers, c])
-        sigma = float(np.std(r)) or 1.0
-        share, edges = np.histogram(r, int(np.clip(np.sqrt(len(r)), 8, 60)), density=True)
-        first, second = 2 * c, 2 * c + 1
-        add_trace(
-            figure, first, "residuals", kind=go.Bar, x=(edges[1:] + edges[:-1]) / 2, y=share, width=np.diff(edges),
-            marker={"color": LINE, "line": {"color": BLUE, "width": 1}}, hovertemplate=f"%{{x:.4g}} {unit}",
-        )  # fmt: skip
-        x = np.linspace(-4 * sigma, 4 * sigma, 201) + r.mean()
-        normal = np.exp(-0.5 * ((x - r.mean()) / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
-        line = {"color": INK, "width": 1.5}
-        add_trace(figure, first, "normal distribution", "normal", x=x, y=normal, mode="lines", line=line)
-        some = evenly(len(r), MOST_DOTS)
-        quantile = special.ndtri((some + 0.5) / max(len(r), 1))
-        _dots(figure, second, quantile, r[some], len(some), "residuals", hovertemplate=f"%{{y:.4g}} {unit}")
-        ends = np.array([quantile[0], quantile[-1]]) if len(r) else np.zeros(2)
-        y = r.mean() + sigma * ends
-        add_trace(figure, second, "normal distribution", "normal", x=ends, y=y, mode="lines", line=line)
-    figure.update_layout(bargap=0)
-    return describe(
-        figure,
-        "distribution",
-        "Distribution of the residuals",
-        note=f"The line is the normal distribution; rms {three_digits(fit.rms)} {comparison.unit}.",
-    )
+
+def _limit(y: Array) -> float:
+    known = np.abs(y[np.isfinite(y)])
+    return float(known.max(initial=0.0)) * MARGIN or 1.0
+
+
+def file_name(name: str) -> str:
+    """Return what stands for a name in the name of a file."""
+    return re.sub(r"[^A-Za-z0-9]", "_", name)[:40].strip("_") or "column"

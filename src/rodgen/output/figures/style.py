@@ -28,6 +28,7 @@ __all__ = [
     "OUTLIER",
     "PAPER",
     "PURPLE",
+    "SELECTED",
     "SOFT",
     "Panel",
     "add_arrows",
@@ -38,7 +39,6 @@ __all__ = [
     "equal_axes",
     "evenly",
     "from_zenith",
-    "horizontal",
     "label",
     "mark_size",
     "panel_title",
@@ -67,6 +67,9 @@ FONT = 'system-ui,-apple-system,"Segoe UI",Roboto,"Helvetica Neue",Arial,sans-se
 
 OUTLIER = {"symbol": "x", "size": 8, "color": PURPLE}
 """The mark of an outlier."""
+
+SELECTED = {"symbol": "circle-open", "size": 13, "color": PURPLE, "line": {"width": 2}}
+"""The mark around what is selected."""
 
 # Heights in pixels.
 PANEL_TITLE, LEGEND, TITLE, NOTE_LINE = 26, 30, 40, 17
@@ -329,9 +332,8 @@ def add_arrows(
     tip: Array,
     name: str,
     colour: str,
-    hover: Sequence[str] = (),
-    *,
-    legend: bool = True,
+    hover: Sequence[str],
+    row: Index,
 ) -> None:
     """Add arrows from `start` to `tip`, both (n, 2), with a dot at each start.
 
@@ -343,9 +345,10 @@ def add_arrows(
     start, tip : ndarray, shape (n, 2)
     name, colour : str
         In the legend.
-    hover : sequence of str, optional
+    hover : sequence of str
         Hover text of each arrow.
-    legend : bool, optional
+    row : ndarray of int, shape (n,)
+        Their numbers, which a page finds as ``customdata``.
     """
     n = len(start)
     points = np.full((n, 3, 2), np.nan)
@@ -368,11 +371,13 @@ def add_arrows(
             name=name,
             legendgroup=name,
             showlegend=False,
-            **({"hovertext": text, "hoverinfo": "text"} if text else {"hoverinfo": "skip"}),
+            customdata=np.repeat(row, 3),
+            hovertext=text,
+            hoverinfo="text",
             **axes(number),
         )
     )
-    if legend:
+    if number == 0:
         mark = {"symbol": "arrow", "angle": 90, "size": 12, "color": colour}
         figure.add_trace(
             go.Scatter(
@@ -382,14 +387,6 @@ def add_arrows(
 
 
 # the sky -----------------------------------------------------------------------------------------------------------
-
-
-def horizontal(up: Array) -> tuple[Array, Array]:
-    """Return what is drawn to the right and upwards, both horizontal: east and north where the axes are so."""
-    y = np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    y = y - (y @ up) * up
-    y /= np.linalg.norm(y)
-    return np.cross(y, up), y
 
 
 def from_zenith(direction: Array, x: Array, y: Array, up: Array) -> Array:
