@@ -9,7 +9,7 @@ import importlib.util
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -27,6 +27,7 @@ import rodgen.generated
 C_FOLDER = Path(rodgen.generated.__file__).parent / "c"
 C_MODULES = sorted(path.stem for path in C_FOLDER.glob("*.c"))
 C_WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror"]
+CPP_WARNINGS = ["-std=c++17", "-Wall", "-Wextra", "-pedantic", "-Werror"]
 LEVELS = ("baseline", "avx2", "avx512")
 OPTIMISED = {"test_machine_jacobians", "test_rows"}  # every effect's values and derivatives, every construct
 
@@ -81,12 +82,14 @@ def _compiles(compiler: str) -> bool:
     return done.returncode == 0
 
 
-def compile_shared(compiler: str, sources: list[Path], library: Path, *flags: str) -> Path:
+def compile_shared(
+    compiler: str, sources: list[Path], library: Path, *flags: str, warnings: Sequence[str] = C_WARNINGS
+) -> Path:
     """Compile into a shared library; an error shows the compiler's words."""
     unfinished = library.with_name(f"{library.name}.{os.getpid()}")
     command = [
         compiler,
-        *C_WARNINGS,
+        *warnings,
         *flags,
         "-fPIC",
         "-shared",
@@ -113,6 +116,15 @@ def emitted_c(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callab
         return ctypes.CDLL(str(made))
 
     return library
+
+
+@pytest.fixture(scope="session")
+def cpp_compiler() -> str:
+    """The C++ compiler; tests that need one are skipped where there is none."""
+    found = shutil.which(os.environ.get("CXX", "c++"))
+    if found is None:
+        pytest.skip("no C++ compiler; set CXX to one")
+    return found
 
 
 @pytest.fixture(scope="session")

@@ -14,18 +14,19 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import cpp_calls
 import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import compile_shared
+from conftest import CPP_WARNINGS, compile_shared
 from kernel_reference import GENERATED, KERNELS, inputs_of, of_kernels, pairs
 
 import rodgen
 import rodgen.generated
 from rodgen.codegen import Kernel, KernelBuilder, KernelError
 from rodgen.codegen.compile import compile_kernel
-from rodgen.codegen.printers import ArrayPrinter, CPrinter, RealCPrinter, VectorCPrinter
+from rodgen.codegen.printers import ArrayPrinter, CppPrinter, CPrinter, RealCPrinter, VectorCPrinter
 from rodgen.codegen.source_files import KernelModule, check_kernels, render, render_extension, write_kernels
 from rodgen.codegen.source_text import in_comment, in_docstring
 from rodgen.symbolic import EPS, LARGEST, Derivation, power_of_two_scale, select
@@ -417,6 +418,17 @@ def test_c_printer_writes_every_construct(bits: int, compiler: str, tmp_path: Pa
     check_constructs(module, tuple(outputs), bits)
 
 
+@pytest.mark.parametrize("bits", [64, 32])
+def test_cpp_printer_writes_every_construct(bits: int, cpp_compiler: str, tmp_path: Path) -> None:
+    module = constructs_module(CONSTRUCTS | ELEMENTARY)
+    kernels = {k.name: k for k in module.kernels}
+    (header,) = render(module, ["cpp"]).values()
+    library = cpp_calls.cpp_library(cpp_compiler, tmp_path, "printed", header, kernels)
+    inputs = [np.ascontiguousarray(c, dtype=f"f{bits // 8}") for c in POINTS.T]
+    results = cpp_calls.call(library, "constructs", kernels["constructs"], inputs)
+    check_constructs(module, results, bits)
+
+
 @pytest.mark.parametrize("rows", ["in blocks", "row by row"])
 @pytest.mark.parametrize("bits", [64, 32])
 def test_vector_printer_writes_every_construct(bits: int, rows: str, compiler: str, tmp_path: Path) -> None:
@@ -464,7 +476,9 @@ def test_vector_printer_writes_every_construct(bits: int, rows: str, compiler: s
         check_constructs(module, tuple(a[block] for a in arrays[2:]), bits)
 
 
-@pytest.mark.parametrize("printer", [ArrayPrinter(), CPrinter(), RealCPrinter(), VectorCPrinter()])
+@pytest.mark.parametrize(
+    "printer", [ArrayPrinter(), CPrinter(), RealCPrinter(), VectorCPrinter(), CppPrinter()]
+)
 def test_printers_refuse_what_they_cannot_write(printer: Any) -> None:
     with pytest.raises(KernelError, match="gamma"):
         printer.line(sp.gamma(X))
@@ -485,6 +499,65 @@ def test_words_come_out_of_a_docstring_as_they_were(words: str) -> None:
 @pytest.mark.parametrize("words", ["*/", "/*", "*/*", "/*/", "**//", "*\\", "\\*", "*\\\n/", "/\u202e*"])
 def test_words_neither_end_nor_open_a_comment(words: str) -> None:
     assert not {"*/", "/*"} & {in_comment(words)[i : i + 2] for i in range(len(in_comment(words)))}
+
+
+HOSTILE = '*/ #error no */ \\\n#error "no"\n%{\n%}\nx = 1; ...\n'
+"""Ends comments and begins lines, in C, C++ and MATLAB."""
+
+
+def test_cpp_header_stands_names_and_words_of_users(cpp_compiler: str, tmp_path: Path) -> None:
+    """It is included twice, by two sources of one program, with matrices, codes, and whatever a docstring may hold."""
+
+    class Code(IntEnum):
+        __doc__ = HOSTILE
+        GOOD = 0
+        BAD = -1
+
+    k = KernelBuilder("lever", summary=HOSTILE, source=HOSTILE, notes=HOSTILE)
+    arms = k.input("arms", (2, 3), unit="m", doc=HOSTILE)
+    k.input("unread", unit=HOSTILE, doc=HOSTILE)
+    force = k.input("sin", unit="N", doc=HOSTILE)
+    k.output("moments", force * arms, unit="N m", doc=HOSTILE)
+    k.status("status", sp.Piecewise((0, force > 0), (-1, True)), Code, doc=HOSTILE)
+    (header,) = render(KernelModule("cos", HOSTILE, HOSTILE, (k.build(),)), ["cpp"]).values()
+    (tmp_path / "cos.hpp").write_text(header)
+    call = "rodgen::cos::lever<float>({{{1, 2, 3}, {4, 5, 6}}}, 0, 2)"
+    (tmp_path / "other.cpp").write_text(
+        f'#include "cos.hpp"\nfloat other() {{ return {call}.moments[1][0]; }}\n'
+    )
+    (tmp_path / "main.cpp").write_text(
+        '#include "cos.hpp"\n#include "cos.hpp"\nfloat other();\n'
+        f"int main() {{ const auto [moments, status] = {call};\n"
+        "return !(moments[1][0] == other() && other() == 8 && status == rodgen::cos::Code::GOOD); }\n"
+    )
+    sources = [str(tmp_path / name) for name in ("other.cpp", "main.cpp")]
+    command = [cpp_compiler, *CPP_WARNINGS, "-Wold-style-cast", "-Wconversion", *sources]
+    done = subprocess.run([*command, "-o", str(tmp_path / "run")], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert subprocess.run([tmp_path / "run"]).returncode == 0
+    refused = subprocess.run([*command, "-ffast-math", "-fsyntax-only"], capture_output=True, text=True)
+    assert "#error" in refused.stderr
+
+
+@pytest.mark.parametrize("where", ["module", "kernel", "input", "step", "code"])
+def test_names_that_a_language_keeps_are_refused_when_it_is_asked_for(where: str) -> None:
+    name = {
+        part: "template" if part == where else part for part in ("module", "kernel", "input", "step", "code")
+    }
+    k = KernelBuilder(name["kernel"], summary="", source="")
+    x = k.input(name["input"] + "_" * (where != "input"), unit="1", doc="")
+    y = k.let(name["step"], sp.sin(x))
+    k.output("y", y + y**2, unit="1", doc="")
+    k.status(
+        "status",
+        sp.Piecewise((0, x > 0), (1, True)),
+        IntEnum("Code", [(name["code"], 0), ("Other", 1)]),
+        doc="",
+    )
+    module = KernelModule(name["module"], "", "", (k.build(),))
+    assert len(render(module)) == 3
+    with pytest.raises(KernelError, match=r"'template' is reserved in generated C\+\+"):
+        render(module, ["cpp"])
 
 
 # Files ---------------------------------------------------------------------------------------------------
@@ -536,9 +609,9 @@ def test_line_endings_of_a_checkout_do_not_hide_a_change(tmp_path: Path) -> None
 
 HASH = """
 import hashlib, importlib, sys
-from rodgen.codegen.source_files import _files
+from rodgen.codegen.source_files import TARGETS, _files
 derivations = [importlib.import_module(f"rodgen.derivation.{name}").derivation for name in sys.argv[1:]]
-text = "".join(name + content for name, content in sorted(_files(derivations, True).items()))
+text = "".join(name + content for name, content in sorted(_files(derivations, TARGETS, True).items()))
 print("bytes", hashlib.sha256(text.encode()).hexdigest())
 """
 

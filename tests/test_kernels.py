@@ -1,7 +1,7 @@
 """Every kernel, on every target, against its expression trees: one test body, one subclass a target.
 
-The targets are the generated NumPy module, the gufuncs of each instruction set, and the emitted C alone, compiled as a
-careful user would and called through ctypes.
+The targets are the generated NumPy module, the gufuncs of each instruction set, and the emitted C and C++ alone,
+compiled as a careful user would and called through ctypes.
 
 Values are compared for every kernel. What concerns the memory alone, such as strides and overlap, is the work of the
 loop template and of one NumPy function, which are the same for all kernels but for the number and the shapes of the
@@ -11,16 +11,19 @@ ports: `LAYOUT_KERNELS` has each form of port in each form of loop.
 from __future__ import annotations
 
 import ctypes
+import functools
 import re
 from collections.abc import Callable, Iterator, Sequence
 from types import ModuleType
 from typing import Any
 
+import cpp_calls
 import numpy as np
 import pytest
 from conftest import C_FOLDER
-from kernel_reference import GENERATED, Generated, expected, of_kernels
+from kernel_reference import GENERATED, KERNELS, MODULE_OF, Generated, expected, of_kernels
 
+from rodgen.codegen.source_files import KernelModule, render
 from rodgen.generated import numpy as generated_numpy
 
 Results = tuple[np.ndarray, ...]
@@ -446,3 +449,55 @@ class TestEmittedC(KernelTests):
     def test_single_elements_agree_with_the_expression_trees(self, name: str) -> None:
         for bits in BITS if name in QUICK_IN_BOTH else (64,):
             self.check_one_by_one(name, bits)
+
+
+# Languages that are written when they are asked for ------------------------------------------------------
+
+
+def module_text(name: str, target: str) -> dict[str, str]:
+    """Return the files of one of rodgen's modules in a language."""
+    kernels = tuple(KERNELS[kernel] for kernel in GENERATED if MODULE_OF[kernel] == name)
+    return render(KernelModule(name, "A module.", "none", kernels), [target])
+
+
+def is_quick(name: str) -> bool:
+    """Whether the module of a kernel is small, and has each form of port and statuses."""
+    return MODULE_OF[name] in {"rotations", "trig_equation"}
+
+
+class OnRequestTests(KernelTests):
+    """Languages that are written on request: some modules always, the others in slow tests."""
+
+    @of_kernels(GENERATED, slow=lambda name: not is_quick(name))
+    def test_values_agree_with_the_expression_trees(self, name: str) -> None:
+        super().test_values_agree_with_the_expression_trees(name)
+
+    def call_one(self, name: str, *arguments: np.ndarray) -> Results:
+        return tuple(result[0] for result in self.call(name, *(np.asarray(a)[None] for a in arguments)))
+
+
+class TestCpp(OnRequestTests):
+    """The C++ header."""
+
+    @pytest.fixture(autouse=True)
+    def _library(self, library_of_templates: Callable[[str], ctypes.CDLL]) -> None:
+        self.library = library_of_templates
+
+    def call(self, name: str, *arguments: np.ndarray) -> Results:
+        return cpp_calls.call(self.library(MODULE_OF[name]), name, GENERATED[name], arguments)
+
+
+@pytest.fixture(scope="session")
+def library_of_templates(
+    cpp_compiler: str, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[str], ctypes.CDLL]:
+    """The kernels of a module as instances of its C++ templates."""
+    folder = tmp_path_factory.mktemp("cpp")
+
+    @functools.cache
+    def library(module: str) -> ctypes.CDLL:
+        (text,) = module_text(module, "cpp").values()
+        kernels = {name: kernel for name, kernel in GENERATED.items() if kernel.module == module}
+        return cpp_calls.cpp_library(cpp_compiler, folder, module, text, kernels)
+
+    return library

@@ -30,7 +30,8 @@ needs and does not state.
 
 _KERNELS = """\
 Write the kernels of a derivation: a NumPy module, C source and header, and a test for kernels that specify
-sample inputs. With --check nothing is written: differences are shown as a diff, and the exit code is 1.
+sample inputs; with --target the kernels in other languages. With --check nothing is written: differences are shown as a
+diff, and the exit code is 1.
 """
 
 
@@ -52,6 +53,12 @@ def add_to(command: Command) -> None:
         "derivation", metavar="NAME|SCRIPT.py", nargs="?", help="default: all of rodgen's own derivations"
     )
     kernels.add_argument("-o", "--output", metavar="DIR", default="generated", help="default: %(default)s")
+    kernels.add_argument(
+        "--target",
+        choices=("numpy", "c", "cpp"),
+        action="append",
+        help="language, may be repeated: NumPy, C99, a C++17 header (default: numpy and c)",
+    )
     kernels.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
 
 
@@ -122,20 +129,22 @@ def _kernels(options: argparse.Namespace) -> int:
     from pathlib import Path
 
     from rodgen.codegen import KernelError
-    from rodgen.codegen.source_files import check_kernels, write_kernels
+    from rodgen.codegen.source_files import USUAL_TARGETS, check_kernels, write_kernels
 
     derivations = _loaded(options.derivation)
     folder = Path(options.output)
-    own = options.derivation is None  # rodgen's own kernels are a NumPy extension, too
+    own = options.derivation is None
+    # rodgen's own kernels are a NumPy extension, too
+    written_as = {"targets": options.target or USUAL_TARGETS, "extension": own and not options.target}
     try:
         if not options.check:
             with stage("writing kernels"):
-                written = write_kernels(derivations, folder, extension=own)
+                written = write_kernels(derivations, folder, **written_as)
             for path in written:
                 show(str(path))
             return OK
         with stage("comparing kernels"):
-            difference = check_kernels(derivations, folder, extension=own)
+            difference = check_kernels(derivations, folder, **written_as)
     except KernelError as error:
         raise RodgenError(f"{options.derivation}: {error}") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -147,6 +156,7 @@ def _kernels(options: argparse.Namespace) -> int:
     if not difference:
         return OK
     show(difference, end="")
-    command = " ".join(["rodgen kernels", *([options.derivation] if not own else []), "-o", options.output])
+    named = [*([options.derivation] if not own else []), "-o", options.output]
+    command = " ".join(["rodgen kernels", *named, *(f"--target {target}" for target in options.target or ())])
     notify(f"{folder}: differs from what the derivations generate; '{command}' regenerates it")
     return FAILED

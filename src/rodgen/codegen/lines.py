@@ -48,12 +48,8 @@ def numpy_lines(kernel: Kernel, printer: ArrayPrinter) -> Iterator[str]:
 
 
 def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:
-    """Return the lines of C that compute, and those that store the outputs."""
-    targets = {
-        s: (f"{p.name}[{i}]" if p.shape != () else f"*{p.name}", p)
-        for p in kernel.outputs
-        for i, s in enumerate(p.symbols)
-    }
+    """Return the lines of C or C++ that compute, and those that store the outputs."""
+    targets = {s: (printer.component(p, i), p) for p in kernel.outputs for i, s in enumerate(p.symbols)}
     used_later = symbols_read(kernel)
     # a number's output is a pointer of that name; where the number is read again it has a name of its own
     renamed = {
@@ -65,15 +61,13 @@ def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:
     for assignment in kernel.assignments:
         symbol, text = assignment.symbol, printer.line(assignment.value.xreplace(renamed))
         if symbol not in targets:
-            kind = "int" if assignment.is_condition else printer.real
+            kind = printer.condition if assignment.is_condition else printer.real
             body.append(f"const {kind} {symbol.name} = {text};")
             continue
         target, port = targets[symbol]
-        cast = "(int8_t)" if port.is_status else ""
-        if symbol in used_later or (port.shape == () and cast):
+        if symbol in used_later or (port.shape == () and port.is_status):
             name = f"{symbol.name}_value" if port.shape == () else symbol.name
             body.append(f"const {printer.real} {name} = {text};")
-            stores.append(f"{target} = {cast}{name};")
-        else:
-            stores.append(f"{target} = {cast}{text};")
+            text = name
+        stores.append(f"{target} = {printer.code(port, text) if port.is_status else text};")
     return body, stores

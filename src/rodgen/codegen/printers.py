@@ -8,17 +8,36 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
 import sympy as sp
 from sympy.core.relational import Relational
 from sympy.printing.codeprinter import CodePrinter
 from sympy.printing.precedence import PRECEDENCE, precedence
 
-from rodgen.codegen.kernel_parts import KernelError
+from rodgen.codegen.kernel_parts import KernelError, Port
 from rodgen.symbolic import EPS, LARGEST
 
-__all__ = ["C_MACROS", "ArrayPrinter", "CPrinter", "KernelPrinter", "RealCPrinter", "VectorCPrinter"]
+__all__ = [
+    "C_MACROS",
+    "ArrayPrinter",
+    "CPrinter",
+    "CppPrinter",
+    "KernelPrinter",
+    "RealCPrinter",
+    "VectorCPrinter",
+]
 
 ELEMENTARY = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log")
+
+CPP_WORDS = """
+alignas alignof and_eq asm bitand bitor catch char8_t char16_t char32_t co_await co_return co_yield compl
+concept const_cast consteval constexpr constinit decltype delete dynamic_cast explicit export friend mutable
+namespace new noexcept not_eq nullptr operator or_eq private protected public reinterpret_cast requires
+signals slots static_assert static_cast std template this thread_local throw typeid typename using virtual
+wchar_t xor xor_eq
+DOMAIN EDOM EOF ERANGE FALSE HUGE HUGE_VAL OVERFLOW PLOSS Real SING TLOSS TRUE UNDERFLOW detail
+"""
+"""Words that C++ keeps, macros of its headers, and names in the template."""
 
 
 class KernelPrinter(CodePrinter):  # type: ignore[misc]
@@ -28,6 +47,8 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
     functions: ClassVar[dict[str, str]] = {}
     largest_power_as_product = 4
     conjunction, disjunction, negation = " & ", " | ", "~"
+    reserved: ClassVar[frozenset[str]] = frozenset()
+    """Words that a kernel may have in Python and C, and not in this language."""
 
     def __init__(self) -> None:
         super().__init__({"strict": False})
@@ -231,7 +252,7 @@ class CPrinter(KernelPrinter):
     """C99 expressions on scalars of type ``double``."""
 
     language = "C"
-    real = "double"
+    real, condition = "double", "int"
     conjunction, disjunction, negation = " && ", " || ", "!"
     functions: ClassVar[dict[str, str]] = {
         **{name: name for name in ELEMENTARY},
@@ -240,6 +261,14 @@ class CPrinter(KernelPrinter):
         "power_of_two_scale": "power_of_two_scale_f64",
     }
     constants: ClassVar[dict[sp.Symbol, str]] = {EPS: "DBL_EPSILON", LARGEST: "DBL_MAX"}
+
+    def component(self, port: Port, number: int) -> str:
+        """Write what a component of an output is stored in."""
+        return f"{port.name}[{number}]" if port.shape != () else f"*{port.name}"
+
+    def code(self, port: Port, value: str) -> str:
+        """Write a number as a code of a status."""
+        return f"(int8_t){value}"
 
     def not_a_number(self) -> str:
         """Write NaN."""
@@ -306,6 +335,64 @@ class RealCPrinter(CPrinter):
     def power(self, base: str, exponent: str) -> str:
         """Write a general power."""
         return f"POW({base}, {exponent})"
+
+
+class CppPrinter(CPrinter):
+    """C++17 expressions in a type ``Real``, the parameter of a template.
+
+    Parameters
+    ----------
+    only : bool
+        Whether the kernel has one output, which is returned as it is; several are members of a structure.
+    """
+
+    language = "C++"
+    real, condition = "Real", "bool"
+    functions: ClassVar[dict[str, str]] = {
+        **{name: f"std::{name}" for name in ELEMENTARY},
+        "Abs": "std::fabs",
+        **{name: f"detail::{name}" for name in ("sign", "power_of_two_scale")},
+    }
+    constants: ClassVar[dict[sp.Symbol, str]] = {
+        EPS: "std::numeric_limits<Real>::epsilon()",
+        LARGEST: "(std::numeric_limits<Real>::max)()",  # which windows.h makes a macro of
+    }
+    reserved = frozenset(CPP_WORDS.split())
+
+    def __init__(self, only: bool = False) -> None:
+        super().__init__()
+        self.only = only
+
+    def number(self, value: float) -> str:
+        """Write a floating-point constant."""
+        return f"Real({float(value)!r})"
+
+    def component(self, port: Port, number: int) -> str:
+        """Write what a component of an output is stored in: matrices are arrays of rows."""
+        places = np.unravel_index(number, port.shape) if port.shape else ()
+        return ("out" if self.only else f"out.{port.name}") + "".join(f"[{i}]" for i in places)
+
+    def code(self, port: Port, value: str) -> str:
+        """Write a number as a code of a status."""
+        return f"static_cast<{port.enum.__name__ if port.enum else 'int'}>({value})"
+
+    def not_a_number(self) -> str:
+        """Write NaN."""
+        return "std::numeric_limits<Real>::quiet_NaN()"
+
+    def square_root(self, argument: str) -> str:
+        """Write a square root."""
+        return f"std::sqrt({argument})"
+
+    def power(self, base: str, exponent: str) -> str:
+        """Write a general power."""
+        return f"std::pow({base}, {exponent})"
+
+    def _print_BooleanTrue(self, expr: sp.Basic) -> str:
+        return "true"
+
+    def _print_BooleanFalse(self, expr: sp.Basic) -> str:
+        return "false"
 
 
 class VectorCPrinter(RealCPrinter):

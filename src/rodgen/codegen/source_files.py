@@ -1,4 +1,4 @@
-"""From the kernels of a derivation to files: a NumPy module, a C source and header, the loops of the gufuncs.
+"""From the kernels of a derivation to files: NumPy, C, C++, the loops of the gufuncs.
 
 ``render`` makes the text in memory; ``write_kernels`` puts it on disk; ``check_kernels`` compares it with the disk.
 Nothing in the bytes depends on the time, the place, or the version of anything but SymPy, which is pinned.
@@ -10,12 +10,13 @@ import difflib
 import inspect
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import sympy as sp
 
 from rodgen.codegen import _array_call
@@ -29,7 +30,14 @@ from rodgen.codegen.lines import (
     operation_counts,
     symbols_read,
 )
-from rodgen.codegen.printers import C_MACROS, ArrayPrinter, RealCPrinter, VectorCPrinter
+from rodgen.codegen.printers import (
+    C_MACROS,
+    ArrayPrinter,
+    CppPrinter,
+    KernelPrinter,
+    RealCPrinter,
+    VectorCPrinter,
+)
 from rodgen.codegen.source_text import (
     DO_NOT_EDIT,
     ENVIRONMENT,
@@ -39,7 +47,18 @@ from rodgen.codegen.source_text import (
 from rodgen.files import write_file
 from rodgen.symbolic import Derivation
 
-__all__ = ["KernelModule", "check_kernels", "render", "render_extension", "write_kernels"]
+__all__ = [
+    "TARGETS",
+    "USUAL_TARGETS",
+    "KernelModule",
+    "check_kernels",
+    "render",
+    "render_extension",
+    "write_kernels",
+]
+
+USUAL_TARGETS = ("numpy", "c")
+"""Languages that are written when none is asked for."""
 
 VECTOR_FUNCTIONS = frozenset({"sin", "cos", "atan2"})
 """Elementary functions that have an inline form in the vectorised loops."""
@@ -104,21 +123,18 @@ class KernelModule:
         ]
 
 
-def render(module: KernelModule) -> dict[str, str]:
-    """Return the text of every file of a module, by path relative to the output folder."""
-    c_kernels = [_c_kernel(kernel) for kernel in module.kernels]
-    files = {
-        f"numpy/{module.name}.py": _render(
-            "numpy.py.j2", module, _numpy_kernels(module), array_call=ARRAY_CALL
-        ),
-        f"c/{module.name}.h": _render("c.h.j2", module, c_kernels),
-        f"c/{module.name}.c": _render("c.c.j2", module, c_kernels, macros=_macros_called(c_kernels)),
-    }
-    tested = data_of_tests(module.kernels)
-    if tested:
-        files[f"tests/test_{module.name}.py"] = ENVIRONMENT.get_template("test.py.j2").render(
-            module=module, do_not_edit=DO_NOT_EDIT, template="test.py.j2", **tested
-        )
+def render(module: KernelModule, targets: Iterable[str] = USUAL_TARGETS) -> dict[str, str]:
+    """Return the text of every file of a module, by path relative to the output folder.
+
+    Parameters
+    ----------
+    module : KernelModule
+    targets : iterable of str, optional
+        Keys of :data:`TARGETS`.
+    """
+    files: dict[str, str] = {}
+    for target in targets:
+        files |= TARGETS[target](module)
     return files
 
 
@@ -146,7 +162,13 @@ def render_extension(modules: Sequence[KernelModule]) -> dict[str, str]:
     return files
 
 
-def write_kernels(derivations: Iterable[Derivation], folder: Path, *, extension: bool = False) -> list[Path]:
+def write_kernels(
+    derivations: Iterable[Derivation],
+    folder: Path,
+    *,
+    targets: Iterable[str] = USUAL_TARGETS,
+    extension: bool = False,
+) -> list[Path]:
     """Write the generated files of derivations; return the paths whose bytes changed.
 
     Parameters
@@ -154,12 +176,14 @@ def write_kernels(derivations: Iterable[Derivation], folder: Path, *, extension:
     derivations : iterable of Derivation
         Each becomes one module. Those without kernels are left out.
     folder : Path
-        Gets ``numpy/``, ``c/`` and, for the extension, ``gufunc/``.
+        Gets a folder for each target and, for the extension, ``gufunc/``.
+    targets : iterable of str, optional
+        Keys of :data:`TARGETS`.
     extension : bool
         Whether the loops of NumPy gufuncs are written, too.
     """
     changed = []
-    for name, text in sorted(_files(derivations, extension).items()):
+    for name, text in sorted(_files(derivations, targets, extension).items()):
         path = folder / name
         if path.exists() and path.read_bytes() == text.encode():
             continue
@@ -169,12 +193,18 @@ def write_kernels(derivations: Iterable[Derivation], folder: Path, *, extension:
     return changed
 
 
-def check_kernels(derivations: Iterable[Derivation], folder: Path, *, extension: bool = False) -> str:
+def check_kernels(
+    derivations: Iterable[Derivation],
+    folder: Path,
+    *,
+    targets: Iterable[str] = USUAL_TARGETS,
+    extension: bool = False,
+) -> str:
     """Make the files anew and compare them with those in `folder`.
 
     Returns a unified diff, empty if every byte agrees; it also names files that no kernel generates any more.
     """
-    files = _files(derivations, extension)
+    files = _files(derivations, targets, extension)
     parts: list[str] = []
     for name, text in sorted(files.items()):
         path = folder / name
@@ -194,7 +224,7 @@ def check_kernels(derivations: Iterable[Derivation], folder: Path, *, extension:
             name = path.relative_to(folder).as_posix()
             ours = sub.name != "tests" or DO_NOT_EDIT in path.read_text(errors="replace")
             if (
-                path.suffix in {".py", ".c", ".h"}
+                path.suffix in {".py", ".c", ".h", ".hpp"}
                 and name not in files
                 and path.name != "__init__.py"
                 and ours
@@ -203,13 +233,13 @@ def check_kernels(derivations: Iterable[Derivation], folder: Path, *, extension:
     return "".join(parts)
 
 
-def _files(derivations: Iterable[Derivation], extension: bool) -> dict[str, str]:
+def _files(derivations: Iterable[Derivation], targets: Iterable[str], extension: bool) -> dict[str, str]:
     modules = [
         KernelModule(d.name, d.title, d.source, tuple(d.kernels.values())) for d in derivations if d.kernels
     ]
     files: dict[str, str] = {}
     for module in modules:
-        files |= render(module)
+        files |= render(module, targets)
     if extension:
         files |= render_extension(modules)
     return files
@@ -233,6 +263,23 @@ def _render(template: str, module: KernelModule, kernels: Sequence[Any], **more:
         scale_functions=scale_functions(),
         **more,
     )
+
+
+def _check_names(module: KernelModule, printer: KernelPrinter) -> None:
+    """Refuse names that a language keeps for itself."""
+    names = {
+        module.name,
+        *(e["name"] for e in module.enums),
+        *(m.name for e in module.enums for m in e["members"]),
+    }
+    for k in module.kernels:
+        names |= {k.name, *(p.name for p in (*k.inputs, *k.outputs))}
+        names |= {s.name for p in k.inputs for s in p.symbols} | {a.symbol.name for a in k.assignments}
+    taken = names & printer.reserved
+    if taken:
+        raise KernelError(
+            f"module {module.name}: {min(taken)!r} is reserved in generated {printer.language}; expected another name"
+        )
 
 
 def _list_of_names(names: Sequence[str]) -> str:
@@ -267,6 +314,17 @@ def _docstring(kernel: Kernel) -> str:
 
 
 # NumPy ---------------------------------------------------------------------------------------------------
+
+
+def _numpy_files(module: KernelModule) -> dict[str, str]:
+    text = _render("numpy.py.j2", module, _numpy_kernels(module), array_call=ARRAY_CALL)
+    files = {f"numpy/{module.name}.py": text}
+    tested = data_of_tests(module.kernels)
+    if tested:
+        files[f"tests/test_{module.name}.py"] = ENVIRONMENT.get_template("test.py.j2").render(
+            module=module, do_not_edit=DO_NOT_EDIT, template="test.py.j2", **tested
+        )
+    return files
 
 
 def _numpy_kernels(module: KernelModule) -> list[dict[str, Any]]:
@@ -314,18 +372,30 @@ def _tuple(items: Iterable[str], *, parentheses: bool = False) -> str:
 # C -------------------------------------------------------------------------------------------------------
 
 
+def _c_files(module: KernelModule) -> dict[str, str]:
+    kernels = [_c_kernel(kernel) for kernel in module.kernels]
+    return {
+        f"c/{module.name}.h": _render("c.h.j2", module, kernels),
+        f"c/{module.name}.c": _render("c.c.j2", module, kernels, macros=_macros_called(kernels)),
+    }
+
+
 def _macros_called(kernels: Sequence[dict[str, Any]]) -> dict[str, tuple[str, str]]:
     """Return those of `C_MACROS` that the lines of the kernels call."""
     written = "\n".join(line for kernel in kernels for line in (*kernel["body"], *kernel["stores"]))
     return {name: macro for name, macro in C_MACROS.items() if re.search(rf"\b{name}\(", written)}
 
 
+def _comment(kernel: Kernel) -> list[str]:
+    """Return the lines of a comment on a kernel."""
+    lines = [kernel.summary, f"Source: {kernel.source}", f"Operations: {operation_counts(kernel)}"]
+    return lines + [_c_port_line(p) for p in (*kernel.inputs, *kernel.outputs)]
+
+
 def _c_kernel(kernel: Kernel) -> dict[str, Any]:
-    comment = [kernel.summary, f"Source: {kernel.source}", f"Operations: {operation_counts(kernel)}"]
-    comment += [_c_port_line(p) for p in (*kernel.inputs, *kernel.outputs)]
     result: dict[str, Any] = {
         "name": kernel.name,
-        "comment": "\n * ".join(comment),
+        "comment": "\n * ".join(_comment(kernel)),
         "operations": operation_counts(kernel),
         "batch_call": ", ".join(
             [_element(p, output=False) for p in kernel.inputs]
@@ -335,7 +405,7 @@ def _c_kernel(kernel: Kernel) -> dict[str, Any]:
         "batch_prototype": {},
     }
     used = symbols_read(kernel)
-    unused = [f"(void){p.name};" for p in kernel.inputs if not used & set(p.symbols)]  # no warning for those
+    unused = [f"(void){p.name};" for p in _unread(kernel)]  # no warning for those
     result["loads"] = [
         f"const REAL {s.name} = {p.name}[{i}];"
         for p in kernel.inputs
@@ -357,6 +427,12 @@ def _c_kernel(kernel: Kernel) -> dict[str, Any]:
     return result
 
 
+def _unread(kernel: Kernel) -> list[Port]:
+    """Return the inputs of which no component is read."""
+    used = symbols_read(kernel)
+    return [p for p in kernel.inputs if not used & set(p.symbols)]
+
+
 def _parameter(port: Port, real: str, *, output: bool) -> str:
     kind = "int8_t" if port.is_status else real
     if port.shape == ():
@@ -368,6 +444,48 @@ def _element(port: Port, *, output: bool) -> str:
     if port.shape == ():
         return f"{port.name} + i" if output else f"{port.name}[i]"
     return f"{port.name} + {port.size} * i"
+
+
+# C++ -----------------------------------------------------------------------------------------------------
+
+
+def _cpp_files(module: KernelModule) -> dict[str, str]:
+    _check_names(module, CppPrinter())
+    kernels = [_cpp_kernel(kernel) for kernel in module.kernels]
+    return {f"cpp/{module.name}.hpp": _render("cpp.hpp.j2", module, kernels)}
+
+
+def _cpp_kernel(kernel: Kernel) -> dict[str, Any]:
+    only = len(kernel.outputs) == 1
+    printer, used = CppPrinter(only), symbols_read(kernel)
+    body, stores = c_lines(kernel, printer)
+    return {
+        "name": kernel.name,
+        "comment": _comment(kernel),
+        "returns": _cpp_type(kernel.outputs[0]) if only else f"{kernel.name}_result<Real>",
+        "members": [] if only else [(_cpp_type(p), p.name) for p in kernel.outputs],
+        "parameters": ", ".join(
+            f"const {_cpp_type(p)} &{p.name}" if p.shape else f"Real {p.name}" for p in kernel.inputs
+        ),
+        "unread": [p.name for p in _unread(kernel)],
+        "loads": [
+            f"const Real {s.name} = {p.name}{''.join(f'[{j}]' for j in place)};"
+            for p in kernel.inputs
+            if p.shape
+            for s, place in zip(p.symbols, np.ndindex(p.shape), strict=True)
+            if s in used
+        ],
+        "body": body,
+        "stores": stores,
+    }
+
+
+def _cpp_type(port: Port) -> str:
+    """Return the type of a port: a number, a code, or an array (of arrays) of them."""
+    kind = port.enum.__name__ if port.enum is not None else "Real"
+    for length in reversed(port.shape):
+        kind = f"std::array<{kind}, {length}>"
+    return kind
 
 
 # gufunc --------------------------------------------------------------------------------------------------
@@ -430,3 +548,11 @@ def _trigonometric_arguments(kernel: Kernel) -> list[str]:
         if not isinstance(argument, sp.Symbol):
             raise ValueError(f"kernel {kernel.name}: name the argument {argument} of sin and cos with let()")
     return sorted(str(argument.name) for argument in arguments)
+
+
+TARGETS: Mapping[str, Callable[[KernelModule], dict[str, str]]] = {
+    "numpy": _numpy_files,
+    "c": _c_files,
+    "cpp": _cpp_files,
+}
+"""What writes the files of a module in each language."""
