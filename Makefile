@@ -14,13 +14,16 @@ INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow torture fuzz kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
+.PHONY: help demo open test test-slow torture fuzz kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
 
 demo: .venv/all ## a real telescope: fit, compare, diagnose, correct, emit C, write a report
 	@$(BIN)/python examples/demo.py
+
+open: .venv/all ## the workbench, on the real telescope: a page on which effects are added and the error falls
+	@$(BIN)/rodgen open examples/machines/mount/machine.toml examples/machines/mount/mmt_2021.csv
 
 test: .venv/test ## run the tests
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m "not slow"

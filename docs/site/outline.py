@@ -53,6 +53,7 @@ OUTLINE = (
             "import": "docs/import.md",
             "similar_effects": "docs/similar_effects.md",
             "plan": "docs/plan.md",
+            "workbench": "docs/workbench.md",
             "python": "docs/python.md",
             "own_effect": "docs/own_effect.md",
             "c": "docs/c.md",

@@ -71,6 +71,7 @@ EXTRAS = {
     "shtab": "completion",
     "erfa": "import",
     "openpyxl": "import",
+    "nicegui": "app",
 }
 """Modules that only some commands need, and the extra that installs them."""
 

@@ -52,6 +52,7 @@ _COMMANDS = {
     "plan": ("plan",),
     "predict": ("predict",),
     "report": ("report",),
+    "open": ("open",),
     "change": ("add", "remove"),
     "emit": ("emit",),
     "simulate": ("simulate",),
@@ -70,6 +71,7 @@ _COMMANDS = {
 
 _GROUPS = {
     "from measurements to a corrected machine": ("fit", "compare", "diagnose", "add", "emit", "report"),
+    "the same, on a page": ("open",),
     "a machine file to begin with": ("new", "import"),
     "more about a machine": ("check", "plan", "predict", "remove", "simulate", "effects"),
     "the axis of one rotation": ("fit-axis", "solve"),

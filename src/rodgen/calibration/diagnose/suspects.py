@@ -126,7 +126,7 @@ def suspects(fit: Fit) -> Suspects:
             for other in waiting
             if first.dof
             and selection.are_alike((other.left - first.left) / variance, other.parameters - first.parameters)
-            and min(first.log_p, other.log_p) / np.log(10) + log10_tests < level
+            and max(first.log_p, other.log_p) / np.log(10) + log10_tests < level
         ]
         waiting = [other for other in waiting if other not in like]
         leader = first.candidate.effect

@@ -1,0 +1,58 @@
+"""``rodgen open``: the workbench, a page on which effects are added and the error falls."""
+
+from __future__ import annotations
+
+import argparse
+
+from rodgen.cli._console import OK, Command, show
+from rodgen.cli._machine import FILES
+from rodgen.cli._values import whole
+from rodgen.errors import InputFileError
+
+__all__ = ["add_to"]
+
+_OPEN = f"""\
+Open a machine and its measurements on a page in the browser: see the residuals, suspect, add an effect, watch the error
+fall, undo. Nothing leaves this computer: the page is at 127.0.0.1, under an address that nobody can guess, until
+Ctrl-C. A session that was saved (.rodgen) opens with everything that was done.
+
+{FILES}
+  rodgen open mount.toml stars.csv
+  rodgen open mount.rodgen
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    opened = command("open", _run, "a page on which effects are added and the error falls", _OPEN)
+    opened.add_argument("machine", metavar="MACHINE", help="the machine file, or a session")
+    opened.add_argument("data", metavar="DATA", nargs="?", help="the measurements; a session knows its own")
+    opened.add_argument("--no-browser", action="store_true", help="print the address only")
+    opened.add_argument("--port", metavar="N", type=whole(1), default=0, help="default: any that is free")
+
+
+def _run(options: argparse.Namespace) -> int:
+    import nicegui  # noqa: F401 - its absence is reported before anything is read
+
+    from rodgen.workbench.desk import Desk
+    from rodgen.workbench.server import serve
+    from rodgen.workbench.session import ENDING, Session
+
+    if options.machine.endswith(ENDING) and options.data is None:
+        session = Session.load(options.machine)
+    elif options.data is None:
+        raise InputFileError(
+            "command line", "rodgen open", "no DATA", f"it, or a session that ends in {ENDING}"
+        )
+    else:
+        session = Session.open(options.machine, options.data)
+    from rodgen.workbench.page import Page
+
+    desk = Desk(session)
+    serve(
+        lambda: Page(desk),
+        port=options.port,
+        browser=not options.no_browser,
+        said=lambda address: show(f"{address}\nCtrl-C ends it."),
+    )
+    return OK

@@ -1,0 +1,235 @@
+"""What all windows of a page share: the session, what follows from its state, and what runs in the background."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from threading import Event
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from rodgen.errors import RodgenError
+from rodgen.stages import listening
+
+if TYPE_CHECKING:
+    from rodgen.calibration.diagnose import Diagnosis
+    from rodgen.calibration.diagnose.suspects import Suspects
+    from rodgen.calibration.plan import Plan
+    from rodgen.machines.machine import Effect
+    from rodgen.workbench.actions import Action
+    from rodgen.workbench.session import Session, State
+
+__all__ = ["Desk", "Window", "Work"]
+
+T = TypeVar("T")
+
+
+class Window(Protocol):
+    """A window that shows a desk."""
+
+    async def refresh(self, what: str) -> None:
+        """Show anew: ``"state"``, ``"suspects"``, ``"work"``, ``"plan"``."""
+
+
+class _StoppedError(Exception):
+    """A user stopped it."""
+
+
+class _Following:
+    """A listener that keeps the names of the stages, and ends the work at the next of them when it is stopped."""
+
+    def __init__(self, stop: Event) -> None:
+        self.stop, self.stages = stop, list[list[Any]]()
+
+    def begin(self, what: str, total: int | None) -> None:
+        self._check()
+        self.stages.append([what, 0, total])
+
+    def step(self, done: int) -> None:
+        self._check()
+        if self.stages:
+            self.stages[-1][1] = done
+
+    def end(self) -> None:
+        self.stages.pop()
+
+    def _check(self) -> None:
+        if self.stop.is_set():
+            raise _StoppedError
+
+    @property
+    def text(self) -> str:
+        """The stages, the outer ones first, with the steps of the innermost."""
+        return ": ".join(
+            f"{what} {done + 1} of {total}" if total else what for what, done, total in [*self.stages]
+        )
+
+
+@dataclass
+class Work:
+    """Something that takes long and may be stopped.
+
+    Attributes
+    ----------
+    what : str
+    began : float
+    """
+
+    what: str
+    began: float = field(default_factory=time.monotonic)
+    _stop: Event = field(default_factory=Event)
+    _following: _Following = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._following = _Following(self._stop)
+
+    def stop(self) -> None:
+        """End it at its next stage or step."""
+        self._stop.set()
+
+    @property
+    def text(self) -> str:
+        """What it does now."""
+        ending = "stopping" if self._stop.is_set() else self._following.text
+        return ", ".join(filter(None, [self.what, ending, f"{time.monotonic() - self.began:.0f} s"]))
+
+    def __call__(self, function: Callable[[], T]) -> T | None:
+        """Return what a function returns; None where it was stopped."""
+        with suppress(_StoppedError), listening(self._following):
+            return function()
+        return None
+
+
+class Desk:
+    """A session, with what its windows show.
+
+    Attributes
+    ----------
+    session : Session
+    windows : list of Window
+    suspects : Suspects or None
+        Of the present state, once they are known.
+    work : Work or None
+        What runs in the background.
+    diagnosis : Diagnosis or None
+        The last one, and the state that it is of.
+    plan : Plan or None
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.windows: list[Window] = []
+        self.work: Work | None = None
+        self.diagnosis: tuple[State, Diagnosis] | None = None
+        self.plan: tuple[State, Plan] | None = None
+        self._suspects: dict[int, Suspects] = {}
+        self._turn = asyncio.Lock()
+
+    async def do(self, action: Action) -> None:
+        """Do something, and show it in all windows.
+
+        Raises
+        ------
+        RodgenError
+            When it cannot be done.
+        """
+        await self._then(lambda: self.session.do(action))
+
+    async def go(self, at: int) -> None:
+        """Undo or redo actions until the state of a number holds."""
+        await self._then(lambda: self.session.go(at))
+
+    async def _then(self, change: Callable[[], object]) -> None:
+        async with self._turn:
+            await asyncio.to_thread(change)
+            await self.show("state")
+        await self.look()
+
+    async def show(self, what: str) -> None:
+        """Show something anew in all windows."""
+        for window in [*self.windows]:
+            await window.refresh(what)
+
+    async def look(self) -> None:
+        """Find what tests of the present state say, and its suspects, and show them."""
+        state = self.session.state
+        await asyncio.to_thread(lambda: (state.rung, self.session.ladder.noise))
+        await self.show("ladder")
+        if id(state) not in self._suspects:
+            found = await asyncio.to_thread(self._suspects_of, state)
+            if found is None:
+                return
+            self._suspects = {
+                id(s): self._suspects[id(s)] for s in self.session.states if id(s) in self._suspects
+            }
+            self._suspects[id(state)] = found
+        if state is self.session.state:
+            await self.show("suspects")
+
+    @staticmethod
+    def _suspects_of(state: State) -> Suspects | None:
+        from rodgen.calibration.diagnose.suspects import suspects
+
+        try:
+            return suspects(state.fit)
+        except RodgenError:  # a machine whose candidates cannot be evaluated where the fit is
+            return None
+
+    @property
+    def suspects(self) -> Suspects | None:
+        """The suspects of the present state, once they are known."""
+        return self._suspects.get(id(self.session.state))
+
+    # in the background -------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def _working(self, what: str) -> Iterator[Work]:
+        if self.work is not None:
+            raise RodgenError(f"{self.work.what} is still running; expected its end, or stop it")
+        self.work = Work(what)
+        try:
+            yield self.work
+        finally:
+            self.work = None
+
+    async def diagnose(self) -> None:
+        """Diagnose the present state in the background; its steps are suggestions."""
+        from rodgen.calibration.diagnose import diagnose
+
+        state = self.session.state
+        machine, kept = state.machine, state.observations
+        if state.aside.any():
+            kept = kept.take(~state.aside)
+        with self._working("Diagnosis") as work:
+            await self.show("work")
+            found = await asyncio.to_thread(work, lambda: diagnose(machine, kept))
+        if found is not None:
+            self.diagnosis = state, found
+        await self.show("work")
+
+    async def make_plan(
+        self, n: int, alternatives: Collection[Collection[Effect]] = (), **limits: Any
+    ) -> None:
+        """Plan what to measure next: to tell effects apart, or what the last diagnosis, else the fit, leaves open."""
+        from rodgen.calibration.plan import Constraints, plan, plan_for
+
+        state = self.session.state
+        subject: Any = state.fit
+        if self.diagnosis is not None and self.diagnosis[0] is state:
+            subject = self.diagnosis[1]
+        constraints = Constraints(**limits) if limits else None
+        with self._working("Plan") as work:
+            await self.show("work")
+            if alternatives:
+                groups = [tuple(group) for group in alternatives]
+                found = await asyncio.to_thread(
+                    work, lambda: plan_for(state.fit, groups, n, constraints=constraints)
+                )
+            else:
+                found = await asyncio.to_thread(work, lambda: plan(subject, n, constraints=constraints))
+        if found is not None:
+            self.plan = state, found
+        await self.show("work")
+        await self.show("plan")

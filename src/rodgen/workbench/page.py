@@ -1,0 +1,701 @@
+"""The page of the workbench: residuals, suspects, the ladder of the error, and what was done."""
+
+from __future__ import annotations
+
+import asyncio
+import html
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from nicegui import ui
+
+from rodgen.calibration.words import probability
+from rodgen.data.drivers import Driver
+from rodgen.errors import RodgenError
+from rodgen.machines.machine import Effect
+from rodgen.output import figures
+from rodgen.output.figures.drawn_rows import DrawnRows
+from rodgen.output.numbers import noise_name
+from rodgen.workbench.actions import Add, Aside, Back, Mend
+from rodgen.workbench.drawing import Drawn, drawn, overlay
+from rodgen.workbench.keep import Keeping
+from rodgen.workbench.model import Model, keys
+from rodgen.workbench.parts import STYLE, anew, button, card, copied, guarded, heading, quoted
+
+if TYPE_CHECKING:
+    from nicegui.elements.plotly import Plotly
+
+    from rodgen.calibration.diagnose.suspects import Suspect
+    from rodgen.workbench.desk import Desk
+    from rodgen.workbench.session import State
+
+__all__ = ["Page"]
+
+FIRST_SUSPECTS = 12
+"""Suspects that are listed before all are asked for."""
+MOST_IN_TABLE = 200
+NARROW = 760
+"""Width of a window, in pixels, below which its parts stand below each other."""
+SELECTED = (
+    "(e) => emit({rows: ((e && e.points) || []).map((p) => p.customdata).filter((x) => x !== undefined)})"
+)
+
+
+@dataclass(frozen=True)
+class Slot:
+    """The place of a figure.
+
+    Attributes
+    ----------
+    note, legend : element
+    plot : Plotly
+    height : int
+    revision : str
+        While it stays the same a user's zoom stays, too.
+    """
+
+    note: ui.element
+    legend: ui.element
+    plot: Plotly
+    height: int
+    revision: str
+
+
+class Page:
+    """One window of the page.
+
+    Parameters
+    ----------
+    desk : Desk
+        What all windows share.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self.desk = desk
+        self.selected: set[int] = set()
+        self.against = "order"
+        self.options: dict[str, Any] = {"colour": "", "parts": "apart", "whitened": False, "before": "none"}
+        self.times = 0.0
+        self.dark = False
+        self.width = 1280
+        self.all_suspects = False
+        self.plots: dict[str, Slot] = {}
+        self.content: Drawn | None = None
+        self.shown: str | None = None
+        self._build()
+
+    # the parts ---------------------------------------------------------------------------------------------------
+
+    @property
+    def state(self) -> State:
+        """What holds now."""
+        return self.desk.session.state
+
+    def _build(self) -> None:
+        desk = self.desk
+        ui.add_css(STYLE)
+        self.mode = ui.dark_mode(None)
+        self.client = ui.context.client
+        ui.keyboard(on_key=guarded(self._key), ignore=["input", "select", "textarea"])
+        with ui.element("header").classes("head"):
+            heading(f"{self.state.machine.name}", 1)
+            self.undo = button("Undo", self._undo, icon="undo", tip="Ctrl+Z")
+            self.redo = button("Redo", self._redo, icon="redo", tip="Ctrl+Y")
+            self.asking = button("Diagnose", desk.diagnose, icon="troubleshoot")
+            button("Plan", self._plan_next, icon="add_location")
+            self.keeping = Keeping(self)
+            button("Keep", self.keeping.open, icon="save")
+            button("Light or dark", self._darken, icon="contrast", bare=True)
+        self.status = ui.label().props('role="status" aria-live="polite"')
+        self.wrong = ui.element("section").classes("card wrong").props('aria-label="A wrong file"')
+        self.working = ui.element("section").classes("card").props('aria-label="In the background"')
+        with ui.element("main").classes("desk"):
+            with ui.element("div").classes("side"):
+                self.ladder = card("Ladder of the error")
+                self.suspects = card("Suspects")
+                self.suggested = card("Suggestions of the diagnosis")
+                self.model = Model(self)
+                self.doing = card("Done so far")
+            with ui.element("div").classes("main"):
+                with ui.element("section").classes("card").props('aria-label="Residuals"'):
+                    self._choices()
+                    self.residuals = ui.element("div").classes("plot")
+                with ui.element("section").classes("card").props('aria-label="Selected rows"'):
+                    self.rows = ui.element("div")
+                with ui.element("section").classes("card").props('aria-label="Further plots"'):
+                    with ui.tabs(on_change=self._draw_other).props("dense no-caps align=left") as self.tabs:
+                        for name in ("Map", "Q-Q", "Autocorrelation", "Skeleton", "Errors"):
+                            ui.tab(name)
+                    self.other = ui.element("div").classes("plot")
+                self.planned = card("Plan")
+        self._fill_state()
+        self._fill_suspects()
+        self._fill_work()
+        self._fill_plan()
+        self.tabs.set_value("Map")
+        desk.windows.append(self)
+        self.client.on_disconnect(self._gone)
+        self.client.on_connect(self._connected)
+
+    def _gone(self) -> None:
+        if self in self.desk.windows:
+            self.desk.windows.remove(self)
+
+    async def _connected(self) -> None:
+        """Ask the window for its width and whether it is dark; then find what takes longer than a first view may."""
+        if self not in self.desk.windows:
+            self.desk.windows.append(self)
+        asked = "[window.innerWidth, window.matchMedia('(prefers-color-scheme: dark)').matches]"
+        try:
+            width, dark = await ui.run_javascript(f"return {asked}", timeout=5.0)
+        except TimeoutError:
+            width, dark = self.width, self.dark
+        if (int(width), bool(dark)) != (self.width, self.dark):
+            self.width, self.dark = int(width), bool(dark)
+            self._draw()
+        await self.desk.look()
+        await asyncio.to_thread(lambda: self.state.check)
+        self._fill_wrong()
+
+    async def refresh(self, what: str) -> None:
+        """Show something anew."""
+        with self.client:
+            if what == "state":
+                self._fill_state()
+                self._fill_suspects()
+                self._fill_plan()
+            elif what == "ladder":
+                self._fill_ladder()
+            elif what == "suspects":
+                self._fill_suspects()
+            elif what == "work":
+                self._fill_work()
+            elif what == "plan":
+                self._fill_plan()
+                self._draw()
+
+    def _fill_state(self) -> None:
+        session = self.desk.session
+        self.undo.set_enabled(session.at > 0)
+        self.redo.set_enabled(session.at < len(session.states) - 1)
+        self.selected &= set(range(self.state.observations.n))
+        self._draw()
+        self._fill_ladder()
+        self._fill_rows()
+        self._fill_doing()
+        self._fill_wrong()
+        self.model.fill()
+
+    # the ladder --------------------------------------------------------------------------------------------------
+
+    def _fill_ladder(self) -> None:
+        session, fit = self.desk.session, self.state.fit
+        known = "rung" in self.state.__dict__
+        digits = max(1 - int(np.floor(np.log10(min(s.fit.rms for s in session.states) or 1.0))), 0) + 1
+
+        def figure(value: float | None) -> str:
+            return "–" if value is None else f"{value:.{min(digits, 9)}f}"
+
+        text = f"Error {figure(fit.rms)} {fit.unit} per reading"
+        if known:
+            text += f", {figure(self.state.rung.held_out.rms)} on poses held out"
+            noise = session.ladder.noise
+            if noise.value is not None:
+                text += f"; {noise_name(noise.source)} {figure(noise.value)}"
+        self.status.set_text(f"{text}; {self.state.observations.data.file}.")
+        with anew(self.ladder, "Ladder of the error"):
+            grid = ui.element("div").classes("grid").style("grid-template-columns:1fr repeat(4,auto)")
+            with grid.props('role="table" aria-label="Errors of the models"'):
+                for words in ("", f"fitted [{fit.unit}]", "held out", "F", "p"):
+                    ui.label(words).classes("soft number" if words else "soft")
+                for number, state in enumerate(session.states):
+                    self._rung(number, state, figure)
+            if known:
+                rung = self.state.rung
+                for sentence in (rung.verdict, self._noise()):
+                    if sentence:
+                        ui.label(sentence).classes("soft")
+
+    def _noise(self) -> str:
+        return self.desk.session.ladder.noise.text
+
+    def _rung(self, number: int, state: State, figure: Callable[[float | None], str]) -> None:
+        session = self.desk.session
+        rung = state.rung if "rung" in state.__dict__ else None
+        title = state.action.title if state.action else "as the file is"
+        step = rung.step if rung else None
+        gone = "opacity:.5" if number > session.at else ""
+        button = ui.button(title, on_click=guarded(partial(self.desk.go, number))).props(
+            "flat dense no-caps align=left"
+        )
+        button.props(f'aria-label="Go back to: {quoted(title)}"').style(gone)
+        if number == session.at:
+            button.props("color=primary").style("font-weight:650")
+        numbers = [
+            figure(state.fit.rms),
+            figure(rung.held_out.rms) if rung else "…",
+            f"{step.statistic:.4g}" if step else "",
+            probability(step.p_value) if step else "",
+        ]
+        for words in numbers:
+            ui.label(words).classes("number").style(gone)
+
+    # suspects ----------------------------------------------------------------------------------------------------
+
+    def _fill_suspects(self) -> None:
+        found = self.desk.suspects
+        with anew(self.suspects, "Suspects"):
+            if found is None:
+                ui.label("Every effect of the catalogue is tested …").classes("soft")
+                return
+            listed = found.listed if self.all_suspects else found.listed[:FIRST_SUSPECTS]
+            ui.label(
+                "Evidence: p, that chance explains as much. Odds: how common it is. The error that it would leave."
+            ).classes("soft")
+            for suspect in listed:
+                self._suspect(suspect)
+            if len(listed) < len(found.listed):
+                button(f"All {len(found.listed)}", self._list_all, bare=False)
+            groups = {s.like for s in listed if s.like is not None}
+            for leader in groups:
+                same = [leader, *(s.effect for s in listed if s.like == leader)]
+                button(
+                    f"Where to measure to part {leader.title} from {len(same) - 1} like it",
+                    partial(self.desk.make_plan, 8, [same]),
+                )
+
+    def _suspect(self, suspect: Suspect) -> None:
+        title = suspect.effect.title
+        row = ui.element("div").classes("suspect" + (" like" if suspect.like else ""))
+        with row:
+            add = button("Add", partial(self._add, suspect.effect), label=f"Add {title}")
+            with ui.element("div").classes("what"):
+                ui.label(title)
+                unit = self.state.fit.unit
+                said = [f"p {probability(suspect.p_value)}".replace("p <", "p <")]
+                said.append(f"odds {suspect.odds:.2g}")
+                said.append(f"would leave {suspect.rms:.3g} {unit}")
+                if not suspect.possible:
+                    said.append("of a size or sign that no machine has")
+                if suspect.like:
+                    said.append(f"these data cannot tell it from {suspect.like.title}")
+                ui.label(", ".join(said)).classes("soft")
+        for event in ("mouseenter", "focusin"):
+            row.on(event, partial(self._preview, suspect.effect), args=[])
+        for event in ("mouseleave", "focusout"):
+            row.on(event, self._no_preview, args=[])
+        add.tooltip(suspect.effect.definition.meaning)
+
+    async def _list_all(self) -> None:
+        self.all_suspects = True
+        self._fill_suspects()
+
+    async def _add(self, effect: Effect) -> None:
+        await self.desk.do(Add(keys(effect, self.state.machine)))
+
+    def _preview(self, effect: Effect) -> None:
+        """Draw what an effect would explain over the residuals."""
+        found, slot = self.desk.suspects, self.plots.get("residuals")
+        if found is None or slot is None or self.content is None or self.shown == effect.title:
+            return
+        self._no_preview()
+        if self.options["parts"] != "apart" or self.options["whitened"]:
+            return
+        factors = DrawnRows(self.state.fit).factors
+        traces = overlay(self.content.content, found.explained(effect) * factors, found.rows)
+        self.shown = effect.title
+        slot.plot.run_plot_method("addTraces", traces)
+
+    def _no_preview(self) -> None:
+        slot = self.plots.get("residuals")
+        if self.shown is not None and slot is not None and self.content is not None:
+            count = len(self.content.content["data"])
+            panels = self.state.fit.residuals.shape[1]
+            slot.plot.run_plot_method("deleteTraces", list(range(count, count + panels)))
+        self.shown = None
+
+    # plots -------------------------------------------------------------------------------------------------------
+
+    @property
+    def place(self) -> int:
+        """Width of a plot, in pixels."""
+        return self.width - 40 if self.width <= NARROW else self.width - 400 - 70
+
+    def _drivers(self) -> Mapping[str, Driver]:
+        return DrawnRows(self.state.fit).drivers
+
+    def _choices(self) -> None:
+        names = [*self._drivers()]
+        self.against = names[0] if names else "order"
+        joints = [joint.name for joint in self.state.machine.joints]
+        parts = {"apart": "components", "together": "size"} | {j: f"reading of {j}" for j in joints}
+        with ui.element("div").classes("line"):
+            heading("Residuals")
+            self._choice("against", names, self.against, "Against")
+            self._choice("colour", {"": "nothing", **{name: name for name in names}}, "", "Coloured by")
+            self._choice("parts", parts, "apart", "Show")
+            self._choice(
+                "before",
+                {"none": "nothing", "step": "the step before", "first": "the file"},
+                "none",
+                "Compared with",
+            )
+            ui.checkbox("whitened", on_change=guarded(partial(self._chosen, "whitened")))
+
+    def _choice(self, key: str, options: Any, value: str, text: str) -> None:
+        ui.select(options, value=value, label=text, on_change=guarded(partial(self._chosen, key))).props(
+            "dense options-dense outlined"
+        ).style("min-width:128px")
+
+    async def _chosen(self, key: str, event: Any) -> None:
+        if key == "against":
+            self.against = event.value
+        else:
+            self.options[key] = event.value
+        self._draw()
+
+    def _before(self) -> Any:
+        wanted = self.options["before"]
+        if wanted == "none" or self.state.before is None:
+            return None
+        before = self.state.before if wanted == "step" else self.desk.session.states[0]
+        return before.fit if before.observations is self.state.observations else None
+
+    def _draw(self) -> None:
+        self.shown = None
+        state, aside = self.state, np.flatnonzero(self.state.aside).tolist()
+        figure = figures.residual_plot(
+            state.fit,
+            self.against,
+            before=self._before(),
+            parts=self.options["parts"],
+            whitened=self.options["whitened"],
+            colour=self.options["colour"],
+            selected=sorted(self.selected),
+            aside=aside,
+        )
+        self.content = self._show("residuals", self.residuals, figure, self.against)
+        self._draw_other()
+
+    def _show(self, name: str, place: ui.element, figure: Any, revision: str) -> Drawn:
+        """Draw a figure at its place: into the plot that is there, where it is as high and of the same kind."""
+        made = drawn(figure, dark=self.dark, width=self.place, revision=revision)
+        height = made.content["layout"]["height"]
+        slot = self.plots.get(name)
+        if slot is None or (slot.height, slot.revision) != (height, revision):
+            with anew(place):
+                slot = self.plots[name] = Slot(
+                    ui.element("div").classes("soft"),
+                    ui.element("div").classes("legend"),
+                    ui.plotly(made.content).props('role="img"').style(f"height:{height}px"),
+                    height,
+                    revision,
+                )
+                slot.plot.on("plotly_selected", guarded(self._brushed), js_handler=SELECTED)
+                slot.plot.on("plotly_click", guarded(self._clicked), js_handler=SELECTED)
+        else:
+            slot.plot.update_figure(made.content)
+        slot.plot.props["aria-label"] = made.alt
+        with anew(slot.note):
+            ui.label(f"{made.title}. {made.note}")
+        with anew(slot.legend):
+            for sign, colour, words in made.legend:
+                with ui.element("span"):
+                    ui.label(sign).style(f"display:inline;color:{colour or 'inherit'}").props(
+                        "aria-hidden=true"
+                    )
+                    ui.label(html.unescape(words)).style("display:inline;margin-left:4px")
+        return made
+
+    def _draw_other(self) -> None:
+        name, fit = self.tabs.value, self.state.fit
+        if not name:
+            return
+        chosen = sorted(self.selected)
+        makers: dict[str, Callable[[], Any]] = {
+            "Map": lambda: figures.residual_map(
+                fit, before=self._before(), selected=chosen, exaggeration=self.times
+            ),
+            "Q-Q": lambda: figures.quantiles_of_residuals(fit, before=self._before(), selected=chosen),
+            "Autocorrelation": lambda: figures.autocorrelation_of_residuals(fit),
+            "Skeleton": lambda: figures.skeleton(self.state.machine, self.state.observations),
+            "Errors": lambda: figures.ladder(self.desk.session.ladder),
+        }
+        made = makers[name]()
+        if made is None:
+            self.plots.pop("other", None)
+            with anew(self.other):
+                ui.label("Only angles or attitudes are read: there is no map.")
+            return
+        self._show("other", self.other, made, name)
+
+    # selecting ---------------------------------------------------------------------------------------------------
+
+    async def _brushed(self, event: Any) -> None:
+        rows = {int(row) for row in event.args.get("rows", ()) if isinstance(row, int | float)}
+        if rows:
+            self.selected = rows
+            self._draw()
+            self._fill_rows()
+
+    async def _clicked(self, event: Any) -> None:
+        self.selected ^= {int(row) for row in event.args.get("rows", ()) if isinstance(row, int | float)}
+        self._draw()
+        self._fill_rows()
+
+    def select(self, rows: set[int]) -> None:
+        """Select rows of the observations, and mark them everywhere."""
+        self.selected = {row for row in rows if 0 <= row < self.state.observations.n}
+        self._draw()
+        self._fill_rows()
+
+    def _fill_rows(self) -> None:
+        state = self.state
+        chosen = np.array(sorted(self.selected), int)
+        with anew(self.rows):
+            with ui.element("div").classes("line"):
+                heading(f"{len(chosen)} rows selected" if len(chosen) else "Rows")
+                why = (
+                    ui.input("Note", placeholder="why")
+                    .props("dense outlined maxlength=200")
+                    .style("width:140px")
+                )
+                aside = button("Set aside", partial(self._aside, why))
+                back = button("Bring back", self._back)
+                none = button("Select none", self._none)
+                aside.set_enabled(len(chosen) > 0 and not state.aside[chosen].all())
+                back.set_enabled(bool(state.aside[chosen].any()) if len(chosen) else bool(state.aside.any()))
+                none.set_enabled(len(chosen) > 0)
+            self._rule()
+            if not len(chosen):
+                size = np.where(
+                    np.isfinite(state.fit.sizes).all(axis=1), np.linalg.norm(state.fit.sizes, axis=1), -1
+                )
+                chosen = np.argsort(-size, kind="stable")[:8]
+                ui.label("Drag over a plot, or click marks, to select. The largest residuals:").classes(
+                    "soft"
+                )
+            self._table(chosen[:MOST_IN_TABLE])
+            if len(chosen) > MOST_IN_TABLE:
+                ui.label(f"The first {MOST_IN_TABLE} of {len(chosen)} rows.").classes("soft")
+
+    def _table(self, rows: Any) -> None:
+        state, fit = self.state, self.state.fit
+        data = state.observations.data
+        names = list(data.columns)
+        shown = [
+            {
+                "row": int(state.numbers[i]),
+                "state": "set aside" if state.aside[i] else "",
+                **{f"c{k}": _cell(data.columns[name], i) for k, name in enumerate(names)},
+                **{f"r{k}": f"{fit.residuals[i, k]:.4g}" for k in range(fit.residuals.shape[1])},
+            }
+            for i in rows
+        ]
+        columns: list[dict[str, Any]] = [
+            {"name": "row", "label": data.counted, "field": "row", "sortable": True},
+            *(
+                {"name": f"r{k}", "label": f"residual {name} [{fit.unit}]", "field": f"r{k}"}
+                for k, name in enumerate(fit.machine.measurand.labels)
+            ),
+            *(
+                {"name": f"c{k}", "label": data.columns[name].text, "field": f"c{k}"}
+                for k, name in enumerate(names)
+            ),
+            {"name": "state", "label": "", "field": "state"},
+        ]
+        ui.table(columns=columns, rows=shown, row_key="row", pagination=8).props("dense flat").classes(
+            "w-full"
+        )
+
+    def _rule(self) -> None:
+        drivers = self._drivers()
+        with ui.element("div").classes("line"):
+            name = ui.select([*drivers], value=next(iter(drivers)), label="Rule").props(
+                "dense options-dense outlined"
+            )
+            name.style("min-width:110px")
+            sign = ui.select([">", "<", "="], value=">").props('dense outlined aria-label="Comparison"')
+            value = ui.input("Value").props("dense outlined").style("width:90px")
+            button("Select", partial(self._by_rule, name, sign, value), label="Select by the rule")
+
+    async def _by_rule(self, name: Any, sign: Any, value: Any) -> None:
+        driver = {d.name: d for d in self.state.observations.drivers()} | dict(
+            DrawnRows(self.state.fit, most=10**9).drivers
+        )
+        found = driver[name.value]
+        text = str(value.value or "").strip()
+        if found.categories:
+            if text not in found.categories:
+                raise RodgenError(
+                    f"no {name.value} {text!r}; expected one of {', '.join(found.categories[:8])}"
+                )
+            mask = found.values == found.categories.index(text)
+        else:
+            try:
+                limit = float(text)
+            except ValueError:
+                raise RodgenError(
+                    f"value {text!r}; expected a number, in {found.unit or 'the unit of the column'}"
+                ) from None
+            noted = np.asarray(found.noted, float)
+            mask = {">": noted > limit, "<": noted < limit, "=": noted == limit}[sign.value]
+        self.select(set(np.flatnonzero(mask).tolist()))
+
+    def _lines(self, mask: Any) -> list[int]:
+        return [int(x) for x in self.state.numbers[mask]]
+
+    async def _aside(self, why: Any) -> None:
+        rows = self._lines(sorted(self.selected))
+        self.selected = set()
+        await self.desk.do(Aside(rows, why=str(why.value or "")[:200]))
+
+    async def _back(self) -> None:
+        gone = self.state.aside.copy()
+        if self.selected:
+            chosen = np.zeros_like(gone)
+            chosen[sorted(self.selected)] = True
+            gone &= chosen
+        await self.desk.do(Back(self._lines(gone)))
+
+    async def _none(self) -> None:
+        self.select(set())
+
+    # doing -------------------------------------------------------------------------------------------------------
+
+    async def _undo(self) -> None:
+        await self.desk.go(self.desk.session.at - 1)
+
+    async def _redo(self) -> None:
+        await self.desk.go(self.desk.session.at + 1)
+
+    async def _key(self, event: Any) -> None:
+        if not event.action.keydown or not (event.modifiers.ctrl or event.modifiers.meta):
+            return
+        if event.key == "z" and not event.modifiers.shift:
+            await self._undo()
+        elif event.key == "y" or (event.key == "Z" and event.modifiers.shift):
+            await self._redo()
+
+    def _fill_doing(self) -> None:
+        session = self.desk.session
+        with anew(self.doing, "Done so far"):
+            if self.state.action is None:
+                ui.label(
+                    "Nothing yet. Each action shows the command and the Python that do the same."
+                ).classes("soft")
+                return
+            action = self.state.action
+            ui.label(f"{action.title}{f' ({action.why})' if action.why else ''}")
+            command = action.command(session.state.file, session.data_file)
+            for words, text in (
+                ("Command", command),
+                ("Python", action.python()),
+                ("All, in Python", session.python()),
+            ):
+                if text:
+                    with ui.expansion(words, value=words == "Command").props("dense").classes("w-full"):
+                        ui.label(text.strip()).classes("code")
+                        button("Copy", partial(copied, text), label=f"Copy: {words}")
+            if not command:
+                ui.label("No command does this alone.").classes("soft")
+
+    def _fill_wrong(self) -> None:
+        check = self.state.__dict__.get("check")
+        self.wrong.set_visibility(check is not None and check.wrong)
+        if check is None or not check.wrong:
+            return
+        with anew(self.wrong):
+            ui.label(check.sentence)
+            with ui.element("div").classes("line"):
+                for mend in check.repairs[:4]:
+                    if not mend.of_data:
+                        button(f"Mend: {mend.words}", partial(self._mend, mend.words))
+            if any(mend.of_data for mend in check.repairs[:1]):
+                ui.label(
+                    f"The data are at fault; the command 'rodgen check {self.state.file} {self.desk.session.data_file} "
+                    "--mended-data FILE' writes mended ones."
+                ).classes("soft")
+
+    async def _mend(self, words: str) -> None:
+        await self.desk.do(Mend(words))
+        await asyncio.to_thread(lambda: self.state.check)
+        self._fill_wrong()
+
+    # in the background -------------------------------------------------------------------------------------------
+
+    async def _plan_next(self) -> None:
+        await self.desk.make_plan(12)
+
+    def _fill_work(self) -> None:
+        work = self.desk.work
+        self.working.set_visibility(work is not None)
+        self.asking.set_enabled(work is None)
+        if work is not None:
+            with anew(self.working), ui.element("div").classes("line"):
+                ui.spinner(size="1.2em")
+                text = ui.label(work.text).props('role="status"')
+                button("Stop", partial(_stopped, work))
+                ui.timer(0.5, lambda: text.set_text(work.text))
+        self._fill_suggested()
+
+    def _fill_suggested(self) -> None:
+        found = self.desk.diagnosis
+        self.suggested.set_visibility(found is not None)
+        if found is None:
+            return
+        state, diagnosis = found
+        with anew(self.suggested, "Suggestions of the diagnosis"):
+            if state is not self.state:
+                ui.label("Of the model as it was when it was asked for.").classes("soft")
+            there = {effect.identity for effect in self.state.machine.effects}
+            for one in diagnosis.found:
+                with ui.element("div").classes("suspect"):
+                    take = button("Take", partial(self._take, one), label=f"Take {one.effect.title}")
+                    take.set_enabled(one.effect.identity not in there)
+                    with ui.element("div").classes("what"):
+                        ui.label(one.effect.title)
+                        said = f"p {probability(one.p_value)}, leaves {one.rms:.3g} {state.fit.unit}"
+                        ui.label(said).classes("soft")
+            with ui.expansion("What it says").props("dense").classes("w-full"):
+                ui.label(diagnosis.summary()).classes("code")
+
+    async def _take(self, one: Any) -> None:
+        await self.desk.do(Add(keys(one.effect, self.state.machine), why="diagnosis"))
+
+    def _fill_plan(self) -> None:
+        found = self.desk.plan
+        self.planned.set_visibility(found is not None)
+        if found is None:
+            return
+        _, plan = found
+        with anew(self.planned, "Plan"):
+            ui.label(str(plan)).classes("code")
+            if plan.count:
+                text = plan.csv()
+                button(
+                    "Save the list",
+                    partial(_download, text, "plan.csv"),
+                    label="Download the plan as a table",
+                )
+
+    async def _darken(self) -> None:
+        self.dark = not self.dark
+        self.mode.set_value(self.dark)
+        self._draw()
+
+
+def _cell(column: Any, row: int) -> Any:
+    value = column.take([row]).values[0]
+    return str(value) if isinstance(value, str) else f"{value:.10g}"
+
+
+async def _stopped(work: Any) -> None:
+    work.stop()
+
+
+async def _download(text: str, name: str) -> None:
+    ui.download.content(text, name)

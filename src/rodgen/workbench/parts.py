@@ -1,0 +1,108 @@
+"""Small parts of the page: headings, buttons, cards that are filled anew, messages."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from inspect import signature
+from typing import Any
+
+from nicegui import ui
+
+from rodgen.errors import RodgenError
+
+__all__ = ["STYLE", "Handler", "anew", "button", "card", "copied", "guarded", "heading", "quoted"]
+
+STYLE = """
+:root{--paper:#fff;--wash:#f6f7f9;--ink:#1b1f24;--soft:#57606a;--mid:#8c959f;--line:#dfe3e8}
+.body--dark{--paper:#14171a;--wash:#1c2126;--ink:#e8eaed;--soft:#a9b3bd;--mid:#7d8690;--line:#2f363d}
+body{background:var(--paper);color:var(--ink);font-variant-numeric:tabular-nums;overflow-wrap:anywhere}
+.nicegui-content{padding:8px 12px;gap:8px}
+.desk{display:grid;grid-template-columns:minmax(340px,400px) minmax(0,1fr);gap:16px;width:100%;align-items:start}
+.side,.main{display:flex;flex-direction:column;gap:12px;min-width:0}
+.card{border:1px solid var(--line);border-radius:6px;padding:8px 10px;width:100%;min-width:0}
+.card h2{font-size:1rem;font-weight:650;line-height:1.4;margin:0}
+.head{display:flex;flex-wrap:wrap;gap:6px;align-items:center;width:100%}
+.head h1{font-size:1.15rem;font-weight:650;line-height:1.3;margin:0 auto 0 0}
+.soft{color:var(--soft);font-size:.85rem}
+.legend{display:flex;flex-wrap:wrap;gap:2px 12px;font-size:.82rem}
+.grid{display:grid;gap:2px 10px;width:100%;align-items:center;font-size:.88rem}
+.grid .number{text-align:right;white-space:nowrap}
+.line{display:flex;flex-wrap:wrap;gap:6px;align-items:center;width:100%}
+.suspect{display:flex;gap:8px;align-items:center;width:100%;padding:2px 0;border-top:1px solid var(--line)}
+.suspect .what{flex:1;min-width:0}
+.suspect.like{margin-left:18px;width:calc(100% - 18px)}
+.q-tooltip{max-width:340px;font-size:.8rem}
+.code{font-family:ui-monospace,monospace;font-size:.8rem;white-space:pre-wrap;background:var(--wash);padding:6px;width:100%}
+.plot{width:100%;overflow-x:auto}
+.wrong{border-color:#c04d00;border-width:2px}
+.q-btn{text-transform:none}
+@media(max-width:760px){.desk{grid-template-columns:minmax(0,1fr)}.main{order:-1}.nicegui-content{padding:6px}}
+"""
+
+
+Handler = Callable[..., Awaitable[None]]
+
+
+def heading(text: str, level: int = 2) -> None:
+    """Write a heading."""
+    ui.html(f"<h{level}>{html.escape(text)}</h{level}>", sanitize=False)
+
+
+def guarded(handler: Handler) -> Handler:
+    """Return a handler that shows what cannot be done as a message; it takes an event where the other one does."""
+
+    async def safe(*event: Any) -> None:
+        try:
+            await handler(*event)
+        except (RodgenError, ValueError) as error:
+            ui.notify(str(error), type="warning", multi_line=True, close_button="Close", timeout=0)
+
+    async def with_event(event: Any) -> None:
+        await safe(event)
+
+    async def without() -> None:
+        await safe()
+
+    wanted = [p for p in signature(handler).parameters.values() if p.default is p.empty]
+    return with_event if wanted else without
+
+
+def button(
+    text: str, handler: Handler, *, icon: str = "", tip: str = "", label: str = "", bare: bool = False
+) -> ui.button:
+    """Return a button; `label` is its name for a screen reader, where the text alone does not say it."""
+    made = ui.button("" if bare else text, icon=icon or None, on_click=guarded(handler))
+    made.props(f'outline dense no-caps padding="2px 8px" aria-label="{quoted(label or text)}"')
+    if tip:
+        made.tooltip(tip)
+    return made
+
+
+def quoted(text: str) -> str:
+    """Return a text that can stand between the quotes of a property."""
+    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ")
+
+
+def card(title: str) -> ui.element:
+    """Return an empty card."""
+    made = ui.element("section").classes("card")
+    made.props["aria-label"] = title
+    return made
+
+
+@contextmanager
+def anew(place: ui.element, title: str = "") -> Iterator[None]:
+    """Fill a place anew, below a title; without one, below that of a card."""
+    place.clear()
+    with place:
+        if title:
+            heading(title)
+        yield
+
+
+async def copied(text: str) -> None:
+    """Put a text on the clipboard."""
+    ui.clipboard.write(text)
+    ui.notify("Copied", position="bottom")

@@ -1,0 +1,103 @@
+"""The server of the page: on this computer only, under an address that nobody can guess."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import socket
+import sys
+import tempfile
+import webbrowser
+from collections.abc import Callable
+from typing import Any
+
+from rodgen.errors import InputFileError
+
+__all__ = ["serve"]
+
+
+def serve(
+    page: Callable[[], Any],
+    *,
+    port: int = 0,
+    browser: bool = True,
+    said: Callable[[str], object] = print,
+) -> None:
+    """Show a page until Ctrl-C.
+
+    Parameters
+    ----------
+    page : callable
+        Makes the page; called for each window.
+    port : int, optional
+        Of 127.0.0.1; 0 is any that is free.
+    browser : bool, optional
+        Whether to open the browser.
+    said : callable, optional
+        Called with the address.
+
+    Raises
+    ------
+    InputFileError
+        When the port is taken.
+    """
+    # NiceGUI keeps nothing of ours; where it would, when it is imported, no folder of the user is touched.
+    os.environ.setdefault("NICEGUI_STORAGE_PATH", os.path.join(tempfile.gettempdir(), "rodgen-nicegui"))
+    import uvicorn
+
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    with contextlib.closing(listening):
+        if sys.platform != "win32":  # where it would let two servers share a port
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listening.bind(("127.0.0.1", port))
+        except OSError as error:
+            found = f"{port}, which cannot be used ({error.strerror})"
+            raise InputFileError("command line", "--port", found, "another port, or none for any") from None
+        port = listening.getsockname()[1]
+        token = secrets.token_urlsafe(24)
+        address = f"http://127.0.0.1:{port}/{token}/"
+
+        def begun() -> None:
+            said(address)
+            if browser:
+                webbrowser.open(address)
+
+        config = uvicorn.Config(
+            application(page, token, port, begun),
+            log_level="error",
+            access_log=False,
+            server_header=False,
+            ws_max_size=4_000_000,
+            timeout_graceful_shutdown=2,
+        )
+        with contextlib.suppress(KeyboardInterrupt):
+            uvicorn.Server(config).run(sockets=[listening])
+
+
+def application(
+    page: Callable[[], Any], token: str, port: int, begun: Callable[[], object] = lambda: None
+) -> Any:
+    """Return the ASGI application of a page, guarded."""
+    from fastapi import FastAPI
+    from nicegui import app as pages
+    from nicegui import ui
+
+    from rodgen.workbench.guard import Guard
+
+    outer = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    pages.on_startup(begun)
+    ui.run_with(
+        outer,
+        root=page,
+        title="rodgen",
+        dark=None,
+        language="en-US",
+        mount_path=f"/{token}",
+        show_welcome_message=False,
+        binding_refresh_interval=None,
+        reconnect_timeout=30.0,
+        favicon="📐",
+    )
+    return Guard(outer, token, port)
