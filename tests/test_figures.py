@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from statistics import NormalDist
@@ -19,7 +20,7 @@ from browser import check_layouts, needs_browser
 import rodgen
 from rodgen import Machine, Measurements, figures, spatial, three_sps_s, tricept
 from rodgen.calibration.fit import Fit
-from rodgen.calibration.ladder import ladder
+from rodgen.calibration.ladder import Ladder, ladder
 from rodgen.data.tables import read_pairs
 from rodgen.errors import InputFileError
 from rodgen.kinematics.tricept import TriceptStatus
@@ -100,6 +101,8 @@ def of_rows() -> list:
         figures.quantiles_of_residuals(after, before=before, selected=[3]),
         figures.autocorrelation_of_residuals(after, before=before),
         figures.residual_map(fitted("mount")),
+        figures.polar_plot(after, "C", before=before, selected=[3]),
+        figures.polar_plot(fitted("mount"), "AZ"),
     ]
 
 
@@ -196,11 +199,18 @@ def test_ladder_shows_models_and_noise() -> None:
     found = ladder(machine, data, [machine.effect("tilt_error_motion", "C")])
     figure = figures.ladder(found)
     titles = [note.text for note in figure.layout.annotations[::2]]
-    assert titles == ["<b>base</b>", "<b>+ tilt_error_motion at C</b>"]
+    assert titles == ["<b>base</b>", "<b>+ tilt_error_motion at C</b>  p &lt; 1e-16"]
+    first, last = (rung.held_out.rms * 1000 for rung in (found.rungs[0], found.rungs[-1]))
+    assert figure.layout.annotations[1].text.endswith(f" / {first:.2f}")
+    assert figure.layout.annotations[3].text.endswith(f" / {last:.2f}")
     by_name = {trace.name: trace for trace in figure.data}
     assert list(by_name) == ["95 % interval of the noise", "noise, by replicates", "held out", "fitted"]
-    np.testing.assert_allclose(by_name["fitted"].x, [rung.fit.rms for rung in found.rungs])
-    np.testing.assert_allclose(by_name["held out"].x, [rung.held_out.rms for rung in found.rungs])
+    np.testing.assert_allclose(by_name["fitted"].x, [1000 * rung.fit.rms for rung in found.rungs])
+    np.testing.assert_allclose(by_name["held out"].x, [1000 * rung.held_out.rms for rung in found.rungs])
+    long = figures.ladder(Ladder(found.rungs + found.rungs[1:] * 19))
+    marks = next(trace for trace in long.data if trace.name == "fitted")
+    assert list(marks.customdata) == [0, *range(10, 21)]
+    assert "9 steps after the first model are not drawn" in long.layout.meta["note"]
     assert len({trace.marker.symbol for trace in figure.data if trace.mode == "markers"}) == 3
 
 
@@ -412,3 +422,56 @@ def test_correlation_in_time_is_seen_and_independence_is_within_its_bounds() -> 
     np.testing.assert_array_equal(trace_of(order, 2, "residual").x, np.arange(1, 41))
     with pytest.raises(ValueError, match="no column t"):
         figures.autocorrelation_of_residuals(fitted("gantry_rotary"), against="t")
+
+
+def test_polar_plot_shows_what_is_away_from_the_axis() -> None:
+    """A ball on a table whose axis wanders: 5 µm outwards at C = 0, ahead at 90°."""
+    machine = made_diagnoses.table(8, hidden=()).base.machine
+    angle = np.radians(np.arange(0, 360, 5.0))
+    radial, ahead, axial = 0.005 * np.cos(2 * angle), 0.003 * np.sin(3 * angle), 0.002 * np.cos(4 * angle)
+    c, s = np.cos(angle), np.sin(angle)
+    data = {
+        "C [deg]": np.degrees(angle),
+        "x [mm]": (100 + radial) * c - ahead * s,
+        "y [mm]": (100 + radial) * s + ahead * c,
+        "z [mm]": axial,
+    }
+    fit = machine.fit(Measurements.from_frame(data))
+    assert figures.joints_that_go_round(fit) == ["C"]
+    figure = figures.polar_plot(fit, "C", selected=[5])
+    limits = [float(note.text.split()[0]) for note in figure.layout.annotations if note.text.startswith("+")]
+    for panel, (size, limit) in enumerate(zip((radial, ahead, axial), limits, strict=True)):
+        drawn = {}
+        for name in ("residual, forwards", "residual, backwards"):
+            with suppress(StopIteration):
+                trace = trace_of(figure, panel, name)
+                places = zip(trace.x, trace.y, trace.text, strict=True)
+                drawn |= dict(zip(trace.customdata.tolist(), places, strict=True))
+        x, y, said = np.array([drawn[row] for row in range(len(angle))]).T
+        np.testing.assert_allclose(np.arctan2(y, x) % (2 * np.pi), angle, atol=1e-9)
+        np.testing.assert_allclose((np.hypot(x, y) - 1) * 2 * limit, 1000 * size, atol=0.01)
+        np.testing.assert_allclose(said, 1000 * size, atol=0.01)
+        assert list(trace_of(figure, panel, "selected").customdata) == [5]
+    with pytest.raises(ValueError, match="'X' is no revolute joint: C"):
+        figures.polar_plot(fit, "X")
+
+
+def test_residuals_stand_in_space_with_the_machine() -> None:
+    fit = fitted("gantry_rotary")
+    figure = figures.residual_vectors(fit, exaggeration=1000.0, selected=[3])
+    by_name = {trace.name: trace for trace in figure.data}
+    assert {"revolute axes, positive towards the name", "residual", "selected"} <= by_name.keys()
+    lines = by_name["residual"]
+    ends = np.stack([lines[x] for x in "xyz"], -1).reshape(-1, 3, 3)
+    row = lines.customdata[::3]
+    np.testing.assert_allclose(ends[:, 0], fit.places(fit.observations)[row])
+    np.testing.assert_allclose(ends[:, 1] - ends[:, 0], 1000 * fit.residuals[row], atol=1e-9)
+    assert "1,000 times as long" in figure.layout.meta["note"]
+    free = fitted("robot_6r_tracker")
+    lines = next(t for t in figures.residual_vectors(free, exaggeration=10.0).data if t.name == "residual")
+    ends = np.stack([lines[x] for x in "xyz"], -1).reshape(-1, 3, 3)
+    turned = free.residuals[lines.customdata[::3]] @ free.solution.frame.rotation
+    np.testing.assert_allclose((ends[:, 1] - ends[:, 0]) / 10, turned, atol=1e-9)
+    sky = next(t for t in figures.residual_vectors(fitted("mount")).data if t.name == "residual")
+    np.testing.assert_allclose(np.linalg.norm([sky[x][::3] for x in "xyz"], axis=0), 1)
+    assert figures.residual_vectors(fitted("ballbar_gantry")) is None

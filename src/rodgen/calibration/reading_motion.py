@@ -14,13 +14,15 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["error_of_reading", "motion_with_reading"]
+__all__ = ["directions_about", "error_of_reading", "motion_with_reading"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 STEP = 1e-5
 """Step of the central differences: radians, or a part of the range. They are good to six digits for any machine, far
 more than a regression needs."""
+TURN = 0.1
+"""Angle to both sides by which tangents are turned to find where the axis is, radians; exact for any."""
 SMALL_MOTION = 0.1
 """Where a joint moves the target less than this part of the median motion, residuals say nothing about its reading."""
 
@@ -56,6 +58,28 @@ def motion_with_reading(
         problem = Problem(fit.problem.model, replace(observations, q=moved))
         sides.append(problem.residuals(theta, frame, weighted=weighted))
     return np.asarray((sides[1] - sides[0]) / (2 * step))
+
+
+def directions_about(fit: FittedModel, observations: Observations, joint: int) -> Array:
+    """Return the radial, tangential and axial directions of measured points about a revolute joint, (n, 3, 3).
+
+    Row by row unit vectors in the frame of the readings: away from the axis, ahead with the joint's reading, and along
+    the axis about which the target is then seen to turn. NaN where a point is on the axis.
+    """
+    ahead = motion_with_reading(fit, observations, joint)[:, :3]
+    sides = []
+    for sign in (1, -1):
+        turned = observations.q.copy()
+        turned[:, joint] += sign * TURN
+        sides.append(motion_with_reading(fit, replace(observations, q=turned), joint)[:, :3])
+    away = sides[1] - sides[0]  # a rotation takes a tangent towards the axis
+    size = [np.linalg.norm(v, axis=1, keepdims=True) for v in (away, ahead)]
+    far = size[1] > SMALL_MOTION**2 * np.max(size[1], initial=0.0)
+    radial, tangential = (
+        np.divide(v, s, out=np.full(v.shape, np.nan), where=far & (s > 0))
+        for v, s in zip((away, ahead), size, strict=True)
+    )
+    return np.stack([radial, tangential, np.cross(radial, tangential)], axis=1)
 
 
 def error_of_reading(motion: Array, residual: Array) -> Array:

@@ -27,12 +27,15 @@ if _TYPE_CHECKING:
     from rodgen.output.figures.files import save_figure as save_figure
     from rodgen.output.figures.files import save_figures as save_figures
     from rodgen.output.figures.ladders import ladder as ladder
+    from rodgen.output.figures.machines import residual_vectors as residual_vectors
     from rodgen.output.figures.machines import skeleton as skeleton
     from rodgen.output.figures.maps import residual_map as residual_map
     from rodgen.output.figures.mechanism import planar_representation as planar_representation
     from rodgen.output.figures.parallel import influence as influence
     from rodgen.output.figures.parallel import orientation_workspace as orientation_workspace
     from rodgen.output.figures.parallel import uncertainty_map as uncertainty_map
+    from rodgen.output.figures.polar import joints_that_go_round as joints_that_go_round
+    from rodgen.output.figures.polar import polar_plot as polar_plot
     from rodgen.output.figures.residuals import residual_plot as residual_plot
 
 _PLACES = {
@@ -45,13 +48,16 @@ _PLACES = {
     "diagnosis": "diagnoses",
     "distribution_of_residuals": "distributions",
     "influence": "parallel",
+    "joints_that_go_round": "polar",
     "ladder": "ladders",
     "orientation_workspace": "parallel",
     "planar_representation": "mechanism",
     "planned_poses": "diagnoses",
+    "polar_plot": "polar",
     "quantiles_of_residuals": "distributions",
     "residual_map": "maps",
     "residual_plot": "residuals",
+    "residual_vectors": "machines",
     "residuals_against": "comparisons",
     "residuals_in_order": "comparisons",
     "save_figure": "files",

@@ -120,7 +120,7 @@ def errors_of(diagnosis: Diagnosis, shown: Shown) -> go.Figure:
         [rung[0] for rung in steps],
         [value or 0.0 for value in fitted],
         unseen,
-        test=test if any(value is not None for value in test) else (),
+        further=test if any(value is not None for value in test) else (),
         unit=shown.unit,
         title="The error, model by model",
         texts=[

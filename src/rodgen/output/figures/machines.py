@@ -1,4 +1,4 @@
-"""The skeleton of a machine in space: its axes and targets at zero, and where its first readings are."""
+"""The skeleton of a machine in space: its axes and targets at zero, with readings or residuals where they are."""
 
 from __future__ import annotations
 
@@ -11,18 +11,37 @@ from numpy.typing import NDArray
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.machines.model import Frame, Model
-from rodgen.output.figures.style import BLUE, GREY, INK, ORANGE, PURPLE, Panel, column, describe, label
+from rodgen.output.figures.drawn_rows import DrawnRows
+from rodgen.output.figures.maps import in_machine_axes, round_size
+from rodgen.output.figures.residuals import SIDES
+from rodgen.output.figures.style import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    Panel,
+    column,
+    describe,
+    evenly,
+    label,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
-__all__ = ["skeleton"]
+__all__ = ["residual_vectors", "skeleton"]
 
 Array = NDArray[np.float64]
 
 HEIGHT = 560
-MOST_READINGS = 200
+MOST_READINGS, MOST_VECTORS = 200, 300
+SHARE = 0.08
+"""Length of the line of a residual of one rms, as a share of the size of all."""
 
 
 def skeleton(machine: Machine, observations: Observations | None = None) -> go.Figure:
@@ -40,15 +59,100 @@ def skeleton(machine: Machine, observations: Observations | None = None) -> go.F
     -------
     plotly.graph_objects.Figure
     """
+    seen = _seen(machine, observations) if observations is not None else None
+    figure, _ = _bones(machine, () if seen is None else seen[0], named=True)
+    if seen is not None:
+        for marked, name, width, colour, symbol in (
+            (seen[0], "where the file sees them", 4, GREY, "circle-open"),
+            (seen[1], "readings", 3, PURPLE, "diamond"),
+        ):
+            marker = {"size": width, "color": colour, "symbol": symbol}
+            _add(figure, marked, name, mode="markers", marker=marker)
+    note = "Axes and targets with all joints at zero."
+    if observations is not None and observations.n > MOST_READINGS:
+        note += f" The first {MOST_READINGS} readings."
+    if seen is not None and machine.measured.frame == "free":
+        note += " The readings are moved to where they fit best: their frame is free."
+    return describe(figure, "skeleton", machine.name, note=note)
+
+
+def residual_vectors(
+    fit: FittedModel,
+    *,
+    before: FittedModel | None = None,
+    exaggeration: float = 0.0,
+    selected: Collection[int] = (),
+    most: int = MOST_VECTORS,
+) -> go.Figure | None:
+    """Return residuals as lines in space, from where they were measured, with the machine's axes.
+
+    Those of directions start on a sphere around the machine. The ``customdata`` of every line's start is the number of
+    its row, from 0. None where residuals are no vectors: of distances, angles and attitudes.
+
+    Parameters
+    ----------
+    fit : FittedModel
+    before : FittedModel, optional
+        Another model of the same observations, whose residuals are drawn, too.
+    exaggeration : float, optional
+        How many times as long as residuals their lines are, which the note says; left out: so that they can be seen.
+    selected : collection of int, optional
+        Rows that are marked.
+    most : int, optional
+        Lines; of more rows some are drawn, and the note says so.
+    """
+    machine, measurand = fit.machine, fit.machine.measurand
+    if not measurand.is_place or not (measurand.moving or measurand.is_direction):
+        return None
+    rows = DrawnRows(before or fit, None if before is None else fit, kept=selected)
+    known = ~rows.bad & np.isfinite(rows.places).all(axis=1)
+    chosen = known & np.isin(rows.chosen, np.asarray([*selected], np.intp))
+    some = np.union1d(evenly(np.flatnonzero(known), most), np.flatnonzero(chosen))
+    found = [(name, _vectors(rows, of)[some]) for name, of in rows.sides]
+    start = rows.places[some]
+    figure, size = _bones(machine, start)
+    rms = float(np.sqrt(np.mean(np.sum(found[0][1] ** 2, axis=1)))) or 1.0
+    times = exaggeration or round_size(SHARE * size / rms)[1]
+    for name, vectors in found:
+        ends = np.full((len(some), 3, 3), np.nan)
+        ends[:, 0], ends[:, 1] = start, start + times * vectors
+        hover = [text for i in some for text in (rows.tip_with_residuals(i), "", "")]
+        _add(
+            figure, ends.reshape(-1, 3), name, mode="lines+markers", line={"color": SIDES[name]["color"], "width": 4},
+            marker={"size": [4, 0, 0] * len(some), "color": SIDES[name]["color"]}, hovertext=hover, hoverinfo="text",
+            customdata=np.repeat(rows.chosen[some], 3),
+        )  # fmt: skip
+    if chosen.any():
+        at = np.flatnonzero(chosen)
+        mark = {"size": 9, "color": PURPLE, "symbol": "circle-open"}
+        _add(figure, rows.places[at], "selected", mode="markers", marker=mark, customdata=rows.chosen[at])
+    note = [
+        "Measured minus predicted, in machine axes; axes and targets with all joints at zero.",
+        f"Lines are {times:,.6g} times as long as the residuals.",
+    ]
+    if len(some) < rows.total - int(rows.outlier.sum()):
+        note.append(f"{len(some)} of {rows.total} rows are drawn.")
+    return describe(figure, "residual_vectors", "Residuals in space", note=" ".join(note))
+
+
+def _vectors(rows: DrawnRows, fit: FittedModel) -> Array:
+    """Return the residuals as vectors in machine axes, (chosen, 3): in the unit of length, or radians of directions."""
+    r = np.asarray(fit.residuals[rows.chosen]) * fit.unit_factor
+    if fit.machine.measurand.is_direction:
+        r = np.einsum("nk,kni->ni", r, np.array(rows.o.basis))
+    return in_machine_axes(rows.base, r)
+
+
+def _bones(machine: Machine, seen: Any, *, named: bool = False) -> tuple[go.Figure, float]:
+    """Return a figure of the axes of a machine and its targets, with room for points (n, 3), and its size."""
     figure = column([Panel("", HEIGHT, " ")], legend=True)
     figure.update_xaxes(visible=False)
     figure.update_yaxes(visible=False)
-    seen = _seen(machine, observations) if observations is not None else None
     places = [np.array(target.point) for target in machine.targets]
     joints = () if machine.kinematics.is_closed else machine.joints
     moving = machine.measurand.moving
     points = [np.array(joint.point) if moving else np.zeros(3) for joint in joints]
-    cloud = np.array([np.zeros(3), *points, *places, *([] if seen is None else seen[0])])
+    cloud = np.array([np.zeros(3), *points, *places, *seen])
     size = float(np.ptp(cloud, axis=0).max()) or 1.0
     if moving and joints:
         way = np.array([np.zeros(3), *points, places[0]])
@@ -59,23 +163,11 @@ def skeleton(machine: Machine, observations: Observations | None = None) -> go.F
             _add_axes(figure, chosen, size / 5, f"{kind} axes, positive towards the name", colour, dash)
     names = [label(target.name) for target in machine.targets]
     _add(
-        figure, np.array(places), "targets at zero", mode="markers+text", text=names, textposition="bottom center",
-        marker={"size": 5, "color": INK, "symbol": "square"},
+        figure, np.array(places), "targets at zero", mode="markers+text" if named else "markers", text=names,
+        textposition="bottom center", marker={"size": 5, "color": INK, "symbol": "square"},
     )  # fmt: skip
-    if seen is not None:
-        for marked, name, width, colour, symbol in (
-            (seen[0], "where the file sees them", 4, GREY, "circle-open"),
-            (seen[1], "readings", 3, PURPLE, "diamond"),
-        ):
-            marker = {"size": width, "color": colour, "symbol": symbol}
-            _add(figure, marked, name, mode="markers", marker=marker)
     figure.update_layout(scene=_scene(f", {machine.length_unit}" if moving else ""), meta={"heights": None})
-    note = "Axes and targets with all joints at zero."
-    if observations is not None and observations.n > MOST_READINGS:
-        note += f" The first {MOST_READINGS} readings."
-    if seen is not None and machine.measured.frame == "free":
-        note += " The readings are moved to where they fit best: their frame is free."
-    return describe(figure, "skeleton", machine.name, note=note)
+    return figure, size
 
 
 def _scene(unit: str) -> dict[str, Any]:
@@ -83,7 +175,7 @@ def _scene(unit: str) -> dict[str, Any]:
     axis = {"showbackground": False, "zerolinecolor": GREY}
     return {
         "aspectmode": "data",
-        "camera": {"eye": {"x": 1.5, "y": -1.7, "z": 0.9}},
+        "camera": {"eye": {"x": 1.25, "y": -1.42, "z": 0.75}},
         "domain": {"x": [0, 1], "y": [0, 1]},
         **{f"{x}axis": {**axis, "title": {"text": f"{x}{unit}"}} for x in "xyz"},
     }
@@ -91,7 +183,7 @@ def _scene(unit: str) -> dict[str, Any]:
 
 def _add(figure: go.Figure, points: Array, name: str, **given: Any) -> None:
     x, y, z = points.T
-    figure.add_trace(go.Scatter3d(x=x, y=y, z=z, name=name, hoverinfo="skip", **given))
+    figure.add_trace(go.Scatter3d(x=x, y=y, z=z, name=name, **{"hoverinfo": "skip", **given}))
 
 
 def _add_axes(

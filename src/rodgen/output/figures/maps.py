@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["map_of", "residual_map", "up_of"]
+__all__ = ["in_machine_axes", "map_of", "residual_map", "round_size", "up_of"]
 
 FLAT, TALL = 0.5, 1.1
 """Least and largest height of a map, as a share of its width."""
@@ -113,7 +113,7 @@ def map_of(
         figure, times = _on_the_sky(rows, rows.o.take(some), pairs, marks, exaggeration)
         name, title, note = "residuals_on_the_sky", "Residuals on the sky", [_sky_note(rows)]
     else:
-        pairs = [(name, _in_machine_axes(rows.base, r)) for name, r in zip(names, found, strict=True)]
+        pairs = [(name, in_machine_axes(rows.base, r)) for name, r in zip(names, found, strict=True)]
         figure, times = _in_space(rows, rows.places[some], pairs, marks, exaggeration)
         name, title, note = "residuals_in_space", "Residuals over the workspace", ["In machine axes."]
     if not times:
@@ -145,7 +145,7 @@ class Marks:
     chosen: NDArray[np.bool_]
 
 
-def _in_machine_axes(fit: FittedModel, residuals: Array) -> Array:
+def in_machine_axes(fit: FittedModel, residuals: Array) -> Array:
     """Return residuals of points, also of poses, (n, 3), in machine axes; those of distances, (n, 1), as they are."""
     residuals = residuals[:, :3]
     if residuals.shape[1] == 3 and fit.machine.measured.frame == "free":
@@ -189,7 +189,7 @@ def _in_space(
     ]
     figure = column(panels)
     # one scale for all projections, in units of length for one unit of residuals
-    times = exaggeration or _round_size(ARROW * wide[0] / size * rows.shown.factor)[1]
+    times = exaggeration or round_size(ARROW * wide[0] / size * rows.shown.factor)[1]
     scale = times / rows.shown.factor
     for number, ((a, b), (xlim, ylim)) in enumerate(zip(planes, frames, strict=True)):
         at = places[:, [a, b]]
@@ -232,7 +232,7 @@ def _key(figure: go.Figure, scale: float, size: float, unit: str) -> None:
     Its length is a round number near `size`, no longer than a third of the map; `scale` is the share of the width that
     one unit has.
     """
-    text, length = _round_size(min(size, LONGEST_KEY / scale))
+    text, length = round_size(min(size, LONGEST_KEY / scale))
     share, text = scale * length, f"{text} {unit}"
     figure.add_annotation(
         x=1 - share - 0.01, y=1, xref="x domain", yref="y domain", xanchor="right", yanchor="bottom", yshift=4,
@@ -270,7 +270,7 @@ def _frame(x: Array, y: Array) -> tuple[tuple[float, float], tuple[float, float]
     return (mx - wide / 2, mx + wide / 2), (my - high / 2, my + high / 2)
 
 
-def _round_size(size: float) -> tuple[str, float]:
+def round_size(size: float) -> tuple[str, float]:
     """Return a round number near a size, as text, too."""
     power = 10.0 ** math.floor(math.log10(size))
     value = min((1.0, 2.0, 5.0, 10.0), key=lambda v: abs(math.log(v * power / size))) * power
@@ -292,7 +292,7 @@ def _on_the_sky(
     directions, basis, up = readings.reading, readings.basis, up_of(rows.base)
     x, y = horizontal(up)
     size = _rms(residuals[0][1])
-    times = exaggeration or _round_size(SKY_ARROW / size * 3600)[1]
+    times = exaggeration or round_size(SKY_ARROW / size * 3600)[1]
     scale = times / 3600  # degrees for an arcsec
     start = from_zenith(directions, x, y, up)
     far = max(116.0, 1.08 * float(np.max(np.abs(start), initial=0.0)))

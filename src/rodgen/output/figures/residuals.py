@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SIDES",
+    "Marks",
     "ResidualPanel",
     "add_rows",
     "components_of",
@@ -241,7 +242,7 @@ def residuals_over(
     height = SEVERAL if len(panels) > 1 else SINGLE
     below = label(plain(driver.label))
     figure = column([Panel(panel.heading, height, below * (panel is panels[-1])) for panel in panels])
-    x, marks = _along(rows, driver), _Marks(rows, approach, colour, aside)
+    x, marks = _along(rows, driver), Marks(rows, approach, colour, aside)
     chosen, beyond = np.isin(rows.chosen, np.asarray([*selected], np.intp)), False
     for number, panel in enumerate(panels):
         good = np.concatenate([values[~marks.out] for values in panel.values])
@@ -256,12 +257,8 @@ def residuals_over(
         beyond |= bool(np.any(np.abs(panel.values[-1]) > limit))
         last = np.clip(panel.values[-1], -0.95 * limit, 0.95 * limit)
         known = np.isfinite(last)
-        for words, of, mark in (
-            ("outlier, left out", marks.out & ~marks.aside & known, OUTLIER),
-            ("set aside", marks.aside & known, ASIDE),
-            ("selected", chosen & known, SELECTED),
-        ):
-            at = np.flatnonzero(of)
+        for words, of, mark in marks.apart(chosen):
+            at = np.flatnonzero(of & known)
             if len(at):
                 add_rows(figure, number, words, rows, at, x, last, mark, panel.unit, panel.values[-1])
         if driver.in_time:
@@ -286,7 +283,7 @@ def residuals_over(
     )
 
 
-class _Marks:
+class Marks:
     """How marks differ: by side, direction of approach, and a column that colours them."""
 
     def __init__(
@@ -318,6 +315,14 @@ class _Marks:
                 "nticks": 5,
             },
         }
+
+    def apart(self, chosen: NDArray[np.bool_]) -> list[tuple[str, NDArray[np.bool_], dict[str, Any]]]:
+        """Return what rows that are left out, set aside or selected are called, which they are, and their marks."""
+        return [
+            ("outlier, left out", self.out & ~self.aside, OUTLIER),
+            ("set aside", self.aside, ASIDE),
+            ("selected", chosen, SELECTED),
+        ]
 
     def groups(self, name: str, known: NDArray[np.bool_]) -> Iterator[tuple[str, Index, dict[str, Any]]]:
         """Yield the rows that have one kind of mark: what a legend calls them, which they are, and the mark."""

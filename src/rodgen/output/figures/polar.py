@@ -1,0 +1,180 @@
+"""The residuals around a joint that goes round, as a ball bar or a spindle analyser draws them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import plotly.graph_objects as go
+
+from rodgen.calibration.reading_motion import directions_about
+from rodgen.calibration.words import plain
+from rodgen.data.drivers import goes_round
+from rodgen.output.figures.drawn_rows import MOST_MARKS, DrawnRows
+from rodgen.output.figures.residuals import Marks, ResidualPanel, add_rows, components_of, file_name
+from rodgen.output.figures.style import (
+    GREY,
+    LINE,
+    PAPER,
+    SOFT,
+    Array,
+    Panel,
+    column,
+    describe,
+    label,
+    ring,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from rodgen.calibration.fitted import FittedModel
+
+__all__ = ["joints_that_go_round", "polar_of", "polar_plot"]
+
+PANEL = 400
+"""Height, in pixels."""
+HALF = 0.5
+"""Distance of the rings of the largest and the smallest number from that of zero, whose radius is 1."""
+ROOM, OUTSIDE = 1.9, 1.72
+"""From the middle to the edge, and to the numbers of the angle."""
+
+
+def joints_that_go_round(fit: FittedModel) -> list[str]:
+    """Return the names of the revolute joints whose readings lie all around the circle."""
+    o = fit.observations
+    pairs = zip(fit.machine.joints, o.q.T, strict=True)
+    return [joint.name for joint, q in pairs if joint.revolute and goes_round(q)]
+
+
+def polar_plot(
+    fit: FittedModel,
+    joint: str,
+    *,
+    before: FittedModel | None = None,
+    selected: Collection[int] = (),
+    aside: Collection[int] = (),
+    most: int = MOST_MARKS,
+) -> go.Figure:
+    """Return residuals around a revolute joint, away from a circle that stands for zero.
+
+    Those of points are split into a part away from the joint's axis (radial), one ahead with its reading (tangential),
+    and one along it (axial); those of directions and distances are as they are. Directions of approach differ by marks.
+    The ``customdata`` of every mark is the number of its row, from 0.
+
+    Parameters
+    ----------
+    fit : FittedModel
+    joint : str
+        One of `joints_that_go_round`, or another revolute joint.
+    before : FittedModel, optional
+        Another model of the same observations, whose residuals are drawn, too.
+    selected, aside : collection of int, optional
+        Rows that are marked.
+    most : int, optional
+        Marks of the figure, from which large data are thinned; its note then says so.
+
+    Raises
+    ------
+    ValueError
+        When there is no such revolute joint.
+    """
+    rows = DrawnRows(before or fit, None if before is None else fit, kept=[*selected, *aside], most=most)
+    return polar_of(rows, joint, selected=selected, aside=aside)
+
+
+def polar_of(
+    rows: DrawnRows, joint: str, *, selected: Collection[int] = (), aside: Collection[int] = ()
+) -> go.Figure:
+    """Return the figure of `polar_plot` of rows that are drawn."""
+    machine, o = rows.base.machine, rows.o
+    revolute = [one.name for one in machine.joints if one.revolute]
+    if joint not in revolute:
+        raise ValueError(f"{joint!r} is no revolute joint: {', '.join(revolute) or 'there is none'}")
+    j = [one.name for one in machine.joints].index(joint)
+    panels = (
+        _about(rows, j) if machine.measurand.is_place and machine.measurand.moving else components_of(rows)
+    )
+    figure = column([Panel(panel.heading, PANEL, " ", equal=True) for panel in panels])
+    approach = o.s[:, j] if rows.base.observations.approach_known[j] else None
+    marks, angle = Marks(rows, approach, None, aside), o.q[:, j]
+    chosen = np.isin(rows.chosen, np.asarray([*selected], np.intp))
+    for number, panel in enumerate(panels):
+        inside = np.concatenate([np.abs(values[~marks.out]) for values in panel.values])
+        limit = _round_up(float(np.nanmax(inside, initial=0.0)))
+        _rings(figure, number, limit, panel.unit)
+        hover = f"{label(panel.unit)}, "
+        for (name, _), values in zip(rows.sides, panel.values, strict=True):
+            x, y = _around(angle, values, limit)
+            for words, at, mark in marks.groups(name, np.isfinite(values)):
+                add_rows(figure, number, words, rows, at, x, y, mark, hover + name, values)
+        x, y = _around(angle, np.clip(panel.values[-1], -1.2 * limit, 1.2 * limit), limit)
+        for words, of, mark in marks.apart(chosen):
+            at = np.flatnonzero(of & np.isfinite(panel.values[-1]))
+            if len(at):
+                add_rows(
+                    figure, number, words, rows, at, x, y, mark, hover + rows.sides[-1][0], panel.values[-1]
+                )
+        given = {"range": [-ROOM, ROOM], "visible": False}
+        figure.update_layout({f"xaxis{number + 1}": given, f"yaxis{number + 1}": given})
+    note = [
+        "Measured minus predicted.",
+        f"The middle circle is zero, the angle the reading of {plain(joint)}.",
+        rows.thinned,
+    ]
+    return describe(
+        figure,
+        f"around_{file_name(joint)}",
+        f"Residuals around {plain(joint)}",
+        note=" ".join(filter(None, note)),
+    )
+
+
+def _about(rows: DrawnRows, joint: int) -> list[ResidualPanel]:
+    """Return a panel for the radial, the tangential and the axial part of residuals of points."""
+    along = directions_about(rows.base, rows.o, joint)
+    found = [np.einsum("nij,nj->ni", along, rows.residuals(fit)[:, :3]) for _, fit in rows.sides]
+    name = plain(rows.base.machine.joints[joint].name, 12)
+    words = (f"radial, away from {name}", f"tangential, ahead with {name}", f"axial, along {name}")
+    return [ResidualPanel(w, rows.shown.unit, tuple(r[:, k] for r in found)) for k, w in enumerate(words)]
+
+
+def _around(angle: Array, values: Array, limit: float) -> tuple[Array, Array]:
+    radius = 1 + HALF * values / limit
+    return radius * np.cos(angle), radius * np.sin(angle)
+
+
+def _rings(figure: go.Figure, number: int, limit: float, unit: str) -> None:
+    """Add the circles of zero and of the limits, with their numbers, and the angles outside."""
+    axes = {"xaxis": f"x{number + 1}" if number else "x", "yaxis": f"y{number + 1}" if number else "y"}
+    refs = {"xref": axes["xaxis"], "yref": axes["yaxis"]}
+    for sign, text in ((-1, f"−{limit:g}"), (0, "0"), (1, f"+{limit:g} {label(unit)}")):
+        line, words = ring(1 + sign * HALF, text, 0.1 + 0.055 * len(text), at=67.5)
+        if sign == 0:
+            line["line"] = {"color": GREY, "width": 1.3}
+        figure.add_trace(go.Scatter(**line, **axes))
+        figure.add_annotation(**words, bgcolor=PAPER, borderpad=0, **refs)
+    for degrees in range(0, 360, 30):
+        c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        inner, outer = 1 - HALF, 1 + HALF
+        figure.add_shape(
+            type="line", x0=inner * c, y0=inner * s, x1=outer * c, y1=outer * s, line={"color": LINE, "width": 1},
+            layer="below", **refs,
+        )  # fmt: skip
+        if degrees % 90 == 0:
+            figure.add_annotation(
+                x=OUTSIDE * c, y=OUTSIDE * s, text=f"{degrees}°", showarrow=False, font={"size": 12, "color": SOFT},
+                **refs,
+            )  # fmt: skip
+
+
+def _round_up(size: float) -> float:
+    """Return a round number that is no smaller."""
+    if size <= 0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(size))
+    return (
+        next(step for step in (1.0, 1.5, 2.0, 3.0, 5.0, 7.5, 10.0) if step * power >= size * (1 - 1e-9))
+        * power
+    )
