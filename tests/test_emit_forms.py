@@ -289,9 +289,10 @@ def test_an_error_map_interpolates_as_well_as_it_says(tmp_path):
     assert all(np.array_equal(of_data[name], table[name], equal_nan=True) for name in table)
     page = (tmp_path / "table_map.md").read_text()
     stated = float(page.partition("off by at most ")[2].split()[0])
-    largest = float(page.partition("largest error ")[2].split()[0])
-    left = float(page.partition("leave at most ")[2].split()[0])
+    largest = float(page.partition("Of errors up to ")[2].split()[0])
+    left = float(page.partition("(rms ")[2].partition("), ")[2].split()[0])
     assert stated < left < largest / 5  # nothing moves z
+    assert "X and C cannot move the target" in page
     axes = [np.unique(table["X [mm]"]), np.unique(table["C [deg]"])]
     shape = [len(axis) for axis in axes]
     error = np.stack([table[f"d{x} [mm]"] for x in "xyz"], axis=1).reshape(*shape, 3)
@@ -311,6 +312,102 @@ def test_an_error_map_interpolates_as_well_as_it_says(tmp_path):
     corrected = q + RegularGridInterpolator(axes, change)(q)
     found = places(real, design(corrected)) - places(bare, design(q))
     assert np.linalg.norm(found, axis=1).max() <= 1.2 * left
+
+
+def test_slides_correct_what_a_table_cannot_and_the_map_says_so(tmp_path):
+    """A table alone leaves what is across its motion; carried by three slides, these take all of it."""
+    table = Joint("C", "revolute", (0.0, 0.0, 1.0), travel=(-1.0, 1.0))
+    slides = [Joint(x, "prismatic", tuple(np.eye(3)[k])) for k, x in enumerate("XYZ")]
+    off = {}
+    for name, joints in (("alone", [table]), ("on slides", [*slides, table])):
+        machine = Machine(
+            "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, tuple(joints),
+            (Target("ball", (100.0, 0.0, 20.0)),), Measured("point", "machine"),
+        )  # fmt: skip
+        machine = machine.add(machine.effect("axis_tilt", "C", hold={"a": 60 / 3600, "b": -90 / 3600}))
+        machine = machine.add(machine.effect("encoder_eccentricity", "C", hold={"a": 20 / 3600, "b": 0.0}))
+        machine.emit("map", tmp_path / name)
+        found = columns(tmp_path / name / "table_map_ball.csv")
+        angles = found["C [deg]"]
+        design = {f"{x} [mm]": 0 * angles for x in "XYZ"} if joints[1:] else {}
+        wanted = places(replace(machine, effects=()), design | {"C [deg]": angles})
+        corrected = design | {"C [deg]": angles}
+        for header in [header for header in found if header.startswith("correct_")]:
+            of = header.removeprefix("correct_")
+            corrected[of] = corrected[of] + found[header]
+        before = places(machine, design | {"C [deg]": angles}) - wanted
+        off[name] = [np.linalg.norm(x, axis=1) for x in (before, places(machine, corrected) - wanted)]
+    alone, carried = ((tmp_path / name / "table_map.md").read_text() for name in off)
+    assert "corrections of X, Y and Z bring" in carried
+    assert off["on slides"][1].max() < 1e-8
+    assert off["alone"][1].max() > 0.5 * off["alone"][0].max()
+    assert f"Of errors up to {off['alone'][0].max():.3g} mm" in alone
+    remain = float(alone.partition("), ")[2].split()[0])
+    assert remain == pytest.approx(off["alone"][1].max(), rel=0.05)
+    assert "in directions in which C cannot move the target" in alone
+
+
+def test_numbers_have_their_expanded_uncertainties(tmp_path):
+    """Of one parameter with a standard uncertainty: a scale of 1e-6, a shift of 2 um, a tilt of 3 arcsec."""
+    slide = Machine(
+        "Slide", "mm", "deg", (0.0, 0.0, -1.0), 20.0,
+        (Joint("X", "prismatic", (1.0, 0.0, 0.0), travel=(0.0, 500.0)),),
+        (Target("ball", (0.0, 0.0, 0.0)),), Measured("point", "machine"),
+    ).add("scale", joint="X")  # fmt: skip
+    slide = replace(slide, values={"X.scale.k": 3e-5})
+    covariance = ["X.scale.k"], np.array([[1e-12]])
+    for form in ("iso230", "screw", "map"):
+        slide.emit(form, tmp_path, covariance=covariance)
+    rows = list(csv.DictReader((tmp_path / "slide_X.csv").read_text().splitlines()))
+    at_end = rows[-1]
+    assert (at_end["X [mm]"], at_end["EXX+ [um]"], at_end["U(EXX+) [um]"]) == ("500", "15.0", "1.0")
+    assert rows[0]["U(EXX+) [um]"] == ""
+    assert "U(EYX+) [um]" not in at_end  # nothing varies it
+    for ending in (".comp", "_eec.ini"):
+        text = (tmp_path / f"slide_X{ending}").read_text()
+        assert "Expanded uncertainty of an error, k = 2: at most 0.0010 mm." in text
+    found = list(csv.DictReader((tmp_path / "slide_map_ball.csv").read_text().splitlines()))[-1]
+    assert (found["correct_X [mm]"], found["dx [mm]"], found["U(dx) [mm]"]) == (
+        "-0.01499955",
+        "0.0150",
+        "0.0010",
+    )
+    assert "U of an error is at most 0.001 mm" in (tmp_path / "slide_map.md").read_text()
+
+    arm().emit("dh", tmp_path, covariance=(["target.tip.z"], np.array([[4e-6]])))
+    assert "# U" not in (tmp_path / "arm_standard_dh.toml").read_text().partition("[[joint]]")[2]
+    robot = replace(arm(), effects=())
+    robot.emit("dh", tmp_path, covariance=(["A3.point.a"], np.array([[4e-6]])))
+    text = (tmp_path / "arm_modified_dh.toml").read_text()
+    assert "# U is the expanded uncertainty, k = 2" in text
+    key = "A3.point.a"
+    moved = replace(robot, values={**robot.values, key: robot.values[key] + 0.002})
+    moved.emit("dh", tmp_path / "moved")
+    tables = [tomllib.loads((tmp_path / at / "arm_modified_dh.toml").read_text()) for at in (".", "moved")]
+    changes = [
+        abs(b[x] - a[x]) for a, b in zip(*(t["joint"] for t in tables), strict=True) for x in ("a", "d")
+    ]
+    stated = [
+        float(line.partition("# U = ")[2])
+        for line in text.splitlines()
+        if line[:4] in ("a = ", "d = ") and "#" in line
+    ]
+    assert stated == pytest.approx([2 * change for change in changes if change > 1e-12], rel=0.05)
+    assert len(stated) > 1
+
+    mount = replace(ALTAZ.machine("Telescope", 0.6), estimate=())
+    mount = replace(mount, values={"AZ.axis.a": 30 * ARC, "AZ.axis.b": -20 * ARC})
+    (path,) = mount.emit(
+        "tpoint",
+        tmp_path,
+        covariance=(["AZ.axis.a"], np.array([[(3 * ARC) ** 2]])),
+        residual=(75, 1.25 * ARC),
+    )
+    lines = path.read_text().splitlines()
+    assert lines[1].split()[:3] == ["T", "75", "1.2500"]
+    sigma = {line.split()[0]: float(line.split()[2]) for line in lines[2:-1]}
+    assert sigma["AN"] == pytest.approx(3, abs=1e-4)
+    assert sigma["AW"] == 0
 
 
 def test_an_error_map_needs_travels_of_few_joints(tmp_path):

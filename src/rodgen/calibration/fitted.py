@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Self, TypeAlias
 
 import numpy as np
@@ -26,7 +28,6 @@ from rodgen.calibration.residuals import Residuals
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, nearest
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
-from rodgen.calibration.words import measured
 from rodgen.data.observations import Observations
 from rodgen.data.units import ARCSEC
 from rodgen.errors import shown
@@ -37,6 +38,7 @@ from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
 from rodgen.stages import stage
 from rodgen.statistics.columns import unit_diagonal
+from rodgen.statistics.digits import measured
 from rodgen.views import Records, html_of
 
 __all__ = ["LOSSES", "Estimate", "FittedModel"]
@@ -533,6 +535,30 @@ class FittedModel:
         frame = self.solution.frame
         found = Problem(self.problem.model, observations).places(self.solution.theta, frame)
         return (found - frame.position) @ frame.rotation if self.machine.measured.frame == "free" else found
+
+    def emit(self, lang: str, folder: str | os.PathLike[str], **options: Any) -> list[Path]:
+        """Write the fitted machine as code or tables, which state the uncertainties of this fit.
+
+        Parameters
+        ----------
+        lang : str
+        folder : str or os.PathLike
+            Is made where there is none.
+        **options
+            Further ones of :func:`rodgen.machines.emit.emit`.
+
+        Returns
+        -------
+        list of Path
+            The files.
+        """
+        of_rows = np.sum(self.residuals[~self.outliers] ** 2, axis=1)
+        given: dict[str, Any] = {
+            "travel": self.observations.travel,
+            "covariance": ([p.key for p in self.parameters], self.covariance),
+            "residual": (len(of_rows), float(np.sqrt(of_rows.mean())) * self.unit_factor),
+        }
+        return self.machine.emit(lang, folder, **given | options)
 
     def held_out(self, folds: int | None = None, *, progress: Progress | None = None) -> HeldOut:
         """Return the error on whole poses that a fit did not see: each is predicted by a fit to others.

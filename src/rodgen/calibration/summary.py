@@ -10,8 +10,9 @@ import numpy as np
 from rodgen.calibration.checks.bounds import held_at_bounds
 from rodgen.calibration.checks.gross import on_gross_readings, on_outliers
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
-from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, measured, some
+from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, some
 from rodgen.statistics.decompositions import svd
+from rodgen.statistics.digits import measured
 from rodgen.statistics.thresholds import DETERMINACY, LACK_OF_FIT
 
 if TYPE_CHECKING:

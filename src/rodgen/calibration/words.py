@@ -15,7 +15,6 @@ __all__ = [
     "chance",
     "fall",
     "in_component",
-    "measured",
     "plain",
     "probability",
     "some",
@@ -163,21 +162,3 @@ def plain(name: str, limit: int = 40) -> str:
     """Return a piece of a user's file on one line, and no longer than `limit`."""
     line = "".join(c if c.isprintable() else "?" for c in name)
     return line if len(line) <= limit else line[: limit - 1] + "…"
-
-
-def measured(value: float, std: float | None) -> tuple[str, str]:
-    """Return a value and its standard deviation as texts, with as many digits as the latter allows.
-
-    Examples
-    --------
-    >>> measured(12.0561, 0.2312), measured(1.23456e-5, 2.5e-7), measured(3.0, None), measured(-0.004, 35.2)
-    (('12.06', '0.23'), ('1.235e-05', '2.5e-07'), ('3', '–'), ('0', '35'))
-    """
-    if std is None or not math.isfinite(std) or std <= 0:
-        return f"{value:.6g}", "–"
-    decimals = 1 - math.floor(math.log10(std))
-    if max(abs(value), std) < 1e-4 or max(abs(value), std) >= 1e7:
-        digits = max(2, math.floor(math.log10(max(abs(value), std))) + decimals + 1)
-        return f"{value:.{min(digits, 12) - 1}e}", f"{std:.1e}"
-    decimals = max(decimals, 0)
-    return f"{round(value, decimals) + 0.0:.{decimals}f}", f"{std:.{decimals}f}"

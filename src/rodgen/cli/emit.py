@@ -71,9 +71,7 @@ def _run(options: argparse.Namespace) -> int:
         written = Machine.load(options.machine).emit(options.lang, options.output, **given)
     else:
         fit = fitted(options)
-        travel = fit.observations.travel
-        spread = [p.key for p in fit.parameters], fit.covariance
-        written = fit.machine.emit(options.lang, options.output, travel=travel, covariance=spread, **given)
+        written = fit.emit(options.lang, options.output, **given)
         converged, lost = fit.solution.converged, not_found_by_code(fit.machine, fit.observations)
     files = [str(path) for path in written]
     show_result(options, lambda: {"files": files, "converged": converged}, lambda: "\n".join(files))

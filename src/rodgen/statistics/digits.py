@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["round_by"]
+__all__ = ["measured", "round_by", "second_decimal"]
 
 Array: TypeAlias = NDArray[np.float64]
+
+
+def second_decimal(u: Array) -> Array:
+    """Return the decimal of the second significant digit of uncertainties above 0; below 0 it is one of tens."""
+    first = np.floor(np.log10(u))
+    first = first + (np.round(u / 10.0 ** (first - 1)) >= 100)  # 0.0997 is 0.10
+    return np.asarray(np.clip(1 - first, -300, 300))
 
 
 def round_by(values: Array, u: Array) -> Array:
@@ -24,10 +32,28 @@ def round_by(values: Array, u: Array) -> Array:
     [12.346, 1230.0, 0.5]
     """
     known = np.isfinite(u) & (u > 0)
-    safe = np.where(known, u, 1.0)
-    first = np.floor(np.log10(safe))
-    first = first + (np.round(safe / 10.0 ** (first - 1)) >= 100)  # 0.0997 is 0.10
-    decimals = np.clip(1 - first, -300, 300)
+    decimals = second_decimal(np.where(known, u, 1.0))
     up, down = 10.0 ** np.maximum(decimals, 0), 10.0 ** np.maximum(-decimals, 0)
     found = np.round(values * up / down) / up * down
     return np.asarray(np.where(known & np.isfinite(found), found, values))
+
+
+def measured(value: float, u: float | None) -> tuple[str, str]:
+    """Return a value and its uncertainty as texts: two digits of the uncertainty, and the value as far.
+
+    Examples
+    --------
+    >>> measured(12.0561, 0.2312), measured(1.23456e-5, 2.5e-7), measured(3.0, None), measured(-0.004, 35.2)
+    (('12.06', '0.23'), ('1.235e-05', '2.5e-07'), ('3', '–'), ('0', '35'))
+    >>> measured(12.3456, 0.0997), measured(12345.6, 352.1)
+    (('12.35', '0.10'), ('12350', '350'))
+    """
+    if u is None or not math.isfinite(u) or u <= 0:
+        return f"{value:.6g}", "–"
+    decimals = int(second_decimal(np.array(u)))
+    value, u = (float(x) + 0.0 for x in round_by(np.array([value, u]), np.array(u)))
+    largest = max(abs(value), u)
+    if largest < 1e-4 or largest >= 1e7:
+        digits = max(2, math.floor(math.log10(largest)) + decimals + 1)
+        return f"{value:.{min(digits, 12) - 1}e}", f"{u:.1e}"
+    return f"{value:.{max(decimals, 0)}f}", f"{u:.{max(decimals, 0)}f}"

@@ -31,6 +31,7 @@ def emit(
     name: str | None = None,
     travel: Any = None,
     covariance: tuple[Sequence[str], Any] | None = None,
+    residual: tuple[int, float] | None = None,
     into: str | os.PathLike[str] | None = None,
     force: bool = False,
 ) -> list[Path]:
@@ -95,7 +96,9 @@ def emit(
         Range of each joint in the data, internal units, for effects that are measured over a travel which the machine
         does not give. It does not limit compensations.
     covariance : tuple of keys and ndarray, optional
-        Of parameters, internal units, for uncertainties of tables with the names of ISO 230.
+        Of parameters, internal units, for the uncertainties that tables state.
+    residual : tuple of (int, float), optional
+        Rows that the machine was fitted to, and the rms of their residuals, internal units, for a model of TPOINT.
     into : str or os.PathLike, optional
         With ``"urdf"``: the URDF that the machine was imported from. Its text is written, with corrected origins of
         joints and nothing else changed. Where the target of the machine file is the tip, a fixed joint leads to it
@@ -148,7 +151,7 @@ def emit(
     elif lang in ("c", "numpy", "jax"):
         files = render(content_of(machine, name, travel), lang)
     else:
-        files = _tables(machine, lang, named(machine, name), DO_NOT_EDIT, travel, covariance)
+        files = _tables(machine, lang, named(machine, name), DO_NOT_EDIT, travel, covariance, residual)
     if not force:
         wrong = (machine.doubts() if machine.doubts else "") or "; ".join(implausible_numbers(machine))
         if wrong:
@@ -163,41 +166,48 @@ def emit(
 
 
 def _tables(
-    machine: Machine, form: str, name: str, note: str, travel: Any, covariance: Any
+    machine: Machine,
+    form: str,
+    name: str,
+    note: str,
+    travel: Any,
+    covariance: Any,
+    residual: tuple[int, float] | None,
 ) -> dict[str, str]:
     """Return the text of each file by its name."""
     if form == "tpoint":
         from rodgen.machines.emit._tpoint import tpoint_text
 
-        return {f"{name}.mod": tpoint_text(machine, note, travel)}
+        return {f"{name}.mod": tpoint_text(machine, note, travel, covariance, residual)}
     if form in ("iso230", "screw"):
         from rodgen.machines.emit._error_motions import iso_texts, screw_texts
 
         if form == "screw":
-            return screw_texts(machine, name, note, travel)
+            return screw_texts(machine, name, note, travel, covariance)
         return iso_texts(machine, name, note, travel, covariance)
     if form == "map":
         from rodgen.machines.emit._error_map import map_texts
 
-        return map_texts(machine, name, note, travel)
+        return map_texts(machine, name, note, travel, covariance)
     if form == "linuxcnc":
         from rodgen.machines.emit._linuxcnc import component_texts
 
         return component_texts(machine, name, travel)
     from rodgen.machines.emit._denavit_hartenberg import table_texts
     from rodgen.machines.emit._geometry import geometry_of
+    from rodgen.machines.emit._numbers import varied
     from rodgen.machines.emit._urdf import urdf_text
 
-    geometry = geometry_of(machine, travel)
-    return (
-        {f"{name}.urdf": urdf_text(geometry, name, note)}
-        if form == "urdf"
-        else table_texts(geometry, name, note)
-    )
+    if form == "urdf":
+        return {f"{name}.urdf": urdf_text(geometry_of(machine, travel), name, note)}
+    geometries = [geometry_of(each, travel) for each in varied(machine, covariance)]
+    return table_texts(geometries, name, note)
 
 
 def _written_by_rodgen(path: Path, text: str, note: str) -> bool:
     """Return whether a file has the note, or is a table, which has no place for it, with the same header."""
-    content = path.read_bytes()
-    header = text.partition("\n")[0].encode()
-    return note.encode() in content or (path.suffix == ".csv" and content.startswith(header))
+    content = path.read_text("utf-8", "replace")
+    headers = [[cell for cell in x.partition("\n")[0].split(",") if cell[:1] != "U"] for x in (content, text)]
+    return note in content or (
+        path.suffix == ".csv" and headers[0] == headers[1]
+    )  # with uncertainties or without

@@ -40,6 +40,7 @@ __all__ = [
     "constant_words",
     "content_of",
     "effect_words",
+    "ideal_of",
     "identifier",
     "named",
 ]
@@ -194,7 +195,7 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     chosen = named(machine, name)
     scope = scope_of(machine, travel)
     fitted = machine_kernels(scope.model)
-    ideal = machine_kernels(Model(_ideal(scope)), "ideal", "ideal_")
+    ideal = machine_kernels(Model(ideal_of(scope)), "ideal", "ideal_")
     measurand, joints = scope.machine.measurand, machine.joints
     size = _size(scope)
     limits = [joint.travel or (-np.inf, np.inf) for joint in joints]
@@ -218,7 +219,7 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     )
 
 
-def _ideal(scope: Scope) -> Machine:
+def ideal_of(scope: Scope) -> Machine:
     """Return the machine without errors, with the targets that there are.
 
     Where a ball or a reflector is mounted is no error of the machine, and joints may not be able to make up for it. A

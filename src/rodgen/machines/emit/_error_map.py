@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,9 +16,21 @@ from numpy.typing import NDArray
 
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError, joined
-from rodgen.machines.emit._content import content_of
+from rodgen.machines.emit._content import content_of, ideal_of
+from rodgen.machines.emit._kernels import numbers_of
+from rodgen.machines.emit._numbers import (
+    Covariance,
+    K,
+    csv_text,
+    number,
+    said_of_uncertainties,
+    standard,
+    varied,
+)
 from rodgen.machines.emit._render import render
+from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.measured import POINT
+from rodgen.machines.model import Model
 
 if TYPE_CHECKING:
     from rodgen.machines.emit._content import Content
@@ -32,9 +44,15 @@ GOOD = 0.02
 """Part of the largest error that interpolation may be off."""
 MOST_ROWS = 40_000
 MOST_JOINTS = 3
+ROUNDING = 1e-12
+"""Part of the size of a machine that is no uncertainty of an error."""
+SMALL_PART = 0.05
+"""Of an error: so much remains where interpolation alone is not exact."""
 
 
-def map_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, str]:
+def map_texts(
+    machine: Machine, name: str, note: str, travel: Any, covariance: Covariance | None
+) -> dict[str, str]:
     """Return a table for each target, and a page that says what they are and how good interpolation is.
 
     Raises
@@ -62,73 +80,128 @@ def map_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, 
         raise InputFileError(
             file, "joint, travel", found, f"one of 1 to {MOST_JOINTS} joints, over which the grid is"
         )
-    code: dict[str, Any] = {}
-    exec(render(content, "numpy")[f"{name}.py"], code)
-    code["LOWEST"][:], code["HIGHEST"][:] = -np.inf, np.inf  # a command at an end is corrected as the others
-    weight = np.where(np.isin(range(len(joints)), moved), code["WEIGHT"], 0.0)
+    code = _Code(content, varied(machine, covariance), travel)
+    with_three = [j for j, joint in enumerate(joints) if not joint.revolute]
+    axes_of_slides = np.array([joints[j].axis for j in with_three]).reshape(-1, 3)
+    correcting = with_three if np.linalg.matrix_rank(axes_of_slides) == 3 else moved
     unit = content.machine.length_unit
     files: dict[str, str] = {}
+    still = [joint.name for j, joint in enumerate(joints) if j not in moved]
+    names = joined([joints[j].name for j in correcting])
     page = [f"# {machine.name}: error map", "", note, ""]
-    rest = (
-        joined([joint.name for j, joint in enumerate(joints) if j not in moved])
-        if len(moved) < len(joints)
-        else ""
-    )
     page += [
-        f"Errors are real less nominal places, in machine axes ({unit}). `correct_X` is added to the command of X to",
-        "come as near the nominal place as the machine can, nan where that is not found. Between the points both are",
+        f"Errors are real less nominal places, in machine axes ({unit}). `correct_X` is added to the command of X: the",
+        f"corrections of {names} bring the place as near the nominal one as these can. Between the points both are",
         "interpolated linearly.",
-        *([f"At zero: {rest}."] if rest else []),
+        *([f"At zero: {joined(still)}."] if still else []),
         *content.at_rest,
+        *said_of_uncertainties(code.machines),
         "",
     ]
     for k, target in enumerate(content.machine.targets):
-        axes, grid, errors, off = _refined(content, code, moved, k)
-        largest = float(np.linalg.norm(errors, axis=1).max())
-        wanted = code["ideal"](grid, target=k)
-        corrected, status, _ = code["compensate"](
-            wanted, grid, **_conditions(content), target=k, weight=weight
+        axes, grid, errors, off = _refined(code, moved, k)
+        change = code.corrections(grid, k, correcting)
+        middle = _grid(len(joints), moved, [(axis[1:] + axis[:-1]) / 2 for axis in axes])
+        left = np.vstack(
+            [code.errors(grid, k, change), code.errors(middle, k, _mean_of_corners(change, axes))]
         )
-        reached = np.isin(status, (code["CONVERGED"], code["NEAREST"]))[:, None]
-        change = np.where(reached, np.asarray(corrected) - grid, np.nan)
-        middle = _grid(content, moved, [(axis[1:] + axis[:-1]) / 2 for axis in axes])
-        between = middle + _mean_of_corners(change, axes)
-        left = code["forward"](between, **_conditions(content), target=k) - code["ideal"](middle, target=k)
-        left = left[:, :3]
         columns: dict[str, Array] = {}
-        for label, values in (("{} [{}]", grid), ("correct_{} [{}]", change)):
-            for j in moved:
-                factor = parse_unit("deg").factor() if joints[j].revolute else 1.0
-                columns[label.format(joints[j].name, "deg" if joints[j].revolute else unit)] = (
-                    values[:, j] / factor
-                )
-        columns |= {f"d{x} [{unit}]": errors[:, i] for i, x in enumerate("xyz")}
-        files[f"{name}_map_{target.name}.csv"] = _csv(columns, largest)
+        for label, values, of in (("{} [{}]", grid, moved), ("correct_{} [{}]", change, correcting)):
+            for j in of:
+                its = "deg" if joints[j].revolute else unit
+                size = parse_unit(its).factor(content.machine.length_unit)
+                columns[label.format(joints[j].name, its)] = values[:, j] / size
+        of_errors = [f"d{x} [{unit}]" for x in "xyz"]
+        u = K * code.standard_uncertainties(grid, k)
+        columns |= dict(zip(of_errors, errors.T, strict=True))
+        files[f"{name}_map_{target.name}.csv"] = csv_text(columns, dict(zip(of_errors, u.T, strict=True)))
         count = " x ".join(str(len(axis)) for axis in axes)
-        page.append(
-            f"- `{name}_map_{target.name}.csv`: {count} points; largest error {largest:.3g} {unit}; interpolation is "
-            f"off by at most {off:.2g} {unit} ({off / largest if largest else 0.0:.1%}), in the middle of a cell. "
-            f"Commands corrected there leave at most {np.linalg.norm(left, axis=1).max():.2g} {unit}."
-        )
+        page += [
+            f"- `{name}_map_{target.name}.csv`: {count} points.",
+            f"  Interpolation is off by at most {_two(off, unit)} {unit}, in the middle of a cell.",
+            f"  {_of_errors(errors, left, unit, names)}",
+            *([f"  U of an error is at most {u.max():.2g} {unit}."] if u.any() else []),
+        ]
     return files | {f"{name}_map.md": "\n".join(page) + "\n"}
 
 
-def _conditions(content: Content) -> dict[str, Any]:
-    """Return what the functions take in addition to coordinates: nothing moves, nothing loads, nothing is warm."""
-    return {field.name: np.zeros(field.length) if field.length else 0.0 for field in content.fields}
+def _of_errors(errors: Array, left: Array, unit: str, names: str) -> str:
+    """Say what of the errors corrections leave, measured on the grid and between its points."""
+    before, after = (float(np.linalg.norm(x, axis=1).max()) for x in (errors, left))
+    if not after > SMALL_PART * before:
+        return f"Of errors up to {before:.3g} {unit}, {_two(after, unit)} remain after correction."
+    parts = ", ".join(f"{np.abs(left[:, i]).max():.2g} in {x}" for i, x in enumerate("xyz"))
+    rms = [np.sqrt(np.mean(np.sum(x**2, axis=1))) for x in (errors, left)]
+    return (
+        f"Of errors up to {before:.3g} {unit} (rms {rms[0]:.2g}), {after:.2g} (rms {rms[1]:.2g}) remain after\n"
+        f"  correction, {parts}: in directions in which {names} cannot move the target."
+    )
 
 
-def _refined(
-    content: Content, code: dict[str, Any], moved: list[int], target: int
-) -> tuple[list[Array], Array, Array, float]:
+def _two(value: float, unit: str) -> str:
+    """Return a number with two digits, or 0 below what controls resolve."""
+    return number(float(f"{value:.2g}"), unit)
+
+
+@dataclass
+class _Code:
+    """The emitted NumPy code, run for the machine and for what it may be by the uncertainties of a fit."""
+
+    content: Content
+    machines: list[Machine]
+    travel: Any
+
+    def __post_init__(self) -> None:
+        self.run: dict[str, Any] = {}
+        exec(render(self.content, "numpy")[f"{self.content.name}.py"], self.run)
+        # a command at an end is corrected as the others
+        self.run["LOWEST"][:], self.run["HIGHEST"][:] = -np.inf, np.inf
+        # nothing moves, nothing loads, nothing is warm
+        fields = self.content.fields
+        self.conditions = {f.name: np.zeros(f.length) if f.length else 0.0 for f in fields}
+
+    def errors(self, q: Array, target: int, change: Array | float = 0.0) -> Array:
+        """Return real less nominal places (n, 3) at commands, of which the real ones are changed."""
+        real = self.run["forward"](q + change, **self.conditions, target=target)
+        return np.asarray(real - self.run["ideal"](q, target=target))[:, :3]
+
+    def corrections(self, q: Array, target: int, joints: list[int]) -> Array:
+        """Return what corrects commands, (n, joints), by some of the joints."""
+        weight = np.where(np.isin(range(q.shape[1]), joints), self.run["WEIGHT"], 0.0)
+        wanted = self.run["ideal"](q, target=target)
+        found, _, _ = self.run["compensate"](wanted, q, **self.conditions, target=target, weight=weight)
+        return np.asarray(found - q)
+
+    def standard_uncertainties(self, q: Array, target: int) -> Array:
+        """Return those of the errors, (n, 3); 0 where there are none."""
+        found = []
+        for machine in self.machines:
+            self._become(machine)
+            found.append(self.errors(q, target))
+        self._become(self.machines[0])
+        u = standard(found)
+        return np.where(u > ROUNDING * self.content.size, u, 0.0)
+
+    def _become(self, machine: Machine) -> None:
+        scope = scope_of(machine, self.travel)
+        for model, prefix, seen in (
+            (scope.model, "", "SEEN"),
+            (Model(ideal_of(scope)), "ideal_", "IDEAL_SEEN"),
+        ):
+            constants, of_targets = numbers_of(model, prefix)
+            self.run.update({name: x for name, x in constants.items() if name in self.run})
+            self.run[seen] = of_targets
+
+
+def _refined(code: _Code, moved: list[int], target: int) -> tuple[list[Array], Array, Array, float]:
     """Return the axes of a grid, its points (n, joints), the errors there, and what interpolation is off."""
 
     def error(axes: list[Array]) -> tuple[Array, Array]:
-        grid = _grid(content, moved, axes)
-        place = code["forward"](grid, **_conditions(content), target=target)
-        return grid, np.asarray(place - code["ideal"](grid, target=target))[:, :3]
+        grid = _grid(len(joints), moved, axes)
+        return grid, code.errors(grid, target)
 
-    travels = [content.machine.joints[j].travel or (0.0, 0.0) for j in moved]
+    joints = code.content.machine.joints
+    travels = [joints[j].travel or (0.0, 0.0) for j in moved]
     counts = [3] * len(moved)
     while True:
         axes = [np.linspace(*ends, count) for ends, count in zip(travels, counts, strict=True)]
@@ -153,9 +226,9 @@ def _refined(
     return axes, grid, errors, max(off, *offs)
 
 
-def _grid(content: Content, moved: list[int], axes: list[Array]) -> Array:
+def _grid(joints: int, moved: list[int], axes: list[Array]) -> Array:
     """Return the points (n, joints) of a grid."""
-    grid = np.zeros((math.prod(map(len, axes)), len(content.machine.joints)))
+    grid = np.zeros((math.prod(map(len, axes)), joints))
     for j, values in zip(moved, np.meshgrid(*axes, indexing="ij"), strict=True):
         grid[:, j] = values.ravel()
     return grid
@@ -170,12 +243,3 @@ def _mean_of_corners(values: Array, axes: list[Array]) -> Array:
         for side in sides
     ]
     return np.asarray(sum(corners) / len(corners)).reshape(-1, cells.shape[-1])
-
-
-def _csv(columns: dict[str, Array], largest: float) -> str:
-    """Return a table whose numbers have four digits below the largest error, coordinates nine."""
-    digits = min(max(4 - math.floor(math.log10(largest)), 0), 15) if largest > 0 else 9
-    columns = {n: x.round(digits) if n[0] in "dc" else x.round(9) for n, x in columns.items()}
-    rows = zip(*columns.values(), strict=True)
-    lines = (",".join(repr(float(x) + 0.0) for x in row) for row in rows)
-    return "\n".join([",".join(columns), *lines]) + "\n"

@@ -8,8 +8,8 @@ temperatures, times, other joints) are named as left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,10 +18,20 @@ from numpy.typing import NDArray
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError
 from rodgen.machines.emit._geometry import CONSTANT, located
+from rodgen.machines.emit._numbers import (
+    Covariance,
+    K,
+    csv_text,
+    number,
+    numbers,
+    said_of_uncertainties,
+    standard,
+    uncertain_number,
+    varied,
+)
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.rigid import complete_basis
 from rodgen.machines.structure import row_effects
-from rodgen.statistics.digits import round_by
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -32,8 +42,8 @@ __all__ = ["iso_texts", "screw_texts"]
 
 Array = NDArray[np.float64]
 
-POINTS = 25
-"""Positions of a table over a travel, where no more are needed."""
+POINTS = range(25, 42)
+"""Positions of a table over a travel, where no more are needed: as many of these as make the step a round number."""
 MOST_POINTS = 801
 INTERPOLATED = 0.02
 """Part of the errors' range that linear interpolation between the points may be off."""
@@ -47,10 +57,11 @@ class _Axis:
     """A joint with the effects at it that follow its position alone."""
 
     joint: Joint
-    number: int
     effects: tuple[tuple[Effect, dict[str, float]], ...]
     travel: tuple[float, float]
     left_out: tuple[str, ...]
+    unit: str
+    size: float
 
     def errors(self, q: Array, s: float) -> Array:
         """Return displacements and turns, (n, 6), internal units, at positions and for a direction of approach."""
@@ -74,7 +85,8 @@ class _Axis:
 
     def positions(self) -> tuple[Array, float]:
         """Return the positions of a table, and the largest error of linear interpolation, part of the errors' range."""
-        count = POINTS
+        span = (self.travel[1] - self.travel[0]) / self.size
+        count = min(POINTS, key=lambda points: len(f"{span / (points - 1):.9g}"))
         while True:
             q = np.linspace(*self.travel, count)
             middle = (q[1:] + q[:-1]) / 2
@@ -91,7 +103,7 @@ def _axes(machine: Machine, travel: Any) -> Iterator[_Axis]:
     model: Model = scope_of(machine, travel).model
     machine, theta = model.machine, model.start()
     values = {p.key: float(x) for p, x in zip(model.parameters, theta, strict=True)}
-    for number, joint in enumerate(machine.joints):
+    for j, joint in enumerate(machine.joints):
         known = {"q", "s", "pi", "U", "V", "N", "EX", "EY", "EZ", *(f"P{k}" for k in range(1, 5))}
         taken, left_out = [], []
         for effect in row_effects(machine):
@@ -104,7 +116,7 @@ def _axes(machine: Machine, travel: Any) -> Iterator[_Axis]:
                 taken.append((effect, own))
             elif effect.name not in CONSTANT:
                 left_out.append(f"{effect.title}: it depends on more than the position of {joint.name}")
-        low, high = joint.travel or model.travel[number]
+        low, high = joint.travel or model.travel[j]
         if not high > low:
             if not joint.revolute:
                 place = f"joint {joint.name}, travel"
@@ -112,81 +124,60 @@ def _axes(machine: Machine, travel: Any) -> Iterator[_Axis]:
                     machine.file or machine.name, place, "missing", "travel = [lowest, highest]"
                 )
             low, high = 0.0, 2 * math.pi
-        yield _Axis(joint, number, tuple(taken), (float(low), float(high)), tuple(left_out))
+        unit = "deg" if joint.revolute else machine.length_unit
+        size = parse_unit(unit).factor(machine.length_unit)
+        yield _Axis(joint, tuple(taken), (float(low), float(high)), tuple(left_out), unit, size)
 
 
 def iso_texts(
-    machine: Machine, name: str, note: str, travel: Any, covariance: tuple[Sequence[str], Array] | None
+    machine: Machine, name: str, note: str, travel: Any, covariance: Covariance | None
 ) -> dict[str, str]:
     """Return a table of the error motions of each axis, one of location errors, and a page that says what they are."""
-    varied = [machine] if covariance is None else [machine, *_varied(machine, covariance)]
-    micron = parse_unit("um").factor(machine.length_unit)
-    second = parse_unit("arcsec").factor()
+    machines = varied(machine, covariance)
+    sizes = {"um": parse_unit("um").factor(machine.length_unit), "arcsec": parse_unit("arcsec").factor()}
     files, page = {}, [f"# {machine.name}: errors of its axes", "", note, ""]
     page += [
         "Errors are real less commanded, in machine axes: X, Y, Z displacements, A, B, C turns about x, y, z. The file",
         "of an axis has its error motions over the travel (ISO 230-1, of a rotary axis ISO 230-7), both ways;",
         f"`{name}_location.csv` the location errors: X0C the error in x of the position of C, A0C its tilt about x.",
-        *(
-            ["U is the expanded uncertainty, k = 2, from the fit; what the model lacks is not in it."]
-            if covariance
-            else []
-        ),
+        *said_of_uncertainties(machines),
         "",
     ]
-    for axes in zip(*(_axes(each, travel) for each in varied), strict=True):
+    for axes in zip(*(_axes(each, travel) for each in machines), strict=True):
         axis = axes[0]
         label = axis.joint.name
         if not axis.effects:
             page += [f"- {label}: no error motions.", *(f"  Not in it: {what}." for what in axis.left_out)]
             continue
         q, part = axis.positions()
-        factor = second * 3600 if axis.joint.revolute else 1.0
-        columns = {f"{label} [{'deg' if axis.joint.revolute else machine.length_unit}]": q / factor}
+        columns = {f"{label} [{axis.unit}]": q / axis.size}
+        uncertain = {}
         for sign, approach in ((1.0, "+"), (-1.0, "-")):
-            found, expanded = _with_uncertainty([each.errors(q, sign) for each in axes])
+            found = [each.errors(q, sign) for each in axes]
+            expanded = K * standard(found)
             for k, error in enumerate("XYZABC"):
-                unit, size = ("um", micron) if k < 3 else ("arcsec", second)
-                columns[f"E{error}{label}{approach} [{unit}]"] = found[:, k] / size
-                if covariance:
-                    columns[f"U(E{error}{label}{approach}) [{unit}]"] = expanded[:, k] / size
-        files[f"{name}_{label}.csv"] = _csv(columns)
+                of = "um" if k < 3 else "arcsec"
+                header = f"E{error}{label}{approach} [{of}]"
+                columns[header], uncertain[header] = found[0][:, k] / sizes[of], expanded[:, k] / sizes[of]
+        files[f"{name}_{label}.csv"] = csv_text(columns, uncertain)
         page.append(f"- `{name}_{label}.csv`: {len(q)} positions; between them linear interpolation is off by at most "
                     f"{part:.2%} of an error's range.")  # fmt: skip
         page += [f"  Not in it: {what}." for what in axis.left_out]
-    errors = [list(_locations(each, travel, micron, second)) for each in varied]
-    found, expanded = _with_uncertainty([np.array([value for _, value, _ in rows]) for rows in errors])
-    found, expanded = round_by(found, expanded), round_by(expanded, expanded)
-    lines = ["symbol,value,unit" + ",U (k = 2)" * bool(covariance)]
-    for (symbol, _, unit), value, u in zip(errors[0], found, expanded, strict=True):
-        places = max(1 - math.floor(math.log10(u)), 0) if u > 0 else None
-        shown = [_digits(x) if places is None else f"{x:.{places}f}" for x in (value, u)]
-        lines.append(f"{symbol},{shown[0]},{unit}" + f",{shown[1]}" * bool(covariance))
+    rows = [list(_locations(each, travel)) for each in machines]
+    expanded = K * standard([np.array([value for _, value, _ in each]) for each in rows])
+    lines = ["symbol,value,unit" + f",U (k = {K:g})" * (len(machines) > 1)]
+    for (symbol, value, unit), u in zip(rows[0], expanded.tolist(), strict=True):
+        shown, of_it = uncertain_number(value / sizes[unit], u / sizes[unit], unit)
+        lines.append(f"{symbol},{shown},{unit}" + f",{of_it}" * (len(machines) > 1))
     files[f"{name}_location.csv"] = "\n".join(lines) + "\n"
     return files | {f"{name}_errors.md": "\n".join(page) + "\n"}
 
 
-def _varied(machine: Machine, covariance: tuple[Sequence[str], Array]) -> Iterator[Machine]:
-    """Yield the machine moved along each principal axis of its parameters' covariance by a standard deviation."""
-    keys, matrix = covariance
-    values, vectors = np.linalg.eigh(matrix)
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value > 0:
-            step = dict(zip(keys, math.sqrt(value) * vector, strict=True))
-            moved = {key: machine.values.get(key, 0.0) + change for key, change in step.items()}
-            yield replace(machine, values={**machine.values, **moved})
+def _locations(machine: Machine, travel: Any) -> Iterator[tuple[str, float, str]]:
+    """Yield the location errors, internal units: of a slide its squareness, of a rotary axis its tilt and its place.
 
-
-def _with_uncertainty(found: Sequence[Array]) -> tuple[Array, Array]:
-    """Return what is found, and its expanded uncertainty, k = 2, from what is found on the varied machines."""
-    first, *others = found
-    return first, 2 * np.sqrt(sum(((other - first) ** 2 for other in others), np.zeros(first.shape)))
-
-
-def _locations(
-    machine: Machine, travel: Any, micron: float, second: float
-) -> Iterator[tuple[str, float, str]]:
-    """Yield the location errors: of a slide its squareness, of a rotary axis its tilt and its place, and zeros."""
+    Each with the unit that it is shown in; and zeros.
+    """
     own = scope_of(machine, travel).machine
     for joint, axis, point, zero in zip(own.joints, *located(own), strict=True):
         nominal = _along_machine_axis(np.array(joint.axis, float))
@@ -195,14 +186,14 @@ def _locations(
         shift = shift - nominal * float(shift @ nominal)
         for k, error in enumerate("ABC"):
             if abs(nominal[k]) < 0.5:
-                yield f"{error}0{joint.name}", float(turn[k]) / second, "arcsec"
+                yield f"{error}0{joint.name}", float(turn[k]), "arcsec"
         if joint.revolute:
             for k, error in enumerate("XYZ"):
                 if abs(nominal[k]) < 0.5:
-                    yield f"{error}0{joint.name}", float(shift[k]) / micron, "um"
+                    yield f"{error}0{joint.name}", float(shift[k]), "um"
         k = int(np.argmax(np.abs(nominal)))
-        error, size, unit = ("ABC", second, "arcsec") if joint.revolute else ("XYZ", micron, "um")
-        yield f"{error[k]}0{joint.name}", zero / size, unit
+        error, unit = ("ABC", "arcsec") if joint.revolute else ("XYZ", "um")
+        yield f"{error[k]}0{joint.name}", zero, unit
 
 
 def _along_machine_axis(axis: Array) -> Array:
@@ -212,31 +203,47 @@ def _along_machine_axis(axis: Array) -> Array:
     return nearest if float(np.linalg.norm(axis - nearest)) < _ALONG else axis
 
 
-def screw_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str, str]:
+def screw_texts(
+    machine: Machine, name: str, note: str, travel: Any, covariance: Covariance | None
+) -> dict[str, str]:
     """Return tables that take the errors of position out of each axis, in the forms of SINUMERIK and LinuxCNC."""
-    files = {}
-    for axis in _axes(machine, travel):
+    files, machines = {}, varied(machine, covariance)
+    for axes in zip(*(_axes(each, travel) for each in machines), strict=True):
+        axis = axes[0]
         label, turns = axis.joint.name, axis.joint.revolute
-        scale = parse_unit("deg").factor() if turns else parse_unit("mm").factor(machine.length_unit)
+        unit = "deg" if turns else "mm"
+        scale = parse_unit(unit).factor(machine.length_unit)
         along = np.array([0.0, 0, 0, *axis.joint.axis] if turns else [*axis.joint.axis, 0, 0, 0])
         q, part = axis.positions()
-        forward, reverse = (axis.errors(q, s) @ along / scale for s in (1.0, -1.0))
+        both = [[each.errors(q, s) @ along / scale for s in (1.0, -1.0)] for each in axes]
+        forward, reverse = both[0]
         if not np.any(forward) and not np.any(reverse):
             continue
-        at, unit = q / scale, "deg" if turns else "mm"
+        gaps = [np.mean(f - r) for f, r in both]
+        gap = uncertain_number(float(gaps[0]), K * float(standard(gaps)), unit)[0]
+        largest = K * float(standard([np.array(each) for each in both]).max())
+        u = uncertain_number(largest, largest, unit)[1]
         said = [
             f"{machine.name}, axis {label}. {note}",
             f"{len(q)} points, {unit}; between them linear interpolation is off by at most {part:.2%} of the range.",
+            *([f"Expanded uncertainty of an error, k = {K:g}: at most {u} {unit}."] if u else []),
             *(f"Not in it: {what}." for what in axis.left_out),
         ]
-        rows = zip(at, at + forward, at + reverse, strict=True)
+        gap_said = f"{gap} {unit}" if np.any(forward != reverse) else ""
+        at = numbers(q / scale, unit)
         # LinuxCNC reads up to the first line that is not three numbers
-        files[f"{name}_{label}.comp"] = (
-            "".join(f"{x:.6f} {f:.6f} {r:.6f}\n" for x, f, r in rows) + f"# {note}\n"
+        table = zip(at, numbers(q / scale + forward, unit), numbers(q / scale + reverse, unit), strict=True)
+        files[f"{name}_{label}.comp"] = "".join(f"{' '.join(row)}\n" for row in table) + "".join(
+            f"# {line}\n" for line in said
         )
-        files[f"{name}_{label}_eec.ini"] = _sinumerik(
-            label, at, (forward + reverse) / 2, forward - reverse, said
-        )
+        of_table = {
+            "STEP": number(float(q[1] - q[0]) / scale, unit),
+            "MIN": at[0],
+            "MAX": at[-1],
+            "IS_MODULO": str(int(turns and math.isclose(np.ptp(q), 2 * math.pi))),
+        }
+        mean = numbers((forward + reverse) / 2, unit)
+        files[f"{name}_{label}_eec.ini"] = _sinumerik(label, mean, said, gap_said, of_table)
     if not files:
         found, expected = "no error of position", "an effect such as scale or backlash at a joint"
         raise InputFileError(machine.file or machine.name, "[[effect]]", found, expected)
@@ -250,31 +257,16 @@ def screw_texts(machine: Machine, name: str, note: str, travel: Any) -> dict[str
     return files | {f"{name}_tables.md": "\n".join(page) + "\n"}
 
 
-def _sinumerik(label: str, at: Array, errors: Array, gap: Array, said: Sequence[str]) -> str:
+def _sinumerik(
+    label: str, errors: Sequence[str], said: Sequence[str], gap: str, of_table: Mapping[str, str]
+) -> str:
     lines = [f"; {line}" for line in said]
     lines.append(
         "; A positive value is an error by which the axis is too far: the control moves it back by as much."
     )
-    if np.any(gap):
-        lines.append(f"; Positive less negative approach: {gap.mean():.6f} (reversal; for MD32450 BACKLASH)")
+    if gap:
+        lines.append(f"; Positive less negative approach: {gap} (reversal; for MD32450 BACKLASH)")
     lines += ["CHANDATA(1)"]
-    lines += [f"$AA_ENC_COMP[0,{n},{label}]={_digits(e)}" for n, e in enumerate(errors)]
-    lines += [
-        f"$AA_ENC_COMP_STEP[0,{label}]={_digits(float(at[1] - at[0]))}",
-        f"$AA_ENC_COMP_MIN[0,{label}]={_digits(float(at[0]))}",
-        f"$AA_ENC_COMP_MAX[0,{label}]={_digits(float(at[-1]))}",
-        f"$AA_ENC_COMP_IS_MODULO[0,{label}]=0",
-        "M17",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _digits(value: float) -> str:
-    return f"{value:.6f}".rstrip("0").rstrip(".") if abs(value) >= 5e-7 else "0"
-
-
-def _csv(columns: dict[str, Array]) -> str:
-    rows = zip(*columns.values(), strict=True)
-    return "".join(
-        f"{','.join(row)}\n" for row in ([*columns], *([_digits(float(x)) for x in row] for row in rows))
-    )
+    lines += [f"$AA_ENC_COMP[0,{n},{label}]={error}" for n, error in enumerate(errors)]
+    lines += [f"$AA_ENC_COMP_{name}[0,{label}]={value}" for name, value in of_table.items()]
+    return "\n".join([*lines, "M17"]) + "\n"

@@ -32,7 +32,7 @@ from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import Structure, Term, row_effects
 from rodgen.symbolic import select
 
-__all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "step_kernel"]
+__all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "numbers_of", "step_kernel"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -127,12 +127,7 @@ class MachineKernels:
 
 def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> MachineKernels:
     """Write the forward kernels of a machine in machine axes; names of its constants begin with `prefix`."""
-    structure = replace(
-        model.structure,
-        joints=tuple(replace(joint, axis=False, point=False) for joint in model.structure.joints),
-        target=False,
-        numbers=(),
-    )
+    structure = _without_parameters(model.structure)
     general = ModelSteps(structure, name, with_residual=False).kernel()
     numbers = _Numbers(model, structure, prefix)
     pose = _pose_kernel(model, structure, numbers) if structure.kinematics.is_closed else None
@@ -173,6 +168,17 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
         numbers.seen,
         numbers.seen_of,
     )
+
+
+def numbers_of(model: Model, prefix: str = "") -> tuple[dict[str, float], Array]:
+    """Return the constants of a machine by their names in the code of one of the same structure, and its `seen`."""
+    numbers = _Numbers(model, _without_parameters(model.structure), prefix)
+    return {constant.name: constant.value for constant in numbers.constants}, numbers.seen
+
+
+def _without_parameters(structure: Structure) -> Structure:
+    joints = tuple(replace(joint, axis=False, point=False) for joint in structure.joints)
+    return replace(structure, joints=joints, target=False, numbers=())
 
 
 def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kernel:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.machines.emit._numbers import Covariance, standard, varied
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.imports.mounts import MOUNTS, Mount
 from rodgen.machines.imports.tpoint_model import model_text, terms_of
@@ -25,8 +27,14 @@ _SMALL = 0.02
 """Largest turn of a free frame, rad, of which terms are formulas to first order."""
 
 
-def tpoint_text(machine: Machine, note: str, travel: Any = None) -> str:
-    """Return the file of the model.
+def tpoint_text(
+    machine: Machine,
+    note: str,
+    travel: Any = None,
+    covariance: Covariance | None = None,
+    residual: tuple[int, float] | None = None,
+) -> str:
+    """Return the file of the model: the terms and, from a fit, their standard deviations, its rows and its rms.
 
     Raises
     ------
@@ -46,12 +54,16 @@ def tpoint_text(machine: Machine, note: str, travel: Any = None) -> str:
     gx, _, gz = machine.gravity
     latitude = math.atan2(-gz, -gx) if mount.name == "equatorial" else math.nan
     try:
-        terms = terms_of(_with_its_frame(machine, file), mount, latitude)
+        found = [terms_of(_with_its_frame(m, file), mount, latitude) for m in varied(machine, covariance)]
     except RodgenError as error:
         if isinstance(error, InputFileError):
             raise
         raise InputFileError(file, "[[effect]]", *str(error).split("; expected ")) from None
-    return model_text(f"{machine.name}. {note}", terms)
+    terms = found[0]
+    sigma = standard([np.array([each.get(term, 0.0) for term in terms]) for each in found])
+    rows, rms = residual or (0, 0.0)
+    of_terms = dict(zip(terms, sigma.tolist(), strict=True))
+    return model_text(f"{machine.name}. {note}", terms, of_terms, rows=rows, rms=rms / ARCSEC)
 
 
 def _is(machine: Machine, mount: Mount) -> bool:

@@ -339,7 +339,14 @@ def _numbers_of(machine: Machine) -> dict[tuple[str, str | None, str], float]:
     return found
 
 
-def model_text(caption: str, terms: Mapping[str, float], *, rows: int = 0, rms: float = 0.0) -> str:
+def model_text(
+    caption: str,
+    terms: Mapping[str, float],
+    sigma: Mapping[str, float] | None = None,
+    *,
+    rows: int = 0,
+    rms: float = 0.0,
+) -> str:
     """Return the file of a model of TPOINT.
 
     Parameters
@@ -347,11 +354,15 @@ def model_text(caption: str, terms: Mapping[str, float], *, rows: int = 0, rms: 
     caption : str
     terms : mapping of str to float
         In arcsec.
+    sigma : mapping of str to float, optional
+        Their standard deviations.
     rows : int
         How many observations it was fitted to.
     rms : float
         What it leaves, arcsec on the sky.
     """
     lines = [caption.splitlines()[0], f"T {rows:4d} {rms:10.4f}    0.000    0.0000"]
-    lines += [f"  {name:<8} {value:+14.4f} {0:10.5f}" for name, value in terms.items()]
+    lines += [
+        f"  {name:<8} {value:+14.4f} {(sigma or {}).get(name, 0):10.5f}" for name, value in terms.items()
+    ]
     return "\n".join([*lines, "END"]) + "\n"

@@ -26,7 +26,6 @@ from rodgen.calibration.words import (
     capitalized,
     chance,
     fall,
-    measured,
     plain,
     probability,
     three_digits,
@@ -40,6 +39,7 @@ from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
 from rodgen.output.figures.drawn_rows import coordinate
 from rodgen.output.numbers import Shown, minus, noise_name, percent
 from rodgen.output.report.hardware import eccentricity, in_hardware
+from rodgen.statistics.digits import measured
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan import Gain, Goal, Plan

@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from rodgen.calibration.fit import Estimate, Fit
-from rodgen.calibration.words import measured, three_digits
+from rodgen.calibration.words import three_digits
 from rodgen.data.units import ARCSEC, parse_unit
 from rodgen.machines.machine import Effect
+from rodgen.statistics.digits import measured
 
 __all__ = ["eccentricity", "in_hardware"]
 
