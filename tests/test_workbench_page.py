@@ -1,17 +1,21 @@
-"""The page of the workbench, by NiceGUI's own harness, and who may ask its server."""
+"""The page of the workbench, by NiceGUI's own harness: what a user clicks and reads."""
 
 import asyncio
+import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-nicegui = pytest.importorskip("nicegui")
-from nicegui.testing import user_simulation  # noqa: E402
+pytest.importorskip("nicegui")
+from nicegui import ElementFilter, events, ui
+from nicegui.testing import user_simulation
+from nicegui.testing.user_interaction import UserInteraction
 
-from rodgen.workbench.desk import Desk  # noqa: E402
-from rodgen.workbench.page import Page  # noqa: E402
-from rodgen.workbench.session import Session  # noqa: E402
+from rodgen.workbench.desk import Desk
+from rodgen.workbench.page import Page
+from rodgen.workbench.session import Session
 
 MOUNT = Path(__file__).parents[1] / "examples/machines/mount"
 
@@ -23,63 +27,208 @@ def files(tmp_path):
     return tmp_path / "machine.toml", tmp_path / "mmt_2021.csv"
 
 
-def walked(session, walk):
-    """Let a user walk over the page of a session."""
+class Walker:
+    """A user in a window of a session."""
+
+    def __init__(self, user, desk):
+        self.user, self.desk = user, desk
+
+    @property
+    def session(self):
+        return self.desk.session
+
+    async def sees(self, text):
+        await self.user.should_see(text, retries=100)
+
+    async def until(self, condition):
+        for _ in range(400):
+            if condition():
+                return
+            await asyncio.sleep(0.05)
+        raise AssertionError("it does not happen")
+
+    def named(self, label, kind=ui.element):
+        with self.user:
+            found = [e for e in ElementFilter(kind=kind) if e.visible]
+        found = [e for e in found if label in (e.props.get("aria-label"), e.props.get("label"))]
+        assert len(found) == 1, (label, found)
+        return found[0]
+
+    def press(self, label):
+        button = self.named(label, ui.button)
+        assert button.enabled, label
+        UserInteraction(user=self.user, elements={button}, target=None).click()
+
+    async def does(self, label, at):
+        """Press a button that leads to the state of a number."""
+        self.press(label)
+        await self.until(lambda: self.session.at == at)
+
+    def types(self, label, text):
+        self.named(label).set_value(text)
+
+    def brush(self, rows):
+        """Drag over marks of the first plot."""
+        with self.user:
+            plot = next(iter(ElementFilter(kind=ui.plotly)))
+        for listener in plot._event_listeners.values():
+            if listener.type == "plotly_selected":
+                events.handle_event(
+                    listener.handler,
+                    events.GenericEventArguments(sender=plot, client=plot.client, args={"rows": rows}),
+                )
+
+
+def walk(session, *walks):
+    """Let users walk over the page of a session, one after the other, each in a window of its own."""
 
     async def run():
         desk = Desk(session)
         async with user_simulation(root=lambda: Page(desk)) as user:
-            user.javascript_rules[r".*innerWidth.*"] = None
-            import re
-
-            user.javascript_rules.clear()
             user.javascript_rules[re.compile(r".*innerWidth.*")] = lambda _: [1280, False]
-            await user.open("/")
-            return await walk(user, desk)
+            for each in walks:
+                await user.open("/")
+                await each(Walker(user, desk))
 
-    return asyncio.run(run())
-
-
-async def until(condition, seconds=20.0):
-    for _ in range(int(seconds / 0.05)):
-        if condition():
-            return
-        await asyncio.sleep(0.05)
-    raise AssertionError("it does not happen")
-
-
-def named(user, label):
-    """Return the one element with a name for screen readers."""
-    from nicegui import ElementFilter
-
-    with user:
-        found = [e for e in ElementFilter() if e.props.get("aria-label") == label and e.visible]
-    assert len(found) == 1, (label, found)
-    return found[0]
-
-
-def press(user, label):
-    from nicegui.testing.user_interaction import UserInteraction
-
-    UserInteraction(user=user, elements={named(user, label)}, target=label).click()
+    asyncio.run(run())
 
 
 def test_effects_are_added_taken_back_and_added_again(files):
-    async def walk(user, desk):
-        await user.should_see("Error 2.71 arcsec per reading")
-        await until(lambda: desk.suspects is not None)
-        press(user, "Add tube_flexure")
-        await until(lambda: desk.session.at == 1)
-        await user.should_see("Error 0.969")
-        await until(lambda: desk.suspects is not None)
-        press(user, "Add refraction")
-        await until(lambda: desk.session.at == 2)
-        await user.should_see("Error 0.659")
-        await user.should_see("refraction explains more than chance does")
-        await user.should_see("rodgen add")
-        press(user, "Undo")
-        await user.should_see("Error 0.969")
-        press(user, "Redo")
-        await user.should_see("Error 0.659")
+    async def first(walker):
+        await walker.sees("Error 2.71 arcsec per reading")
+        await walker.until(lambda: walker.desk.suspects is not None)
+        await walker.does("Add tube_flexure", 1)
+        await walker.sees("Error 0.969")
+        await walker.until(lambda: walker.desk.suspects is not None)
+        await walker.does("Add refraction", 2)
+        await walker.sees("Error 0.659")
+        await walker.sees("refraction explains more than chance does")
+        await walker.sees("rodgen add")
+        await walker.does("Undo", 1)
+        await walker.sees("Error 0.969")
+        await walker.does("Redo", 2)
+        await walker.sees("Error 0.659")
+        await walker.does("Remove tube_flexure", 3)
+        await walker.sees("Error 1.889")
+        await walker.does("Go back to: + refraction", 2)
 
-    walked(Session.open(*files), walk)
+    async def in_another_window(walker):
+        await walker.sees("Error 0.659")
+        assert len(walker.desk.windows) == 2
+
+    walk(Session.open(*files), first, in_another_window)
+
+
+def test_rows_are_brushed_away_and_back_and_what_was_done_is_kept(files):
+    session, folder = Session.open(*files), files[0].parent
+
+    async def user(walker):
+        await walker.sees("Error 2.71")
+        walker.brush([4, 5, 6.0, "x", None, 10**9])
+        await walker.sees("3 rows selected")
+        walker.types("Note", "clouds <script>alert(1)</script>")
+        await walker.does("Set aside", 1)
+        assert session.state.aside.sum() == 3
+        await walker.sees("3 rows set aside")
+        await walker.does("Bring back", 2)
+        assert not session.state.aside.any()
+        walker.types("Value", "80")
+        walker.named("Rule").set_value("EL")
+        walker.press("Select by the rule")
+        high = int(np.sum(np.degrees(session.state.observations.q[:, 1]) > 80))
+        await walker.sees(f"{high} rows selected")
+        walker.types("Value", "many")
+        walker.press("Select by the rule")
+        await walker.sees("expected a number, in deg")
+        walker.types("Session", "../up.rodgen")
+        walker.press("Write: Session")
+        await walker.sees("a name without a folder")
+        walker.types("Session", "kept.rodgen")
+        walker.press("Write: Session")
+        await walker.sees("kept.rodgen is written.")
+        await walker.does("Undo", 1)
+
+    walk(session, user)
+    assert not list(folder.parent.glob("*.rodgen"))
+    again = Session.load(folder / "kept.rodgen")
+    assert (again.at, len(again.states)) == (1, 3)
+    assert again.state.action.why.startswith("clouds <script>")
+
+
+def test_a_formula_is_checked_where_it_is_typed(files):
+    session = Session.open(*files)
+
+    async def user(walker):
+        walker.named("At").set_value("EL")
+        walker.types("Parameters and units", "k: arcsec")
+        walker.types("Formula", "k*cos(q")
+        await walker.until(lambda: walker.named("Formula").error)
+        assert not walker.named("Add the formula").enabled
+        walker.types("Formula", "k*cos(x)")
+        await walker.until(lambda: "x" in walker.named("Formula").error)
+        walker.types("Formula", "k*cos(q)" + " " * 10**6)
+        await walker.sees("1000008 characters; expected 2000 at most")
+        assert not walker.named("Add the formula").enabled
+        walker.types("Formula", "k*cos(q)")
+        await walker.until(lambda: not walker.named("Formula").error)
+        await walker.does("Add the formula", 1)
+        await walker.sees("Error 0.969")
+
+    walk(session, user)
+
+
+@pytest.mark.slow
+def test_a_wrong_sign_is_told_and_mended_by_one_click(files):
+    text = files[0].read_text()
+    files[0].write_text(text.replace("axis = [0, 0, -1]", "axis = [0, 0, 1]"))
+    session = Session.open(*files)
+
+    async def user(walker):
+        await walker.sees("This looks like a wrong file")
+        mend = next(m.words for m in session.state.check.repairs)
+        await walker.does(f"Mend: {mend}", 1)
+        await walker.sees("Error 2.71 arcsec")
+        await walker.until(lambda: "check" in session.state.__dict__)
+        assert not session.state.check.wrong
+
+    walk(session, user)
+    assert session.state.text == text
+
+
+@pytest.mark.slow
+def test_names_of_a_user_are_shown_as_they_are(files, tmp_path):
+    evil = "<script>alert('\\\\1')</script>"
+    files[0].write_text(files[0].read_text().replace('"Alt-azimuth mount of a telescope"', f'"{evil}"'))
+    session = Session.open(*files)
+
+    async def user(walker):
+        await walker.sees("Error 2.71")
+        with walker.user:
+            pages = [e.props["innerHTML"] for e in ElementFilter(kind=ui.html)]
+        assert any("&lt;script&gt;" in page for page in pages)
+        assert not any("<script" in page for page in pages)
+
+    walk(session, user)
+
+
+@pytest.mark.slow
+def test_a_diagnosis_runs_in_the_background_and_its_steps_are_taken_or_left(files):
+    session = Session.open(*files)
+
+    async def user(walker):
+        walker.press("Diagnose")
+        await walker.until(lambda: walker.desk.diagnosis is not None)
+        await walker.sees("Suggestions of the diagnosis")
+        await walker.does("Take tube_flexure", 1)
+        await walker.until(lambda: not walker.named("Take tube_flexure").enabled)
+        walker.press("Diagnose")
+        await walker.until(lambda: walker.desk.work is not None)
+        walker.desk.work.stop()
+        await walker.until(lambda: walker.desk.work is None)
+        assert walker.desk.diagnosis[0] is session.states[0]
+        walker.press("Plan")
+        await walker.until(lambda: walker.desk.plan is not None)
+        await walker.sees("AZ [deg]")
+
+    walk(session, user)
+    assert session.state.action.why == "diagnosis"

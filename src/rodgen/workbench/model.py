@@ -137,9 +137,9 @@ class _Own:
     def __init__(self, page: Page) -> None:
         self.page = page
         machine = page.state.machine
-        places = {"": "the whole machine"}
-        places |= {joint.name: f"joint {joint.name}" for joint in machine.joints}
+        places = {joint.name: f"joint {joint.name}" for joint in machine.joints}
         places |= {target.name: f"target {target.name}" for target in machine.targets}
+        places |= {"": "the whole machine"}
         with (
             card("Formula of your own"),
             ui.expansion("Formula of your own").props("dense").classes("w-full"),
@@ -167,6 +167,7 @@ class _Own:
 
     def _input(self, label: str, value: str, longest: int) -> ui.input:
         made = ui.input(label, value=value, on_change=self.check)
+        made.without_auto_validation()
         return made.props(f"dense outlined maxlength={longest} debounce=300")
 
     def action(self) -> Add:

@@ -114,13 +114,13 @@ class Page:
         self.working = ui.element("section").classes("card").props('aria-label="In the background"')
         with ui.element("main").classes("desk"):
             with ui.element("div").classes("side"):
-                self.ladder = card("Ladder of the error")
-                self.suspects = card("Suspects")
+                self.ladder = card("Ladder of the error").classes("second")
+                self.suspects = card("Suspects").classes("second")
                 self.suggested = card("Suggestions of the diagnosis")
                 self.model = Model(self)
                 self.doing = card("Done so far")
             with ui.element("div").classes("main"):
-                with ui.element("section").classes("card").props('aria-label="Residuals"'):
+                with ui.element("section").classes("card first").props('aria-label="Residuals"'):
                     self._choices()
                     self.residuals = ui.element("div").classes("plot")
                 with ui.element("section").classes("card").props('aria-label="Selected rows"'):
@@ -187,6 +187,7 @@ class Page:
         self._fill_rows()
         self._fill_doing()
         self._fill_wrong()
+        self._fill_suggested()
         self.model.fill()
 
     # the ladder --------------------------------------------------------------------------------------------------
@@ -435,16 +436,11 @@ class Page:
     # selecting ---------------------------------------------------------------------------------------------------
 
     async def _brushed(self, event: Any) -> None:
-        rows = {int(row) for row in event.args.get("rows", ()) if isinstance(row, int | float)}
-        if rows:
-            self.selected = rows
-            self._draw()
-            self._fill_rows()
+        if rows := _rows_of(event):
+            self.select(rows)
 
     async def _clicked(self, event: Any) -> None:
-        self.selected ^= {int(row) for row in event.args.get("rows", ()) if isinstance(row, int | float)}
-        self._draw()
-        self._fill_rows()
+        self.select(self.selected ^ _rows_of(event))
 
     def select(self, rows: set[int]) -> None:
         """Select rows of the observations, and mark them everywhere."""
@@ -686,6 +682,13 @@ class Page:
         self.dark = not self.dark
         self.mode.set_value(self.dark)
         self._draw()
+
+
+def _rows_of(event: Any) -> set[int]:
+    """Return the rows of marks that a browser names."""
+    return {
+        int(row) for row in event.args.get("rows", ()) if isinstance(row, int | float) and abs(row) < 2**53
+    }
 
 
 def _cell(column: Any, row: int) -> Any:

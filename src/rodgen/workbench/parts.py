@@ -38,7 +38,8 @@ body{background:var(--paper);color:var(--ink);font-variant-numeric:tabular-nums;
 .plot{width:100%;overflow-x:auto}
 .wrong{border-color:#c04d00;border-width:2px}
 .q-btn{text-transform:none}
-@media(max-width:760px){.desk{grid-template-columns:minmax(0,1fr)}.main{order:-1}.nicegui-content{padding:6px}}
+@media(max-width:760px){.desk{display:flex;flex-direction:column;gap:8px}.side,.main{display:contents}
+.first{order:-2}.second{order:-1}.nicegui-content{padding:6px}}
 """
 
 
