@@ -26,7 +26,7 @@ from typing import Any
 import hypothesis
 import numpy as np
 import pytest
-from conftest import C_WARNINGS
+from conftest import C_WARNINGS, CPP_WARNINGS
 from hypothesis import strategies as st
 from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file, unit
 from machine_simulator import Simulated, rotation
@@ -153,9 +153,34 @@ def emitted(case: Case, folder: Path, values: Mapping[str, float]) -> Emitted:
 
 
 def emit_both(machine: Machine, folder: Path, travel: Any = None) -> None:
-    """Do what `emit` does for both languages, but derive the machine's kernels once."""
+    """Do what `emit` does for several languages, but derive the machine's kernels once."""
     content = content_of(machine, "device", travel)
-    write_files(folder, render(content, "c") | render(replace(content, name="device_np"), "numpy"))
+    files = (
+        render(content, "c") | render(content, "cpp") | render(replace(content, name="device_np"), "numpy")
+    )
+    write_files(folder, files)
+
+
+def passes_its_own_test_in_cpp(
+    folder: Path, cpp_compiler: str, tmp_path: Path, optimisation: str = "-O0", *more: str
+) -> None:
+    """Compile and run the test of a header, in another folder, with other sources there."""
+    sources = [str(folder / "device_test.cpp"), *(str(tmp_path / name) for name in more)]
+    command = [
+        cpp_compiler,
+        *CPP_WARNINGS,
+        optimisation,
+        f"-I{folder}",
+        *sources,
+        "-o",
+        str(tmp_path / "run"),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    done = subprocess.run([tmp_path / "run"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    held, checks = map(int, re.findall(r"(\d+) of (\d+) checks hold", done.stdout)[0])
+    assert held == checks >= 150
 
 
 def loaded(folder: Path, name: str = "device_np") -> ModuleType:
@@ -303,6 +328,26 @@ def test_own_test_of_the_c_passes_with_strict_flags(every, compiler_name, name, 
     assert done.returncode == 0, done.stdout
     held, checks = map(int, re.findall(r"(\d+) of (\d+) checks hold", done.stdout)[0])
     assert held == checks >= 150
+
+
+@pytest.mark.parametrize(
+    ("name", "optimisation"),
+    [
+        ("gantry", "-O0"),
+        *[pytest.param(name, "-O2", marks=pytest.mark.slow) for name in MACHINES],
+    ],
+)
+def test_own_test_of_the_cpp_passes_with_strict_flags(every, cpp_compiler, name, optimisation, tmp_path):
+    """The header is included twice, and by two sources; a place is read as users read it."""
+    (tmp_path / "other.cpp").write_text(
+        '#include "device.hpp"\n#include "device.hpp"\n'
+        "double other() { const rodgen::device::Row row; return rodgen::device::ideal(row.q)[0]; }\n"
+        "bool good() { rodgen::device::Row row; const auto [place, jacobian] = rodgen::device::jacobian(row);\n"
+        "const auto [corrected, status, distance] = rodgen::device::compensate(row, place);\n"
+        "return jacobian[0].size() == corrected.size() && distance >= 0\n"
+        "  && status == rodgen::device::Status::CONVERGED; }\n"
+    )
+    passes_its_own_test_in_cpp(every(name).folder, cpp_compiler, tmp_path, optimisation, "other.cpp")
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -909,7 +954,7 @@ def hostile_machine(names: Iterator[str]) -> Machine:
 @pytest.mark.parametrize(
     "first", [pytest.param(k, marks=pytest.mark.slow) if k % 2 else k for k in range(len(HOSTILE))]
 )
-def test_no_text_of_the_user_becomes_code(first, compiler, tmp_path):
+def test_no_text_of_the_user_becomes_code(first, compiler, cpp_compiler, tmp_path):
     names = iter((HOSTILE * 2)[first:])
     machine = hostile_machine(names)
     for joint_name in (machine.joints[0].name, machine.joints[1].name):
@@ -930,6 +975,9 @@ def test_no_text_of_the_user_becomes_code(first, compiler, tmp_path):
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     assert subprocess.run([tmp_path / "run"], capture_output=True, check=False).returncode == 0
+    command = [cpp_compiler, *CPP_WARNINGS, "-fsyntax-only", str(tmp_path / "device_test.cpp")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
     done = subprocess.run(
         [sys.executable, "-W", "error", tmp_path / "test_device_np.py"],
         capture_output=True,
@@ -992,7 +1040,7 @@ def test_names_come_from_the_machine_or_the_caller(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["Big", "2d", "a-b", "", "x" * 60, "math", "numpy", "jax", "class", "../up", "a\nb"]
+    "name", ["Big", "2d", "a-b", "", "x" * 60, "math", "numpy", "jax", "class", "namespace", "../up", "a\nb"]
 )
 def test_bad_names_are_an_error(name, tmp_path):
     with pytest.raises(RodgenError, match="expected"):
@@ -1001,7 +1049,7 @@ def test_bad_names_are_an_error(name, tmp_path):
 
 
 def test_other_languages_are_an_error(tmp_path):
-    languages = "c, numpy, jax, urdf, dh, tpoint, iso230, screw, map, linuxcnc"
+    languages = "c, cpp, numpy, jax, urdf, dh, tpoint, iso230, screw, map, linuxcnc"
     with pytest.raises(RodgenError, match=f"no language 'rust'; expected one of {languages}"):
         emit(table(), "rust", tmp_path)
 

@@ -25,7 +25,7 @@ from machine_cases import effect, frame, toml
 from machine_simulator import rotation
 from parallel_simulator import Parallel
 from scipy import stats
-from test_emit import Compiled, emit_both, loaded
+from test_emit import Compiled, emit_both, loaded, passes_its_own_test_in_cpp
 from test_machine_jacobians import columns_off, near
 
 from rodgen.calibration.fit import fit
@@ -539,7 +539,7 @@ def conditions(case: Legged, folder: Path) -> dict[str, np.ndarray]:
 
 @pytest.mark.slow
 @quickly_tricept
-def test_emitted_code_passes_its_own_tests_alone(family, device, compiler, tmp_path):
+def test_emitted_code_passes_its_own_tests_alone(family, device, compiler, cpp_compiler, tmp_path):
     _, _, folder = device(family)
     sources = [str(folder / "device.c"), str(folder / "device_test.c")]
     command = [compiler, *C_WARNINGS, "-O2", *sources, "-o", str(tmp_path / "run"), "-lm"]
@@ -549,6 +549,7 @@ def test_emitted_code_passes_its_own_tests_alone(family, device, compiler, tmp_p
     assert done.returncode == 0, done.stdout
     held, checks = map(int, re.findall(r"(\d+) of (\d+) checks hold", done.stdout)[0])
     assert held == checks >= 150
+    passes_its_own_test_in_cpp(folder, cpp_compiler, tmp_path)
     code = "import sys; sys.modules['rodgen'] = sys.modules['sympy'] = None; import runpy, warnings\n"
     code += f"warnings.simplefilter('error'); sys.path.insert(0, {str(folder)!r})\n"
     code += f"runpy.run_path({str(folder / 'test_device_np.py')!r}, run_name='__main__')"

@@ -27,6 +27,7 @@ from machine_cases import (
 )
 from machine_simulator import Simulated
 from scipy.spatial.transform import Rotation
+from test_emit import passes_its_own_test_in_cpp
 from test_machine_jacobians import STENCILS, moved, step
 
 from rodgen.calibration.fit import Fit
@@ -432,8 +433,10 @@ def test_emitted_code_corrects_place_and_attitude_of_the_tool(tmp_path):
 
 
 @pytest.mark.slow
-def test_emitted_tests_of_poses_hold(tmp_path, compiler):
+def test_emitted_tests_of_poses_hold(tmp_path, compiler, cpp_compiler):
     _, fit = fitted_with_errors()
+    emit(fit.machine, "cpp", tmp_path, name="device")
+    passes_its_own_test_in_cpp(tmp_path, cpp_compiler, tmp_path)
     emit(fit.machine, "numpy", tmp_path, name="arm")
     emit(fit.machine, "c", tmp_path, name="arm")
     program, files = str(tmp_path / "t"), [str(tmp_path / name) for name in ("arm.c", "arm_test.c")]

@@ -167,6 +167,17 @@ def test_c_examples_print_what_they_say(compiler: str, mount: Path) -> None:
         assert subprocess.run(["./main"], capture_output=True, text=True, check=True).stdout == output
 
 
+def test_cpp_example_prints_what_the_c_does(cpp_compiler: str, mount: Path) -> None:
+    page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```cpp\n(.*?)```", page, re.DOTALL)
+    output = re.search(r"```text\n(AZ .*?)```", page, re.DOTALL)[1]
+    command = re.search(r"^    rodgen (.*)$", page, re.MULTILINE)[1].replace("--lang c ", "--lang cpp ")
+    assert cli.main(command.split()) == 0
+    (mount / "main.cpp").write_text(code, encoding="utf-8")
+    subprocess.run([cpp_compiler, "-std=c++17", "-O0", "-Ibuild", "main.cpp", "-o", "main"], check=True)
+    assert subprocess.run(["./main"], capture_output=True, text=True, check=True).stdout == output
+
+
 def test_own_effect_is_fitted_as_the_page_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import C_WARNINGS
+from conftest import C_WARNINGS, CPP_WARNINGS
 from test_emitted_c import sanitized
 
 from rodgen.cli.main import main
@@ -163,6 +163,21 @@ def test_emitted_c_survives_every_command(machine: Path, compiler: str, library:
         ]
         subprocess.run([*command, "-o", str(tmp_path / "run"), "-lm"], check=True)
         sanitized([tmp_path / "run"])
+
+
+@pytest.mark.parametrize("machine", MACHINES, ids=lambda path: path.name)
+def test_emitted_cpp_passes_its_own_test(
+    machine: Path, cpp_compiler: str, library: str, tmp_path: Path
+) -> None:
+    (data,) = machine.glob("*.csv")
+    assert main(["emit", str(machine / "machine.toml"), str(data), "--lang", "cpp", "-o", str(tmp_path)]) in (
+        0,
+        3,
+    )
+    (source,) = tmp_path.glob("*_test.cpp")
+    command = [cpp_compiler, *CPP_WARNINGS, *FLAGS.split(), "-O1", str(source), "-o", str(tmp_path / "run")]
+    subprocess.run(command, check=True)
+    sanitized([tmp_path / "run"])
 
 
 @pytest.mark.parametrize("machine", MACHINES, ids=lambda path: path.name)

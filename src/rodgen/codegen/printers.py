@@ -18,6 +18,7 @@ from rodgen.codegen.kernel_parts import KernelError, Port
 from rodgen.symbolic import EPS, LARGEST
 
 __all__ = [
+    "CPP_WORDS",
     "C_MACROS",
     "ArrayPrinter",
     "CPrinter",

@@ -1,7 +1,7 @@
 """A fitted machine as standalone code: its true places, and the commands that bring it where it should be.
 
 A controller, or whoever has no rodgen, takes these files: forward model, its derivatives, the nominal machine, and the
-compensation, with their own test. C99 that allocates nothing, NumPy, or JAX.
+compensation, with their own test. C99 or C++17 that allocates nothing, NumPy, or JAX.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["FORMS", "emit"]
 
 
-FORMS = ("c", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw", "map", "linuxcnc")
+FORMS = ("c", "cpp", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw", "map", "linuxcnc")
 """What a machine is written as."""
 
 
@@ -80,7 +80,8 @@ def emit(
         Fitted, such as ``fit.machine``: every parameter has a value, fitted or held.
     lang : str
         One of :data:`FORMS`. ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no
-        allocation, no state, no recursion, every loop bounded. ``"numpy"``: NAME.py and test_NAME.py, over many rows.
+        allocation, no state, no recursion, every loop bounded. ``"cpp"``: NAME.hpp and NAME_test.cpp; the same as a
+        C++17 header, in the namespace ``rodgen::NAME``. ``"numpy"``: NAME.py and test_NAME.py, over many rows.
         ``"jax"``: the same for JAX in double precision, on whatever device it has, for jit, vmap and grad. The geometry
         alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified Denavit-Hartenberg
         table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each axis over its travel,
@@ -140,7 +141,7 @@ def emit(
         raise RodgenError(f"into with {shown(lang)}; expected it with 'urdf' only")
     from rodgen.files import write_files
     from rodgen.machines.emit._content import content_of, named
-    from rodgen.machines.emit._render import DO_NOT_EDIT, render
+    from rodgen.machines.emit._render import DO_NOT_EDIT, LANGUAGES, render
     from rodgen.machines.plausible import implausible_numbers
 
     note = DO_NOT_EDIT
@@ -148,7 +149,7 @@ def emit(
         from rodgen.machines.emit._into_urdf import CORRECTED, corrected_urdf
 
         note, files = CORRECTED, {Path(into).name: corrected_urdf(machine, into, travel)}
-    elif lang in ("c", "numpy", "jax"):
+    elif lang in LANGUAGES:
         files = render(content_of(machine, name, travel), lang)
     else:
         files = _tables(machine, lang, named(machine, name), DO_NOT_EDIT, travel, covariance, residual)

@@ -217,8 +217,8 @@ def _samples(content: Content, array: str) -> Iterator[dict[str, Any]]:
 # C -----------------------------------------------------------------------------------------------------------
 
 
-def _c(content: Content) -> dict[str, Any]:
-    """Return what the templates of C use."""
+def _c(content: Content, cpp: bool = False) -> dict[str, Any]:
+    """Return what the templates of C and C++ use, which have the functions of a machine in common."""
     joints = len(content.machine.joints)
     rows = {
         symbol: f"row->{field.name}[{i}]" if field.length else f"row->{field.name}"
@@ -236,6 +236,9 @@ def _c(content: Content) -> dict[str, Any]:
         (content.step, {}, None),
     ]
     return {
+        "as_function": "inline" if cpp else "static",
+        "exported": "inline " if cpp else "",
+        "as_constant": "inline constexpr" if cpp else "static const",
         "fields": content.fields,
         "kernels": [_c_kernel(*kernel) for kernel in kernels],
         "uses_sign": any(a.value.has(sp.sign) for kernel, *_ in kernels for a in kernel.assignments),
@@ -332,6 +335,7 @@ def _numpy_kernel(function: str, kernel: Kernel, constants: set[str], namespace:
 
 LANGUAGES: Mapping[str, tuple[Mapping[str, str], Any]] = {
     "c": ({"{}.h": "machine.h.j2", "{}.c": "machine.c.j2", "{}_test.c": "machine_test.c.j2"}, _c),
+    "cpp": ({"{}.hpp": "machine.hpp.j2", "{}_test.cpp": "machine_test.cpp.j2"}, partial(_c, cpp=True)),
     "numpy": ({"{}.py": "machine.py.j2", "test_{}.py": "machine_test.py.j2"}, _numpy),
     "jax": (
         {"{}.py": "machine_jax.py.j2", "test_{}.py": "machine_test.py.j2"},
