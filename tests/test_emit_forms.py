@@ -66,6 +66,7 @@ def test_a_urdf_has_the_poses_of_the_model_for_another_reader(tmp_path):
     machine = arm().add("backlash", joint="A1", hold={"b": 0.01})
     (path,) = machine.emit("urdf", tmp_path)
     assert "not in it: backlash at A1" in path.read_text()
+    assert '<origin xyz="0 0 0"' in path.read_text()  # what is 0 is written so
     q, design = commands()
     expected = places(arm(), design)
     for k, target in enumerate(("ball", "tip")):
@@ -458,6 +459,32 @@ def test_location_errors_have_expanded_uncertainties_from_a_fit(tmp_path):
         assert float(found[symbol]["U (k = 2)"]) == pytest.approx(u, abs=0.05)  # two digits
         value, decimals = found[symbol]["value"], len(found[symbol]["U (k = 2)"].partition(".")[2])
         assert value == f"{factor * estimates[key].value:.{decimals}f}"
+
+
+def test_emit_says_what_the_model_misses(tmp_path, capsys):
+    folder = Path("examples/machines/trunnion")
+    files = [str(folder / "machine.toml"), str(folder / "data.csv")]
+    assert cli.main(["emit", *files, "--lang", "dh", "-o", str(tmp_path)]) == 0
+    said = capsys.readouterr().err
+    assert "times the noise: the model misses something" in said
+    assert "That is in none of these files; 'rodgen diagnose' looks for it." in said
+
+
+def test_nearly_parallel_axes_have_a_reason_for_their_numbers_in_a_dh_table(tmp_path):
+    """Two axes off by 0.1 deg: d is 150 m."""
+    joints = [Joint(f"J{k}", "revolute", (0.0, 1.0, 0.0), (0.0, 0.0, 300.0 * k)) for k in (1, 2)]
+    machine = Machine(
+        "Arm", "mm", "deg", (0.0, 0.0, -1.0), 20.0, tuple(joints), (Target("ball", (400.0, 0.0, 600.0)),),
+        Measured("point", "machine"), estimate=("J2.axis",), values={"J2.axis.a": 0.0, "J2.axis.b": 2e-3},
+    )  # fmt: skip
+    covariance = ["J2.axis.b"], np.array([[1e-10]])
+    machine.emit("dh", tmp_path, covariance=covariance)
+    for convention, row in (("standard", 0), ("modified", 1)):
+        text = (tmp_path / f"arm_{convention}_dh.toml").read_text()
+        assert text.partition("[[joint]]")[2].split("[[joint]]")[row].count("# nearly parallel axes") == 1
+        assert text.count("# nearly parallel axes") == 1
+        (said,) = (line for line in text.splitlines() if line.startswith("alpha = ") and "# U" in line)
+        assert float(said.partition("# U = ")[2]) == pytest.approx(np.degrees(2e-5), abs=5e-5)
 
 
 def test_what_points_is_the_x_axis_of_its_link_in_a_urdf(tmp_path):

@@ -23,6 +23,8 @@ test. C99 or a C++17 header without allocation, NumPy, or JAX. Or write it in a 
   linuxcnc   a kinematics component for halcompile, which corrects the commands
 Each file says what of the fitted model is not in it.
 
+  rodgen emit machine.toml balls.csv --lang iso230 -o certificate
+
 With DATA the machine is fitted first. Without DATA every parameter of MACHINE must have a value, as in a file from
 'rodgen fit -o'; that file is then the nominal machine, and its axes and points are not compensated.
 
@@ -65,7 +67,7 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.into and options.lang != "urdf":
         raise InputFileError("command line", "--into", f"with --lang {options.lang}", "--lang urdf")
-    converged, lost = True, 0.0
+    converged, lost, missing = True, 0.0, ""
     given = {"into": options.into, "force": options.force}
     if not options.data:
         written = Machine.load(options.machine).emit(options.lang, options.output, **given)
@@ -73,8 +75,11 @@ def _run(options: argparse.Namespace) -> int:
         fit = fitted(options)
         written = fit.emit(options.lang, options.output, **given)
         converged, lost = fit.solution.converged, not_found_by_code(fit.machine, fit.observations)
+        missing = fit.lack_of_fit.text if fit.lack_of_fit and fit.lack_of_fit.misses else ""
     files = [str(path) for path in written]
     show_result(options, lambda: {"files": files, "converged": converged}, lambda: "\n".join(files))
+    if missing:
+        notify(f"{missing} That is in none of these files; 'rodgen diagnose' looks for it.")
     if lost > 0:
         notify(
             f"In {lost:.1%} of the rows the emitted code does not find the pose of the platform: it returns NaN or "

@@ -61,11 +61,16 @@ class LackOfFit:
     _repr_html_ = html_of
 
     @property
+    def misses(self) -> bool:
+        """Whether the model misses something."""
+        return self.p_value < LACK_OF_FIT.rare
+
+    @property
     def text(self) -> str:
         """One sentence."""
         noise = "the stated noise" if self.against == "stated" else "the noise"
         p = chance(self.p_value)
-        if self.p_value < LACK_OF_FIT.rare:
+        if self.misses:
             return f"The residuals are {self.ratio:.3g} times {noise}: the model misses something ({p})."
         if self.against == "stated" and self.p_value > 1 - LACK_OF_FIT.rare / 2:
             return f"The residuals are only {self.ratio:.3g} times {noise}: the noise is less than stated."

@@ -24,7 +24,7 @@ from rodgen.calibration.words import (
 from rodgen.data.drivers import Driver
 from rodgen.errors import joined
 from rodgen.statistics.f_tests import p_of_log10
-from rodgen.statistics.thresholds import COMPARISON, LACK_OF_FIT
+from rodgen.statistics.thresholds import COMPARISON
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare.comparison import Comparison
@@ -224,7 +224,7 @@ def _clear(comparison: Comparison) -> Iterator[str]:
 def _unexplained(comparison: Comparison) -> Iterator[str]:
     """Say that something is there all the same, where the noise says so and no dependence was found."""
     lack = comparison.fit.lack_of_fit
-    if lack and lack.p_value < LACK_OF_FIT.rare and not any(claims(comparison)):
+    if lack and lack.misses and not any(claims(comparison)):
         yield (
             f"The residuals are {lack.ratio:.3g} times the noise all the same: what causes them may vary faster than "
             "the curves that a comparison tries, or was not recorded. A diagnosis tries more."

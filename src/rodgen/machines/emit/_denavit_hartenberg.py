@@ -59,7 +59,7 @@ def _text(geometries: Sequence[Geometry], convention: str, note: str) -> str:
     lines += [
         f"# A row is {order}; the coordinate of a joint is added to its theta, or to its d where it slides.",
         f"# The frame before the first row, in machine axes ({machine.length_unit}), a row each of its matrix:",
-        *(f"#   {' '.join(f'{x:.12g}' for x in row)}" for row in table.base),
+        *(f"#   {' '.join(map(_number, row))}" for row in table.base),
         f"name = {toml_string(machine.name)}",
         f'convention = "{convention}"',
         f'units = {{ length = {toml_string(machine.length_unit)}, angle = "deg" }}',
@@ -80,7 +80,8 @@ def _text(geometries: Sequence[Geometry], convention: str, note: str) -> str:
         for key, value in row.items():
             said = uncertain_number(value, float(u[key][j]), machine.length_unit)[1]
             lines.append(f"{key} = {_number(value)}" + f"  # U = {said}" * bool(said))
-        if PARALLEL[0] < abs(math.sin(table.alpha[j])) < PARALLEL[1]:
+        both = table.joints[j - 1 : j + 1] if convention == "modified" else table.joints[j : j + 2]
+        if "".join(both) == "RR" and PARALLEL[0] < abs(math.sin(table.alpha[j])) < PARALLEL[1]:
             lines.append(f"# {_ON_PARALLEL}")
         if joint.travel:
             scale = math.degrees(1.0) if joint.revolute else 1.0

@@ -77,9 +77,8 @@ def map_texts(
     moved = [j for j, joint in enumerate(joints) if joint.travel]
     if not 0 < len(moved) <= MOST_JOINTS:
         found = f"a travel of {len(moved)} joints"
-        raise InputFileError(
-            file, "joint, travel", found, f"one of 1 to {MOST_JOINTS} joints, over which the grid is"
-        )
+        expected = f"one of 1 to {MOST_JOINTS} joints, over which the grid is; c, numpy and linuxcnc correct any number"
+        raise InputFileError(file, "joint, travel", found, expected)
     code = _Code(content, varied(machine, covariance), travel)
     with_three = [j for j, joint in enumerate(joints) if not joint.revolute]
     axes_of_slides = np.array([joints[j].axis for j in with_three]).reshape(-1, 3)

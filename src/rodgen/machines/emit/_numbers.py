@@ -32,6 +32,9 @@ Array: TypeAlias = NDArray[np.float64]
 
 K = 2.0
 """Coverage factor of expanded uncertainties, as certificates have it."""
+STEP = 1e-3
+"""Standard deviations by which machines are varied: so little that all changes in proportion, which links of nearly
+parallel axes do not over whole ones."""
 ROUNDING = 1e-12
 """Part of a number that is no uncertainty."""
 DECIMALS = 10
@@ -43,7 +46,7 @@ Covariance: TypeAlias = tuple[Sequence[str], Any]
 
 
 def varied(machine: Machine, covariance: Covariance | None) -> list[Machine]:
-    """Return the machine, and it moved along each principal axis of a covariance by a standard deviation."""
+    """Return the machine, and it moved a step along each principal axis of a covariance."""
     found = [machine]
     if covariance is None or not np.isfinite(covariance[1]).all():
         return found
@@ -51,7 +54,7 @@ def varied(machine: Machine, covariance: Covariance | None) -> list[Machine]:
     values, vectors = np.linalg.eigh(matrix)
     for value, vector in zip(values, vectors.T, strict=True):
         if value > 0:
-            step = dict(zip(keys, math.sqrt(value) * vector, strict=True))
+            step = dict(zip(keys, STEP * math.sqrt(value) * vector, strict=True))
             moved = {key: machine.values.get(key, 0.0) + change for key, change in step.items()}
             found.append(replace(machine, values={**machine.values, **moved}))
     return found
@@ -69,7 +72,7 @@ def standard(found: Sequence[Array], turn: float = math.inf) -> Array:
         change = change - turn * np.round(change / turn) if math.isfinite(turn) else change
         total, largest = total + change**2, np.maximum(largest, np.abs(other))
     u = np.sqrt(total)
-    return np.where(u > ROUNDING * largest, u, 0.0)
+    return np.where(u > ROUNDING * largest, u / STEP, 0.0)
 
 
 def said_of_uncertainties(machines: Sequence[object]) -> list[str]:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 __all__ = ["numbers_text", "urdf_text"]
 
+NOTHING = 1e-10
+"""Metres or radians that are rounding: a tenth of a nanometre."""
 _UNLIMITED = 1000.0
 """Limits, in m, that a slide without a travel gets: URDF demands some."""
 
@@ -41,7 +43,12 @@ def urdf_text(geometry: Geometry, name: str, note: str) -> str:
             scale = 1.0 if turns else metre
             low, high = (x * scale for x in joint.travel) if joint.travel else (-_UNLIMITED, _UNLIMITED)
             ElementTree.SubElement(
-                element, "limit", lower=repr(low), upper=repr(high), effort="1000", velocity="10"
+                element,
+                "limit",
+                lower=numbers_text([low]),
+                upper=numbers_text([high]),
+                effort="1000",
+                velocity="10",
             )
         parent, place = link, np.array(joint.point, float)
     for target in machine.targets:
@@ -78,5 +85,11 @@ def _joined(
 
 
 def numbers_text(values: Sequence[float] | np.ndarray) -> str:
-    """Return numbers as an attribute has them."""
-    return " ".join(repr(round(float(x), 15) + 0.0) for x in values)
+    """Return metres, radians or parts of a direction as an attribute has them.
+
+    Examples
+    --------
+    >>> numbers_text([0.1 + 0.2, 2.4e-11, -1.0])
+    '0.3 0 -1'
+    """
+    return " ".join(f"{x:.12f}".rstrip("0").rstrip(".") if abs(x) > NOTHING else "0" for x in values)
