@@ -19,7 +19,7 @@ from rodgen.calibration.problem.assembly_modes import open_legs
 from rodgen.calibration.problem.attitudes import attitude_columns
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.observations import Observations
-from rodgen.data.units import ARCSEC
+from rodgen.data.units import ARCSEC, parse_unit
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.measured import TURNS
 from rodgen.statistics.digits import round_by
@@ -89,7 +89,12 @@ class Prediction(Tabular):
         k = 1.0 if coverage is None else coverage
         u, is_direction = k * self.u, self.names[0] == "ux"
         place = self.place if is_direction else self.place / self._factor
+        attitude = dict(self.attitude)
         if rounded:
+            of_turns = [i for i, name in enumerate(self.names) if name in TURNS]
+            if attitude:  # each of its numbers to the least uncertain turn
+                least = np.min(u[:, of_turns], axis=1) * ARCSEC
+                attitude = {n: round_by(x, least / _turn_of(n)) for n, x in attitude.items()}
             seen = u[:, : place.shape[1]]
             of_place = np.min(u, axis=1, keepdims=True) * self._factor if is_direction else seen
             place, u = round_by(place, of_place), round_by(u, u)
@@ -97,12 +102,18 @@ class Prediction(Tabular):
         found: dict[str, NDArray[Any]] = {}
         if self.names != TURNS:  # attitudes have no place
             found = {f"predicted_{n}{unit}": x for n, x in zip(self.names, place.T, strict=False)}
-        found |= {f"predicted_{n}": x for n, x in self.attitude.items()}
+        found |= {f"predicted_{n}": x for n, x in attitude.items()}
         parts = ("horizontal", "vertical") if is_direction else self.names
         known = "u" if coverage is None else "U"
         for n, x in zip(parts, u.T, strict=True):
             found[f"model_{known}_{n} [{'arcsec' if n in TURNS else self.unit}]"] = x
         return found | {"determined": self.determined.astype(np.int8)}
+
+
+def _turn_of(header: str) -> float:
+    """Return the turn, rad, by which a number of an attitude changes by 1: half of it changes a quaternion."""
+    _, _, unit = header.rstrip("]").partition(" [")
+    return parse_unit(unit).factor() if unit else 2.0
 
 
 def predict(fit: FittedModel, design: Any) -> Prediction:
