@@ -1,0 +1,213 @@
+"""The workbench in real Chromium, as people use it: a server of its own, a window, the mouse and the keyboard."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from browser import BROWSER, needs_browser
+
+from rodgen.workbench.session import Session
+
+playwright = pytest.importorskip("playwright.sync_api")
+pytest.importorskip("nicegui")
+pytestmark = [pytest.mark.slow, needs_browser, pytest.mark.xdist_group("workbench")]
+
+MOUNT = Path(__file__).parents[1] / "examples/machines/mount"
+PATIENCE = 60_000
+"""Milliseconds: the computer may have much else to do."""
+
+NO_OVERLAP = """() => {
+  const found = [];
+  for (const plot of document.querySelectorAll('.js-plotly-plot')) {
+    const texts = [...plot.querySelectorAll('.main-svg text')].filter((t) => t.textContent.trim());
+    const boxes = texts.map((t) => t.getBoundingClientRect());
+    for (let i = 0; i < boxes.length; i++)
+      for (let k = 0; k < i; k++) {
+        const a = boxes[i], b = boxes[k], by = 1.5;
+        if (a.left < b.right - by && b.left < a.right - by && a.top < b.bottom - by && b.top < a.bottom - by)
+          found.push(texts[i].textContent + ' | ' + texts[k].textContent);
+      }
+  }
+  return found;
+}"""
+UNNAMED = """() => [...document.querySelectorAll('button, input, select, [role=button], [role=img], [role=combobox]')]
+  .filter((e) => e.offsetParent !== null)
+  .filter((e) => !(e.getAttribute('aria-label') || e.textContent.trim() || (e.labels && e.labels.length)
+                   || e.closest('label')))
+  .map((e) => e.outerHTML.slice(0, 120))"""
+
+
+class Server:
+    """``rodgen open`` in a process of its own."""
+
+    def __init__(self, *arguments):
+        command = [sys.executable, "-m", "rodgen", "open", *map(str, arguments), "--no-browser"]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.address = self.process.stdout.readline().strip()
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{32}/", self.address), self.address
+
+    def end(self, how=signal.SIGTERM):
+        self.process.send_signal(how)
+        self.process.wait(timeout=60)
+        self.process.stdout.close()
+
+
+@pytest.fixture
+def serve():
+    servers = []
+
+    def begin(*arguments):
+        servers.append(Server(*arguments))
+        return servers[-1]
+
+    yield begin
+    for server in servers:
+        if server.process.poll() is None:
+            server.end()
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(chromium):
+    """Open an address in a window; at the end nothing may have been asked of any other, and nothing complained."""
+    windows, complaints = [], []
+
+    def window(address, width=1280, height=900, scheme="light"):
+        page = chromium.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
+        page.set_default_timeout(PATIENCE)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
+        page.on(
+            "request",
+            lambda r: None if r.url.startswith((address, "data:", "blob:")) else complaints.append(r.url),
+        )
+        page.goto(address)
+        page.wait_for_selector(".js-plotly-plot .point")
+        windows.append(page)
+        return page
+
+    yield window
+    for page in windows:
+        page.close()
+    assert complaints == []
+
+
+@pytest.fixture
+def files(tmp_path):
+    for name in ("machine.toml", "mmt_2021.csv"):
+        shutil.copy(MOUNT / name, tmp_path)
+    return tmp_path / "machine.toml", tmp_path / "mmt_2021.csv"
+
+
+def picture(page, name):
+    """Keep a picture of a page for those who look, where a folder is given for them."""
+    if folder := os.environ.get("RODGEN_PICTURES"):
+        page.screenshot(path=f"{folder}/{name}.png")
+
+
+def test_the_telescope_from_the_first_look_to_the_saved_session(files, serve, opened):
+    server = serve(*files)
+    page = opened(server.address)
+    page.get_by_text("Error 2.71 arcsec").wait_for()
+    flexure = page.get_by_label("Add tube_flexure")
+    marks = page.locator(".js-plotly-plot").first.locator(".point")
+    flexure.wait_for()
+    before = marks.count()
+    flexure.hover()
+    page.wait_for_function(
+        "n => document.querySelectorAll('.js-plotly-plot')[0].querySelectorAll('.point').length > n",
+        arg=before,
+    )
+    picture(page, "hover")
+    flexure.click()
+    page.get_by_text("Error 0.969").wait_for()
+    page.get_by_label("Add refraction").click()
+    page.get_by_text("Error 0.659").wait_for()
+    page.get_by_text("refraction explains more than chance does").wait_for()
+    page.keyboard.press("Control+z")
+    page.get_by_text("Error 0.969").wait_for()
+    page.keyboard.press("Control+y")
+    page.get_by_text("Error 0.659").wait_for()
+    # brush away and back
+    page.mouse.move(1000, 5)
+    plot = page.locator(".js-plotly-plot").first.bounding_box()
+    page.mouse.move(plot["x"] + 100, plot["y"] + 30)
+    page.mouse.down()
+    page.mouse.move(plot["x"] + 230, plot["y"] + 160, steps=5)
+    page.mouse.up()
+    page.get_by_text(re.compile(r"\d+ rows selected")).wait_for()
+    picture(page, "brushed")
+    page.get_by_label("Set aside").click()
+    page.get_by_text(re.compile(r"\d+ rows set aside")).first.wait_for()
+    page.get_by_label("Bring back").click()
+    page.get_by_text(re.compile(r"\d+ rows brought back")).first.wait_for()
+    page.get_by_text("Error 0.659").wait_for()
+    # a formula with an error, and its cure
+    page.get_by_text("Formula of your own").first.click()
+    page.get_by_label("At", exact=True).click()
+    page.get_by_role("option", name="joint EL").click()
+    page.get_by_label("Parameters and units").fill("k: arcsec")
+    page.get_by_label("Formula", exact=True).fill("k*cos(2*q")
+    page.get_by_text("never closed").wait_for()
+    page.get_by_label("Formula", exact=True).fill("k*cos(2*q)")
+    page.get_by_label("Add the formula").click()
+    page.get_by_text("+ own at EL").first.wait_for()
+    # keep, kill, open again
+    page.get_by_label("Keep").click()
+    page.get_by_label("Session", exact=True).fill("mount.rodgen")
+    page.get_by_label("Write: Session").click()
+    page.get_by_text("mount.rodgen is written").wait_for()
+    page.keyboard.press("Escape")
+    page.get_by_label("Undo").click()
+    page.get_by_text("Error 0.659").wait_for()
+    assert page.evaluate(UNNAMED) == []
+    server.end(signal.SIGKILL)
+    page.close()
+    kept = files[0].with_name("mount.rodgen")
+    session = Session.load(kept)
+    assert [s.action.kind for s in session.states[1:]] == ["add", "add", "set aside", "bring back", "add"]
+    assert session.at == 4
+    again = opened(serve(kept).address)
+    again.get_by_text("Error 0.659").wait_for()
+    again.get_by_label("Redo").click()
+    again.get_by_text("+ own at EL").first.wait_for()
+
+
+@pytest.mark.parametrize(
+    ("width", "scheme"), [(1280, "light"), (1280, "dark"), (390, "light"), (390, "dark")]
+)
+def test_nothing_overlaps_or_overflows(files, serve, opened, width, scheme):
+    page = opened(serve(*files).address, width, 844, scheme)
+    page.get_by_label("Add tube_flexure").click()
+    page.get_by_text("Error 0.969").wait_for()
+    page.get_by_label("Add refraction").wait_for()
+    page.mouse.move(5, 5)
+    for tab in ("Q-Q", "Autocorrelation", "Errors", "Map"):
+        page.get_by_role("tab", name=tab).click()
+        page.wait_for_timeout(700)
+        assert page.evaluate(NO_OVERLAP) == [], tab
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+    background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (background == "rgb(20, 23, 26)") == (scheme == "dark")
+    picture(page, f"{width}_{scheme}")
+
+
+def test_two_windows_show_one_session(files, serve, opened):
+    address = serve(*files).address
+    one, two = opened(address), opened(address)
+    one.get_by_label("Add tube_flexure").click()
+    two.get_by_text("Error 0.969").wait_for()
+    two.get_by_label("Undo").click()
+    one.get_by_text("Error 2.711").wait_for()
