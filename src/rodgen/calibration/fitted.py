@@ -29,7 +29,7 @@ from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, nea
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
 from rodgen.data.observations import Observations
-from rodgen.data.units import ARCSEC
+from rodgen.data.units import ARCSEC, readable
 from rodgen.errors import shown
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import TURNS
@@ -92,17 +92,24 @@ class Estimate:
     _repr_html_ = html_of
 
     @property
+    def shown(self) -> tuple[str, str, str]:
+        """Value, standard deviation and unit as people read them."""
+        factor, unit = readable(self.unit, max(abs(self.value), self.std or 0.0))
+        return *measured(self.value * factor, None if self.std is None else self.std * factor), unit
+
+    @property
     def text(self) -> str:
         """Value, standard deviation and unit, in digits that the deviation leaves; or why there is no deviation."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
+        value, std, unit = self.shown
+        unit = "" if unit == "1" else f" {unit}"
         if self.held:
-            return f"{self.value:.5g}{unit}, held"
+            return f"{value}{unit}, held"
         if self.at_bound:
-            return f"{self.value:.5g}{unit}, the {self.at_bound} that the machine file allows"
+            return f"{value}{unit}, the {self.at_bound} that the machine file allows"
         if self.std is None:
             return "not determined by these data"
         choice = ", by a choice of coordinates" if self.convention else ""
-        return f"{' ± '.join(measured(self.value, self.std))}{unit}{choice}"
+        return f"{value} ± {std}{unit}{choice}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, without the key."""

@@ -12,7 +12,6 @@ from rodgen.calibration.checks.gross import on_gross_readings, on_outliers
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, some
 from rodgen.statistics.decompositions import svd
-from rodgen.statistics.digits import measured
 from rodgen.statistics.thresholds import DETERMINACY, LACK_OF_FIT
 
 if TYPE_CHECKING:
@@ -264,7 +263,7 @@ def _table(estimates: list[Estimate]) -> Iterator[str]:
     width = max(len(e.key) for e in estimates)
     yield f"{'parameter':{width}}  {'value':>12}  {'std':>10}  unit"
     for e in estimates:
-        value = f"{e.value:.6g}"
+        value, spread, unit = e.shown
         if e.held:
             spread = "held"
         elif e.at_bound:
@@ -273,6 +272,4 @@ def _table(estimates: list[Estimate]) -> Iterator[str]:
             spread = "unknown"  # no more readings than parameters: the noise is not known
         elif e.std is None:
             spread = "undetermined"
-        else:
-            value, spread = measured(e.value, e.std)
-        yield f"{e.key:{width}}  {value:>12}  {spread:>10}{'* ' if e.convention else '  '}{e.unit}"
+        yield f"{e.key:{width}}  {value:>12}  {spread:>10}{'* ' if e.convention else '  '}{unit}"

@@ -23,8 +23,10 @@ from rodgen.errors import UnexpectedError, shown
 
 __all__ = [
     "ANGLE",
+    "FEW_MICROMETRES",
     "FORCE",
     "LENGTH",
+    "MICROMETRES",
     "ONE",
     "TEMPERATURE",
     "TIME",
@@ -37,6 +39,7 @@ __all__ = [
     "is_unit",
     "number_and_unit",
     "parse_unit",
+    "readable",
     "typed_quantity",
     "unit_factor",
 ]
@@ -54,6 +57,10 @@ _BELOW = ("force", "length", "temperature", "time", "angle")
 """Order of its divisors: arcsec/N/mm."""
 
 _NUMBER_AND_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+MICROMETRES = {"mm": 1e3, "cm": 1e4, "m": 1e6}
+FEW_MICROMETRES = 100.0
+"""Lengths below this many are shown in micrometres."""
 
 
 class UnitError(UnexpectedError):
@@ -218,6 +225,28 @@ def unit_factor(text: str, length_unit: str = "mm") -> tuple[float, Dimension]:
     """
     unit = parse_unit(text)
     return unit.factor(length_unit), unit.dimension
+
+
+def readable(unit: str, size: float) -> tuple[float, str]:
+    """Return a factor and the unit in which people read a length: micrometres where millimetres begin with zeros.
+
+    Parameters
+    ----------
+    unit : str
+        What the length, or a length by something, is in.
+    size : float
+        The largest number that is shown.
+
+    Examples
+    --------
+    >>> readable("mm", 0.0123), readable("mm", 12.3), readable("m/K", 2e-6), readable("arcsec", 0.01)
+    ((1000.0, 'um'), (1.0, 'mm'), (1000000.0, 'um/K'), (1.0, 'arcsec'))
+    """
+    length, by, other = unit.partition("/")
+    factor = MICROMETRES.get(length)
+    if factor is None or not 0 < abs(size) * factor < FEW_MICROMETRES:
+        return 1.0, unit
+    return factor, f"um{by}{other}"
 
 
 def is_unit(text: str) -> bool:

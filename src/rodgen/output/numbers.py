@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rodgen.data.units import readable
+
 __all__ = ["Shown", "minus", "noise_name", "percent", "shown_unit"]
 
-_MICROMETRES = {"mm": 1e3, "cm": 1e4, "m": 1e6}
 _SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm", "arcsec": "arcsec"}
-SMALL = 0.1
-"""Errors below this, in millimetres, are shown in micrometres."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +51,8 @@ def shown_unit(unit: str, values: list[float | None]) -> Shown:
     ('µm', '21.40', '–')
     """
     known = [abs(v) for v in values if v is not None and math.isfinite(v) and v > 0]
-    factor = _MICROMETRES.get(unit)
-    if factor is not None and known and max(known) * factor < SMALL * 1e3:
-        return Shown("µm", factor, min(known) * factor)
-    return Shown(_SYMBOLS.get(unit, unit), 1.0, min(known, default=1.0))
+    factor, unit = readable(unit, max(known, default=0.0))
+    return Shown(_SYMBOLS.get(unit, unit), factor, min(known, default=1.0) * factor)
 
 
 def minus(text: str) -> str:

@@ -39,7 +39,6 @@ from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
 from rodgen.output.figures.drawn_rows import coordinate
 from rodgen.output.numbers import Shown, minus, noise_name, percent
 from rodgen.output.report.hardware import eccentricity, in_hardware
-from rodgen.statistics.digits import measured
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan import Gain, Goal, Plan
@@ -413,7 +412,7 @@ def _model(diagnosis: Diagnosis) -> Iterator[Content]:
 
 
 def _parameter(name: str, e: Estimate) -> Content:
-    value, std = measured(e.value, e.std)
+    value, std, unit = e.shown
     if e.held:
         std = "held"
     elif e.at_bound:
@@ -422,11 +421,11 @@ def _parameter(name: str, e: Estimate) -> Content:
         std = "not determined"
     elif e.convention:
         std = f"{std}, by a choice of coordinates"
-    return {"name": name, "value": minus(value), "std": std, "unit": plain(_pretty(e.unit), 24)}
+    return {"name": name, "value": minus(value), "std": std, "unit": plain(_pretty(unit), 24)}
 
 
 def _pretty(unit: str) -> str:
-    return "" if unit == "1" else unit
+    return "" if unit == "1" else unit.replace("um", "µm")
 
 
 # the effects -------------------------------------------------------------------------------------------------------
