@@ -262,8 +262,10 @@ def test_what_cannot_be_written_is_one_sentence(tmp_path, capsys):
     with pytest.raises(InputFileError, match=r"backlash at AZ: no term of TPOINT; expected effects that"):
         fitted.emit("tpoint", tmp_path)
     tricept = Path("examples/machines/tricept/machine.toml")
-    assert cli.main(["emit", str(tricept), "--lang", "urdf", "-o", str(tmp_path), "--force"]) == 2
-    assert "a machine on legs; expected a chain of joints" in capsys.readouterr().err
+    for form in ("urdf", "iso230", "screw"):
+        assert cli.main(["emit", str(tricept), "--lang", form, "-o", str(tmp_path), "--force"]) == 2
+        (said,) = capsys.readouterr().err.splitlines()
+        assert "a machine on legs; expected a chain of joints" in said
     assert not list(tmp_path.iterdir())
     (tmp_path / "arm.urdf").write_text("mine")
     with pytest.raises(InputFileError, match="stands there, and rodgen did not write it"):

@@ -422,3 +422,22 @@ def test_a_cell_that_is_no_finite_number_is_named(cell, tmp_path):
         InputFileError, match=re.escape(f"line 3, column 'y [mm]': '{cell}'; expected a number")
     ):
         columns_of(TURNTABLE, tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize(
+    ("kind", "header", "names"),
+    [
+        ("angle", "C;angle", ["C [deg]", "angle [deg]"]),
+        ("orientation", "C;roll;pitch;yaw", ["C [deg]", "roll [deg]", "pitch [deg]", "yaw [deg]"]),
+    ],
+)
+def test_turns_alone_are_readings(kind, header, names, tmp_path):
+    machine = re.sub('kind *= "point"', f'kind = "{kind}"\nabout = [0, 0, 1]', TURNTABLE)
+    machine = machine if kind == "angle" else machine.replace("about = [0, 0, 1]", "")
+    machine = re.sub(r"(?s)(\[\[target\]\]\nname  = \"ball_2.*?)\[measured\]", "[measured]", machine)
+    machine = machine.replace("point = [150, 0, 30]", "").replace('"C.point", ', "")
+    width = header.count(";")
+    (tmp_path / "t.csv").write_text(f"{header}\n0{';0,5' * width}\n90{';90,5' * width}\n")
+    columns, _ = columns_of(machine, tmp_path / "t.csv", units=("mm", "deg"))
+    assert list(columns) == names
+    assert columns[names[-1]].tolist() == [0.5, 90.5]

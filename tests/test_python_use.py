@@ -2,13 +2,14 @@
 
 import copy
 import hashlib
+import inspect
 import json
 import pickle
 import re
 import subprocess
 import sys
 import zipfile
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from rodgen.calibration.fit import Fit
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.kinematics import instantaneous_euler, screws, spatial, tricept
+from rodgen.kinematics import hexapod, instantaneous_euler, screws, spatial, three_sps_s, tricept
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
@@ -210,6 +211,74 @@ def test_every_result_shows_itself_in_a_notebook(table, fit, diagnosis, results)
     ]
     for one in shown:
         assert one._repr_html_().startswith("<table>")
+
+
+def public_classes():
+    """Yield the names and classes of results and parts that users import."""
+    for name in sorted({*rodgen.__all__, *rodgen._LATER, *rodgen._SUBJECTS}):
+        one = getattr(rodgen, name)
+        inner = {f"{name}.{n}": getattr(one, n) for n in getattr(one, "__all__", ())}
+        for full, each in {name: one, **inner}.items():
+            if isinstance(each, type) and (is_dataclass(each) or issubclass(each, tuple)):
+                yield full, each
+
+
+@pytest.mark.parametrize(
+    ("name", "one"), [*public_classes()], ids=lambda value: value if isinstance(value, str) else ""
+)
+def test_everything_that_is_public_shows_itself_in_a_notebook(name, one):
+    assert callable(one._repr_html_), name
+
+
+GEOMETRIES = {
+    "hexapod": hexapod.Geometry(np.eye(6, 3), np.ones((6, 3))),
+    "three_sps_s": three_sps_s.Geometry(200.0, 120.0, 260.0),
+    "tricept": tricept.Geometry(300.0, 200.0, (0.0, 0.0, -100.0)),
+}
+
+
+def functions_of_arrays():
+    """Yield public functions that need arrays and perhaps a geometry, with arrays of a shape that none has."""
+    for name in sorted({*rodgen.__all__, *rodgen._SUBJECTS}):
+        one = getattr(rodgen, name)
+        for inner in getattr(one, "__all__", [name]):
+            each = getattr(one, inner, one)
+            if not inspect.isfunction(each):
+                continue
+            needed = [p for p in inspect.signature(each).parameters.values() if p.default is p.empty]
+            given = {p.name: np.ones((2, 7, 5)) for p in needed if "ArrayLike" in str(p.annotation)}
+            given |= {p.name: GEOMETRIES[name] for p in needed if str(p.annotation).endswith("Geometry")}
+            if given and given.keys() == {p.name for p in needed}:
+                yield f"{name}.{inner}", each, given
+
+
+def test_a_wrong_shape_is_a_sentence_of_rodgen_everywhere():
+    """What is elementwise takes any shape; all else says what it expects, and no function NumPy's own words."""
+    calls = [*functions_of_arrays()]
+    assert len(calls) > 70
+    refused = {}
+    for name, function, given in calls:
+        try:
+            function(**given)
+        except (ValueError, TypeError) as error:
+            refused[name] = str(error)
+    assert len(refused) > 60
+    assert {name: said for name, said in refused.items() if "expected" not in said} == {}
+
+
+def test_parts_and_numeric_results_are_shown_copied_and_pickled(table):
+    joint, target = table.joints[0], table.targets[0]
+    geometry = GEOMETRIES["tricept"]
+    many = [
+        joint, target, table.measured, table.effect("scale", "C"), geometry,
+        tricept.matrices([0.1, 0.2, 700.0], geometry), hexapod.Geometry(np.eye(6, 3), np.ones((6, 3))),
+        instantaneous_euler.rotations([1.0, 1.0, 1.0]), spatial.vector_and_angle(np.eye(3)), spatial.PUMA_560,
+        screws.screw_axis(np.eye(6)[0]), rodgen.fit_axis(np.eye(3), np.eye(3)[[1, 2, 0]], 2.0943951),
+    ]  # fmt: skip
+    for one in many:
+        assert one._repr_html_().startswith("<")
+        for again in COPIES:
+            assert repr(again(one)) == repr(one)
 
 
 def test_nothing_of_a_notebook_is_imported_before_it_is_needed():

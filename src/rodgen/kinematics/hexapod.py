@@ -13,7 +13,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.kinematics.arrays import broadcast_shapes, real_array
 from rodgen.kinematics.rotation import matrix_from_rodrigues_vector
+from rodgen.views import html_of
 
 __all__ = ["DirectStatus", "Geometry", "by_newton", "direct", "least_singular_value", "legs"]
 
@@ -61,6 +63,8 @@ class Geometry:
     base: Array
     platform: Array
 
+    _repr_html_ = html_of
+
     @property
     def size(self) -> float:
         """Root mean square distance of the base's joints from their middle."""
@@ -78,6 +82,11 @@ def legs(position: ArrayLike, rotation: ArrayLike, geometry: Geometry) -> Array:
         Rotation matrix of the platform.
     geometry : Geometry
 
+    Raises
+    ------
+    RodgenError
+        For arrays of other shapes.
+
     Examples
     --------
     >>> import numpy as np
@@ -88,9 +97,9 @@ def legs(position: ArrayLike, rotation: ArrayLike, geometry: Geometry) -> Array:
     >>> hexapod.legs([0, 0, 1], np.eye(3), machine)
     array([2., 2., 2., 2., 2., 2.])
     """
-    return np.asarray(
-        np.linalg.norm(_vectors(np.asarray(position), np.asarray(rotation), geometry)[0], axis=-1)
-    )
+    place, turn = real_array("position", position, (3,)), real_array("rotation", rotation, (3, 3))
+    broadcast_shapes({"position": (place, 1), "rotation": (turn, 2)})
+    return np.asarray(np.linalg.norm(_vectors(place, turn, geometry)[0], axis=-1))
 
 
 def least_singular_value(position: Array, rotation: Array, geometry: Geometry) -> Array:
@@ -130,11 +139,18 @@ def direct(
         1e-12 of the size of the base.
     status : ndarray of int8, shape (...)
         Codes of :class:`DirectStatus`.
+
+    Raises
+    ------
+    RodgenError
+        For arrays of other shapes.
     """
-    wanted = np.asarray(lengths, float)
-    x = np.array(np.broadcast_to(np.asarray(position, float), (*wanted.shape[:-1], 3)))
-    given = np.eye(3) if rotation is None else np.asarray(rotation, float)
-    turn = np.array(np.broadcast_to(given, (*wanted.shape[:-1], 3, 3)))
+    wanted, place = real_array("lengths", lengths, (6,)), real_array("position", position, (3,))
+    given = np.eye(3) if rotation is None else real_array("rotation", rotation, (3, 3))
+    rows = broadcast_shapes({"lengths": (wanted, 1), "position": (place, 1), "rotation": (given, 2)})
+    wanted = np.broadcast_to(wanted, (*rows, 6))
+    x = np.array(np.broadcast_to(place, (*rows, 3)))
+    turn = np.array(np.broadcast_to(given, (*rows, 3, 3)))
     begin = legs(x, turn, geometry)
     side = np.sign(_determinant(x, turn, geometry))
     with np.errstate(all="ignore"):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.machines.derivation import ModelSteps
@@ -411,6 +412,8 @@ class Measured:
     correlation: tuple[tuple[float, ...], ...] | None = None
     about: Vector | None = None
     instrument: str = "workpiece"
+
+    _repr_html_ = html_of
 
     @property
     def whitening(self) -> Array | None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension
 from rodgen.errors import RodgenError, shown, suggestion
+from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.machines.effects.definition import EffectDefinition
@@ -134,6 +135,8 @@ class Joint:
     counterbalance: bool = False
     branch: str = ""
 
+    _repr_html_ = html_of
+
     def __post_init__(self) -> None:
         words = {"encoder": ENCODERS, "drive": DRIVES, "branch": BRANCHES, "type": (*JOINT_TYPES, "leg")}
         for key, options in words.items():
@@ -185,6 +188,8 @@ class Target:
     point: Vector
     attitude: Vector = (0.0, 0.0, 0.0)
 
+    _repr_html_ = html_of
+
     def __post_init__(self) -> None:
         for key in ("point", "attitude"):
             object.__setattr__(self, key, _three(f"target {self.name}, {key}", getattr(self, key)))
@@ -207,6 +212,8 @@ class Effect:
     definition: EffectDefinition
     place: str | None = None
     hold: Mapping[str, float] = field(default_factory=dict, hash=False)
+
+    _repr_html_ = html_of
 
     @property
     def name(self) -> str:

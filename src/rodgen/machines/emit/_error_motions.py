@@ -100,6 +100,8 @@ class _Axis:
 
 
 def _axes(machine: Machine, travel: Any) -> Iterator[_Axis]:
+    if machine.kinematics.is_closed:
+        raise InputFileError(machine.file or machine.name, "family", "a machine on legs", "a chain of joints")
     model: Model = scope_of(machine, travel).model
     machine, theta = model.machine, model.start()
     values = {p.key: float(x) for p, x in zip(model.parameters, theta, strict=True)}

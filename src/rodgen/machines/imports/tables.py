@@ -26,12 +26,12 @@ from rodgen.machines.files.columns import ColumnSource
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.machine import Machine
-from rodgen.machines.measured import NOTATIONS
+from rodgen.machines.measured import NOTATIONS, TURNS
 
 __all__ = ["measurements_of"]
 
 _PAIRS = {("az", "el"): ALTAZ, ("ha", "dec"): EQUATORIAL}
-_ANGLES = {*chain(*_PAIRS), *NOTATIONS["rotation vector"], *NOTATIONS["roll, pitch and yaw"]}
+_ANGLES = {"angle", *chain(*_PAIRS), *NOTATIONS["rotation vector"], *NOTATIONS["roll, pitch and yaw"]}
 _OTHER_NAMES = {
     "az": ("azimuth", "star_az", "true_az"),
     "el": ("alt", "altitude", "elevation", "star_el", "true_el", "star_alt"),
@@ -276,7 +276,7 @@ def _take_target(columns: _Columns, machine: Machine) -> None:
 
 def _places(machine: Machine) -> tuple[str, ...]:
     """Return the columns of a reading but for those of an attitude."""
-    return machine.measurand.columns[:3]
+    return tuple(name for name in machine.measurand.columns if name not in TURNS)
 
 
 def _take_attitude(columns: _Columns, machine: Machine) -> None:
