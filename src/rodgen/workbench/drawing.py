@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import dataclass
+from itertools import count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +37,7 @@ SIGNS = {
     "star": "★",
 }
 EXPLAINED = "would explain"
+_DRAWINGS = count()
 
 
 @dataclass(frozen=True)
@@ -86,10 +88,8 @@ def drawn(figure: go.Figure, *, dark: bool, width: int, revision: str = "", sele
     for key in ("title", "width", "legend", "template.layout.legend"):
         layout.pop(key, None)
     _shrink(layout, meta, width)
-    layout |= {"showlegend": False, "autosize": True, "uirevision": revision or "zoom", "selections": []}
-    for trace in content["data"]:  # else Plotly keeps what a drag selected
-        if trace.get("type", "scatter") == "scatter":
-            trace["selectedpoints"] = None
+    layout |= {"showlegend": False, "autosize": True, "uirevision": revision or "zoom"}
+    layout["selectionrevision"] = next(_DRAWINGS)  # what was dragged over is marked by the figure itself
     if "scene" not in layout:
         layout["dragmode"] = "select" if select else "zoom"
     return Drawn(

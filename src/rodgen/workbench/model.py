@@ -43,7 +43,7 @@ class Model:
 
     def __init__(self, page: Page) -> None:
         self.page = page
-        self.card = card("Model")
+        self.card = card("Model").classes("last")
         self.own = _Own(page)
 
     def fill(self) -> None:
@@ -141,7 +141,7 @@ class _Own:
         places |= {target.name: f"target {target.name}" for target in machine.targets}
         places |= {"": "the whole machine"}
         with (
-            card("Formula of your own"),
+            card("Formula of your own").classes("last"),
             ui.expansion("Formula of your own").props("dense").classes("w-full"),
         ):
             with ui.element("div").classes("line"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import html
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -37,6 +38,8 @@ __all__ = ["Page"]
 FIRST_SUSPECTS = 12
 """Suspects that are listed before all are asked for."""
 MOST_IN_TABLE = 200
+SENT = 0.03
+"""Seconds after which what was drawn is on its way to the browser."""
 NARROW = 760
 """Width of a window, in pixels, below which its parts stand below each other."""
 SELECTED = (
@@ -116,9 +119,9 @@ class Page:
             with ui.element("div").classes("side"):
                 self.ladder = card("Ladder of the error").classes("second")
                 self.suspects = card("Suspects").classes("second")
-                self.suggested = card("Suggestions of the diagnosis")
+                self.suggested = card("Suggestions of the diagnosis").classes("second")
                 self.model = Model(self)
-                self.doing = card("Done so far")
+                self.doing = card("Done so far").classes("last")
             with ui.element("div").classes("main"):
                 with ui.element("section").classes("card first").props('aria-label="Residuals"'):
                     self._choices()
@@ -131,6 +134,7 @@ class Page:
                             ui.tab(name)
                     self.other = ui.element("div").classes("plot")
                 self.planned = card("Plan")
+        self._draw()
         self._fill_state()
         self._fill_suspects()
         self._fill_work()
@@ -164,6 +168,9 @@ class Page:
         """Show something anew."""
         with self.client:
             if what == "state":
+                self.selected &= set(range(self.state.observations.n))
+                self._draw()
+                await asyncio.sleep(SENT)  # the browser draws while the rest is made
                 self._fill_state()
                 self._fill_suspects()
                 self._fill_plan()
@@ -181,8 +188,6 @@ class Page:
         session = self.desk.session
         self.undo.set_enabled(session.at > 0)
         self.redo.set_enabled(session.at < len(session.states) - 1)
-        self.selected &= set(range(self.state.observations.n))
-        self._draw()
         self._fill_ladder()
         self._fill_rows()
         self._fill_doing()
@@ -206,7 +211,7 @@ class Page:
             noise = session.ladder.noise
             if noise.value is not None:
                 text += f"; {noise_name(noise.source)} {figure(noise.value)}"
-        self.status.set_text(f"{text}; {self.state.observations.data.file}.")
+        self.status.set_text(f"{text}; {os.path.basename(self.state.observations.data.file)}.")
         with anew(self.ladder, "Ladder of the error"):
             grid = ui.element("div").classes("grid").style("grid-template-columns:1fr repeat(4,auto)")
             with grid.props('role="table" aria-label="Errors of the models"'):

@@ -39,7 +39,7 @@ body{background:var(--paper);color:var(--ink);font-variant-numeric:tabular-nums;
 .wrong{border-color:#c04d00;border-width:2px}
 .q-btn{text-transform:none}
 @media(max-width:760px){.desk{display:flex;flex-direction:column;gap:8px}.side,.main{display:contents}
-.first{order:-2}.second{order:-1}.nicegui-content{padding:6px}}
+.first{order:-2}.second{order:-1}.last{order:1}.nicegui-content{padding:6px}}
 """
 
 

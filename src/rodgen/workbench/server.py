@@ -95,6 +95,7 @@ def application(
         dark=None,
         language="en-US",
         mount_path=f"/{token}",
+        tailwind=False,
         show_welcome_message=False,
         binding_refresh_interval=None,
         reconnect_timeout=30.0,
