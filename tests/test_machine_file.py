@@ -395,8 +395,8 @@ FAULTS = [
     (CUT["targets"], "",
      "[[target]]: missing; expected one block or more, each with name and point"),
     (CUT["measured"], "",
-     '[measured]: missing; expected kind = "point" (or "direction", "distance", "pose", "orientation", "angle") '
-     'and frame = "machine" (or "free") in it'),
+     '[measured]: missing; expected kind = "point" (or "direction", "distance", "pose", "orientation", "angle", '
+     '"inclination") and frame = "machine" (or "free") in it'),
     ('name = "Gantry with a rotary C axis"', "",
      "name: missing; expected a text in quotes"),
     ('name = "Gantry with a rotary C axis"', 'name = ""',
@@ -506,7 +506,8 @@ FAULTS = [
      "joint C, type: missing; expected 'prismatic' or 'revolute'"),
     # measured and estimate
     ('kind  = "point"', 'kind  = "position"',
-     "[measured], kind: 'position'; expected 'point', 'direction', 'distance', 'pose', 'orientation' or 'angle'"),
+     "[measured], kind: 'position'; expected 'point', 'direction', 'distance', 'pose', 'orientation', 'angle' or "
+     "'inclination'"),
     ('frame = "machine"', "",
      "[measured], frame: missing; expected 'machine' or 'free'"),
     ('kind  = "point"', 'kind  = "point"\nfrom = [0, 0, 0]',

@@ -66,7 +66,8 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
     -------
     list of Kernel
         With the inputs ``rows``, ``g``, ``e``; see :mod:`rodgen.machines.structure` for their layouts. ``place``
-        has the output ``place``: the predicted point or direction, of poses followed by the matrix of the attitude;
+        has the output ``place``: the predicted point or direction, of poses followed by the matrix of the attitude, of
+        attitudes and angles this matrix alone;
         ``residual`` measured less predicted, times the weight; ``residual_and_jacobian`` that and
         ``residual_jacobian``, (components, slots). Of a closed chain also ``pose``: where its platform is, as a start
         for other values.
@@ -622,8 +623,8 @@ class ModelSteps:
         if own:
             axes = self.matrix.hstack(*(self.framed(axis, moves=False) for axis in turned))
         if not self.with_residual:
-            found = place if axes is None else self.matrix([*place, *axes])
-            self.builder.output("place", found, unit="1", doc="predicted point or direction")
+            found = self.matrix([*place, *([] if axes is None else axes)][-s.measurand.place_numbers :])
+            self.builder.output("place", found, unit="1", doc="predicted point, direction or attitude")
             return self.builder.build()
         reading = self.matrix([self.column["reading", i] for i in range(s.measurand.inputs)])
         residual = s.measurand.residual(self, reading, place, axes)

@@ -64,12 +64,13 @@ def fixed_machine(machine: Machine) -> Machine:
     targets = []
     for k, target in enumerate(machine.targets):
         point, _ = rigid.target(theta, k)
+        zero = target.zero + rigid.value(theta, "target", k, "zero")
         moves = machine.measurand.moving or any(rigid.value(theta, "target", k, x) for x in "ab")
         scaled = _vector(point) if machine.measurand.moving else _unit(point)
         attitude = target.attitude
         if machine.measurand.has_attitude:
             attitude = _vector(rotation_vector(rigid.attitude(theta, k)))
-        targets.append(replace(target, point=scaled if moves else target.point, attitude=attitude))
+        targets.append(replace(target, point=scaled if moves else target.point, attitude=attitude, zero=zero))
 
     numbers: dict[str, Any] = {name: rigid.number(theta, name) for name in machine.kinematics.numbers}
     numbers = {name: value if len(value) > 1 else value[0] for name, value in numbers.items()}

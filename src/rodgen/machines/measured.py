@@ -23,6 +23,7 @@ __all__ = [
     "ANGLE_ABOUT",
     "DIRECTION",
     "DISTANCE",
+    "INCLINATION",
     "MEASURANDS",
     "NOTATIONS",
     "ORIENTATION",
@@ -32,6 +33,7 @@ __all__ = [
     "Angle",
     "Direction",
     "Distance",
+    "Inclination",
     "Measurand",
     "Measured",
     "Orientation",
@@ -92,8 +94,12 @@ class Measurand:
         frame, times a lever arm (`Observations.arm`): a length, as those of the place.
     has_axes : bool
         Whether a residual depends on how a body is turned, not on a vector in it alone.
+    place_numbers : int
+        Numbers that a kernel predicts: a point or a direction, the matrix of an attitude, or both.
     has_zero : bool
-        Whether it is an angle about an axis, from a zero of the instrument, which is the freedom of a target.
+        Whether it is an angle from a zero of the instrument, which is a freedom of a target.
+    line : str
+        What an angle is read about or against, as the keys of its two freedoms have it: an axis or the vertical.
     is_pose : bool
         Whether place and attitude are read together; attitudes alone have no lever arm.
     unchanged_by : mapping of str to str
@@ -116,7 +122,9 @@ class Measurand:
     has_attitude: ClassVar[bool] = False
     is_pose: ClassVar[bool] = False
     has_axes: ClassVar[bool] = False
+    place_numbers: ClassVar[int] = 3
     has_zero: ClassVar[bool] = False
+    line: ClassVar[str] = ""
     unchanged_by: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     @property
@@ -285,7 +293,7 @@ class Pose(Point):
     kind = "pose"
     words = "poses: points x, y, z and attitudes"
     columns = components = labels = ("x", "y", "z", *TURNS)
-    inputs = 12
+    inputs = place_numbers = 12
     freedoms = ("x", "y", "z", *TURNS)
     has_attitude = has_axes = is_pose = True
 
@@ -324,7 +332,7 @@ class Orientation(_Angular):
     kind = "orientation"
     words = "attitudes"
     columns = components = labels = TURNS
-    inputs = 9
+    inputs = place_numbers = 9
     is_place = False
     freedoms = TURNS
     has_attitude = has_axes = True
@@ -345,36 +353,59 @@ class Angle(_Angular):
     words = "angles about an axis"
     columns = components = labels = ("angle",)
     inputs = 2
+    place_numbers = 9
     is_place = False
-    freedoms = ("zero",)
+    freedoms: ClassVar[tuple[str, ...]] = ("zero",)
     has_axes = has_zero = True
+    line = "about"
     unchanged_by = MappingProxyType(
         {k: v.replace("direction", "angle") for k, v in _Angular.unchanged_by.items()}
     )
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
-        """Return 2 tan of half the angle from the prediction to the reading, given cosine and sine of half of this.
+        """Return 2 tan of half the angle from the prediction to the reading, given cosine and sine of half of this."""
+        sine, cosine = self.half(steps, place, axes)
+        c, s = reading[0], reading[1]
+        zero = steps.known("target_zero")[0] + steps.freedoms("target", ("zero",))[0]
+        of_zero = steps.turn(zero / 2)
+        c, s = c * of_zero[0] + s * of_zero[1], s * of_zero[0] - c * of_zero[1]
+        return type(reading)([2 * (s * cosine - c * sine) / (c * cosine + s * sine)])
+
+    def half(self, steps: ModelSteps, place: Any, axes: Any) -> tuple[Any, Any]:
+        """Return numbers as sine and cosine of half the predicted angle from the zero.
 
         With a unit quaternion (w, v) of the rotation the twist φ about e has tan(φ/2) = v·e / w, and w and v are as
         1 + Σ e_i·m_i and Σ e_i × m_i, with the axes m of the body that were the machine's e_i at zero.
         """
         across, along = _quaternion(steps, steps.matrix.eye(3), axes)
-        sine, cosine = (
-            steps.let("sine_half", across.dot(steps.known("about"))),
-            steps.let("cosine_half", along),
-        )
-        c, s = reading[0], reading[1]
-        if steps.structure.target:
-            zero = steps.known("target_zero")[0] + steps.freedoms("target", ("zero",))[0]
-            of_zero = steps.turn(zero / 2)
-            c, s = c * of_zero[0] + s * of_zero[1], s * of_zero[0] - c * of_zero[1]
-        return type(reading)([2 * (s * cosine - c * sine) / (c * cosine + s * sine)])
+        return steps.let("sine_half", across.dot(steps.varied(self.line, 0))), steps.let("cosine_half", along)
+
+
+@dataclass(frozen=True)
+class Inclination(Angle):
+    """The angle by which a line in a body rises above the horizon, as an inclinometer with one axis reads it."""
+
+    kind = "inclination"
+    words = "inclinations"
+    freedoms = ("a", "b", "zero")
+    place_numbers = 3
+    has_axes = False
+    line = "vertical"
+    unchanged_by = MappingProxyType(
+        {k: v.replace("direction", "inclination") for k, v in _Angular.unchanged_by.items()}
+    )
+
+    def half(self, steps: ModelSteps, place: Any, axes: Any) -> tuple[Any, Any]:
+        """Return numbers as sine and cosine of half the predicted angle: tan(φ/2) = sin φ / (1 + cos φ)."""
+        up = steps.varied(self.line, 0)
+        level = steps.length(up.cross(place))
+        return steps.let("sine_half", up.dot(place)), steps.let("cosine_half", 1 + level)
 
 
 POINT, DIRECTION, DISTANCE = Point(), Direction(), Distance()
-POSE, ORIENTATION, ANGLE_ABOUT = Pose(), Orientation(), Angle()
+POSE, ORIENTATION, ANGLE_ABOUT, INCLINATION = Pose(), Orientation(), Angle(), Inclination()
 MEASURANDS: Mapping[str, Measurand] = MappingProxyType(
-    {m.kind: m for m in (POINT, DIRECTION, DISTANCE, POSE, ORIENTATION, ANGLE_ABOUT)}
+    {m.kind: m for m in (POINT, DIRECTION, DISTANCE, POSE, ORIENTATION, ANGLE_ABOUT, INCLINATION)}
 )
 """All measurands, by their names in machine files."""
 READING_COLUMNS = frozenset(column for m in (POINT, DIRECTION, DISTANCE) for column in m.columns)
@@ -387,9 +418,10 @@ class Measured:
 
     Attributes
     ----------
-    kind : {"point", "direction", "distance", "pose", "orientation", "angle"}
+    kind : {"point", "direction", "distance", "pose", "orientation", "angle", "inclination"}
     frame : {"machine", "free"}
-        Readings are in machine axes, or in a frame that is found with the rest.
+        Readings are in machine axes, or in a frame that is found with the rest; of angles the axis about which they are
+        read, or the vertical.
     origin : tuple of float, length 3, or None
         Where a distance is measured from, in the measuring frame.
     noise : float or None

@@ -138,6 +138,8 @@ class Model:
         ]
         directions = () if machine.measurand.moving else machine.targets
         self._target_bases = [_basis(tuple(t.point)) for t in directions]
+        x, y, z = machine.gravity
+        self._line = machine.measured.about or (-x, -y, -z)
         self._of_effects = self._numbers(
             [("e", n, name) for n, name in self.structure.parameters] or [("e",)]
         )
@@ -267,6 +269,11 @@ class Model:
         u, v = self._target_bases[k]
         return tilted(point, u, v, np.array([self.value(theta, "target", k, x) for x in "ab"]))
 
+    def line(self, theta: Array) -> Array:
+        """Return the axis about which angles are read, or the vertical, upwards, (3,)."""
+        a, b = (self.value(theta, f"{self.machine.measurand.line}.{x}", 0) for x in "ab")
+        return np.asarray(tilted(self._line, *_basis(self._line), [a, b])[0])
+
     def attitude(self, theta: Array, k: int) -> Array:
         """Return the matrix of a target's attitude, (3, 3): its axes as columns, in machine axes."""
         turn = np.array([self.value(theta, "target", k, x) for x in TURNS])
@@ -291,6 +298,10 @@ class Model:
         g = self._constants(tuple(groups)).copy()
         turned, by = self._tilted(values)
         count = len(self._axes)
+        if s.line:
+            start = at[s.measurand.line, 0]
+            g[:, start : start + 3], g[:, start + 3 : start + 9] = turned[-1], by[-1].T.ravel()
+            turned, by = turned[:-1], by[:-1]
         if count:
             axes = np.empty((count, 3, 3))
             axes[:, 0], axes[:, 1:] = turned[:count], by[:count].swapaxes(1, 2)
@@ -306,7 +317,7 @@ class Model:
             of_target = np.array([target for target, _ in groups], np.intp)
             start = at["target", 0]
             g[:, start : start + 3] = targets[of_target]
-            if s.measurand.is_direction:
+            if "a" in s.measurand.freedoms:
                 g[:, start + 3 : start + 9] = by[count:].swapaxes(1, 2).reshape(-1, 6)[of_target]
         if s.measurand.has_attitude and s.target:
             of_target = np.array([target for target, _ in groups], np.intp)
@@ -319,7 +330,7 @@ class Model:
                 g[:, at[name, 0] : at[name, 0] + 9] = value.reshape(-1, 9)
         if s.measurand.has_zero and s.target:
             zeros = values[self._numbers([("target", target, "zero") for target, _ in groups])]
-            g[:, at["target_zero", 0]] = zeros
+            g[:, at["target_zero", 0]] += zeros
         if s.shift:
             of_run = np.array([run for _, run in groups], np.intp)
             shifts = values[self._shift_numbers(int(of_run.max(initial=0)) + 1)]
@@ -377,8 +388,10 @@ class Model:
             return np.array([machine.targets[target].point for target, _ in groups])
         if name == "target_rotation":
             return self._attitudes[[target for target, _ in groups]].reshape(-1, 9)
-        if name == "about":
-            return np.array(machine.measured.about)
+        if name == machine.measurand.line:
+            return np.array(self._line)
+        if name == "target_zero":
+            return np.array([[machine.targets[target].zero] for target, _ in groups])
         if name == "whitening":
             return np.array(machine.measured.whitening, float).ravel()
         if name == "gravity":
@@ -414,7 +427,7 @@ class Model:
 
     @functools.cached_property
     def _tilts(self) -> tuple[Array, Array, Array, NDArray[np.intp]]:
-        """Tilted unit vectors, axes first, then measured directions: n, u, v, and the indices of their two angles."""
+        """Tilted unit vectors (axes, measured directions, line of angles): n, u, v, the indices of their two angles."""
         s, machine = self.structure, self.machine
         vectors = [(machine.joints[j].axis, *self._bases[j]) for j in self._axes]
         slots: list[tuple[object, ...]] = [(f"axis.{x}", j) for j in self._axes for x in "ab"]
@@ -422,6 +435,9 @@ class Model:
             seen = zip(machine.targets, self._target_bases, strict=True)
             vectors += [(target.point, u, v) for target, (u, v) in seen]
             slots += [("target", k, x) for k in range(len(machine.targets)) for x in "ab"]
+        if s.line:
+            vectors.append((self._line, *_basis(self._line)))
+            slots += [(f"{machine.measurand.line}.{x}", 0) for x in "ab"]
         n, u, v = np.array(vectors, float).reshape(-1, 3, 3).swapaxes(0, 1).copy()
         return n, u, v, self._numbers(slots).reshape(-1, 2)
 
@@ -485,7 +501,7 @@ class Model:
         common = self._common_slots
         if not self.has_constant_slots:
             common = common.copy()
-            by = self._tilted(self._and_zero(theta))[1][len(self._axes) :]
+            by = self._tilted(self._and_zero(theta))[1][len(self._axes) :][: len(self.machine.targets)]
             rows, numbers, kept = self._centre_at
             common[rows, numbers] += by.swapaxes(0, 1).reshape(3, -1)[:, kept] / len(by)
         for target, run in groups:

@@ -112,6 +112,9 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
         if moving:
             yield from (made(f"frame.{x}", length, "frame", x) for x in "xyz")
         yield from (made(f"frame.{x}", machine.angle_unit, "frame", x) for x in ("rx", "ry", "rz"))
+    if structure.line:
+        line = machine.measurand.line
+        yield from (made(f"{line}.{x}", angle, f"{line}.{x}", 0) for x in "ab")
     if structure.shift:
         effect = geometric["frame_shift", None]
         for r, run in enumerate(runs if len(runs) > 1 else [""]):

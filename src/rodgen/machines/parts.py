@@ -182,11 +182,14 @@ class Target:
         In machine axes; of length 1 where directions are measured.
     attitude : tuple of float, length 3
         Rotation vector in radians, in machine axes, that turns these to the target's own; where poses are measured.
+    zero : float
+        What the instrument reads at an angle of zero, radians; where angles are measured.
     """
 
     name: str
     point: Vector
     attitude: Vector = (0.0, 0.0, 0.0)
+    zero: float = 0.0
 
     _repr_html_ = html_of
 

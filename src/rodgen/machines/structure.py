@@ -166,6 +166,8 @@ class Structure:
         Those numbers of a closed chain's geometry that are slots.
     correlated : bool
         Whether the errors of the components of a reading are correlated.
+    line : bool
+        Whether the axis about which angles are read, or the vertical, is free.
     inner : int
         How many joints, the first ones, carry the instrument. The chain runs from it to the bed, and from there to the
         target; so these are passed backwards.
@@ -180,6 +182,7 @@ class Structure:
     kinematics: type[Kinematics] = Chain
     numbers: tuple[str, ...] = ()
     correlated: bool = False
+    line: bool = False
     inner: int = 0
 
     def carriers(self, j: int) -> range:
@@ -222,6 +225,8 @@ class Structure:
             yield from ((f"shift.{x}", 0) for x in rigid)
         if self.frame:
             yield from ((f"frame.{x}", 0) for x in rigid)
+        if self.line:
+            yield from ((f"{self.measurand.line}.{x}", 0) for x in "ab")
 
     @cached_property
     def centre(self) -> bool:
@@ -257,7 +262,7 @@ class Structure:
             if any(term.uses_travel for term in terms):
                 yield from (("start", j, 1), ("length", j, 1))
         yield "target", 0, 3
-        if self.target and self.measurand.is_direction:
+        if self.target and "a" in self.measurand.freedoms:
             yield from (("target_by_a", 0, 3), ("target_by_b", 0, 3))
         if self.measurand.has_attitude:
             yield "target_rotation", 0, 9
@@ -280,9 +285,9 @@ class Structure:
         if self.measurand.has_origin:
             yield "origin", 0, 3
         if self.measurand.has_zero:
-            yield "about", 0, 3
-            if self.target:
-                yield "target_zero", 0, 1
+            line = self.measurand.line
+            yield from ((part, 0, 3) for part in (line, *(self.line * (f"{line}_by_a", f"{line}_by_b"))))
+            yield "target_zero", 0, 1
         if self.correlated:
             yield "whitening", 0, self.components**2
         yield from (("acts", n, 1) for n, term in enumerate(self.terms) if term.target)
@@ -338,12 +343,13 @@ def structure_of(machine: Machine) -> Structure:
         measurand=machine.measurand,
         joints=joints,
         target="target" in machine.estimate or "target" in components,
-        frame=machine.measured.frame == "free",
+        frame=machine.measured.frame == "free" and not machine.measurand.has_zero,
         shift="frame_shift" in components,
         terms=tuple(_term(machine, effect) for effect in row_effects(machine)),
         kinematics=type(machine.kinematics),
         numbers=_free_numbers(machine),
         correlated=machine.measured.correlation is not None,
+        line=machine.measured.frame == "free" and machine.measurand.has_zero,
         inner=machine.inner,
     )
 

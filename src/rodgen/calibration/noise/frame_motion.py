@@ -45,7 +45,11 @@ def _independent(model: Model, o: Observations, theta: Array, frame: Frame, weig
         [np.cross(axis, place if not measurand.moving else place - place.mean(axis=0)) for axis in axes]
     )
     if measurand.has_zero:
-        return np.asarray(-weight[:, :, None] * (axes @ np.array(model.machine.measured.about)))
+        line = model.line(theta)
+        if not measurand.has_axes:  # what rises above the horizon turns about a level axis
+            level = np.cross(place, line)
+            line = level / np.linalg.norm(level, axis=1, keepdims=True)
+        return np.asarray(-weight[:, :, None] * np.broadcast_to(line, place.shape)[:, None])
     if measurand.has_attitude and not measurand.is_pose:
         return np.asarray(-np.einsum("km,nm->nmk", axes, weight))
     if not measurand.moving:

@@ -161,6 +161,8 @@ def in_another_mode(o: Observations, machine: Machine) -> float:
     kinematics = machine.kinematics
     if not isinstance(kinematics, ThreeSpsS) or kinematics.start is None or o.pose_start is None:
         return 0.0
+    if not _tell_mode(o):
+        return 0.0
     some = o.take(_looked_at(o))
     asked = pose_start(replace(some, machine=machine))
     free = replace(machine, kinematics=replace(kinematics, start=None))
@@ -243,22 +245,33 @@ def _chosen(o: Observations, kinematics: OnLegs, modes: Array) -> NDArray[np.int
         return np.zeros(len(modes), np.intp)
     if kinematics.start is not None:
         return _nearest_poses(modes, rotation_matrix(kinematics.start))
-    if not np.isfinite(o.reading).all():
+    measurand, machine_targets = o.machine.measurand, o.machine.targets
+    if not _tell_mode(o):
         raise InputFileError(
             o.machine.file or o.machine.name,
             "[geometry], start",
             "missing, while no readings tell the assembly mode",
             "a rotation vector near which the platform is, such as [0, 0, 10]",
         )
-    targets = np.array([target.point for target in o.machine.targets])[o.target]
-    measurand = o.machine.measurand
+    points = np.array([target.point for target in machine_targets])
+    if measurand.has_attitude and not measurand.is_pose:  # read is the z axis of the body
+        points = rotation_matrix([target.attitude for target in machine_targets])[:, :, 2]
+    targets = points[o.target]
     seen = kinematics.placed(modes, targets[:, None], moving=measurand.moving)
-    if not measurand.is_place:
+    if measurand.has_origin:
         distance = np.linalg.norm(seen - np.array(o.machine.measured.origin), axis=2)
         return _nearest((distance - o.reading) ** 2, o.pose)
     if o.machine.measured.frame == "machine":
         return _nearest(_apart(seen, o.reading), o.pose)
     return _in_a_free_frame(seen, o.reading, measurand.moving, o.pose)
+
+
+def _tell_mode(o: Observations) -> bool:
+    """Return whether readings tell the assembly mode: no angles, and attitudes only of a body whose own is known."""
+    measurand = o.machine.measurand
+    alone = measurand.has_attitude and not measurand.is_pose
+    unknown = measurand.has_zero or (alone and "target" in o.machine.estimate)
+    return not unknown and bool(np.isfinite(o.reading).all())
 
 
 def _least(distance: Array) -> NDArray[np.intp]:

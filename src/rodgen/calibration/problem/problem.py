@@ -568,16 +568,17 @@ class Problem:
         return whitened if whitening is None else np.asarray(whitened @ np.linalg.inv(whitening).T)
 
     def places(self, theta: Array, frame: Frame) -> Array:
-        """Return the predicted points or directions, (n, 3)."""
-        return self._placed(theta, frame)[:, :3]
+        """Return the predicted points or directions, (n, 3): of attitudes alone z axes."""
+        placed = self._placed(theta, frame)
+        return placed[:, 2::3] if placed.shape[1] == 9 else placed[:, :3]
 
     def attitudes(self, theta: Array, frame: Frame) -> Array:
         """Return the predicted attitudes of poses, (n, 3, 3)."""
-        return self._placed(theta, frame)[:, 3:].reshape(-1, 3, 3)
+        return self._placed(theta, frame)[:, -9:].reshape(-1, 3, 3)
 
     def _placed(self, theta: Array, frame: Frame) -> Array:
         self.follow(theta, frame)
-        return self._by_row("place", theta, frame, 12 if self.model.structure.measurand.has_axes else 3)
+        return self._by_row("place", theta, frame, self.model.structure.measurand.place_numbers)
 
     def read_as_predicted(self, theta: Array, frame: Frame) -> Problem:
         """Return the problem with the predicted directions and attitudes as readings; residuals are angles from these.

@@ -188,7 +188,8 @@ class EffectDefinition:
             }
             return replace(self, formula=self.poses.slope, parameters=turned, directions=None)
         if measurand.has_zero and self.component == "target":
-            return replace(self, formula=self.formula, parameters={"zero": "arcsec"}, directions=None)
+            found = dict.fromkeys(measurand.freedoms, "arcsec")
+            return replace(self, formula=self.formula, parameters=found, directions=None)
         return self.directions or self
 
     @property

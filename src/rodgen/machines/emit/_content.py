@@ -160,12 +160,12 @@ class Content:
     @property
     def directions(self) -> bool:
         """Whether a place is a direction."""
-        return not self.scope.machine.measurand.moving
+        return self.scope.machine.measurand.is_direction
 
     @property
     def numbers(self) -> int:
         """How many numbers a place has: a point and the matrix of an attitude have twelve."""
-        return 12 if self.scope.machine.measurand.has_attitude else 3
+        return self.scope.machine.measurand.place_numbers
 
     @property
     def at_rest(self) -> list[str]:
@@ -228,13 +228,13 @@ def ideal_of(scope: Scope) -> Machine:
     measured direction is what the machine points, such as a telescope's line of sight, and belongs where the file says.
     """
     machine, targets = scope.machine, scope.machine.targets
+    model, theta = scope.model, scope.model.start()
     if machine.measurand.moving:
-        model, theta = scope.model, scope.model.start()
         places = [model.target(theta, k)[0].tolist() for k in range(len(targets))]
         targets = tuple(replace(target, point=tuple(x)) for target, x in zip(targets, places, strict=True))
-        if machine.measurand.has_attitude:
-            turns = [rotation_vector(model.attitude(theta, k)).tolist() for k in range(len(targets))]
-            targets = tuple(replace(t, attitude=tuple(x)) for t, x in zip(targets, turns, strict=True))
+    if machine.measurand.has_attitude:
+        turns = [rotation_vector(model.attitude(theta, k)).tolist() for k in range(len(targets))]
+        targets = tuple(replace(t, attitude=tuple(x)) for t, x in zip(targets, turns, strict=True))
     return replace(machine, targets=targets, effects=(), estimate=(), values={})
 
 

@@ -69,9 +69,9 @@ def map_texts(
         machine = replace(machine, joints=joints)
     content = content_of(machine, name, travel)
     file = machine.file or machine.name
-    if content.directions:
+    if not content.scope.machine.measurand.moving:
         raise InputFileError(
-            file, "[measured], kind", "directions", "points or distances, which have a place"
+            file, "[measured], kind", machine.measurand.words, "points or distances, which have a place"
         )
     joints = content.machine.joints
     moved = [j for j, joint in enumerate(joints) if joint.travel]

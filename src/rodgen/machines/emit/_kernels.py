@@ -317,39 +317,39 @@ def _exact(arm: float) -> sp.Expr:
 
 
 def _with_turns(place: sp.Matrix, jacobian: sp.Matrix, arm: float) -> sp.Matrix:
-    """Return the derivative of a pose, (6, joints): of its point, and its turns times an arm."""
-    axes = sp.Matrix(3, 3, list(place[3:, :]))
+    """Return the derivative of a pose, (6, joints): of its point, and its turns times an arm; (3, joints) without."""
+    axes = sp.Matrix(3, 3, list(place[-9:, :]))
     columns = (
-        _turns(sp.Matrix(3, 3, list(jacobian[3:, j])), axes) * _exact(arm) for j in range(jacobian.cols)
+        _turns(sp.Matrix(3, 3, list(jacobian[-9:, j])), axes) * _exact(arm) for j in range(jacobian.cols)
     )
-    return sp.Matrix.vstack(jacobian[:3, :], sp.Matrix.hstack(*columns))
+    return sp.Matrix.vstack(jacobian[:-9, :], sp.Matrix.hstack(*columns))
 
 
 def aim_kernel(measurand: Measurand, joints: int, arm: float) -> Kernel:
     """Write the kernel of how far a place is from the wanted one, and how each joint pulls it there.
 
     Outputs: ``error`` (3), of a direction in its tangent plane, as long as the chord, (6) of a pose, turns times `arm`;
-    ``distance``, of directions the angle; ``pull`` (joints): Jᵀ error; ``reach`` (joints): how far the place goes with
-    each joint.
+    ``distance``, of directions the angle, of attitudes 2 tan of its half; ``pull`` (joints): Jᵀ error; ``reach``
+    (joints): how far the place goes with each joint.
     """
     k = KernelBuilder(
         "aim", summary="How far it is to the wanted place, and which joints pull.", source=SOURCE
     )
-    size = 12 if measurand.has_attitude else 3
+    size = measurand.place_numbers
     place = k.input("place", size, unit="1", doc="where the machine is")
     jacobian = k.input("place_jacobian", (size, joints), unit="1", doc="its derivative")
     wanted = k.input("wanted", size, unit="1", doc="where it should be")
     if measurand.has_attitude:
-        axes, goal = (sp.Matrix(3, 3, list(x[3:, :])) for x in (place, wanted))
+        axes, goal = (sp.Matrix(3, 3, list(x[-9:, :])) for x in (place, wanted))
         along = k.let("along", 1 + sum(axes[:, i].dot(goal[:, i]) for i in range(3)))
         safe = k.let("safe", select(along > sp.Rational(1, 10**6), along, sp.Rational(1, 10**6)))
         turn = _turns(goal, axes) * (4 * _exact(arm) / safe)
-        gap = k.let("gap", sp.Matrix.vstack(wanted[:3, :] - place[:3, :], turn))
+        gap = k.let("gap", sp.Matrix.vstack(wanted[:-9, :] - place[:-9, :], turn))
         jacobian = k.let("slopes", _with_turns(place, jacobian, arm))
     else:
         gap = k.let("gap", wanted - place)
     square = k.let("square", gap.dot(gap))
-    if not measurand.moving:
+    if measurand.is_direction:
         # cos² of half the angle, and the part of the gap across the direction brought to the length of the chord
         half = k.let("half", 1 - square / 4)
         safe = k.let("safe", select(half > sp.Rational(1, 10**12), half, sp.Rational(1, 10**12)))
@@ -372,7 +372,7 @@ def step_kernel(measurand: Measurand, joints: int, arm: float) -> Kernel:
     A weight of 0 holds a joint; the damping is relative to the mean square of the scaled Jacobian.
     """
     k = KernelBuilder("step", summary="The least step of the joints towards the wanted place.", source=SOURCE)
-    size, errors = (12, 6) if measurand.has_attitude else (3, 3)
+    size, errors = measurand.place_numbers, len(measurand.rigid if measurand.has_attitude else "xyz")
     place = k.input("place", size, unit="1", doc="where the machine is")
     jacobian = k.input("place_jacobian", (size, joints), unit="1", doc="its derivative")
     error = k.input("error", errors, unit="1", doc="from the place to the wanted one")
@@ -387,7 +387,7 @@ def step_kernel(measurand: Measurand, joints: int, arm: float) -> Kernel:
     square = sp.Matrix(*square.shape, [k.let(f"a{n}", x) for n, x in enumerate(square)])
     level = k.let("level", square.trace() / freedoms)
     diagonal = k.let("added", damping * level + TINY)
-    if not few and not measurand.moving:
+    if not few and measurand.is_direction:
         square = (
             square + place * place.T * level
         )  # no step goes along the direction, so this only keeps it regular

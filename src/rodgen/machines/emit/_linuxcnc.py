@@ -29,7 +29,7 @@ def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
     """
     content = content_of(machine, name, travel)
     file = machine.file or machine.name
-    if content.directions or machine.kinematics.is_closed:
+    if not machine.measurand.moving or machine.kinematics.is_closed:
         raise InputFileError(file, "file", "no chain that moves a point", "axes that bring a tool to a place")
     letters = _letters(machine, file)
     component = f"{name[:_LONGEST].rstrip('_')}kins"

@@ -85,6 +85,7 @@ def _common(content: Content) -> dict[str, Any]:
         "targets": machine.targets,
         "length": machine.length_unit,
         "directions": content.directions,
+        "unit": machine.length_unit if content.scope.machine.measurand.moving else "rad",
         "dim": content.numbers,
         "errors": 6 if content.numbers == 12 else 3,
         "at_rest": "NEAREST" if content.is_bound else "UNREACHABLE",
@@ -143,6 +144,8 @@ def _words_of(content: Content) -> Iterator[str]:
         if content.directions
         else f"A place is that of a target, in {axes}."
         if content.numbers == 3
+        else f"A place is the matrix of an attitude, row by row, in {axes}."
+        if content.numbers == 9
         else f"A place is x, y, z of a target and the matrix of its attitude, row by row, in {axes}."
     )
     if content.numbers == 12:
@@ -168,9 +171,9 @@ def model_words(content: Content) -> Iterator[str]:
     yield f"Its effects:{'' if effects else ' none.'}"
     for title, values in effects:
         yield from _wrapped(f"  {title}: {values}" if values else f"  {title}")
-    if machine.estimate:
+    if content.scope.machine.estimate:
         yield from _wrapped(
-            f"As fitted, not as in the machine file: {', '.join(map(shown, machine.estimate))}"
+            f"As fitted, not as in the machine file: {', '.join(map(shown, content.scope.machine.estimate))}"
         )
     if content.scope.left_out:
         yield f"Not in this {place}, though in the fitted model:"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.errors import InputFileError, shown
-from rodgen.machines.measured import DIRECTION, POINT, POSE, Measured
+from rodgen.machines.measured import DIRECTION, ORIENTATION, POINT, POSE, Measurand, Measured
 from rodgen.machines.model import Model
 from rodgen.machines.parts import Effect
 from rodgen.machines.structure import row_effects
@@ -44,18 +44,22 @@ def scope_of(machine: Machine, travel: Any = None) -> Scope:
     left_out = dict(_left_out(machine))
     reasons = [(shown(effect.title), why) for effect, why in left_out.items()]
     measured, measurand = machine.measured, machine.measurand
-    if measurand.has_axes and not measurand.moving:
-        found, expected = (
-            f"{measurand.kind!r}, which tells no place",
-            "a machine whose points or poses are read",
-        )
-        raise InputFileError(machine.file or machine.name, "[measured], kind", found, expected)
-    seen = POSE if measurand.has_attitude else POINT if measurand.moving else DIRECTION
-    if measured.frame == "free":
+    seen: Measurand = POSE if measurand.is_pose else POINT
+    if not measurand.moving:
+        seen = DIRECTION if measurand.is_direction else ORIENTATION
+    estimate = machine.estimate
+    if measurand.has_zero:
+        estimate = tuple(entry for entry in estimate if entry != "target")
+        reasons.insert(0, ("the zero of the angles", "that of the instrument"))
+        if measured.frame == "free":
+            line = "the axis of the angles" if measured.about else "the vertical"
+            reasons.insert(0, (line, "how the instrument stood"))
+    elif measured.frame == "free":
         reasons.insert(0, ("the free frame", "where the instrument stood"))
     own = replace(
         machine,
         measured=Measured(seen.kind, "machine"),
+        estimate=estimate,
         effects=tuple(e for e in machine.effects if e not in left_out),
     )
     model = Model(own, travel)
@@ -69,6 +73,8 @@ def _left_out(machine: Machine) -> Iterator[tuple[Effect, str]]:
         component = effect.definition.component
         if component in {"factor", "factors"}:
             yield effect, "the instrument's error, not the machine's"
+        elif component == "target" and machine.measurand.has_zero:
+            yield effect, "how the instrument is mounted"
         elif effect.place is None and component != "lift" and machine.measured.frame == "free":
             yield effect, "it moves the measuring frame, which is free"
         elif effect.is_per_run(machine.values):

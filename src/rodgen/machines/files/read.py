@@ -117,7 +117,7 @@ _KEYS = {
         "counterbalance",
     ),
     "branch": ("name", "joints"),
-    "target": ("name", "point", "attitude"),
+    "target": ("name", "point", "attitude", "zero"),
     "measured": ("kind", "frame", "from", "about", "noise", "attitude_noise", "correlation", "instrument"),
     "estimate": ("parameters",),
     "effect": (
@@ -139,8 +139,8 @@ _MISSING = {
     "joint": "one block for each joint, the base's first",
     "target": "one block or more, each with name and point",
     "geometry": "R, r and what else the family needs in it",
-    "measured": 'kind = "point" (or "direction", "distance", "pose", "orientation", "angle") and frame = "machine" (or '
-    '"free") in it',
+    "measured": 'kind = "point" (or "direction", "distance", "pose", "orientation", "angle", "inclination") and '
+    'frame = "machine" (or "free") in it',
 }
 
 
@@ -355,6 +355,7 @@ def _point(numbers: tuple[float, ...]) -> tuple[float, ...]:
 
 _POINT: Kind[Vector] = VECTOR.then(_point)
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
+_Z: Vector = (0.0, 0.0, 1.0)
 _DIRECTION: Kind[Vector] = VECTOR.then(_direction)
 _PARAMETER_UNIT = Kind('a unit in quotes, such as "arcsec"', TEXT.read)
 _YES_OR_NO = Kind("true or false", _yes_or_no)
@@ -374,13 +375,10 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     if "from" in table and not measurand.has_origin:
         raise table.error("from", f"given together with kind = {kind!r}", "it with kind = 'distance' only")
     origin = table.get("from", _POINT) if measurand.has_origin else None
-    if "about" in table and not measurand.has_zero:
+    has_axis = measurand.line == "about"
+    if "about" in table and not has_axis:
         raise table.error("about", f"given together with kind = {kind!r}", "it with kind = 'angle' only")
-    if measurand.has_zero and frame == "free":
-        raise table.error(
-            "frame", "'free' together with kind = 'angle'", "'machine': the axis is in machine axes"
-        )
-    about = table.get("about", _DIRECTION) if measurand.has_zero else None
+    about = table.get("about", _DIRECTION) if has_axis else None
     own = per_radian if measurand.dimension == ANGLE else 1.0
     noise = table.get("noise", _noise_in(measurand.dimension, length, own), None)
     attitude_noise = table.get("attitude_noise", _noise_in(ANGLE, length, per_radian), None)
@@ -509,14 +507,10 @@ def _legs(kinematics: Kinematics) -> tuple[Joint, ...]:
 
 
 def _targets(top: Table, measurand: Measurand, per_radian: float, *, closed: bool) -> tuple[Target, ...]:
-    if closed and measurand.has_axes and not measurand.moving:
-        raise InputFileError(
-            top.file,
-            "[measured], kind",
-            f"{measurand.kind!r} of a parallel machine",
-            "'pose', 'point' or 'direction'",
-        )
+    anywhere = measurand.has_axes and not measurand.moving  # where it is read does not matter
     if closed and "target" not in top:
+        if anywhere:
+            return (Target(PLATFORM, _Z),)
         if not measurand.moving:
             raise InputFileError(
                 top.file, "[[target]]", "missing", "the direction on the platform that is seen"
@@ -529,11 +523,12 @@ def _targets(top: Table, measurand: Measurand, per_radian: float, *, closed: boo
             given = f"given together with kind = {measurand.kind!r}"
             raise table.error("attitude", given, "it with kind = 'pose' or 'orientation' only")
         attitude = table.get("attitude", VECTOR.then(_scaled(per_radian)), _ORIGIN)
-        if measurand.has_axes and not measurand.moving:  # where it is read does not matter
-            place = table.get("point", point, (0.0, 0.0, 1.0))
-        else:
-            place = table.get("point", point)
-        found.append(Target(table.get("name", PLACE_NAME), place, attitude))
+        place = table.get("point", point, *([_Z] if anywhere else []))
+        if "zero" in table and not measurand.has_zero:
+            given = f"given together with kind = {measurand.kind!r}"
+            raise table.error("zero", given, "it with kind = 'angle' or 'inclination' only")
+        zero = table.get("zero", NUMBER.then(lambda x: x * per_radian), 0.0)
+        found.append(Target(table.get("name", PLACE_NAME), place, attitude, zero))
     return tuple(found)
 
 

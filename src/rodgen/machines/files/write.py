@@ -108,6 +108,8 @@ def _target_lines(machine: Machine, target: Target) -> list[str]:
     if any(target.attitude):
         numbers = ", ".join(decimal(x, machine.file_factor(ANGLE)) for x in target.attitude)
         lines.append(f"attitude = [{numbers}]")
+    if target.zero:
+        lines.append(f"zero = {decimal(target.zero, machine.file_factor(ANGLE))}")
     return lines
 
 
@@ -285,7 +287,10 @@ def _rounded(vector: Sequence[float]) -> str:
 def _measured(machine: Machine) -> str:
     measured = machine.measured
     origin = f" from {_rounded(measured.origin)}" if measured.origin is not None else ""
-    frame = f"in {machine.axes_of_places}" if measured.frame == "machine" else "in a free frame"
+    free = {"about": "about a free axis", "vertical": "against a free vertical"}
+    frame = f"in {machine.axes_of_places}"
+    if measured.frame == "free":
+        frame = free.get(machine.measurand.line, "in a free frame")
     noise = ""
     if measured.noise is not None:
         dimension = measured.measurand.dimension
