@@ -99,8 +99,7 @@ def possible(file: Mapping[str, Any], *, places: Iterable[str | None] | None = N
     for definition in CATALOGUE:
         if definition.of_directions and kind != "direction":
             continue
-        machine_axes = file["measured"]["frame"] == "machine"
-        if definition.component == "factors" and (kind not in {"point", "pose"} or machine_axes):
+        if definition.component == "axes" and kind not in {"point", "pose"}:
             continue
         if kind == "direction" and (definition.name in MOVES_ONLY or definition.component == "point"):
             continue

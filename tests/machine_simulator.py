@@ -511,7 +511,7 @@ AXIS = {
 }  # parameters that turn the axis
 POINT = {"point", "axis_offset"}  # and those that move the point
 MACHINE = {"frame", "frame_shift", "warm_up_drift", "linear_drift", "instrument_scale"}
-MACHINE |= {"refraction", "tube_flexure", "instrument_axis_scales"}
+MACHINE |= {"refraction", "tube_flexure", "instrument_axis_scales", "instrument_squareness"}
 
 
 # The machine
@@ -843,9 +843,11 @@ class Simulated:
         (k,) = self._sum(None, {"instrument_scale"}, "k")
         if self.kind == "distance":
             y = np.linalg.norm(y - self.file["measured"]["from"], axis=1, keepdims=True)
-        x_scale, y_scale = self._sum(None, {"instrument_axis_scales"}, "xy")
-        scales = np.array([1 + x_scale, 1 + y_scale, 1]) if self.kind in {"point", "pose"} else 1
-        return y if directions else (1 + k) * y * scales
+        if self.kind in {"point", "pose"}:
+            x_scale, y_scale = self._sum(None, {"instrument_axis_scales"}, "xy")
+            xy, xz, yz = self._sum(None, {"instrument_squareness"}, ["xy", "xz", "yz"]) * self.radian
+            y = y @ np.array([[1 + x_scale, xy, xz], [0, 1 + y_scale, yz], [0, 0, 1]]).T
+        return y if directions else (1 + k) * y
 
     def _lifted(self, y: Array) -> Array:
         """Turn directions towards the zenith by a tan(z), finite near the horizon, less the tube's droop, b sin(z)."""

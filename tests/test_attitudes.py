@@ -33,7 +33,8 @@ ARCSEC = np.pi / 648000
 NOISE = 2 * ARCSEC
 MAPS = {"workspace", "residuals_in_space", "residuals_on_the_sky"}
 """Figures of where readings were taken, which attitudes and angles do not have."""
-ABOUT = np.array([0.1, -0.2, 0.97]) / np.linalg.norm([0.1, -0.2, 0.97])
+ABOUT = np.array([0.3, 0.8, 0.5]) / np.linalg.norm([0.3, 0.8, 0.5])
+STEEP = np.array([0.1, -0.2, 0.97]) / np.linalg.norm([0.1, -0.2, 0.97])
 READ_ABOUT = rotation([0.03, 0.05, 0]) @ ABOUT
 """The axis of an instrument, as the file has it and as it was set up by hand."""
 FRAME = rotation([0.02, -0.03, 0.5])
@@ -53,12 +54,20 @@ def on_numpy(monkeypatch):
 # what instruments read --------------------------------------------------------------------------------------------
 
 
-def read(kind: str, turn: Array, place: Array, gravity: Array, noise: float, seed: int = 1) -> dict[str, Any]:
+def read(
+    kind: str,
+    turn: Array,
+    place: Array,
+    gravity: Array,
+    noise: float,
+    seed: int = 1,
+    about: Array | None = None,
+) -> dict[str, Any]:
     """Return columns of readings of bodies that are turned, (n, 3, 3), each of both targets in turn."""
     rng, n = np.random.default_rng(seed), len(turn)
     names = ["pr"[i % 2] for i in range(n)]
     if kind == "angle":
-        angle = twist(turn, READ_ABOUT)
+        angle = twist(turn, READ_ABOUT if about is None else about)
     elif kind == "inclination":
         up = -rotation([0.004, -0.003, 0]) @ gravity
         line = np.array([ASKEW[name] @ LINES[name] for name in names])
@@ -156,9 +165,9 @@ def test_a_leg_that_is_off_is_found_by_how_the_platform_is_turned(family, kind, 
     found = fit.diagnose()
     for drawn in (figures.comparison(fit.compare()), figures.diagnosis(found)):
         assert {figure.layout.meta["name"] for figure in drawn}.isdisjoint(MAPS) is (kind != "pose")
-    (step,) = found.steps
-    others = {other.effect.identity for other in step.indistinguishable_from}
-    assert ("leg_zero_offset", leg) in {step.effect.identity, *others}
+    named = {other.effect.identity for step in found.steps for other in (step, *step.indistinguishable_from)}
+    assert ("leg_zero_offset", leg) in named
+    assert len(found.steps) == 1 or kind == "angle"  # about a free axis two legs together imitate a third
 
 
 @pytest.mark.slow
@@ -260,7 +269,7 @@ def mill(kind: str) -> dict[str, Any]:
     ]
     file = of(machine_file(joints), kind)
     branches = [{"name": "workpiece", "joints": ["C"]}, {"name": "tool", "joints": ["X", "B"]}]
-    more = {"frame": "machine", "about": READ_ABOUT.tolist()} if kind == "angle" else {}
+    more = {"frame": "machine", "about": STEEP.tolist()} if kind == "angle" else {}
     return file | {"branch": branches, "measured": file["measured"] | {"instrument": "workpiece"} | more}
 
 
@@ -268,18 +277,17 @@ def milled(kind: str, wave: float, seed: int = 2) -> tuple[dict[str, Any], Array
     rng, rows = np.random.default_rng(seed), 80
     c, x, b = rng.uniform(-3, 3, rows), rng.uniform(0, 300, rows), rng.uniform(-0.6, 0.6, rows)
     o = np.zeros(rows)
-    table = rotation(np.stack([o, o, -(c + wave * np.sin(c))], -1))
-    turn = table.swapaxes(1, 2) @ rotation(np.stack([o, b, o], -1))
-    return {"C [rad]": c, "X [mm]": x, "B [rad]": b} | read(
-        kind, turn, 0, np.array([0, 0, -1.0]), NOISE
-    ), turn
+    table, head = rotation(np.stack([o, o, -(c + wave * np.sin(c))], -1)), rotation(np.stack([o, b, o], -1))
+    turn = head if kind == "inclination" else table.swapaxes(1, 2) @ head
+    columns = {"C [rad]": c, "X [mm]": x, "B [rad]": b}
+    return columns | read(kind, turn, 0, np.array([0, 0, -1.0]), NOISE, about=STEEP), turn
 
 
 @pytest.mark.parametrize(
     "kind", ["orientation", "angle", pytest.param("inclination", marks=pytest.mark.slow)]
 )
 def test_a_wave_of_a_table_is_found_by_attitudes_seen_from_it(kind, tmp_path):
-    """An inclinometer on the head sees nothing of the table.
+    """An inclinometer on the head sees nothing of the table: the vertical stands still.
 
     Of an angle about an axis that leans by 13 degrees the axis is known: where it is free, the wave is nearly that of
     another lean (tan of half the twist is cos(lean) of that of the turn) and of a scale of B.

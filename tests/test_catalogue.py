@@ -22,8 +22,8 @@ NUMPY = {name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log",
 RNG = np.random.default_rng(20)
 NUMBERS = dict(
     zip(
-        "q s v t T F M M_perp L tan_zenith sin_zenith fork q_before leg_tension".split(),
-        RNG.uniform(0.5, 2.5, 14),
+        "q s v t T F M M_perp L tan_zenith sin_zenith fork q_before leg_tension read_x read_y read_z".split(),
+        RNG.uniform(0.5, 2.5, 17),
         strict=True,
     )
 )
@@ -120,7 +120,10 @@ EXPECTED = {
     ("machine", "instrument_scale"): ("factor", {"k": "1"}, lambda p, w: p["k"]),
     ("revolute", "coupling"): ("reading", {"k": "1"}, lambda p, w: p["k"] * w.q_before),
     ("machine", "instrument_axis_scales"): (
-        "factors", {"x": "1", "y": "1"}, lambda p, w: p["x"] * w.EX + p["y"] * w.EY),
+        "axes", {"x": "1", "y": "1"}, lambda p, w: p["x"] * w.read_x * w.EX + p["y"] * w.read_y * w.EY),
+    ("machine", "instrument_squareness"): (
+        "axes", dict.fromkeys(("xy", "xz", "yz"), AS),
+        lambda p, w: (p["xy"] * w.read_y + p["xz"] * w.read_z) * w.EX + p["yz"] * w.read_z * w.EY),
     ("revolute", "axis_flexure"): ("rotation", {"a": AS}, lambda p, w: p["a"] * w.bend),
     ("revolute", "fork_flexure"): ("reading", {"a": AS}, lambda p, w: p["a"] * w.fork),
     ("machine", "tube_flexure"): ("lift", {"a": AS}, lambda p, w: -p["a"] * w.sin_zenith),
@@ -186,7 +189,7 @@ def test_an_effects_formula_is_worth_what_was_written_by_hand(at, name):
 
 VOCABULARY = {
     **dict.fromkeys("s U V N EX EY EZ zeta P1 P2 P3 P4 tan_zenith sin_zenith bend fork leg_tension pi".split(), ONE),
-    "T": TEMPERATURE, "F": FORCE, "t": TIME, "L": LENGTH,
+    "T": TEMPERATURE, "F": FORCE, "t": TIME, "L": LENGTH, **dict.fromkeys(("read_x", "read_y", "read_z"), LENGTH),
 }  # fmt: skip
 
 

@@ -60,12 +60,13 @@ def test_no_effect_of_the_catalogue_is_left_out(kind):
     places = {"A": "revolute", "Z": "prismatic", None: "machine", "p": "target", "r": "target"}
     there = {(e["name"], places[e.get("joint") or e.get("target")]) for e in every(kind).file["effect"]}
     of_sight = {(d.name, place) for d in CATALOGUE for place in d.at if d.of_directions}
+    axes = {(d.name, "machine") for d in CATALOGUE if d.component == "axes"}
     silent = {
         "point": of_sight,
-        "distance": of_sight | {("instrument_axis_scales", "machine")},
+        "distance": of_sight | axes,
         "direction": {(d.name, "prismatic") for d in CATALOGUE if d.component in {"reading", "axis"}}
         | {("straightness", "prismatic"), ("axis_offset", "revolute"), ("instrument_scale", "machine")}
-        | {("instrument_axis_scales", "machine")}
+        | axes
         | {(f"{x}_error_motion", "revolute") for x in ("radial", "axial")}
         | {("thermal_axis_drift", "revolute")},
     }[kind]

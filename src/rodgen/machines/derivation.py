@@ -572,7 +572,7 @@ class ModelSteps:
         whole = [
             n
             for n, term in enumerate(s.terms)
-            if term.joint is None and not term.target and term.component not in {"lift", "factor", "factors"}
+            if term.joint is None and not term.target and term.component not in {"lift", "factor", "axes"}
         ]
         x = self.displaced(x, whole, self.zero, None, moves=moves)
         if s.shift:
@@ -599,18 +599,19 @@ class ModelSteps:
         )
 
     def scaled(self, x: Vector) -> Vector:
-        """Multiply each component of a reading by what its axis of the instrument does."""
-        for n, term in enumerate(self.structure.terms):
-            if term.component == "factors":
-                factors = self.term(n)
-                x = self.let("scaled", x + self.matrix([factors[i] * x[i] for i in range(3)]))
-        return x
+        """Add to a reading what the errors of the instrument's axes do."""
+        numbers = [n for n, term in enumerate(self.structure.terms) if term.component == "axes"]
+        words = {f"read_{name}": x[i] for i, name in enumerate("xyz")}
+        found = (self.value(n, self.structure.terms[n].formula, **words) for n in numbers)
+        return self.let("scaled", sum(found, x)) if numbers else x
 
     def kernel(self) -> Kernel:
         """Return the kernel."""
         s = self.structure
         moves = s.moving
         inner, outer = range(s.inner), range(s.inner, len(s.joints))
+        if s.measurand.line == "vertical":  # it stands still, as the bed does
+            inner = range(0)
         own = self.axes() if s.measurand.has_axes else []
         if s.kinematics.is_closed:
             x, turned = closed_chain(self, self.target(), own)

@@ -221,7 +221,7 @@ class _Angular(Measurand):
             "translation": "no direction: it only moves",
             "point": "no direction: it only moves",
             "factor": "no direction: it has no length",
-            "factors": "no direction: it has no length",
+            "axes": "no direction: it has no length",
         }
     )
 
@@ -277,7 +277,7 @@ class Distance(Measurand):
     inputs = 1
     is_place = False
     has_origin = True
-    unchanged_by = MappingProxyType({"factors": "no distance: it has no axes"})
+    unchanged_by = MappingProxyType({"axes": "no distance: it has no axes"})
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the difference of the distances."""

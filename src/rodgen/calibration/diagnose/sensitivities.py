@@ -33,7 +33,7 @@ __all__ = ["MOMENTS", "Place", "Sensitivities"]
 Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = str | None
 
-DIRECT = frozenset({"axis", "point", "target", "frame_shift", "factor", "factors", "lift", "sag"}) | CLOSED
+DIRECT = frozenset({"axis", "point", "target", "frame_shift", "factor", "axes", "lift", "sag"}) | CLOSED
 """Components of effects that are in the model themselves, ..."""
 MOMENTS = frozenset({"M", "M_perp", "M_across", "M_guide"})
 """... as do effects whose formula has one of these."""

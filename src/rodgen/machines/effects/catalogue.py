@@ -28,6 +28,7 @@ __all__ = [
 _ISO_1 = "ISO 230-1:2012, Geometric accuracy of machines operating under no-load or quasi-static conditions"
 _ISO_2 = "ISO 230-2:2014, Determination of accuracy and repeatability of positioning of numerically controlled axes"
 _ISO_3 = "ISO 230-3:2020, Determination of thermal effects"
+_ISO_10360 = "ISO 10360-2:2009, Acceptance and reverification tests for coordinate measuring machines (CMM)"
 _ISO_7 = "ISO 230-7:2015, Geometric accuracy of axes of rotation"
 _SLOCUM = "A. H. Slocum, Precision Machine Design, Prentice Hall 1992"
 _SCHWENKE = (
@@ -517,13 +518,24 @@ _MACHINE = (
         source=_TRACKERS,
     ),
     _row(
-        "instrument_axis_scales", "machine", "factors", "x*EX + y*EY", _in("1", "x y"),
+        "instrument_axis_scales", "machine", "axes", "x*read_x*EX + y*read_y*EY", _in("1", "x y"),
         meaning="The scales of the instrument's own axes differ, as those of a measuring machine or arm do, or its "
         "angles and distances do not agree. Lengths along x and y of its frame come out too long against those along "
         "z; what all have in common is instrument_scale.",
         usual_size="1e-6 to 2e-5: 1 to 20 µm/m",
         remedy="Have the instrument calibrated along each axis, on one length in several directions.",
         source=f"{_TRACKERS}; {_SCHWENKE}",
+    ),
+    _row(
+        "instrument_squareness", "machine", "axes", "(xy*read_y + xz*read_z)*EX + yz*read_z*EY",
+        _in("arcsec", "xy xz yz"),
+        meaning="The instrument's own axes are not square to each other: the guideways of a measuring machine, or the "
+        "linear axes of the machine tool whose probe takes the readings. A right angle is read as wrong by as much, "
+        "wherever it lies and whatever the machine does; a circle about z is read as an ellipse.",
+        usual_size="1 to 20 arcsec: a good measuring machine 1 to 5, a machine tool up to 20",
+        remedy="Measure a square or a ball bar in two diagonals, and enter the squareness in the instrument's "
+        "compensation.",
+        source=f"{_ISO_10360}; {_ISO_1}, squareness; {_SCHWENKE}",
     ),
     _row(
         "tube_flexure", "machine", "lift", "-a*sin_zenith", {"a": "arcsec"},

@@ -29,7 +29,7 @@ COMPONENTS = {
     "frame": "the frame moves by {formula}",
     "frame_shift": "the frame moved by {formula} and turned by {slope}",
     "factor": "reading × (1 + {formula})",
-    "factors": "components of the reading × (1 + those of {formula})",
+    "axes": "reading += {formula}",
     "lift": "direction lifted towards −g by {formula}",
     "sag": "drop along g {formula}, turned about N × g by {slope}",
     "tx": "translation along x {formula}",
@@ -87,8 +87,9 @@ class EffectDefinition:
         U V N (unit vectors that complete the axis, the axis), EX EY EZ (machine axes), M M_perp M_across M_guide
         (moments of a unit force along gravity), bend (N × gravity), fork (the part along N of n × gravity, n the
         axis before, upwards), zeta (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials of 2 zeta - 1),
-        L (length of the travel), q_before (coordinate of the joint before), tan_zenith, sin_zenith, leg_tension
-        (force in the leg, tension positive, per unit load along gravity at the target).
+        L (length of the travel), q_before (coordinate of the joint before), tan_zenith, sin_zenith, read_x, read_y,
+        read_z (components of the reading), leg_tension (force in the leg, tension positive, per unit load along gravity
+        at the target).
     parameters : mapping of str to str
         Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
         directions are measured, and ``{move}`` that too, or arcsec where directions are measured.
@@ -350,7 +351,7 @@ def component_dimension(component: str, at: str, measurand: Measurand = POINT) -
         return coordinate_dimension(at)
     if component in {"frame", "frame_shift", "target"}:
         return measurand.dimension
-    if component in {"factor", "factors"}:
+    if component == "factor":
         return ONE
     return ANGLE if component in {"rotation", "axis", "lift", "rx", "ry", "rz"} else LENGTH
 

@@ -180,7 +180,8 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("linear_drift", "machine"): _row((0.5, 0.5, 0.5), "5 um/h < 10 mm/h", "5 arcsec/h < 1 deg/h"),
     ("frame_shift", "machine"): _row((0.5, 0.5, 0.5), "0.1 mm < 100 m", "30 arcsec < 180 deg"),
     ("instrument_scale", "machine"): _row((0.2, 0.2, 0.2), "1e-5 < 0.01"),
-    ("instrument_axis_scales", "machine"): _row((0.05, 0.05, 0.05), "1e-5 < 0.01"),
+    ("instrument_axis_scales", "machine"): _row((0.1, 0.05, 0.05), "1e-5 < 0.01"),
+    ("instrument_squareness", "machine"): _row((0.2, 0.05, 0.05), "10 arcsec < 0.5 deg"),
     ("axis_flexure", "revolute"): _row((0.01, 0.01, 0.3), "20 arcsec < 2 deg"),
     ("fork_flexure", "revolute"): _row((0.01, 0.01, 0.3), "20 arcsec < 2 deg"),
     ("tube_flexure", "machine"): _row((0.01, 0.01, 1), "20 arcsec < 2 deg"),
@@ -216,6 +217,8 @@ Where kinds of machines differ, the reasons are:
   once, so that a small scale error is next to impossible, 0.01.
 - Error motions: rolling bearings of the loosest class of clearance, C5, have a radial play of some 0.2 mm at a bore of
   0.2 m: 0.1 mm to either side, which tilts an axis by 0.1 degrees over 0.1 m. No axis moves by more in a turn.
+- Axes of the instrument: a machine tool is measured by its own probe or on a measuring machine, whose axes are square
+  within 1 to 20 arcsec and whose scales differ; robots and telescopes by instruments that measure angles, 0.05.
 - Machine tools: encoders on the axis, eccentric by some micrometres, are the rule, 0.5; on robots they sit behind the
   gear, where an eccentricity turns with the motor, 0.2.
 

@@ -173,7 +173,6 @@ def check_effect(machine: Machine, effect: Effect) -> None:
         _check_acts,
         _check_drive,
         _check_before,
-        _check_axes,
         _check_once,
         _check_freedom,
         _check_hold,
@@ -216,15 +215,6 @@ def _check_before(machine: Machine, effect: Effect) -> None:
     if not before or not machine.joints[before[-1]].revolute:
         raise UnfitEffectError(
             "joint", f"{shown(effect.place)}, which no other axis carries", "a joint behind a revolute joint"
-        )
-
-
-def _check_axes(machine: Machine, effect: Effect) -> None:
-    if effect.definition.component == "factors" and machine.measured.frame == "machine":
-        raise UnfitEffectError(
-            "name",
-            f"{effect.name} where the readings are in machine axes, not in the instrument's",
-            'the scales of the joints, or frame = "free"',
         )
 
 

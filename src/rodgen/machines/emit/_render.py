@@ -166,7 +166,7 @@ def _words_of(content: Content) -> Iterator[str]:
 
 def model_words(content: Content) -> Iterator[str]:
     """Say what of the fitted model is in the code, and what is not."""
-    machine, place = content.machine, "direction" if content.directions else "place"
+    place = "direction" if content.directions else "place"
     effects = effect_words(content.scope)
     yield f"Its effects:{'' if effects else ' none.'}"
     for title, values in effects:

@@ -71,7 +71,7 @@ def scope_of(machine: Machine, travel: Any = None) -> Scope:
 def _left_out(machine: Machine) -> Iterator[tuple[Effect, str]]:
     for effect in machine.effects:
         component = effect.definition.component
-        if component in {"factor", "factors"}:
+        if component in {"factor", "axes"}:
             yield effect, "the instrument's error, not the machine's"
         elif component == "target" and machine.measurand.has_zero:
             yield effect, "how the instrument is mounted"
