@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from octave import Octave
 
 # Threads of the linear algebra would wait for each other in a loop: the test processes have the cores already.
 os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
@@ -125,6 +126,17 @@ def cpp_compiler() -> str:
     if found is None:
         pytest.skip("no C++ compiler; set CXX to one")
     return found
+
+
+@pytest.fixture(scope="session")
+def octave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Octave]:
+    """GNU Octave; tests that need it are skipped where there is none."""
+    found = shutil.which("octave-cli")
+    if found is None:
+        pytest.skip("no octave-cli")
+    running = Octave(found, tmp_path_factory.mktemp("octave"))
+    yield running
+    running.close()
 
 
 @pytest.fixture(scope="session")

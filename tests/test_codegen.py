@@ -21,12 +21,20 @@ import pytest
 import sympy as sp
 from conftest import CPP_WARNINGS, compile_shared
 from kernel_reference import GENERATED, KERNELS, inputs_of, of_kernels, pairs
+from octave import Octave, OctaveError
 
 import rodgen
 import rodgen.generated
 from rodgen.codegen import Kernel, KernelBuilder, KernelError
 from rodgen.codegen.compile import compile_kernel
-from rodgen.codegen.printers import ArrayPrinter, CppPrinter, CPrinter, RealCPrinter, VectorCPrinter
+from rodgen.codegen.printers import (
+    ArrayPrinter,
+    CppPrinter,
+    CPrinter,
+    MatlabPrinter,
+    RealCPrinter,
+    VectorCPrinter,
+)
 from rodgen.codegen.source_files import KernelModule, check_kernels, render, render_extension, write_kernels
 from rodgen.codegen.source_text import in_comment, in_docstring
 from rodgen.symbolic import EPS, LARGEST, Derivation, power_of_two_scale, select
@@ -429,6 +437,55 @@ def test_cpp_printer_writes_every_construct(bits: int, cpp_compiler: str, tmp_pa
     check_constructs(module, results, bits)
 
 
+def written(files: dict[str, str], folder: Path) -> None:
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+
+
+@pytest.mark.parametrize("bits", [64, 32])
+def test_matlab_printer_writes_every_construct(bits: int, octave: Octave, tmp_path: Path) -> None:
+    module = constructs_module(CONSTRUCTS | ELEMENTARY)
+    written(render(module, ["matlab"]), tmp_path)
+    octave.run(f"addpath('{tmp_path}/matlab');")
+    inputs = [np.ascontiguousarray(c, dtype=f"f{bits // 8}") for c in POINTS.T]
+    results = octave.call(
+        "rodgen.printed.constructs", [c[None] for c in inputs], len(module.kernels[0].outputs)
+    )
+    check_constructs(module, tuple(r.ravel() for r in results), bits)
+    octave.run(f"rmpath('{tmp_path}/matlab');")
+
+
+def test_what_has_no_real_value_is_nan_in_matlab_as_elsewhere(octave: Octave, tmp_path: Path) -> None:
+    """MATLAB gives complex numbers, which would spread to the other columns."""
+    k = KernelBuilder("outside", summary="", source="")
+    x = k.input("x", unit="1", doc="")
+    functions = (
+        sp.sqrt,
+        sp.log,
+        sp.asin,
+        sp.acos,
+        lambda x: x ** sp.Rational(7, 3),
+        lambda x: sp.sqrt(x) ** 3,
+    )
+    for n, function in enumerate(functions):
+        k.output(f"y{n}", function(x), unit="1", doc="")
+    module = KernelModule("nowhere", "", "", (k.build(),))
+    written(render(module, ["matlab"]), tmp_path)
+    namespace: dict[str, Any] = {"__name__": "nowhere"}
+    exec(compile(render(module)["numpy/nowhere.py"], "nowhere.py", "exec"), namespace)
+    given = np.array([-2.0, -0.5, -0.0, 0.0, 0.5, 1.0, 2.0, np.nan, np.inf])
+    octave.run(f"addpath('{tmp_path}/matlab');")
+    for found, expected in zip(
+        octave.call("rodgen.nowhere.outside", [given[None]], len(functions)),
+        namespace["outside"](given),
+        strict=True,
+    ):
+        assert not np.iscomplexobj(found)
+        np.testing.assert_allclose(found[0], expected, rtol=1e-15)
+    octave.run(f"rmpath('{tmp_path}/matlab');")
+
+
 @pytest.mark.parametrize("rows", ["in blocks", "row by row"])
 @pytest.mark.parametrize("bits", [64, 32])
 def test_vector_printer_writes_every_construct(bits: int, rows: str, compiler: str, tmp_path: Path) -> None:
@@ -477,7 +534,7 @@ def test_vector_printer_writes_every_construct(bits: int, rows: str, compiler: s
 
 
 @pytest.mark.parametrize(
-    "printer", [ArrayPrinter(), CPrinter(), RealCPrinter(), VectorCPrinter(), CppPrinter()]
+    "printer", [ArrayPrinter(), CPrinter(), RealCPrinter(), VectorCPrinter(), CppPrinter(), MatlabPrinter()]
 )
 def test_printers_refuse_what_they_cannot_write(printer: Any) -> None:
     with pytest.raises(KernelError, match="gamma"):
@@ -505,8 +562,8 @@ HOSTILE = '*/ #error no */ \\\n#error "no"\n%{\n%}\nx = 1; ...\n'
 """Ends comments and begins lines, in C, C++ and MATLAB."""
 
 
-def test_cpp_header_stands_names_and_words_of_users(cpp_compiler: str, tmp_path: Path) -> None:
-    """It is included twice, by two sources of one program, with matrices, codes, and whatever a docstring may hold."""
+def hostile_module() -> KernelModule:
+    """Make a module with matrices, codes, names of functions, and whatever a docstring may hold."""
 
     class Code(IntEnum):
         __doc__ = HOSTILE
@@ -514,21 +571,26 @@ def test_cpp_header_stands_names_and_words_of_users(cpp_compiler: str, tmp_path:
         BAD = -1
 
     k = KernelBuilder("lever", summary=HOSTILE, source=HOSTILE, notes=HOSTILE)
-    arms = k.input("arms", (2, 3), unit="m", doc=HOSTILE)
+    arms = k.input("size", (2, 3), unit="m", doc=HOSTILE)
     k.input("unread", unit=HOSTILE, doc=HOSTILE)
-    force = k.input("sin", unit="N", doc=HOSTILE)
+    force = k.input("zeros", unit="N", doc=HOSTILE)
     k.output("moments", force * arms, unit="N m", doc=HOSTILE)
     k.status("status", sp.Piecewise((0, force > 0), (-1, True)), Code, doc=HOSTILE)
-    (header,) = render(KernelModule("cos", HOSTILE, HOSTILE, (k.build(),)), ["cpp"]).values()
-    (tmp_path / "cos.hpp").write_text(header)
-    call = "rodgen::cos::lever<float>({{{1, 2, 3}, {4, 5, 6}}}, 0, 2)"
+    return KernelModule("size", HOSTILE, HOSTILE, (k.build(),))
+
+
+def test_cpp_header_stands_names_and_words_of_users(cpp_compiler: str, tmp_path: Path) -> None:
+    """It is included twice, by two sources of one program."""
+    (header,) = render(hostile_module(), ["cpp"]).values()
+    (tmp_path / "size.hpp").write_text(header)
+    call = "rodgen::size::lever<float>({{{1, 2, 3}, {4, 5, 6}}}, 0, 2)"
     (tmp_path / "other.cpp").write_text(
-        f'#include "cos.hpp"\nfloat other() {{ return {call}.moments[1][0]; }}\n'
+        f'#include "size.hpp"\nfloat other() {{ return {call}.moments[1][0]; }}\n'
     )
     (tmp_path / "main.cpp").write_text(
-        '#include "cos.hpp"\n#include "cos.hpp"\nfloat other();\n'
+        '#include "size.hpp"\n#include "size.hpp"\nfloat other();\n'
         f"int main() {{ const auto [moments, status] = {call};\n"
-        "return !(moments[1][0] == other() && other() == 8 && status == rodgen::cos::Code::GOOD); }\n"
+        "return !(moments[1][0] == other() && other() == 8 && status == rodgen::size::Code::GOOD); }\n"
     )
     sources = [str(tmp_path / name) for name in ("other.cpp", "main.cpp")]
     command = [cpp_compiler, *CPP_WARNINGS, "-Wold-style-cast", "-Wconversion", *sources]
@@ -539,11 +601,40 @@ def test_cpp_header_stands_names_and_words_of_users(cpp_compiler: str, tmp_path:
     assert "#error" in refused.stderr
 
 
+def test_matlab_functions_stand_names_and_words_of_users(octave: Octave, tmp_path: Path) -> None:
+    written(render(hostile_module(), ["matlab"]), tmp_path)
+    octave.run(f"addpath('{tmp_path}/matlab');")
+    octave.run("[moments, status] = rodgen.size.lever([1 2 3; 4 5 6], 0, single([2 -2]));")
+    octave.run(
+        "assert(moments, single(cat(3, [2 4 6; 8 10 12], -[2 4 6; 8 10 12]))); assert(class(moments), 'single');"
+    )
+    octave.run("codes = rodgen.size.Code(); assert(status, [codes.GOOD codes.BAD]);")
+    octave.run("assert(size(rodgen.size.lever(zeros(2, 3, 0), 0, 1)), [2 3 0]);")
+    for arguments, words in (
+        ("[1 2 3], 0, 1", "size is 1 x 3; expected 2 x 3 x N"),
+        ("ones(2, 3, 4), 0, [1 2 3]", "zeros has 3 columns, another input 4"),
+        ("ones(2, 3), 0, ones(2, 2)", "zeros is 2 x 2; expected 1 x N"),
+        ("ones(2, 3), 0, 1i", "zeros is no array of real numbers"),
+        ("ones(2, 3), 'a', 1", "unread is no array of real numbers"),
+    ):
+        with pytest.raises(OctaveError, match=words):
+            octave.run(f"rodgen.size.lever({arguments});")
+    octave.run(f"rmpath('{tmp_path}/matlab');")
+
+
+@pytest.mark.parametrize(
+    ("target", "word", "why"),
+    [
+        ("cpp", "template", r"template is reserved in generated C\+\+"),
+        ("matlab", "end", "end is reserved in generated MATLAB"),
+        ("matlab", "x" * 64, "has more than 63 characters in generated MATLAB"),
+    ],
+)
 @pytest.mark.parametrize("where", ["module", "kernel", "input", "step", "code"])
-def test_names_that_a_language_keeps_are_refused_when_it_is_asked_for(where: str) -> None:
-    name = {
-        part: "template" if part == where else part for part in ("module", "kernel", "input", "step", "code")
-    }
+def test_names_that_a_language_keeps_are_refused_when_it_is_asked_for(
+    where: str, target: str, word: str, why: str
+) -> None:
+    name = {part: word if part == where else part for part in ("module", "kernel", "input", "step", "code")}
     k = KernelBuilder(name["kernel"], summary="", source="")
     x = k.input(name["input"] + "_" * (where != "input"), unit="1", doc="")
     y = k.let(name["step"], sp.sin(x))
@@ -556,8 +647,8 @@ def test_names_that_a_language_keeps_are_refused_when_it_is_asked_for(where: str
     )
     module = KernelModule(name["module"], "", "", (k.build(),))
     assert len(render(module)) == 3
-    with pytest.raises(KernelError, match=r"'template' is reserved in generated C\+\+"):
-        render(module, ["cpp"])
+    with pytest.raises(KernelError, match=why):
+        render(module, [target])
 
 
 # Files ---------------------------------------------------------------------------------------------------

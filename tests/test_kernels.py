@@ -1,7 +1,7 @@
 """Every kernel, on every target, against its expression trees: one test body, one subclass a target.
 
-The targets are the generated NumPy module, the gufuncs of each instruction set, and the emitted C and C++ alone,
-compiled as a careful user would and called through ctypes.
+The targets are the generated NumPy module, the gufuncs of each instruction set, the emitted C and C++ alone,
+compiled as a careful user would and called through ctypes, and the MATLAB functions in GNU Octave.
 
 Values are compared for every kernel. What concerns the memory alone, such as strides and overlap, is the work of the
 loop template and of one NumPy function, which are the same for all kernels but for the number and the shapes of the
@@ -14,6 +14,7 @@ import ctypes
 import functools
 import re
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -22,6 +23,7 @@ import numpy as np
 import pytest
 from conftest import C_FOLDER
 from kernel_reference import GENERATED, KERNELS, MODULE_OF, Generated, expected, of_kernels
+from octave import Octave, columns, rows
 
 from rodgen.codegen.source_files import KernelModule, render
 from rodgen.generated import numpy as generated_numpy
@@ -460,15 +462,14 @@ def module_text(name: str, target: str) -> dict[str, str]:
     return render(KernelModule(name, "A module.", "none", kernels), [target])
 
 
-def is_quick(name: str) -> bool:
-    """Whether the module of a kernel is small, and has each form of port and statuses."""
-    return MODULE_OF[name] in {"rotations", "trig_equation"}
+QUICK = {"axis_angle_from_matrix", "rotate", "trig_solve"}
+"""Of two small modules; together they have each form of port, codes and `power_of_two_scale`."""
 
 
 class OnRequestTests(KernelTests):
-    """Languages that are written on request: some modules always, the others in slow tests."""
+    """Languages that are written on request: few kernels always, the others in slow tests."""
 
-    @of_kernels(GENERATED, slow=lambda name: not is_quick(name))
+    @of_kernels(GENERATED, slow=lambda name: name not in QUICK)
     def test_values_agree_with_the_expression_trees(self, name: str) -> None:
         super().test_values_agree_with_the_expression_trees(name)
 
@@ -485,6 +486,41 @@ class TestCpp(OnRequestTests):
 
     def call(self, name: str, *arguments: np.ndarray) -> Results:
         return cpp_calls.call(self.library(MODULE_OF[name]), name, GENERATED[name], arguments)
+
+
+class TestMatlab(OnRequestTests):
+    """The MATLAB functions, in GNU Octave."""
+
+    @pytest.fixture(autouse=True)
+    def _octave(self, octave: Octave, matlab_folder: Callable[[str], Path]) -> None:
+        self.octave, self.written = octave, matlab_folder
+
+    def call(self, name: str, *arguments: np.ndarray) -> Results:
+        kernel = GENERATED[name]
+        self.octave.run(f"addpath('{self.written(kernel.module)}');")
+        given = [columns(a) for a in arguments]
+        results = self.octave.call(f"rodgen.{kernel.module}.{name}", given, len(kernel.outputs))
+        for result, port in zip(results, kernel.outputs, strict=True):
+            assert result.dtype == (np.int32 if port.is_status else arguments[0].dtype)
+        return tuple(
+            rows(result.astype(np.int8) if port.is_status else result, port.shape, len(arguments[0]))
+            for result, port in zip(results, kernel.outputs, strict=True)
+        )
+
+
+@pytest.fixture(scope="session")
+def matlab_folder(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The folder with the MATLAB functions of a module."""
+    folder = tmp_path_factory.mktemp("matlab")
+
+    @functools.cache
+    def written(module: str) -> Path:
+        for path, text in module_text(module, "matlab").items():
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / path).write_text(text)
+        return folder / "matlab"
+
+    return written
 
 
 @pytest.fixture(scope="session")

@@ -55,9 +55,9 @@ def add_to(command: Command) -> None:
     kernels.add_argument("-o", "--output", metavar="DIR", default="generated", help="default: %(default)s")
     kernels.add_argument(
         "--target",
-        choices=("numpy", "c", "cpp"),
+        choices=("numpy", "c", "cpp", "matlab"),
         action="append",
-        help="language, may be repeated: NumPy, C99, a C++17 header (default: numpy and c)",
+        help="language, may be repeated: NumPy, C99, a C++17 header, MATLAB and GNU Octave (default: numpy and c)",
     )
     kernels.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
 

@@ -24,6 +24,7 @@ __all__ = [
     "CPrinter",
     "CppPrinter",
     "KernelPrinter",
+    "MatlabPrinter",
     "RealCPrinter",
     "VectorCPrinter",
 ]
@@ -39,6 +40,12 @@ wchar_t xor xor_eq
 DOMAIN EDOM EOF ERANGE FALSE HUGE HUGE_VAL OVERFLOW PLOSS Real SING TLOSS TRUE UNDERFLOW detail
 """
 """Words that C++ keeps, macros of its headers, and names in the template."""
+MATLAB_WORDS = """
+case catch classdef do else elseif end end_try_catch end_unwind_protect endclassdef endfor endfunction endif endparfor
+endswitch endwhile function global if otherwise parfor persistent return spmd switch try until unwind_protect
+unwind_protect_cleanup while assembled count eps evaluate given_columns kind NaN realmax real_power real_sqrt select
+"""
+"""Words that MATLAB and GNU Octave keep, and names in the template."""
 
 
 class KernelPrinter(CodePrinter):  # type: ignore[misc]
@@ -48,8 +55,10 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
     functions: ClassVar[dict[str, str]] = {}
     largest_power_as_product = 4
     conjunction, disjunction, negation = " & ", " | ", "~"
+    times, over, unequal = "*", "/", "!="
     reserved: ClassVar[frozenset[str]] = frozenset()
     """Words that a kernel may have in Python and C, and not in this language."""
+    longest_name = 1000
 
     def __init__(self) -> None:
         super().__init__({"strict": False})
@@ -75,7 +84,7 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
         sign, p, q = "-" if expr.p < 0 else "", abs(int(expr.p)), int(expr.q)
         if q & (q - 1) == 0:
             return f"{sign}{self.number(p / q)}"
-        return f"{sign}{self.number(p)}/{self.number(q)}"
+        return f"{sign}{self.number(p)}{self.over}{self.number(q)}"
 
     def _print_Float(self, expr: sp.Float) -> str:
         raise KernelError(
@@ -106,14 +115,14 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
         base, exponent = expr.args
         if exponent.is_negative:
             below = self.parenthesize(sp.Pow(base, -exponent), PRECEDENCE["Pow"])
-            return f"{self.number(1)}/{below}"
+            return f"{self.number(1)}{self.over}{below}"
         if exponent == 1:
             return str(self._print(base))
         if exponent == sp.S.Half:
             return self.square_root(self._print(base))
         if exponent.is_Integer and exponent <= self.largest_power_as_product:
             factor = self.parenthesize(base, PRECEDENCE["Pow"])
-            return "(" + "*".join([factor] * int(exponent)) + ")"
+            return "(" + self.times.join([factor] * int(exponent)) + ")"
         return self.power(self._print(base), self._print(exponent))
 
     def _print_Mul(self, expr: sp.Mul) -> str:
@@ -131,10 +140,11 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
                 below.append(self.number(int(factor.q)))
             else:
                 above.append(self.parenthesize(factor, PRECEDENCE["Mul"]))
-        numerator = "*".join(above) or self.number(1)
+        numerator = self.times.join(above) or self.number(1)
         if not below:
             return numerator
-        return f"{numerator}/{below[0]}" if len(below) == 1 else f"{numerator}/({'*'.join(below)})"
+        denominator = below[0] if len(below) == 1 else f"({self.times.join(below)})"
+        return f"{numerator}{self.over}{denominator}"
 
     def _print_Add(self, expr: sp.Add) -> str:
         text = ""
@@ -158,7 +168,7 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
         if isinstance(item, sp.Piecewise | sp.Symbol | sp.Function | sp.Pow):
             return printed
         binds = precedence(item)
-        if item.is_Rational and not item.is_Integer and "/" in printed:
+        if item.is_Rational and not item.is_Integer and self.over in printed:
             binds = PRECEDENCE["Mul"]
         return f"({printed})" if binds < level or (strict and binds == level) else printed
 
@@ -177,7 +187,8 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
     # conditions --------------------------------------------------------------
 
     def _print_Relational(self, expr: Relational) -> str:
-        return f"{self._print(expr.lhs)} {expr.rel_op} {self._print(expr.rhs)}"
+        operator = self.unequal if isinstance(expr, sp.Ne) else expr.rel_op
+        return f"{self._print(expr.lhs)} {operator} {self._print(expr.rhs)}"
 
     def _print_And(self, expr: sp.And) -> str:
         return self._joined(expr, self.conjunction)
@@ -247,6 +258,50 @@ class ArrayPrinter(KernelPrinter):
 
     def _print_BooleanFalse(self, expr: sp.Basic) -> str:
         return "False"
+
+
+class MatlabPrinter(KernelPrinter):
+    """Expressions on rows of numbers in MATLAB and GNU Octave, where `kind` is the class of the numbers."""
+
+    language = "MATLAB"
+    times, over, unequal = ".*", "./", "~="
+    functions: ClassVar[dict[str, str]] = {
+        **{name: name for name in (*ELEMENTARY, "power_of_two_scale")},
+        **{name: f"real_{name}" for name in ("asin", "acos", "log")},
+        "Abs": "abs",
+        "sign": "sign_of",  # a sign is a likely name
+    }
+    constants: ClassVar[dict[sp.Symbol, str]] = {EPS: "eps(kind)", LARGEST: "realmax(kind)"}
+    reserved = frozenset({*MATLAB_WORDS.split(), *functions.values()})
+    longest_name = 63
+
+    def not_a_number(self) -> str:
+        """Write NaN."""
+        return "NaN"
+
+    def square_root(self, argument: str) -> str:
+        """Write a square root."""
+        return f"real_sqrt({argument})"
+
+    def power(self, base: str, exponent: str) -> str:
+        """Write a general power."""
+        return f"real_power({base}, {exponent})"
+
+    def _print_Symbol(self, expr: sp.Symbol) -> str:
+        return self.constants.get(expr, str(expr.name))
+
+    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
+        *cases, (last, _) = expr.args
+        text = str(self._print(last))
+        for value, condition in reversed(cases):
+            text = f"select({self._print(condition)}, {self._print(value)}, {text})"
+        return text
+
+    def _print_BooleanTrue(self, expr: sp.Basic) -> str:
+        return "true"
+
+    def _print_BooleanFalse(self, expr: sp.Basic) -> str:
+        return "false"
 
 
 class CPrinter(KernelPrinter):

@@ -1,4 +1,4 @@
-"""From the kernels of a derivation to files: NumPy, C, C++, the loops of the gufuncs.
+"""From the kernels of a derivation to files: NumPy, C, C++, MATLAB, the loops of the gufuncs.
 
 ``render`` makes the text in memory; ``write_kernels`` puts it on disk; ``check_kernels`` compares it with the disk.
 Nothing in the bytes depends on the time, the place, or the version of anything but SymPy, which is pinned.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import math
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -35,6 +36,7 @@ from rodgen.codegen.printers import (
     ArrayPrinter,
     CppPrinter,
     KernelPrinter,
+    MatlabPrinter,
     RealCPrinter,
     VectorCPrinter,
 )
@@ -42,6 +44,8 @@ from rodgen.codegen.source_text import (
     DO_NOT_EDIT,
     ENVIRONMENT,
     REALS,
+    matlab_helpers,
+    matlab_lines,
     scale_functions,
 )
 from rodgen.files import write_file
@@ -224,7 +228,7 @@ def check_kernels(
             name = path.relative_to(folder).as_posix()
             ours = sub.name != "tests" or DO_NOT_EDIT in path.read_text(errors="replace")
             if (
-                path.suffix in {".py", ".c", ".h", ".hpp"}
+                path.suffix in {".py", ".c", ".h", ".hpp", ".m"}
                 and name not in files
                 and path.name != "__init__.py"
                 and ours
@@ -275,11 +279,16 @@ def _check_names(module: KernelModule, printer: KernelPrinter) -> None:
     for k in module.kernels:
         names |= {k.name, *(p.name for p in (*k.inputs, *k.outputs))}
         names |= {s.name for p in k.inputs for s in p.symbols} | {a.symbol.name for a in k.assignments}
-    taken = names & printer.reserved
-    if taken:
-        raise KernelError(
-            f"module {module.name}: {min(taken)!r} is reserved in generated {printer.language}; expected another name"
-        )
+    for name in sorted(names):
+        if name in printer.reserved or len(name) > printer.longest_name:
+            why = (
+                "is reserved"
+                if name in printer.reserved
+                else f"has more than {printer.longest_name} characters"
+            )
+            raise KernelError(
+                f"module {module.name}: the name {name} {why} in generated {printer.language}; expected another one"
+            )
 
 
 def _list_of_names(names: Sequence[str]) -> str:
@@ -488,6 +497,52 @@ def _cpp_type(port: Port) -> str:
     return kind
 
 
+# MATLAB --------------------------------------------------------------------------------------------------
+
+
+def _matlab_files(module: KernelModule) -> dict[str, str]:
+    _check_names(module, MatlabPrinter())
+    folder = f"matlab/+rodgen/+{module.name}"
+    files = {
+        f"{folder}/{kernel.name}.m": _render("kernel.m.j2", module, [], kernel=_matlab_kernel(kernel))
+        for kernel in module.kernels
+    }
+    return files | {
+        f"{folder}/{enum['name']}.m": _render("codes.m.j2", module, [], enum=enum) for enum in module.enums
+    }
+
+
+def _matlab_kernel(kernel: Kernel) -> dict[str, Any]:
+    printer, used = MatlabPrinter(), symbols_read(kernel)
+    lines = []
+    for port in kernel.inputs:
+        rows = [port.symbols[i] for i in _columnwise(port.shape)] if port.shape else []
+        lines += [f"{s.name} = {port.name}({i}, :);" for i, s in enumerate(rows, 1) if s in used]
+    lines += [f"{a.symbol.name} = {printer.line(a.value)};" for a in kernel.assignments]
+    for port in kernel.outputs:
+        components = ", ".join(port.symbols[i].name for i in _columnwise(port.shape))
+        kind = "'int32'" if port.is_status else "kind"
+        lines.append(f"{port.name} = assembled({_sizes(port) or 1}, count, {kind}, {components});")
+    return {
+        "name": kernel.name,
+        "comment": _comment(kernel),
+        "inputs": [p.name for p in kernel.inputs],
+        "outputs": [p.name for p in kernel.outputs],
+        "given": [f"{{'{p.name}', {_sizes(p) or '[]'}, {p.name}}}" for p in kernel.inputs],
+        "lines": [part for line in lines for part in matlab_lines(line)],
+        "helpers": matlab_helpers("\n".join(lines)),
+    }
+
+
+def _columnwise(shape: tuple[int, ...]) -> list[int]:
+    """Return the numbers of components that are stored row by row in the order in which MATLAB stores an array."""
+    return list(np.arange(math.prod(shape)).reshape(shape).ravel(order="F"))
+
+
+def _sizes(port: Port) -> str:
+    return f"[{' '.join(map(str, port.shape))}]" if port.shape else ""
+
+
 # gufunc --------------------------------------------------------------------------------------------------
 
 
@@ -554,5 +609,6 @@ TARGETS: Mapping[str, Callable[[KernelModule], dict[str, str]]] = {
     "numpy": _numpy_files,
     "c": _c_files,
     "cpp": _cpp_files,
+    "matlab": _matlab_files,
 }
 """What writes the files of a module in each language."""

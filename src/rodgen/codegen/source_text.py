@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import jinja2
@@ -16,6 +17,8 @@ __all__ = [
     "REALS",
     "in_comment",
     "in_docstring",
+    "matlab_helpers",
+    "matlab_lines",
     "operations_text",
     "scale_functions",
     "template_environment",
@@ -73,3 +76,17 @@ ENVIRONMENT = template_environment("rodgen.codegen")
 def scale_functions(kinds: Sequence[str] = tuple(REALS)) -> str:
     """Return the C functions of ``power_of_two_scale``."""
     return ENVIRONMENT.get_template("scale.h.j2").render(kinds=kinds).strip("\n")
+
+
+def matlab_helpers(code: str) -> str:
+    """Return the MATLAB functions that a code calls, of those that a `MatlabPrinter` needs."""
+    called = set(re.findall(r"\b(?:real_\w+|select|sign_of|power_of_two_scale)(?=\()", code))
+    return ENVIRONMENT.get_template("helpers.m.j2").render(helpers=called)
+
+
+def matlab_lines(statement: str) -> list[str]:
+    """Return a MATLAB statement in lines of a usual length; none of its spaces is in a string or between brackets."""
+    lines = textwrap.wrap(
+        statement, 112, break_long_words=False, break_on_hyphens=False, subsequent_indent="    "
+    )
+    return [f"{part} ..." for part in lines[:-1]] + lines[-1:]
