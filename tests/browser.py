@@ -65,8 +65,6 @@ function measured(frame) {
     });
   });
   all("table", page).forEach(function (table) {
-    var closed = table.closest("details");
-    if (closed && !closed.open) closed.open = true;
     var place = table.parentNode;
     var beyond = table.getBoundingClientRect().right - place.getBoundingClientRect().right;
     if (beyond > 1 || place.scrollWidth > place.clientWidth + 1)
@@ -78,8 +76,10 @@ function measured(frame) {
 var frames = Array.prototype.slice.call(document.querySelectorAll("iframe")), waiting = frames.length;
 frames.forEach(function (frame) {
   frame.onload = function () {
+    // what is folded is drawn when it is unfolded, a moment later
+    frame.contentDocument.querySelectorAll("details").forEach(function (part) { part.open = true; });
     waiting--;
-    if (waiting === 0) document.title = JSON.stringify(frames.map(measured));
+    if (waiting === 0) setTimeout(function () { document.title = JSON.stringify(frames.map(measured)); }, 3000);
   };
 });
 </script></body></html>"""

@@ -26,7 +26,9 @@ from rodgen import figures
 from rodgen.calibration.diagnose import Diagnosis
 from rodgen.calibration.fit import Estimate
 from rodgen.calibration.plan import Gain, Goal, Plan
+from rodgen.calibration.volumetric import volumetric_error
 from rodgen.cli import main as cli
+from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Effect
@@ -200,6 +202,60 @@ def test_measurements_are_described() -> None:
     joints = next(text for _, text in found.all("table") if "approached" in text)
     assert "350" in joints
     assert "one way" in joints
+
+
+def test_errors_of_the_machine_stand_above_the_ladder() -> None:
+    found = made_diagnoses.of_machine("gantry_rotary", "encoder_eccentricity@C")
+    text = report_page(found)
+    whole = Page(text)
+    assert text.index('id="h-own"') < text.index('id="h-ladder"')
+    rows = whole.one("table", **{"class": "volume"})[1]
+    volume = volumetric_error(found.final)
+    assert volume is not None
+    assert f"{volume.largest:.5f} ± {volume.largest_u:.5f} mm" in rows
+    assert f"{volume.most:.5f} ± {volume.most_u:.5f} mm" in rows
+    (table,) = (text for _, text in whole.all("table") if "Location errors (ISO 230-1, ISO 230-7)" in text)
+    tilt = found.final.estimates["C.axis.a"]
+    assert tilt.std is not None
+    assert "EA0C" in table
+    assert f"{tilt.value:.2f}" in table
+    assert f"{2 * tilt.std:.2f}" in table
+    assert "squareness of Y about z" in table
+    assert "held" in table
+
+
+def test_date_instrument_and_conditions_are_noted() -> None:
+    plain_table = made_diagnoses.table(hidden=())
+    machine = replace(
+        plain_table.base.machine, record={"date": "2026-05-17", "conditions": "20.3 °C", "instrument": "old"}
+    )
+    columns = {c.text: c.values for c in plain_table.base.observations.data.columns.values()}
+    data = Measurements.from_frame(columns | {"instrument": ["CMM 7"] * 72})
+    found = made_diagnoses.diagnosis_of(machine, data)
+    whole = Page(report_page(found))
+    _, facts = whole.one("table", **{"class": "facts"})
+    assert re.search(r"Date\s*2026-05-17\s*Instrument\s*CMM 7\s*Conditions\s*20.3 °C", facts)
+    assert any(text == "data, 2026-05-17, CMM 7" for _, text in whole.all("p"))
+
+
+def test_every_covariate_is_on_the_page() -> None:
+    found = diagnosis("unknown_effect")
+    names = {name for name in drawn(found) if name.startswith(("covariate_", "residuals_by_"))}
+    assert {"residuals_by_C", "covariate_coolant", "covariate_order"} <= names
+    assert {"quantiles", "autocorrelation", "around_C"} <= drawn(found).keys()
+    figure = drawn(found)["covariate_order"]
+    good = ~np.isin(np.arange(72), (3, 17))
+    trace = residual_of(figure, 1, "after")
+    np.testing.assert_allclose(trace.y, 1e3 * found.final_with_forms.residuals[good, 1], rtol=1e-6)
+    _, whole = page("unknown_effect")
+    folded = next(text for _, text in whole.all("summary") if "everything else that varied" in text)
+    assert f"{len([n for n in names if n.startswith('covariate_')])} figures" in folded
+
+
+def test_plan_of_many_columns_says_which_each_number_is() -> None:
+    _, found = page("effects_missing")
+    cells = [attrs["data-column"] for attrs, _ in found.all("td") if "data-column" in attrs]
+    assert cells == ["no.", "C [deg]", "target"] * 3
 
 
 def test_block_for_the_machine_file_is_whole() -> None:

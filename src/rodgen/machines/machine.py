@@ -78,6 +78,8 @@ class Machine:
         What is known of parameters before they are measured, by their keys or by what they belong to; see `knowing`.
     plausible : mapping of str to StatedPlausibility
         What the file says of the plausibility of effects, by ``PLACE.EFFECT``, or ``EFFECT`` for every place.
+    record : mapping of str to str
+        What is noted of the measurements for reports: ``date``, ``instrument``, ``conditions``.
     doubts : callable, optional
         Returns what is wrong with the files that the machine was fitted to, in one sentence, or an empty text; `emit`
         asks.
@@ -115,6 +117,7 @@ class Machine:
     kinematics: Kinematics = field(default_factory=Chain)
     known: Mapping[str, Known] = field(default_factory=dict, hash=False)
     plausible: Mapping[str, StatedPlausibility] = field(default_factory=dict, hash=False)
+    record: Mapping[str, str] = field(default_factory=dict, hash=False)
     doubts: Callable[[], str] | None = field(default=None, compare=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:

@@ -86,6 +86,7 @@ _KEYS = {
         "known",
         "plausibility",
         "columns",
+        "record",
         "effect",
     ),
     "family": (
@@ -100,10 +101,12 @@ _KEYS = {
         "known",
         "plausibility",
         "columns",
+        "record",
         "effect",
     ),
     "units": ("length", "angle"),
     "environment": ("gravity", "reference_temperature"),
+    "record": ("date", "instrument", "conditions"),
     "joint": (
         "name",
         "type",
@@ -194,6 +197,7 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         measured=measured,
         file=file,
         kinematics=kinematics,
+        record=_record(top),
     )
     _check_names(machine)
     machine = replace(machine, estimate=_estimate(top, machine))
@@ -222,6 +226,17 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
 _COLUMNS = READING_COLUMNS | {"t", "load", "run", "target"}
 _PREFIXES = ("u_", "dir_", "v_", "T_")
 _NAME_TEXT = re.compile(r"[^\W_](?:[\w+-]|(?<=[\w+-]) (?=[\w+-])){0,59}")
+
+
+def _record(top: Table) -> dict[str, str]:
+    """Return what is noted of the measurements."""
+    table = top.sub("record", _KEYS["record"])
+    return {key: table.get(key, _NOTED) for key in _KEYS["record"] if key in table}
+
+
+def _noted(value: Any) -> str:
+    """Return a text, or a date or time that TOML reads without quotes, as text."""
+    return str(value.isoformat()) if hasattr(value, "isoformat") else TEXT.read(value)
 
 
 def _title(text: str) -> str:
@@ -340,6 +355,7 @@ def _yes_or_no(value: Any) -> bool:
 
 
 _TITLE = TEXT.then(_title)
+_NOTED = Kind("a text in quotes, or a date", _noted).then(_title)
 _RULE = "a name of letters, digits, '_', '-' and '+', at most 60"
 PLACE_NAME = TEXT.then(_name, _RULE)
 """What may be the name of a target."""

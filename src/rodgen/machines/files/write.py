@@ -99,6 +99,9 @@ def machine_text(machine: Machine) -> str:
         blocks.append(["[known]", *(known_line(machine, key, known) for key, known in machine.known.items())])
     if machine.plausible:
         blocks.append(["[plausibility]", *(_plausible_line(*entry) for entry in machine.plausible.items())])
+    if machine.record:
+        noted = machine.record.items()
+        blocks.append(["[record]", *(f"{key} = {toml_string(text)}" for key, text in noted)])
     blocks += [_effect_lines(machine, effect) for effect in machine.effects]
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
 

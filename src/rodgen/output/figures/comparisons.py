@@ -81,7 +81,11 @@ def _against(rows: DrawnRows, sample: Sample, covariate: Driver, name: str) -> g
     groups = bool(covariate.categories) or covariate.kind == "approach" or covariate.levels <= 2
     band = "Means with two standard errors" if groups else "The band has two standard errors"
     figure = residuals_over(
-        rows, rows.driver(covariate.name), panels, remarks=[f"{band}, by pose."], called=name
+        rows,
+        rows.driver(covariate.name),
+        panels,
+        remarks=[f"Measured minus predicted. {band}, by pose."],
+        called=name,
     )
     for number, (y, panel) in enumerate(zip(cells, panels, strict=True)):
         if groups:

@@ -15,10 +15,12 @@ from rodgen.calibration.diagnose.diagnosis import Unexplained
 from rodgen.calibration.words import plain
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import parse_unit
-from rodgen.output.figures.drawn_rows import DrawnRows, coordinate
+from rodgen.output.figures.distributions import autocorrelation_of_residuals, quantiles_of_residuals
+from rodgen.output.figures.drawn_rows import MOST_MARKS, DrawnRows, coordinate
 from rodgen.output.figures.ladders import error_ladder
 from rodgen.output.figures.maps import map_of
-from rodgen.output.figures.residuals import components_of, reading_of, residuals_over
+from rodgen.output.figures.polar import joints_that_go_round, polar_of
+from rodgen.output.figures.residuals import components_of, file_name, reading_of, residuals_over
 from rodgen.output.figures.style import BLUE, GREY, Array, Panel, column, describe, evenly, label
 from rodgen.output.numbers import Shown, percent, shown_unit
 
@@ -65,11 +67,19 @@ def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Fig
     shown = unit_of(diagnosis)
     rows = DrawnRows(diagnosis.base, diagnosis.final_with_forms, shown)
     yield errors_of(diagnosis, shown)
-    for against in drivers(diagnosis, rows):
+    drawn = drivers(diagnosis, rows)
+    for against in drawn:
         yield residuals_by(diagnosis, rows, against)
     places = map_of(rows, _measured(diagnosis, rows))
     if places is not None:
         yield places
+    for name in joints_that_go_round(rows.base):
+        yield polar_of(rows, name)
+    before = rows.base if rows.two else None
+    yield quantiles_of_residuals(rows.final, before=before)
+    yield autocorrelation_of_residuals(rows.final, before=before)
+    brief = DrawnRows(rows.base, rows.final, shown, most=MOST_MARKS // 2, brief=True)
+    yield from covariates(diagnosis, brief, {against.driver.name for against in drawn})
     if diagnosis.ranking:
         yield candidates(diagnosis)
     planned = planned_poses(rows.base, plan, {step.effect.place for step in diagnosis.steps})
@@ -148,6 +158,21 @@ def residuals_by(diagnosis: Diagnosis, rows: DrawnRows, against: Against) -> go.
         )
     panels = [*reading, *components_of(rows)]
     return residuals_over(rows, against.driver, panels, approach=against.approach, remarks=remarks)
+
+
+def covariates(diagnosis: Diagnosis, rows: DrawnRows, drawn: Collection[str]) -> Iterator[go.Figure]:
+    """Yield the residuals against everything that varies and is not among `drawn`; names begin with "covariate"."""
+    used: set[str] = set()
+    for driver in rows.drivers.values():
+        if driver.name in drawn:
+            continue
+        name = f"covariate_{file_name(driver.name)}"
+        while name.casefold() in used:
+            name += "_"
+        used.add(name.casefold())
+        yield residuals_over(
+            rows, driver, components_of(rows), called=name, remarks=[_measured(diagnosis, rows)]
+        )
 
 
 def _measured(diagnosis: Diagnosis, rows: DrawnRows) -> str:

@@ -33,6 +33,8 @@ MOST_MARKS = 4000
 MOST_ROWS = 1000
 EXTREMES = 10
 """Largest residuals of each component, before and after, that are always drawn."""
+SAME_PLACE = 1e-4
+"""Part of the size of the workspace, or of a turn, over which places do not vary."""
 DEVIATIONS = "standard deviations"
 """The unit of whitened residuals."""
 
@@ -51,6 +53,8 @@ class DrawnRows:
         Rows that are drawn in any case, such as those that are selected.
     most : int, optional
         Marks of a figure.
+    brief : bool, optional
+        Whether hover texts are without commanded coordinates, and numbers have seven digits: a figure half as large.
     """
 
     def __init__(
@@ -61,7 +65,9 @@ class DrawnRows:
         *,
         kept: Collection[int] = (),
         most: int = MOST_MARKS,
+        brief: bool = False,
     ) -> None:
+        self.brief = brief
         self.base, self.final = base, base if last is None else last
         self.shown = shown or shown_unit(base.unit, [base.rms, self.final.rms])
         self.outlier = self.base.outliers | self.final.outliers
@@ -154,6 +160,9 @@ class DrawnRows:
             first = row_place(o.data.counted, [number]) + (", outlier" if bad else "")
             if len(targets) > 1:
                 first += f", {targets[target]}"
+            if self.brief:
+                found.append(label(first))
+                continue
             where = ", ".join(f"{name} {value:.6g}" for name, value in zip(joints, row, strict=True))
             found.append(label(f"{first}\n{minus(where)}").replace("\n", "<br>"))
         return tuple(found)
@@ -197,7 +206,10 @@ class DrawnRows:
         """
         o = self.base.observations
         every = [taken(driver, self.chosen) for driver in (*o.drivers(), order_of_rows(o))]
-        every += drivers_of_place(self.base.machine, self.places)
+        size = np.max(np.abs(self.places), initial=0.0)
+        places = drivers_of_place(self.base.machine, self.places)
+        # what a rotation leaves as it is differs by rounding, and by errors
+        every += [d for d in places if np.ptp(d.values) > SAME_PLACE * (360 if d.unit == "deg" else size)]
         return {d.name: d for d in every if d.kind == "order" or np.ptp(d.values) > 0}
 
     def driver(self, name: str) -> Driver:

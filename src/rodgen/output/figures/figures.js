@@ -76,21 +76,29 @@
     place.parentNode.insertBefore(row, place.nextSibling);
     return plot;
   });
-  function drawAll() { plots.forEach(function (plot) { draw(plot, plot.place.clientWidth, dark.matches); }); }
+  // What is folded is drawn when it is unfolded.
+  function drawSeen(plot) {
+    if (!plot.place.closest("details:not([open])")) draw(plot, plot.place.clientWidth, dark.matches);
+  }
+  function drawNew(plot) { if (plot.place.clientWidth !== plot.width) drawSeen(plot); }
+  function drawAll() { plots.forEach(drawSeen); }
   drawAll();
+  document.addEventListener("toggle", function () { plots.forEach(drawNew); }, true);
 
   var waiting = 0;
   window.addEventListener("resize", function () {
     clearTimeout(waiting);
     waiting = setTimeout(function () {
-      plots.forEach(function (plot) {
-        if (plot.place.clientWidth !== plot.width) draw(plot, plot.place.clientWidth, dark.matches);
-      });
+      plots.forEach(drawNew);
     }, 100);
   });
   dark.addEventListener("change", drawAll);
   window.addEventListener("beforeprint", function () {
-    plots.forEach(function (plot) { draw(plot, Math.min(plot.place.clientWidth, PRINTED), false); });
+    plots.forEach(function (plot) {
+      var folded = plot.place.closest("details");
+      if (folded) folded.open = true;
+      draw(plot, Math.min(plot.place.clientWidth, PRINTED), false);
+    });
   });
   window.addEventListener("afterprint", drawAll);
 })();

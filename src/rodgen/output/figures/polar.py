@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["joints_that_go_round", "polar_of", "polar_plot"]
 
-PANEL = 400
+PANEL = 460
 """Height, in pixels."""
 HALF = 0.5
 """Distance of the rings of the largest and the smallest number from that of zero, whose radius is 1."""
@@ -149,12 +149,13 @@ def _rings(figure: go.Figure, number: int, limit: float, unit: str) -> None:
     """Add the circles of zero and of the limits, with their numbers, and the angles outside."""
     axes = {"xaxis": f"x{number + 1}" if number else "x", "yaxis": f"y{number + 1}" if number else "y"}
     refs = {"xref": axes["xaxis"], "yref": axes["yaxis"]}
-    for sign, text in ((-1, f"−{limit:g}"), (0, "0"), (1, f"+{limit:g} {label(unit)}")):
-        line, words = ring(1 + sign * HALF, text, 0.1 + 0.055 * len(text), at=67.5)
+    for sign, text in ((-1, f"−{limit:g}"), (0, ""), (1, f"+{limit:g} {label(unit)}")):
+        line, words = ring(1 + sign * HALF, text, bool(text) * (0.1 + 0.055 * len(text)), at=67.5)
         if sign == 0:
             line["line"] = {"color": GREY, "width": 1.3}
         figure.add_trace(go.Scatter(**line, **axes))
-        figure.add_annotation(**words, bgcolor=PAPER, borderpad=0, **refs)
+        if text:
+            figure.add_annotation(**words, bgcolor=PAPER, borderpad=0, **refs)
     for degrees in range(0, 360, 30):
         c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
         inner, outer = 1 - HALF, 1 + HALF

@@ -269,7 +269,7 @@ def residuals_over(
         figure.update_layout(coloraxis=marks.bar)
     _scale(figure, len(panels), driver, x)
     sizes = ", ".join(f"{name} {rows.shown(fit.rms)} {rows.shown.unit}" for name, fit in rows.sides)
-    note = [*remarks, rows.thinned]
+    note = [*(remarks or ["Measured minus predicted."]), rows.thinned]
     if driver.in_time:
         note.append(_runs(rows))
     if beyond:
@@ -278,7 +278,7 @@ def residuals_over(
         figure,
         called or f"residuals_by_{file_name(driver.name)}",
         f"Residuals against {plain(driver.text)}",
-        note=" ".join(filter(None, ["Measured minus predicted.", *note])),
+        note=" ".join(filter(None, note)),
         alt=f"Measured minus predicted against {plain(driver.text)}; rms {sizes}.",
     )
 
@@ -378,6 +378,8 @@ def add_rows(
     said: Array | None = None,
 ) -> None:
     """Add marks of some rows; `said` is what the hover text says where y is drawn elsewhere."""
+    if rows.brief:
+        x, y = np.asarray(x, np.float32), np.asarray(y, np.float32)
     value = "%{y:.4g}" if said is None else "%{text:.4g}"
     by_number = "coloraxis" in mark
     if by_number and number == 0:  # a legend has no colour for a scale

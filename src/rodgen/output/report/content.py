@@ -32,12 +32,14 @@ from rodgen.calibration.words import (
     two_digits,
 )
 from rodgen.data.drivers import order_of_rows
+from rodgen.data.measurements import Names
 from rodgen.data.units import unit_factor
 from rodgen.errors import joined
 from rodgen.machines.files.edit import name_with
 from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
 from rodgen.output.figures.drawn_rows import coordinate
 from rodgen.output.numbers import Shown, minus, noise_name, percent
+from rodgen.output.report.accuracy import own_errors
 from rodgen.output.report.hardware import eccentricity, in_hardware
 
 if TYPE_CHECKING:
@@ -79,13 +81,16 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
     fit = diagnosis.base
     return {
         "machine": plain(fit.machine.name, 120),
-        "data": plain(_file(fit.observations.data.file), 120),
+        "data": ", ".join(
+            [plain(_file(fit.observations.data.file), 120), *_recorded(diagnosis, "date", "instrument")]
+        ),
         "verdict": diagnosis.verdict,
         "verdict_word": _VERDICTS[diagnosis.verdict].format(_counted(len(diagnosis.steps))),
         "sentence": _sentence(diagnosis, shown),
         "next": _next(diagnosis, plan),
         "figures": list(_figures(diagnosis, shown)),
         "unit": shown.unit,
+        "own": own_errors(diagnosis.final_with_forms),
         "facts": list(_facts(diagnosis, shown)),
         "joints": list(_joints(diagnosis)),
         "rungs": list(_rungs(diagnosis, shown)),
@@ -292,6 +297,9 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     names = [plain(target.name, 24) for target in machine.targets]
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     yield ("Target" if len(names) == 1 else "Targets"), ", ".join(names[:NAMED]) + more
+    for key in ("date", "instrument", "conditions"):
+        for said in _recorded(diagnosis, key):
+            yield key.capitalize(), said
     if o.t is not None:
         yield "Time", f"{three_digits(float(np.ptp(o.t)) / 60)} min"
     for name, values in o.temperature.items():
@@ -311,6 +319,17 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
         yield "Outliers, left out", f"{len(bad)}: {plain(places, LONG)}"
     else:
         yield "Outliers", "none"
+
+
+def _recorded(diagnosis: Diagnosis, *keys: str) -> Iterator[str]:
+    """Yield what is noted of the measurements: in a column of words, else in the machine file."""
+    fit = diagnosis.base
+    for key in keys:
+        column = fit.observations.data.columns.get(key)
+        names = list(column.names) if isinstance(column, Names) else [fit.machine.record.get(key, "")]
+        if any(names):
+            more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+            yield ", ".join(plain(name, 120) for name in names[:NAMED]) + more
 
 
 def _noise(diagnosis: Diagnosis, shown: Shown) -> str:

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["report_page", "write_report"]
 
+RESIDUALS = ("residuals", "around_", "quantiles", "autocorrelation")
+"""What names of figures of residuals begin with."""
 _asset = partial(asset, package=__package__)
 
 
@@ -94,7 +96,8 @@ def _made(diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float]) -
         .render(
             **text,
             figures_by_name={entry["name"]: entry for entry in entries},
-            residuals=[entry for entry in entries if entry["name"].startswith("residuals")],
+            residuals=[entry for entry in entries if entry["name"].startswith(RESIDUALS)],
+            covariates=[entry for entry in entries if entry["name"].startswith("covariate_")],
             drawn=Markup(figures_json(drawn)),
             style=Markup(asset("figures.css") + "\n" + _asset("report.css")),
             scripts=[Markup(text) for text in code],

@@ -1,0 +1,238 @@
+"""The error of a machine over its whole workspace: its largest, and that which 95 % of the positions stay below.
+
+An error is where the fitted machine puts its target less where the machine of the file would without any error. How
+the target was mounted, where it is estimated, and where the instrument stood, where its frame is free, are no errors of
+the machine: of all mountings those count that bring both nearest to each other, by least squares over all positions.
+Drifts of a set-up and the instrument's scale are left out. The uncertainty is that of the fitted parameters: each
+statistic is found again with the parameters moved along each principal axis of their covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.data.observations import Observations
+from rodgen.data.units import ARCSEC
+from rodgen.machines.emit.own_errors import is_of_set_up, with_uncertainty
+from rodgen.machines.model import Frame
+from rodgen.statistics.decompositions import lstsq
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
+
+__all__ = ["VolumetricError", "volumetric_error"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+SHARE, NEAR = 0.95, 0.01
+"""Part of the positions whose errors are smaller, and of those to both sides that say how uncertain it is."""
+STEP = 1e-3
+"""By which a target is moved to see what that does: of points it does not matter, of directions radians."""
+POSITIONS = {1: 101, 2: 33, 3: 11}
+"""Positions of each joint where one, two or three move."""
+MOST = 1500
+"""Positions where more joints move, or where the legs of a closed chain were measured."""
+CHOICE = 0.05
+"""Part of what a combination that the data leave open moves, by which it changes an error that rests on a choice."""
+
+
+@dataclass(frozen=True)
+class VolumetricError:
+    """Errors over a workspace, in `unit`, with expanded uncertainties (k = 2); None where the noise is not known.
+
+    Attributes
+    ----------
+    largest, largest_u : float
+        The largest error.
+    most, most_u : float
+        The error that 95 % of the positions stay below.
+    unit : str
+    at : ndarray, shape (J,)
+        Commanded coordinates of the largest, internal units.
+    positions : int
+        How many positions were looked at, each approached from both sides.
+    ranges : ndarray, shape (J, 2)
+        Of the coordinates, internal units.
+    measured_only : bool
+        Whether the positions are those that were measured: the legs of a closed chain cannot have any lengths.
+    free : tuple of str
+        What was set up anew, so that both come nearest to each other: ``"target"``, ``"instrument"``.
+    by_choice : bool
+        Whether the errors rest on a choice among geometries that the data cannot distinguish.
+    """
+
+    largest: float
+    largest_u: float | None
+    most: float
+    most_u: float | None
+    unit: str
+    at: Array
+    positions: int
+    ranges: Array
+    measured_only: bool
+    free: tuple[str, ...]
+    by_choice: bool
+
+
+def volumetric_error(fit: FittedModel) -> VolumetricError | None:
+    """Return the errors of a fitted machine over its travel; None where only angles or attitudes are read.
+
+    At the reference temperature, at rest, without load, at time 0, and with the median of other columns.
+
+    Parameters
+    ----------
+    fit : FittedModel
+
+    Examples
+    --------
+    >>> from rodgen.calibration.fit import fit
+    >>> from rodgen.data.measurements import Measurements
+    >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
+    >>> slide = Machine(
+    ...     name="Slide", length_unit="mm", angle_unit="deg", gravity=(0, 0, -1), reference_temperature=20,
+    ...     joints=(Joint("X", "prismatic", (1, 0, 0), travel=(0, 200)),), targets=(Target("ball", (0, 0, 0)),),
+    ...     measured=Measured("point", "machine", noise=0.001),
+    ... )
+    >>> slide = slide.with_effect(slide.effect("scale", "X"))
+    >>> x = np.linspace(0, 100, 11)
+    >>> data = Measurements.from_frame({"X [mm]": x, "x [mm]": 1.0001 * x, "y [mm]": 0 * x, "z [mm]": 0 * x})
+    >>> found = volumetric_error(fit(slide, data))
+    >>> round(found.largest, 6), round(found.most, 6), found.unit, float(found.at[0]), round(found.largest_u, 4)
+    (0.02, 0.019, 'mm', 200.0, 0.002)
+    """
+    measurand = fit.machine.measurand
+    if not (measurand.moving or measurand.is_direction):
+        return None
+    with one_thread_in_blas():
+        return _over_travel(fit)
+
+
+def _over_travel(fit: FittedModel) -> VolumetricError:
+    measurand = fit.machine.measurand
+    o, measured_only = _positions(fit)
+    problem, theta = Problem(fit.problem.model, o), fit.values
+    effects = [next((e for e in fit.machine.effects if e.owns(p.key)), None) for p in fit.parameters]
+    own = np.array([e is None or not is_of_set_up(fit.machine, e) for e in effects])
+    kept = np.array([kind == "target" for kind in fit.problem.model.kinds])
+    for i, (p, e) in enumerate(zip(fit.parameters, effects, strict=True)):  # a period means nothing at zero
+        kept[i] |= e is not None and p.key.rpartition(".")[2] in e.definition.searched
+    free_frame = fit.machine.measured.frame == "free"
+    mounted = [i for i, p in enumerate(fit.parameters) if i in fit.free and p.slot[:2] == ("target", 0)]
+
+    def places(values: Array) -> Array:
+        return np.asarray(problem.places(np.where(own | kept, values, 0.0), Frame.identity()))
+
+    def ideal(values: Array) -> Array:
+        return np.asarray(problem.places(np.where(kept, values, 0.0), Frame.identity()))
+
+    def errors(values: Array) -> Array:
+        real, nominal = places(values), ideal(values)
+        moves = [(ideal(values + STEP * np.eye(len(values))[i]) - nominal) / STEP for i in mounted]
+        if free_frame:
+            moves += [np.cross(e, nominal) for e in np.eye(3)]
+            moves += [np.broadcast_to(e, nominal.shape) for e in np.eye(3)] * measurand.moving
+        size = np.linalg.norm(_without(real - nominal, moves), axis=1)
+        return np.asarray(size if measurand.moving else 2 * np.arcsin(size / 2) / ARCSEC)
+
+    found = errors(theta)
+    where, rank = int(np.argmax(found)), np.argsort(found, kind="stable")
+    near = rank[int((SHARE - NEAR) * o.n) : int((SHARE + NEAR) * o.n) + 1]
+
+    def statistics(machine: Machine) -> Array:
+        moved = errors(np.array([machine.values[p.key] for p in fit.parameters]))
+        return np.array([moved[where], moved[near].mean()])
+
+    keys = [p.key for p in fit.parameters]
+    largest_u, most_u = with_uncertainty(fit.machine, (keys, fit.covariance), statistics)[1].tolist()
+    largest, most = float(found[where]), float(np.quantile(found, SHARE))
+    known = bool(np.isfinite(fit.covariance).all())
+    return VolumetricError(
+        largest, largest_u if known else None, most, most_u if known else None, fit.unit, o.q[where], o.n // 2,
+        np.stack([o.q.min(axis=0), o.q.max(axis=0)], axis=1), measured_only,
+        ("target",) * bool(mounted) + ("instrument",) * free_frame, _rests_on_a_choice(fit, theta, places, errors),
+    )  # fmt: skip
+
+
+def _without(errors: Array, moves: Sequence[Array]) -> Array:
+    """Return errors (n, 3) less what small moves, each (n, 3), explain best."""
+    if not moves:
+        return errors
+    columns = np.stack(moves, axis=-1).reshape(-1, len(moves))
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns / np.where(size > 0, size, 1.0)
+    return np.asarray(
+        errors - (columns @ lstsq(columns, errors.reshape(-1), relative=1e-9)).reshape(errors.shape)
+    )
+
+
+def _rests_on_a_choice(
+    fit: FittedModel, theta: Array, places: Callable[[Array], Array], errors: Callable[[Array], Array]
+) -> bool:
+    before, at = errors(theta), places(theta)
+    for null in fit.determinacy.null:
+        step = 1e-4 * null / np.max(np.abs(null))
+        moved = float(np.abs(places(theta + step) - at).max()) / fit.unit_factor
+        if float(np.abs(errors(theta + step) - before).max()) > CHOICE * moved > 0:
+            return True
+    return False
+
+
+def _positions(fit: FittedModel) -> tuple[Observations, bool]:
+    """Return observations at positions over the travel, each approached from both sides; and whether measured ones."""
+    o, machine = fit.observations, fit.machine
+    if machine.kinematics.is_closed:
+        rows = np.unique(np.linspace(0, o.n - 1, min(o.n, MOST)).astype(np.intp))
+        q = o.q[rows]
+    else:
+        q = _grid(o.travel)
+        rows = np.zeros(len(q), np.intp)
+    both = np.concatenate([rows, rows])
+    n = len(both)
+
+    def still(values: Array | None) -> Array | None:
+        return None if values is None else np.zeros(n)
+
+    given = replace(
+        o.take(both),
+        q=np.concatenate([q, q]),
+        s=np.repeat(np.array([1, -1], np.int8), len(q))[:, None] * np.ones((1, q.shape[1]), np.int8),
+        v=np.zeros((n, q.shape[1])),
+        t=still(o.t),
+        load=still(o.load),
+        temperature={name: np.zeros(n) for name in o.temperature},
+        covariates={name: np.full(n, float(np.median(values))) for name, values in o.covariates.items()},
+        target=np.zeros(n, np.int32),
+        run=np.zeros(n, np.int32),
+    )
+    return given, machine.kinematics.is_closed
+
+
+def _grid(travel: Array) -> Array:
+    """Return positions over ranges, (n, J): a grid of up to three, of more the corners and an even spread."""
+    moved = np.flatnonzero(travel[:, 1] > travel[:, 0])
+    q = np.tile(travel[:, 0], (1, 1))
+    if not len(moved):
+        return q
+    if len(moved) in POSITIONS:
+        part = np.linspace(0, 1, POSITIONS[len(moved)])
+        shares = np.stack(np.meshgrid(*[part] * len(moved), indexing="ij"), axis=-1).reshape(-1, len(moved))
+    else:
+        d = len(moved)
+        corners = (np.arange(2 ** min(d, 8))[:, None] >> np.arange(d)) % 2
+        golden = (
+            2.0  # the root of x^(d + 1) = x + 1: an additive sequence that fills a cube evenly (Roberts 2018)
+        )
+        for _ in range(50):
+            golden = (1 + golden) ** (1 / (d + 1))
+        inside = (0.5 + np.outer(np.arange(1, MOST), golden ** -np.arange(1.0, d + 1))) % 1
+        shares = np.concatenate([corners, inside])
+    q = np.tile(travel[:, 0], (len(shares), 1))
+    q[:, moved] += shares * (travel[moved, 1] - travel[moved, 0])
+    return q
