@@ -82,6 +82,13 @@ def add_to(command: Command) -> None:
         help="of a Denavit-Hartenberg table: the link after each joint, or before it",
     )
     made.add_argument(
+        "--estimate",
+        choices=("target", "geometry"),
+        default="target",
+        help="of a URDF or a Denavit-Hartenberg table: what a fit adjusts; geometry where axes and points of joints "
+        "are known roughly",
+    )
+    made.add_argument(
         "--azimuth",
         choices=("south", "north"),
         default="south",
@@ -191,6 +198,17 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
     else:
         file = kinds[_READINGS][0]
         raise InputFileError(file, "file", _UNKNOWN, "a machine file, too: 'rodgen new' makes one")
+    if options.estimate == "geometry":
+        if alone not in ([_URDF], [_TABLE]):
+            found = "--estimate geometry, and neither a URDF nor a Denavit-Hartenberg table"
+            raise InputFileError("command line", "--estimate", found, "[estimate] in the machine file")
+        parts = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
+        estimate = tuple(
+            f"{joint.name}.{part}" for joint in made.machine.joints for part in parts[joint.type]
+        )
+        estimate += made.machine.estimate
+        note = "Axes and points of all joints are estimated: a fit needs no more than a rough geometry."
+        made = replace(made, machine=replace(made.machine, estimate=estimate), notes=(*made.notes, note))
     return (_with_readings(options, made, kinds) if _READINGS in kinds else made), _MACHINE in kinds
 
 
