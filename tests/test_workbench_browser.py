@@ -94,7 +94,7 @@ def opened(chromium):
             lambda r: None if r.url.startswith((address, "data:", "blob:")) else complaints.append(r.url),
         )
         page.goto(address)
-        page.wait_for_selector(".js-plotly-plot .point")
+        page.get_by_role("heading").first.wait_for()
         windows.append(page)
         return page
 
@@ -211,3 +211,44 @@ def test_two_windows_show_one_session(files, serve, opened):
     two.get_by_text("Error 0.969").wait_for()
     two.get_by_label("Undo").click()
     one.get_by_text("Error 2.711").wait_for()
+
+
+def test_without_files_examples_and_dropped_files_are_opened(files, serve, opened):
+    server = serve()
+    page = opened(server.address)
+    page.get_by_label("Open the example mount").wait_for()
+    picture(page, "start")
+    drop = page.locator("input[type=file]")
+    drop.set_input_files([{"name": "x.toml", "mimeType": "", "buffer": b"<script>alert(1)</script>"}])
+    drop.set_input_files([str(files[1])])
+    page.get_by_text("expected TOML").wait_for()
+    page.get_by_label("Measurements").fill("/etc/passwd")
+    page.get_by_label("Machine file, or a session").fill(str(files[0]))
+    page.get_by_label("Open the files").click()
+    page.get_by_text("/etc/passwd: ").wait_for()
+    page.reload()
+    page.locator("input[type=file]").set_input_files([str(files[0]), str(files[1])])
+    page.get_by_text("Error 2.71 arcsec").wait_for()
+    page.close()
+    again = opened(serve().address)
+    again.get_by_label("Open the example trunnion").click()
+    again.get_by_text("on poses held out").wait_for()
+
+
+def test_plots_of_further_kinds_and_the_plan(files, serve, opened):
+    page = opened(serve(*files).address)
+    page.get_by_label("Add refraction").wait_for()
+    for tab in ("In space", "Polar"):
+        page.get_by_role("tab", name=tab).click()
+        page.wait_for_timeout(1500)
+        picture(page, tab.lower().replace(" ", "_"))
+    page.get_by_role("tab", name="Map").click()
+    page.get_by_text("20,000 times as long").or_(page.get_by_text("10,000 times as long")).wait_for()
+    slider = page.get_by_role("slider")
+    slider.focus()
+    for _ in range(4):
+        slider.press("PageUp")
+    page.get_by_text("10,000 times as long").wait_for()
+    page.get_by_label("Plan", exact=True).get_by_text("Plan").click()
+    page.get_by_label("Download the plan as a table").wait_for()
+    picture(page, "plan")

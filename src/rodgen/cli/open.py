@@ -19,38 +19,39 @@ Ctrl-C. A session that was saved (.rodgen) opens with everything that was done.
 {FILES}
   rodgen open mount.toml stars.csv
   rodgen open mount.rodgen
+  rodgen open
 """
 
 
 def add_to(command: Command) -> None:
     """Add the command."""
     opened = command("open", _run, "a page on which effects are added and the error falls", _OPEN)
-    opened.add_argument("machine", metavar="MACHINE", help="the machine file, or a session")
+    about = "the machine file, or a session; left out, the page offers examples, templates and files"
+    opened.add_argument("machine", metavar="MACHINE", nargs="?", help=about)
     opened.add_argument("data", metavar="DATA", nargs="?", help="the measurements; a session knows its own")
     opened.add_argument("--no-browser", action="store_true", help="print the address only")
     opened.add_argument("--port", metavar="N", type=whole(1), default=0, help="default: any that is free")
 
 
 def _run(options: argparse.Namespace) -> int:
-    import nicegui  # noqa: F401 - its absence is reported before anything is read
+    from rodgen.workbench.server import prepare, serve
 
+    prepare()  # a missing library is reported before anything is read
     from rodgen.workbench.desk import Desk
-    from rodgen.workbench.server import serve
-    from rodgen.workbench.session import ENDING, Session
-
-    if options.machine.endswith(ENDING) and options.data is None:
-        session = Session.load(options.machine)
-    elif options.data is None:
-        raise InputFileError(
-            "command line", "rodgen open", "no DATA", f"it, or a session that ends in {ENDING}"
-        )
-    else:
-        session = Session.open(options.machine, options.data)
     from rodgen.workbench.page import Page
+    from rodgen.workbench.session import ENDING, Session
+    from rodgen.workbench.start import Start
 
-    desk = Desk(session)
+    desks: list[Desk] = []
+    if options.data is not None:
+        desks.append(Desk(Session.open(options.machine, options.data)))
+    elif options.machine is not None:
+        if not options.machine.endswith(ENDING):
+            expected = f"it, or a session that ends in {ENDING}"
+            raise InputFileError("command line", "rodgen open", "no DATA", expected)
+        desks.append(Desk(Session.load(options.machine)))
     serve(
-        lambda: Page(desk),
+        lambda: Page(desks[-1]) if desks else Start(lambda session: desks.append(Desk(session))),
         port=options.port,
         browser=not options.no_browser,
         said=lambda address: show(f"{address}\nCtrl-C ends it."),

@@ -80,7 +80,13 @@ class Page:
         self.desk = desk
         self.selected: set[int] = set()
         self.against = "order"
-        self.options: dict[str, Any] = {"colour": "", "parts": "apart", "whitened": False, "before": "none"}
+        self.options: dict[str, Any] = {
+            "colour": "",
+            "parts": "apart",
+            "approach": "",
+            "whitened": False,
+            "before": "none",
+        }
         self.times = 0.0
         self.dark = False
         self.width = 1280
@@ -130,8 +136,18 @@ class Page:
                     self.rows = ui.element("div")
                 with ui.element("section").classes("card").props('aria-label="Further plots"'):
                     with ui.tabs(on_change=self._draw_other).props("dense no-caps align=left") as self.tabs:
-                        for name in ("Map", "Q-Q", "Autocorrelation", "Skeleton", "Errors"):
+                        goes = ["Polar"] if figures.joints_that_go_round(self.state.fit) else []
+                        for name in ("Map", "In space", *goes, "Q-Q", "Autocorrelation", "Errors"):
                             ui.tab(name)
+                    with ui.element("div").classes("line") as self.exaggerated:
+                        ui.label("Exaggeration").classes("soft")
+                        slider = ui.slider(
+                            min=0, max=7, step=0.1, value=0, on_change=guarded(self._exaggerate)
+                        )
+                        slider.props(
+                            'aria-label="Exaggeration, as a power of ten; 0: as can be seen" throttle=200'
+                        )
+                        slider.style("max-width:280px")
                     self.other = ui.element("div").classes("plot")
                 self.planned = card("Plan")
         self._draw()
@@ -182,7 +198,6 @@ class Page:
                 self._fill_work()
             elif what == "plan":
                 self._fill_plan()
-                self._draw()
 
     def _fill_state(self) -> None:
         session = self.desk.session
@@ -349,6 +364,11 @@ class Page:
                 "none",
                 "Compared with",
             )
+            known = self.state.observations.approach_known
+            marked = [joint for joint, way in zip(joints, known, strict=True) if way]
+            if marked:
+                ways = {"": "none"} | {joint: f"of {joint}" for joint in marked}
+                self._choice("approach", ways, "", "Direction of approach")
             ui.checkbox("whitened", on_change=guarded(partial(self._chosen, "whitened")))
 
     def _choice(self, key: str, options: Any, value: str, text: str) -> None:
@@ -380,6 +400,7 @@ class Page:
             parts=self.options["parts"],
             whitened=self.options["whitened"],
             colour=self.options["colour"],
+            approach=self.options["approach"],
             selected=sorted(self.selected),
             aside=aside,
         )
@@ -420,23 +441,35 @@ class Page:
         name, fit = self.tabs.value, self.state.fit
         if not name:
             return
-        chosen = sorted(self.selected)
+        self.exaggerated.set_visibility(name in {"Map", "In space"})
+        both: dict[str, Any] = {"before": self._before(), "selected": sorted(self.selected)}
+        aside = np.flatnonzero(self.state.aside).tolist()
         makers: dict[str, Callable[[], Any]] = {
-            "Map": lambda: figures.residual_map(
-                fit, before=self._before(), selected=chosen, exaggeration=self.times
-            ),
-            "Q-Q": lambda: figures.quantiles_of_residuals(fit, before=self._before(), selected=chosen),
+            "Map": lambda: figures.residual_map(fit, exaggeration=self.times, **both),
+            "In space": lambda: figures.residual_vectors(fit, exaggeration=self.times, **both),
+            "Polar": lambda: figures.polar_plot(fit, self._round(), aside=aside, **both),
+            "Q-Q": lambda: figures.quantiles_of_residuals(fit, **both),
             "Autocorrelation": lambda: figures.autocorrelation_of_residuals(fit),
-            "Skeleton": lambda: figures.skeleton(self.state.machine, self.state.observations),
             "Errors": lambda: figures.ladder(self.desk.session.ladder),
         }
         made = makers[name]()
         if made is None:
             self.plots.pop("other", None)
             with anew(self.other):
-                ui.label("Only angles or attitudes are read: there is no map.")
+                ui.label(
+                    "Residuals of distances, angles and attitudes are no places and no vectors in space."
+                )
             return
-        self._show("other", self.other, made, name)
+        self._show("other", self.other, made, f"{name} {self._round()}" if name == "Polar" else name)
+
+    def _round(self) -> str:
+        """Return the joint that a polar plot goes round: that of the x axis where it does."""
+        found = figures.joints_that_go_round(self.state.fit)
+        return self.against if self.against in found else found[0]
+
+    async def _exaggerate(self, event: Any) -> None:
+        self.times = round(10 ** float(event.value), 0) if event.value else 0.0
+        self._draw_other()
 
     # selecting ---------------------------------------------------------------------------------------------------
 
@@ -672,8 +705,12 @@ class Page:
         self.planned.set_visibility(found is not None)
         if found is None:
             return
-        _, plan = found
+        state, plan = found
         with anew(self.planned, "Plan"):
+            self.plots.pop("plan", None)
+            drawing = figures.planned_poses(state.fit, plan)
+            if drawing is not None:
+                self._show("plan", ui.element("div").classes("plot"), drawing, "plan")
             ui.label(str(plan)).classes("code")
             if plan.count:
                 text = plan.csv()

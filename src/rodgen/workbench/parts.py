@@ -22,9 +22,11 @@ body{background:var(--paper);color:var(--ink);font-variant-numeric:tabular-nums;
 .desk{display:grid;grid-template-columns:minmax(340px,400px) minmax(0,1fr);gap:16px;width:100%;align-items:start}
 .side,.main{display:flex;flex-direction:column;gap:12px;min-width:0}
 .card{border:1px solid var(--line);border-radius:6px;padding:8px 10px;width:100%;min-width:0}
-.card h2{font-size:1rem;font-weight:650;line-height:1.4;margin:0}
+h1{font-size:1.15rem;font-weight:650;line-height:1.3;letter-spacing:0;margin:0}
+h2{font-size:1rem;font-weight:650;line-height:1.4;letter-spacing:0;margin:0}
+.w-full{width:100%}
 .head{display:flex;flex-wrap:wrap;gap:6px;align-items:center;width:100%}
-.head h1{font-size:1.15rem;font-weight:650;line-height:1.3;margin:0 auto 0 0}
+.head h1{margin:0 auto 0 0}
 .soft{color:var(--soft);font-size:.85rem}
 .legend{display:flex;flex-wrap:wrap;gap:2px 12px;font-size:.82rem}
 .grid{display:grid;gap:2px 10px;width:100%;align-items:center;font-size:.88rem}

@@ -14,7 +14,7 @@ from typing import Any
 
 from rodgen.errors import InputFileError
 
-__all__ = ["serve"]
+__all__ = ["prepare", "serve"]
 
 
 def serve(
@@ -42,8 +42,7 @@ def serve(
     InputFileError
         When the port is taken.
     """
-    # NiceGUI keeps nothing of ours; where it would, when it is imported, no folder of the user is touched.
-    os.environ.setdefault("NICEGUI_STORAGE_PATH", os.path.join(tempfile.gettempdir(), "rodgen-nicegui"))
+    prepare()
     import uvicorn
 
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -74,6 +73,12 @@ def serve(
         )
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(config).run(sockets=[listening])
+
+
+def prepare() -> None:
+    """Import NiceGUI; it keeps nothing of ours, and is told to touch no folder of the user where it would."""
+    os.environ.setdefault("NICEGUI_STORAGE_PATH", os.path.join(tempfile.gettempdir(), "rodgen-nicegui"))
+    import nicegui  # noqa: F401
 
 
 def application(
