@@ -21,7 +21,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1] / "tests"))
 
-from machine_simulator import Simulated, arcsec
+from machine_simulator import Simulated, approach, arcsec
 from parallel_simulator import Parallel
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -312,9 +312,63 @@ def three_sps_s() -> Example:
     )
 
 
+def palletiser() -> Example:
+    """Places all over the reach, each motor from both sides."""
+    random = np.random.default_rng(91)
+    q = np.round(random.uniform([-120, -35, -45, -170], [120, 65, 40, 170], size=(70, 4)), 3)
+    return Example(
+        drawn_wrong={
+            "frame.x": 3120.0,
+            "frame.y": -1480.0,
+            "frame.z": 390.0,
+            "frame.rx": -0.6,
+            "frame.ry": 0.9,
+            "frame.rz": 152.0,
+            **{
+                f"{joint}.{what}.{x}": value
+                for joint in ("J2", "J3", "J4", "J5")
+                for what, size in (("axis", 0.02), ("point", 0.3))
+                for x, value in zip("ab", size * random.normal(size=2), strict=True)
+                if (joint, what) not in {("J2", "point"), ("J5", "point")}
+            },
+            **off("reflector_1", 0.3, -0.5, 0.4),
+            **off("reflector_2", -0.4, 0.2, 0.6),
+            **off("reflector_3", 0.5, 0.3, -0.2),
+        },
+        hidden={"J2.backlash.b": 0.024},
+        q=q,
+        targets=("reflector_1", "reflector_2", "reflector_3"),
+        noise=0.03,
+        decimals={"q": 3, "reading": 3},
+        seed=92,
+    )
+
+
 def off(target: str, x: float, y: float, z: float) -> dict[str, float]:
     """Give by how much a target is not where it is drawn."""
     return {f"target.{target}.{name}": value for name, value in zip("xyz", (x, y, z), strict=True)}
+
+
+class Palletiser(Simulated):
+    """The arm on its rods: four motors turn five joints, and play behind a motor moves all that the motor moves."""
+
+    def __init__(self, file: dict[str, Any], effects: dict[str, float]) -> None:
+        self.play = effects.get("J2.backlash.b", 0.0)
+        super().__init__(file, {key: x for key, x in effects.items() if key != "J2.backlash.b"})
+
+    def measure(self, q: Array, **conditions: Any) -> Array:
+        """Give what the tracker reads; q are the motors' angles, (rows, 4)."""
+        first, second, third, flange = q.T
+        second = second - self.play / 2 * approach(q)[:, 1]
+        return super().measure(
+            np.stack([first, second, third - second, -third, flange], axis=-1), **conditions
+        )
+
+    def write_csv(self, *given: Any, **more: Any) -> None:
+        """Write the angles of the motors."""
+        motors = [joint for joint in self.joints if "coordinate" not in joint or "reading" in joint]
+        columns = [{**joint, "name": joint.get("reading", joint["name"])} for joint in motors]
+        Simulated({**self.file, "joint": columns}).write_csv(*given, **more)
 
 
 MACHINES: tuple[Callable[[], Example], ...] = (
@@ -326,13 +380,15 @@ MACHINES: tuple[Callable[[], Example], ...] = (
     ballbar_gantry,
     tricept,
     three_sps_s,
+    palletiser,
 )
 
 
 def simulated(name: str, effects: dict[str, float]) -> Any:
     """Give the simulator of a machine with errors."""
     file = tomllib.loads((HERE / name / "machine.toml").read_text(encoding="utf-8"))
-    return (Parallel if "family" in file else Simulated)(file, effects)
+    made = Palletiser if name == "palletiser" else Parallel if "family" in file else Simulated
+    return made(file, effects)
 
 
 def write(folder: Path) -> None:

@@ -234,7 +234,7 @@ class FittedModel:
         # what is measured along a travel means nothing without it
         along = measured_along(model)
         joints = tuple(
-            replace(joint, travel=(float(model.travel[j, 0]), float(model.travel[j, 1])))
+            replace(joint, travel=(float(model.reach[j, 0]), float(model.reach[j, 1])))
             if j in along
             else joint
             for j, joint in enumerate(model.machine.joints)

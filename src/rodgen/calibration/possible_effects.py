@@ -94,7 +94,7 @@ def _gravity_turns(machine: Machine, o: Observations, j: int) -> bool:
     """Return whether gravity turns as a joint sees it; else what it bends is bent once and for all."""
     return any(
         machine.joints[k].revolute
-        and np.ptp(o.q[:, k]) > 0
+        and np.ptp(o.coordinates[:, k]) > 0
         and np.linalg.norm(np.cross(machine.joints[k].axis, machine.gravity)) > SELECTION.weightless
         for k in machine.carriers(j)
     )

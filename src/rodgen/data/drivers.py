@@ -286,9 +286,9 @@ def drivers(o: Observations) -> Iterator[Driver]:
         # also without a column, where the order of the rows says where a joint came from
         if o.approach_known[j]:
             text = f"the direction of approach of {joint.name}"
-            yield of_joint(j, "approach", f"dir_{joint.name}", o.s[:, j], text)
+            yield of_joint(j, "approach", f"dir_{joint.column}", o.s[:, j], text)
     for j, joint in enumerate(machine.joints):
-        if (name := f"v_{joint.name}") in columns:
+        if (name := f"v_{joint.column}") in columns:
             text, dimension = f"the velocity of {joint.name}", joints[j].dimension / TIME
             yield of_joint(j, "velocity", name, o.v[:, j], text, dimension)
     if o.load is not None:
@@ -296,7 +296,7 @@ def drivers(o: Observations) -> Iterator[Driver]:
         yield Driver("load", "load", o.load, load.values, load.unit or "", "the load", dimension=FORCE)
     for j, joint in enumerate(machine.joints):
         if joint.name in o.temperature:
-            name, values = f"T_{joint.name}", o.temperature[joint.name]
+            name, values = f"T_{joint.column}", o.temperature[joint.name]
             yield of_joint(j, "temperature", name, values, name, TEMPERATURE)
     for name, values in o.covariates.items():
         unit = columns[name].unit or ""
@@ -359,14 +359,14 @@ def order_of_rows(o: Observations) -> Driver:
 def _coordinate(o: Observations, j: int) -> Driver:
     """Return the coordinate of a joint."""
     joint = o.machine.joints[j]
-    column = o.data.columns[joint.name]
+    column = o.data.columns[joint.column]
     return Driver(
         "joint",
-        joint.name,
+        joint.column,
         o.q[:, j],
         column.values,
         column.unit or "",
-        joint.name,
+        joint.column,
         unit_factor(column.unit, o.machine.length_unit)[0] if column.unit else 1.0,
         joint.dimension,
         joint.name,

@@ -37,7 +37,7 @@ class Observations:
     machine : Machine
     data : Measurements
     q : ndarray, shape (n, J)
-        Commanded coordinates.
+        Commanded coordinates: the reading of each joint, the coordinate of one that has none.
     s : ndarray of int8, shape (n, J)
         Direction of approach, +1 or -1; 0 of a joint that never moves and has no column for it.
     v : ndarray, shape (n, J)
@@ -109,6 +109,11 @@ class Observations:
         return len(self.q)
 
     @cached_property
+    def coordinates(self) -> NDArray[np.float64]:
+        """The coordinates of the joints, (n, J): `q`, unless joints are coupled."""
+        return self.machine.coordinates(self.q)
+
+    @cached_property
     def approach_known(self) -> NDArray[np.bool_]:
         """Whether the direction of approach of each joint is known, (J,).
 
@@ -122,7 +127,7 @@ class Observations:
             short = ways[ways > 0] < EVIDENCE.trimmed * np.ptp(self.q[:, j])
             trimmed = len(short) > 0 and np.mean(short) > EVIDENCE.trims
             ordered = not self.machine.measurand.is_direction and not trimmed
-            known[j] = self.s[:, j].any() and (f"dir_{joint.name}" in self.columns_given or ordered)
+            known[j] = self.s[:, j].any() and (f"dir_{joint.column}" in self.columns_given or ordered)
         return known
 
     @cached_property

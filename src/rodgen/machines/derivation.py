@@ -32,6 +32,7 @@ from rodgen.machines.structure import MOMENTS, TENSION, Structure, Term
 if TYPE_CHECKING:
     from rodgen.codegen import Kernel
     from rodgen.codegen.program import Program
+    from rodgen.machines.coupling import Coupling
 
 __all__ = ["ModelSteps", "derive_kernels", "derive_programs"]
 
@@ -187,7 +188,7 @@ class ModelSteps:
         self.joint_point = [self.moved_point(j) if has_points else self.zero for j in range(n)]
         self.point = self.joint_point if s.moving else [self.zero] * n  # a direction turns, and nothing else
         revolute = [j for j in range(n) if s.joints[j].revolute]
-        self.ideal_turn = {j: self.turn(self.column["q", j]) for j in revolute}
+        self.ideal_turn = {j: self.turn(self.coordinate(j)) for j in revolute}
 
     # small things --------------------------------------------------------------------------------------------
 
@@ -257,6 +258,60 @@ class ModelSteps:
         across = self.let("across", w.cross(x))
         return by_sine * across + by_cosine * w.cross(across)
 
+    # coordinates of joints, by their readings -----------------------------------------------------------------
+
+    def coupling(self, j: int) -> Coupling | None:
+        """Return how the coordinate of a joint follows from readings, None where it is the joint's own."""
+        return self.structure.couplings[j] if self.structure.couplings else None
+
+    def has_reading(self, j: int) -> bool:
+        """Return whether a joint has a reading, on which its effects act; else they act on its coordinate."""
+        coupling = self.coupling(j)
+        return coupling is None or j in dict(coupling.factors)
+
+    @cached
+    def coordinate(self, j: int) -> Any:
+        """Return the coordinate of a joint, without errors."""
+        coupling, number = self.coupling(j), self.algebra.number
+        if coupling is None:
+            return self.column["q", j]
+        constant = number(coupling.constant)
+        return self.let(
+            "coordinate", sum((number(x) * self.column["q", i] for i, x in coupling.factors), constant)
+        )
+
+    def followers(self, i: int) -> dict[int, Any]:
+        """Return the joints that follow what acts at a joint, each with the factor: itself, or all with its reading."""
+        if not self.structure.couplings or not self.has_reading(i):
+            return {i: 1}
+        found = {}
+        for j, coupling in enumerate(self.structure.couplings):
+            factor = Fraction(i == j) if coupling is None else dict(coupling.factors).get(i)
+            if factor:
+                found[j] = 1 if factor == 1 else self.algebra.number(factor)
+        return found
+
+    @cached
+    def reading_errors(self, i: int) -> list[Any]:
+        """Return what the effects at a joint change its reading by, or its coordinate where it has none."""
+        return [
+            self.term(n, part)
+            for n, term in enumerate(self.structure.terms)
+            if term.joint == i
+            for part, (component, _) in enumerate(term.parts)
+            if component == "reading"
+        ]
+
+    def coordinate_errors(self, j: int) -> list[Any]:
+        """Return what the coordinate of a joint is off by: the errors of all readings that it follows."""
+        coupling = self.coupling(j)
+        if coupling is None:
+            return self.reading_errors(j)
+        found = [] if self.has_reading(j) else [*self.reading_errors(j)]
+        for i, factor in coupling.factors:
+            found += [self.algebra.number(factor) * error for error in self.reading_errors(i)]
+        return found
+
     # the ideal pose ------------------------------------------------------------------------------------------
 
     @cached
@@ -289,7 +344,7 @@ class ModelSteps:
         if self.structure.joints[j].revolute:
             arm = self.let("arm", x - point)
             return self.let("carried", point + self.about_axis(arm, n, self.ideal_turn[j]))
-        return self.let("carried", x + n * self.column["q", j]) if self.structure.moving else x
+        return self.let("carried", x + n * self.coordinate(j)) if self.structure.moving else x
 
     @cached
     def arm(self, j: int) -> Vector:
@@ -309,9 +364,41 @@ class ModelSteps:
         if "M_perp" in names:  # after a quarter turn, n x arm; what is along n has no moment
             found["M_perp"] = self.rate(j).cross(n).dot(arm)
         if "M_guide" in names:
-            guide = n * self.column["q", j] if self.structure.moving else self.zero
+            guide = n * self.coordinate(j) if self.structure.moving else self.zero
             guided = self.moment(arm - guide, j)
             found["M_guide"] = guided - n * n.dot(guided)
+        return found
+
+    def moments_at(self, i: int, names: frozenset[str], component: str) -> dict[str, Any]:
+        """Return the moments that bend a joint, or, where its reading is changed, those that its drive bears."""
+        factors = self.followers(i) if component == "reading" else {i: 1}
+        if list(factors) == [i] or not names & MOMENTS:
+            return self.moments(i, names)
+        found: dict[str, Any] = {}
+        for j, factor in factors.items():
+            turns = self.structure.joints[j].revolute
+            moments = (
+                self.moments(j, names) if turns else dict.fromkeys(names & {"M", "M_perp"}, self.force(j))
+            )
+            for name, moment in moments.items():
+                found[name] = factor * moment + found.get(name, 0)
+        return found
+
+    def force(self, j: int) -> Any:
+        """Return the part of a unit force along gravity that a prismatic joint's drive bears."""
+        return self.let("force", self.gravity(j).dot(self.axis[j]) if self.structure.moving else 0)
+
+    def weights_on_drive(self, i: int) -> list[Any]:
+        """Return the moments of unit weights that the drive of a joint bears, in the order of `Term.weights`."""
+        factors, beyond = self.followers(i), list(self.structure.beyond(i))
+        own = factors.pop(i)
+        found = [moment if own == 1 else own * moment for moment in self.moments_of_weights(i)]
+        for j, factor in factors.items():
+            turns, later = self.structure.joints[j].revolute, self.structure.beyond(j)
+            moments = self.moments_of_weights(j) if turns else [self.force(j)] * len(later)
+            for k, moment in zip(later, moments, strict=False):
+                if k in beyond:
+                    found[beyond.index(k)] = found[beyond.index(k)] + factor * moment
         return found
 
     def bends(self, j: int, names: frozenset[str]) -> dict[str, Any]:
@@ -346,7 +433,7 @@ class ModelSteps:
                 cosine, sine = self.ideal_turn[k]
                 rate = self.let("rate", self.about_axis(rate, self.axis[k], (cosine, -sine)))
             else:
-                moment = moment + rate.dot(self.axis[k]) * self.column["q", k]
+                moment = moment + rate.dot(self.axis[k]) * self.coordinate(k)
             arm = self.joint_point[after] - self.joint_point[k]
             if k == j:
                 off_the_line = self.let("moment", rate.cross(self.axis[j]).dot(arm))
@@ -356,27 +443,35 @@ class ModelSteps:
 
     # effects -------------------------------------------------------------------------------------------------
 
-    def value(self, number: int, formula: str, **more: Any) -> Any:
+    def value(self, number: int, formula: str, component: str = "", **more: Any) -> Any:
         """Evaluate an effect's formula: a number, or a vector."""
-        component = self.structure.terms[number].component
+        component = component or self.structure.terms[number].component
         value = Formula.parse(formula, file="effect", place=component).evaluate(
-            self.names(number) | more, self.algebra.functions, self.algebra.number
+            self.names(number, component) | more, self.algebra.functions, self.algebra.number
         )
         if not all(map(self.algebra.is_real, value if hasattr(value, "shape") else [value])):
             raise RodgenError(f"the formula {formula!r} of an effect is not a real number anywhere")
         return value
 
-    def names(self, number: int) -> dict[str, Any]:
-        """Return what each name in the formula of an effect stands for."""
+    def names(self, number: int, component: str) -> dict[str, Any]:
+        """Return what each name in the formula of an effect for a component stands for."""
         term = self.structure.terms[number]
         names: dict[str, Any] = {"pi": self.algebra.pi}
         if not term.own:
-            names |= self.vocabulary(term)
+            names |= self.vocabulary(term, component)
         elif term.sky:
             names |= self.sky()
-        names |= {name: self.column[column] for name, column in term.columns}
+        names |= {name: self.quantity(name, column, component) for name, column in term.columns}
         names |= {name: self.e[number, name] for name in term.parameters}
         return names
+
+    def quantity(self, name: str, column: tuple[str, int | str], component: str) -> Any:
+        """Return what stands for a column of a formula: the q of a joint's motion is its coordinate."""
+        kind, j = column
+        if kind == "q" and self.structure.couplings:
+            by_reading = self.has_reading(int(j)) and (name != "q" or component == "reading")
+            kind = "q" if by_reading else "c"
+        return self.coordinate(int(j)) if kind == "c" else self.column[kind, j]
 
     @cached
     def sky(self) -> dict[str, Any]:
@@ -396,8 +491,8 @@ class ModelSteps:
             "azimuth": self.let("azimuth", self.algebra.atan2(first, second)),
         }
 
-    def vocabulary(self, term: Term) -> dict[str, Any]:
-        """Return the names that only formulas of the catalogue may use."""
+    def vocabulary(self, term: Term, component: str) -> dict[str, Any]:
+        """Return the names that only formulas of the catalogue may use, for a component."""
         unit = self.matrix.eye(3)
         names: dict[str, Any] = {f"E{x}": unit[:, i] for i, x in enumerate("XYZ")}
         j = term.joint
@@ -410,20 +505,20 @@ class ModelSteps:
             names |= {"U": self.known("u", j), "V": self.known("v", j)}
         if term.uses_travel:
             length = self.g["length", j][0]
-            zeta = self.let("zeta", (self.column["q", j] - self.g["start", j][0]) / length)
+            zeta = self.let("zeta", (self.coordinate(j) - self.g["start", j][0]) / length)
             names |= {"L": length, "zeta": zeta}
             names |= {
                 f"P{k}": self.let("legendre", legendre(2 * zeta - 1)) for k, legendre in LEGENDRE.items()
             }
-        return names | self.moments(j, term.names) | self.bends(j, term.names)
+        return names | self.moments_at(j, term.names, component) | self.bends(j, term.names)
 
     def term(self, number: int, part: int = 0) -> Any:
         """Return what an effect changes its component by, or another of its components, named."""
         term = self.structure.terms[number]
-        value = self.value(number, term.parts[part][1])
+        value = self.value(number, term.parts[part][1], term.parts[part][0])
         j = term.joint
         if j is not None and term.weights:
-            for name, moment in zip(term.weights, self.moments_of_weights(j), strict=True):
+            for name, moment in zip(term.weights, self.weights_on_drive(j), strict=True):
                 value = value + self.e[number, name] * moment
         if term.target:
             value = value * self.g["acts", number][0]
@@ -468,7 +563,7 @@ class ModelSteps:
         w = self.let("turn", n.cross(gravity) * slope)
         if not self.structure.moving:
             return self.zero, w
-        arm = self.let("arm", self.centre() + n * self.column["q", j] - pivot)
+        arm = self.let("arm", self.centre() + n * self.coordinate(j) - pivot)
         return gravity * drop - self.change_by_vector(arm, w), w
 
     # the way of the target -----------------------------------------------------------------------------------
@@ -521,22 +616,16 @@ class ModelSteps:
         for j in reversed(joints):
             backwards = j < s.inner
             here = [n for n, term in enumerate(s.terms) if term.joint == j]
-            readings = [
-                (n, part)
-                for n in here
-                for part, (component, _) in enumerate(s.terms[n].parts)
-                if component == "reading"
-            ]
-            q = self.column["q", j]
-            if readings:
-                q = self.let("reading", sum((self.term(n, part) for n, part in readings), q))
+            q, off = self.coordinate(j), self.coordinate_errors(j)
+            if off:
+                q = self.let("reading", sum(off, q))
             errors = [n for n in here if any(component != "reading" for component, _ in s.terms[n].parts)]
             displaced = partial(
                 self.displaced, numbers=errors, pivot=self.point[j], j=j, moves=moves, backwards=backwards
             )
             x = displaced(x) if backwards else x
             if s.joints[j].revolute:
-                cosine, sine = self.turn(q) if readings else self.ideal_turn[j]
+                cosine, sine = self.turn(q) if off else self.ideal_turn[j]
                 point = self.point[j] if moves else self.zero
                 arm = self.let("arm", x - point)
                 turn = cosine, (-sine if backwards else sine)

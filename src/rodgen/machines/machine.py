@@ -15,9 +15,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rodgen.data.units import ANGLE, Dimension, unit_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.files import write_file
+from rodgen.machines.coupling import Couplings, couplings_of
 from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
 from rodgen.machines.files.read import machine_of, read_machine
 from rodgen.machines.files.write import description, machine_text
@@ -305,6 +309,40 @@ class Machine:
             return catalogue_effect(self, name, place, hold or {})
         except UnfitEffectError as error:
             raise self._unfit(f"{name} at {place}" if place else name, error) from None
+
+    @cached_property
+    def couplings(self) -> Couplings | None:
+        """How the coordinates of joints follow from readings; None where each is the joint's reading."""
+        return couplings_of(self)
+
+    @cached_property
+    def limits(self) -> tuple[tuple[float, float] | None, ...]:
+        """Lowest and highest reading of each joint: stated, or what the coordinates' travels allow; else None."""
+        if self.couplings is None:
+            return tuple(joint.travel for joint in self.joints)
+        stated = np.array([joint.travel or (np.nan, np.nan) for joint in self.joints])
+        within = self.couplings.readings_within(stated)
+        found: list[tuple[float, float] | None] = []
+        for joint, coupling, (low, high) in zip(self.joints, self.couplings.of, within.tolist(), strict=True):
+            known = joint.is_read and math.isfinite(low) and math.isfinite(high)
+            own = joint.travel if coupling is None else joint.reading_travel
+            found.append(own or ((low, high) if known else None))
+        return tuple(found)
+
+    @property
+    def quantities(self) -> dict[str, str]:
+        """Names of joints, which are their coordinates, and of readings, each with the type of the joint."""
+        return {name: joint.type for joint in self.joints for name in (joint.column, joint.name)}
+
+    def coordinates(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the coordinates of the joints that belong to readings, (..., J): the same without a coupling."""
+        return q if self.couplings is None else self.couplings.coordinates(q)
+
+    def followed(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return readings, (..., J), with the coordinate in the place of each joint that has no reading."""
+        if self.couplings is None:
+            return q
+        return np.where([joint.is_read for joint in self.joints], q, self.couplings.coordinates(q))
 
     def with_effect(self, effect: Effect) -> Machine:
         """Return this machine with one more effect, after those that it has.

@@ -202,6 +202,14 @@ class Model:
         return np.array([unit_factor(p.unit, length)[1] == dimension for p in self.parameters], bool)
 
     @functools.cached_property
+    def reach(self) -> Array:
+        """Range of the coordinate of each joint, internal units, (joints, 2): its travel, unless it is coupled."""
+        if self.machine.couplings is None:
+            return self.travel
+        reached = self.machine.couplings.ranges(self.travel)
+        return np.array([j.travel or x for j, x in zip(self.machine.joints, reached, strict=True)])
+
+    @functools.cached_property
     def effect_sizes(self) -> tuple[Array, Array]:
         """Usual and largest sizes of the parameters of effects, internal units, (parameters,); NaN if not known."""
         found = np.full((2, len(self.parameters)), np.nan)
@@ -382,7 +390,7 @@ class Model:
         if name in {"u", "v"}:
             return self._bases[j]["uv".index(name)]
         if name in {"start", "length"}:
-            first, last = self.travel[j]
+            first, last = self.reach[j]
             return np.array([first if name == "start" else last - first])
         if name == "target":
             return np.array([machine.targets[target].point for target, _ in groups])
@@ -556,7 +564,7 @@ class Model:
 
 
 def _travel(machine: Machine, travel: Any) -> Array:
-    given = [joint.travel for joint in machine.joints]
+    given = machine.limits
     found = np.zeros((len(given), 2)) if travel is None else np.asarray(travel, float)
     return np.array([f if g is None else g for f, g in zip(found, given, strict=True)])
 

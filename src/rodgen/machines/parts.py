@@ -121,6 +121,14 @@ class Joint:
         Whether a counterweight or a spring bears weight there, so that weight may turn it either way.
     branch : str
         ``"workpiece"`` or ``"tool"``: what it brings along, of a machine of two branches; empty in a chain.
+    coordinate : str or None
+        The coordinate as a linear combination of readings and of coordinates of other joints, such as ``"J3m - J2m"``
+        or ``"0.5*J2 + 10 deg"``; None: it is the joint's reading.
+    reading : str or None
+        Name of the joint's reading, which is that of its column in the measurements; None: the joint's name, or, with a
+        `coordinate`, that nothing reads or moves it by itself.
+    reading_travel : tuple of (float, float), or None
+        Lowest and highest reading of a joint with a `coordinate`, whose own limits are `travel`.
     """
 
     name: str
@@ -134,6 +142,9 @@ class Joint:
     passive: bool = False
     counterbalance: bool = False
     branch: str = ""
+    coordinate: str | None = None
+    reading: str | None = None
+    reading_travel: tuple[float, float] | None = None
 
     _repr_html_ = html_of
 
@@ -154,6 +165,16 @@ class Joint:
                 ) from None
         object.__setattr__(self, "axis", axis)
         object.__setattr__(self, "point", _three(f"joint {self.name}, point", self.point))
+
+    @property
+    def is_read(self) -> bool:
+        """Whether it has a reading of its own; else its coordinate follows from others."""
+        return self.coordinate is None or self.reading is not None
+
+    @property
+    def column(self) -> str:
+        """Name of its column in the measurements."""
+        return self.reading or self.name
 
     @property
     def revolute(self) -> bool:

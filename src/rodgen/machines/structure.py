@@ -24,6 +24,7 @@ from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
 from rodgen.machines.measured import Measurand
 
 if TYPE_CHECKING:
+    from rodgen.machines.coupling import Coupling
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import Effect
 
@@ -83,7 +84,8 @@ class Term:
     parameters : tuple of str
         In the order in which they stand in ``e``.
     columns : tuple of (str, tuple)
-        The column that each such name of the formula is, as in :attr:`Structure.columns`.
+        The column that each such name of the formula is, as in :attr:`Structure.columns`; ``("c", joint)`` is a
+        coordinate that is no column, as it follows from readings.
     own : bool
         Whether a user wrote it: then the catalogue's names have no special meaning.
     others : tuple of (str, str)
@@ -171,6 +173,8 @@ class Structure:
     inner : int
         How many joints, the first ones, carry the instrument. The chain runs from it to the bed, and from there to the
         target; so these are passed backwards.
+    couplings : tuple of Coupling or None
+        How the coordinate of each joint follows from readings, None where it is the reading; empty where all are.
     """
 
     measurand: Measurand
@@ -184,6 +188,7 @@ class Structure:
     correlated: bool = False
     line: bool = False
     inner: int = 0
+    couplings: tuple[Coupling | None, ...] = ()
 
     def carriers(self, j: int) -> range:
         """Return the numbers of the joints that carry joint j, the bed's first."""
@@ -300,7 +305,7 @@ class Structure:
         """
         used: dict[tuple[str, int | str], None] = {("q", j): None for j in range(len(self.joints))}
         used |= {("start", i): None for i in range(self.kinematics.pose_numbers)}
-        used |= {column: None for term in self.terms for _, column in term.columns}
+        used |= {column: None for term in self.terms for _, column in term.columns if column[0] != "c"}
         return (
             *used,
             *(("reading", i) for i in range(self.measurand.inputs)),
@@ -351,6 +356,7 @@ def structure_of(machine: Machine) -> Structure:
         correlated=machine.measured.correlation is not None,
         line=machine.measured.frame == "free" and machine.measurand.has_zero,
         inner=machine.inner,
+        couplings=machine.couplings.of if machine.couplings else (),
     )
 
 
@@ -364,10 +370,15 @@ def _term(machine: Machine, effect: Effect) -> Term:
     names = [joint.name for joint in machine.joints]
     joint = names.index(effect.place) if effect.place in names else None
     texts = definition.formulas
+    coupled = machine.couplings.of if machine.couplings else ()
+    quantities = {of.column: ("q", j) for j, of in enumerate(machine.joints)}
+    quantities |= {
+        of.name: ("c" if coupled and coupled[j] else "q", j) for j, of in enumerate(machine.joints)
+    }
     columns: dict[str, tuple[str, int | str]] = {}
     sky = frozenset[str]()
     if definition.own and machine.measurand.is_direction and not machine.kinematics.is_closed:
-        sky = SKY - set(names) - definition.parameters.keys()
+        sky = SKY - quantities.keys() - definition.parameters.keys()
     for name in sorted(frozenset().union(*(f.names for f in texts))):
         if name in definition.parameters or name == "pi" or name in sky:
             continue
@@ -378,7 +389,7 @@ def _term(machine: Machine, effect: Effect) -> Term:
         elif name in {"t", "F"}:
             columns[name] = (name, 0)
         elif definition.own:
-            columns[name] = ("q", names.index(name)) if name in names else ("x", name)
+            columns[name] = quantities.get(name, ("x", name))
     if joint is not None and any(f.names & BEAM for f in texts) and not definition.own:
         columns["q"] = ("q", joint)
     weights = definition.weights([names[k] for k in machine.beyond(joint)]) if joint is not None else ()

@@ -110,7 +110,8 @@ def few_positions(effect: Effect, observations: Observations) -> tuple[str, int]
     joint = position_of(effect, observations)
     if joint is None:
         return None
-    q = observations.q[:, [j.name for j in observations.machine.joints].index(joint)]
+    of_drive = effect.definition.component == "reading"
+    q = (observations.q if of_drive else observations.coordinates)[:, observations.machine.number_of(joint)]
     number = distinct_positions(q, len(np.unique(observations.pose)))
     return None if number is None else (joint, int(number.max()) + 1)
 

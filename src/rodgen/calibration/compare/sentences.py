@@ -377,8 +377,8 @@ def _largest(comparison: Comparison) -> Iterator[str]:
             for unit, group in by_unit
         )
         at = ", ".join(
-            f"{plain(joint.name)} {o.data.columns[joint.name].values[row]:.6g} {o.data.columns[joint.name].unit}"
-            for joint in comparison.fit.machine.joints
+            f"{plain(column.name)} {column.values[row]:.6g} {column.unit}"
+            for column in (o.data.columns[joint.column] for joint in comparison.fit.machine.joints)
         )
         yield f"  {o.data.place(int(row))}: {values} ({at})"
 

@@ -281,10 +281,11 @@ def _column(
     """Return the derivative in the direction of some values of the parameters, the others zero, (n, m)."""
     definition = effect.definition
     names = dict.fromkeys(definition.parameters, 0.0) | dict(values) | dict(searched)
+    words = _vocabulary(sensitivities, effect.place)
+    if definition.component != "reading" and "q" in words:
+        words = words | {"q": sensitivities.observations.coordinates[:, _number(sensitivities, effect)]}
     with np.errstate(all="ignore"):
-        change = definition.formula.evaluate(
-            _vocabulary(sensitivities, effect.place) | names, FUNCTIONS, float
-        )
+        change = definition.formula.evaluate(words | names, FUNCTIONS, float)
     n = sensitivities.observations.n
     if definition.component == "reading":
         sensitivity = sensitivities.component(effect.place, "reading")
@@ -326,9 +327,9 @@ def _words(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
     axis = sensitivities.fit.problem.model.axis(sensitivities.fit.solution.theta, j)[0]
     u, v = complete_basis(np.array(machine.joints[j].axis))
     names |= {"N": axis[:, None], "U": u[:, None], "V": v[:, None]}
-    start, end = sensitivities.fit.problem.model.travel[j]
+    start, end = sensitivities.fit.problem.model.reach[j]
     if end > start:
-        zeta = (o.q[:, j] - start) / (end - start)
+        zeta = (o.coordinates[:, j] - start) / (end - start)
         legendre = special.eval_legendre(np.arange(5)[:, None], 2 * zeta - 1)
         names |= {"L": end - start, "zeta": zeta} | {f"P{k}": legendre[k] for k in range(1, 5)}
     return names

@@ -35,9 +35,9 @@ def write_mended_data(mended: Observations, observations: Observations, path: st
     machine, data = observations.machine, mended.data
     changed: dict[str, NDArray[np.float64]] = {}
     for j, joint in enumerate(machine.joints):
-        changed[joint.name] = mended.q[:, j]
-        changed[f"v_{joint.name}"] = mended.v[:, j]
-        changed[f"dir_{joint.name}"] = mended.s[:, j].astype(float)
+        changed[joint.column] = mended.q[:, j]
+        changed[f"v_{joint.column}"] = mended.v[:, j]
+        changed[f"dir_{joint.column}"] = mended.s[:, j].astype(float)
     for i, name in enumerate(machine.measurand.columns):
         if i < mended.reading.shape[1]:
             changed[name] = mended.reading[:, i]

@@ -106,12 +106,13 @@ def repairs(machine: Machine, observations: Observations) -> list[Repair]:
     observations : Observations
     """
     moves = np.ptp(observations.q, axis=0) > 0
+    read = np.array([joint.is_read for joint in machine.joints])
     made = [
         *(() if machine.kinematics.is_closed else _of_joints(machine, moves)),
         *(_of_legs(machine) if machine.kinematics.is_closed else ()),
         *_of_readings(machine),
-        *_of_units(machine, observations, moves),
-        *_of_columns(machine, moves),
+        *_of_units(machine, observations, moves & read),
+        *_of_columns(machine, moves & read),
         *_of_targets(machine, observations),
         *(_of_rows(observations) if moves.any() else ()),
     ]
@@ -264,9 +265,9 @@ def _of_units(machine: Machine, observations: Observations, moves: NDArray[np.bo
     for revolute in (True, False):
         those = [j for j, joint in enumerate(joints) if joint.revolute == revolute and moves[j]]
         for numbers in [*([j] for j in those), *([those] if len(those) > 1 else [])]:
-            subject = joined([joints[j].name for j in numbers])
+            subject = joined([joints[j].column for j in numbers])
             verb = "is" if len(numbers) == 1 else "are"
-            written = str(columns[joints[numbers[0]].name].unit)
+            written = str(columns[joints[numbers[0]].column].unit)
             for unit, factor in _other_units(written, ANGLES if revolute else LENGTHS):
                 yield Repair(
                     f"{subject} {verb} in {unit}, not in {written}",
@@ -398,7 +399,7 @@ def _of_columns(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
     joints = machine.joints
     for i, j in combinations(range(len(joints)), 2):
         if joints[i].dimension == joints[j].dimension and (moves[i] or moves[j]):
-            a, b = joints[i].name, joints[j].name
+            a, b = joints[i].column, joints[j].column
             yield Repair(f"the columns {a} and {b} are exchanged", "columns", 2, True, rows=_exchanged(i, j))
 
 

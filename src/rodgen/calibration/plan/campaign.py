@@ -177,7 +177,9 @@ class Campaign:
         o, rivals, question = self.o, self.rivals, self.question
         uses = {kind: rivals.uses(kind, self.counted) for kind in "svTFt"}
         for kind in "sv":  # a joint that cannot move comes from no side
-            uses[kind] = [j for j in uses[kind] if np.ptp(self.travel[j]) > 0]
+            uses[kind] = [
+                j for j in uses[kind] if np.ptp(self.travel[j]) > 0 and self.machine.joints[j].is_read
+            ]
         self.asks_load, self.asks_time = bool(uses["F"]), bool(uses["t"])
         targets = len(self.machine.targets)
         self.surroundings = Surroundings(o, targets, wait=self.wait, pace=question.constraints.pace)
@@ -240,7 +242,7 @@ class Campaign:
 
     def _readings(self, travel: Array | None = None, **how: Any) -> Rows:
         """Return readings within the travel, or another one; see :func:`rodgen.calibration.plan.pool.readings`."""
-        units = np.array([column_unit(self.o, joint.name)[1] for joint in self.machine.joints])
+        units = np.array([column_unit(self.o, joint.column)[1] for joint in self.machine.joints])
         within = self.travel if travel is None else travel
         return readings(self.machine, self.o, within, units, self.choice, **how)
 
@@ -305,6 +307,7 @@ class Campaign:
         starts = starts.take(random.permutation(starts.n)[: max(READINGS // len(places), FEWEST_STARTS)])
         found = [brought_to(starts, place, self.travel, self.places) for place in places]
         pool = Rows.joined(found)
+        pool = replace(pool, q=self.machine.followed(pool.q))
         self.out_of_reach = [k for k, rows in enumerate(found, 1) if not rows.n]
         if not pool.n:
             expected = "a ball that some target reaches within the travel and the limits"

@@ -236,7 +236,7 @@ class _PlanSearch:
         picked_rows = campaign.pool.take(np.array(picked))
         rows = ordered(picked_rows, campaign.sides, campaign.way, np.asarray(o.q[-1]))
         moved = rows.as_moved(np.asarray(o.q[-1]))
-        stated = [f"dir_{joint.name}" in o.columns_given for joint in campaign.machine.joints]
+        stated = [f"dir_{joint.column}" in o.columns_given for joint in campaign.machine.joints]
         s = np.where(stated, rows.s, moved.s).astype(np.int8)
         return replace(moved, s=s, v=np.abs(moved.v) * s)
 

@@ -73,7 +73,7 @@ def listed_readings(pool: Rows, poses: Observations) -> Rows:
     poses : Observations
     """
     given = poses.columns_given
-    sides = [j for j, joint in enumerate(poses.machine.joints) if f"dir_{joint.name}" in given]
+    sides = [j for j, joint in enumerate(poses.machine.joints) if f"dir_{joint.column}" in given]
 
     def kinds(rows: Rows | Observations) -> Array:
         columns: list[NDArray[Any]] = [rows.q, rows.s[:, sides]]

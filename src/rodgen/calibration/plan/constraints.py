@@ -151,12 +151,13 @@ class Constraints:
         """
         found = np.array(travel)
         for j, joint in enumerate(machine.joints):
-            limits = self.limits.get(joint.name)
-            if self.poses is not None and limits is None and joint.travel is None:
+            limits = self.limits.get(joint.column)
+            own = machine.limits[j]
+            if self.poses is not None and limits is None and own is None:
                 limits = float(self.poses.q[:, j].min()), float(self.poses.q[:, j].max())
             if limits is not None:
                 low, high = limits
-                stated = joint.travel if joint.travel is not None else limits
+                stated = own if own is not None else limits
                 found[j] = max(low, stated[0]), min(high, stated[1])
                 if found[j, 0] > found[j, 1]:
                     raise InputFileError(
@@ -176,7 +177,9 @@ class Constraints:
             Of the target, in machine axes; the direction where directions are measured.
         """
         names = {**dict(zip("xyz", place.T, strict=True)), "altitude": _altitude(machine, place)}
-        names |= {joint.name: q[:, j] for j, joint in enumerate(machine.joints)}
+        names |= {joint.column: q[:, j] for j, joint in enumerate(machine.joints)}
+        coordinates = machine.coordinates(q)
+        names |= {joint.name: coordinates[:, j] for j, joint in enumerate(machine.joints)}
         for region in self.regions:
             yield f"allowed {region.text!r}", region.holds(names)
         for number, box in enumerate(self.boxes, 1):
@@ -208,7 +211,7 @@ def load_constraints(file: str | os.PathLike[str], machine: Machine) -> Constrai
     """
     name = os.fspath(file)
     top = Table(name, "", parse(read_text(name, "a file of constraints"), name), KEYS)
-    table = top.sub("limits", [joint.name for joint in machine.joints])
+    table = top.sub("limits", [joint.column for joint in machine.joints if joint.is_read])
     artefact = top.sub("artefact", ("balls",))
     session = top.sub("session", ("readings",))
     return Constraints(

@@ -43,9 +43,9 @@ def differences(campaign: Campaign, rows: Rows) -> Iterator[str]:
 
 def _same_kind(campaign: Campaign, rows: Rows) -> str:
     where = [
-        f"{joint.name} {range_text(campaign.o, j, rows.q[:, j])}"
+        f"{joint.column} {range_text(campaign.o, j, rows.q[:, j])}"
         for j, joint in enumerate(campaign.o.machine.joints)
-        if np.ptp(campaign.travel[j]) > 0
+        if np.ptp(campaign.travel[j]) > 0 and joint.is_read
     ]
     return (
         f"Readings as before, where they are most informative: {joined(where)}."
@@ -59,7 +59,7 @@ def _differences(campaign: Campaign, rows: Rows) -> Iterator[str]:
     yield from _targets(machine, o, rows)
     yield from _sides(o, rows, choice)
     yield from _loads(o, rows, campaign.asks_load)
-    for j in range(rows.q.shape[1]):
+    for j in (j for j, joint in enumerate(machine.joints) if joint.is_read):
         yield from _positions(o, rows, j, campaign.travel)
     if campaign.asks_time:
         yield from _order(o, rows)
@@ -123,16 +123,16 @@ def _loads(o: Observations, rows: Rows, load: bool) -> Iterator[str]:
         return
     where = []
     for joint, q in zip(o.machine.joints, rows.q.T, strict=True):
-        if np.ptp(q) > 0:
-            of_joint, size = column_unit(o, joint.name)
-            where.append(f"{joint.name} = {values_text(q / size, of_joint)}")
+        if np.ptp(q) > 0 and joint.is_read:
+            of_joint, size = column_unit(o, joint.column)
+            where.append(f"{joint.column} = {values_text(q / size, of_joint)}")
     words = {1: "Another load", 2: "Two loads"}.get(len(new), f"{len(new)} loads")
     at = f" at {'; '.join(where)}" if where else ""
     yield f"{words}, {values_text(new / factor, unit)},{at}.".replace(",.", ".")
 
 
 def _positions(o: Observations, rows: Rows, j: int, travel: Array) -> Iterator[str]:
-    name, old, new = o.machine.joints[j].name, np.asarray(o.q[:, j]), rows.q[:, j]
+    name, old, new = o.machine.joints[j].column, np.asarray(o.q[:, j]), rows.q[:, j]
     span = max(float(np.ptp(travel[j])), float(np.ptp(old)))
     if span <= 0:
         return
@@ -176,7 +176,7 @@ def _order(o: Observations, rows: Rows) -> Iterator[str]:
 
 def _speeds(o: Observations, rows: Rows, choice: Levels) -> Iterator[str]:
     for j in choice.speeds:
-        name = o.machine.joints[j].name
+        name = o.machine.joints[j].column
         if f"v_{name}" in o.data.columns and np.ptp(rows.v[:, j]) > 0:
             unit, factor = column_unit(o, f"v_{name}")
             yield f"Read {name} in motion at {values_text(np.abs(rows.v[:, j]) / factor, unit)}, both ways."
@@ -187,7 +187,7 @@ def _temperatures(o: Observations, rows: Rows, choice: Levels) -> Iterator[str]:
         return
     for name, values in o.temperature.items():
         if np.ptp(values) > 0:
-            column = o.data.columns[f"T_{name}"]
+            column = o.data.columns[f"T_{o.machine.joint(name).column}"]
             met = [float(np.asarray(column.values)[k]) for k in np.unique(rows.state)]
             yield (
                 f"Take some rows when {name} is at about {joined([number(round(x, 1)) for x in met])} {column.unit}: "

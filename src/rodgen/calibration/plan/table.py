@@ -30,7 +30,8 @@ def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str,
     """
     o = surroundings.o
     columns = o.data.columns
-    names = [joint.name for joint in machine.joints]
+    names = [joint.column for joint in machine.joints]
+    follow = {joint.name for joint in machine.joints if joint.coordinate}
     readings = machine.measurand.read_columns
     targets = [target.name for target in machine.targets]
     found: dict[str, list[Any]] = {}
@@ -41,7 +42,7 @@ def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str,
 
     for name, column in columns.items():
         prefix, _, rest = name.partition("_")
-        if name in readings:
+        if name in readings or name in follow:
             continue
         if name in names:
             found[column.text] = numbers(rows.q[:, names.index(name)], column.unit)

@@ -32,7 +32,7 @@ def column_unit(o: Observations, name: str, usual: str = "") -> tuple[str, float
 
 def range_text(o: Observations, j: int, values: NDArray[Any]) -> str:
     """Write a range of coordinates, or the one."""
-    unit, factor = column_unit(o, o.machine.joints[j].name)
+    unit, factor = column_unit(o, o.machine.joints[j].column)
     low, high = number(np.min(values) / factor), number(np.max(values) / factor)
     return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
 

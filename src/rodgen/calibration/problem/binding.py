@@ -7,6 +7,7 @@ that never moves has no direction of approach (0), and a new run does not reset 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem.assembly_modes import closed
 from rodgen.calibration.problem.attitudes import ANGULAR, UnfitAttitudeError, matrices
-from rodgen.data.measurements import Measurements, plain_name
+from rodgen.data.measurements import Measurements, Numbers, plain_name
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach, poses
 from rodgen.data.spool import empty
@@ -24,8 +25,8 @@ from rodgen.machines.measured import MEASURANDS, NOTATIONS, TURNS
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
-    from rodgen.data.measurements import Measurements, Names, Numbers
-    from rodgen.machines.machine import Machine
+    from rodgen.data.measurements import Names
+    from rodgen.machines.machine import Joint, Machine
 
 __all__ = ["bind", "bind_once"]
 
@@ -104,9 +105,10 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
     data = Measurements.of(data)
     binder = _Binder(machine, data)
     binder.check_names()
-    commands = [binder.column(joint.name, *binder.kind(joint.name)).values for joint in machine.joints]
-    q = binder.coordinates(commands)
-    s = binder.approach(commands)
+    commands = [binder.column(joint.column, *binder.kind(joint)).values for joint in binder.read]
+    q = binder.coordinates()
+    data = binder.data
+    s = binder.approach(q)
     run, run_names = binder.run()
     target = binder.target()
     attitude = binder.attitude(may_be_missing=allow_missing_readings)
@@ -127,8 +129,8 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
         sigma = None if sigma is None else sigma * np.repeat([1.0, arm], 3)
     load = binder.optional("load", FORCE)
     travel = [
-        joint.travel or ((column.min(), column.max()) if data.rows else (0.0, 0.0))
-        for joint, column in zip(machine.joints, q.T, strict=True)
+        limits or ((column.min(), column.max()) if data.rows else (0.0, 0.0))
+        for limits, column in zip(machine.limits, q.T, strict=True)
     ]
     observations = Observations(
         machine=machine,
@@ -179,11 +181,13 @@ class _Binder:
         self.machine = machine
         self.data = data
         self.columns: Mapping[str, Any] = data.columns  # Numbers, or Names of a target or run
-        self.joints = [joint.name for joint in machine.joints]
+        self.read = [joint for joint in machine.joints if joint.is_read]
+        self.joints = [joint.column for joint in self.read]
         self.uncertain = machine.measurand.columns  # what has columns u_...
         self.readings = tuple(name for name in self.uncertain if name not in TURNS)
         self.own = {"target", "run", "t", "load", *self.joints, *self.readings}
         self.own |= {f"{prefix}{name}" for prefix in ("dir_", "v_", "T_") for name in self.joints}
+        self.own |= {joint.name for joint in machine.joints if not joint.is_read}
         self.own |= {f"u_{name}" for name in self.uncertain} | machine.measurand.read_columns
 
     # faults --------------------------------------------------------------------------------------------------
@@ -227,11 +231,10 @@ class _Binder:
 
     # units ---------------------------------------------------------------------------------------------------
 
-    def kind(self, joint: str) -> tuple[Dimension, str]:
+    def kind(self, joint: Joint) -> tuple[Dimension, str]:
         """Return the dimension of a joint's coordinate, and the reason for an error message."""
-        kind = self.machine.joint(joint).type
-        what = f"{joint} is a leg" if kind == "leg" else f"joint {joint} is {kind}"
-        return (ANGLE if kind == "revolute" else LENGTH), f" ({what})"
+        what = f"{joint.name} is a leg" if joint.type == "leg" else f"joint {joint.name} is {joint.type}"
+        return joint.dimension, f" ({what})"
 
     def column(self, name: str, dimension: Dimension, why: str = "") -> Any:
         """Return a column, after checking that it is there and has a unit of this dimension."""
@@ -287,20 +290,42 @@ class _Binder:
 
     # joints --------------------------------------------------------------------------------------------------
 
-    def coordinates(self, commands: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return the commanded coordinates, (n, J)."""
-        q = empty((self.data.rows, len(commands)))
-        for j, name in enumerate(self.joints):
-            self._scaled(self.columns[name], q[:, j])
+    def coordinates(self) -> NDArray[np.float64]:
+        """Return what was commanded, (n, J), with the coordinates of joints that follow; they become columns, too."""
+        machine = self.machine
+        q = empty((self.data.rows, len(machine.joints)))
+        for j, joint in enumerate(machine.joints):
+            if joint.is_read:
+                self._scaled(self.columns[joint.column], q[:, j])
+            else:
+                q[:, j] = 0.0
+        if machine.couplings is None:
+            return q
+        followed = machine.couplings.coordinates(q)
+        made: dict[str, Numbers] = {}
+        for j, (joint, coupling) in enumerate(zip(machine.joints, machine.couplings.of, strict=True)):
+            if coupling is None:
+                continue
+            if not joint.is_read:
+                q[:, j] = followed[:, j]
+            alike = (machine.joints[i] for i in (j, *dict(coupling.factors)))
+            units = [
+                self.columns[x.column].unit for x in alike if x.is_read and x.dimension == joint.dimension
+            ]
+            unit = units[0] if units else machine.file_unit(joint.dimension)
+            factor = parse_unit(unit).factor(machine.length_unit)
+            made[joint.name] = Numbers(joint.name, unit, followed[:, j] / factor)
+        self.columns = {**self.columns, **made}
+        self.data = replace(self.data, columns=self.columns)
         return q
 
-    def approach(self, commands: list[NDArray[np.float64]]) -> NDArray[np.int8]:
+    def approach(self, q: NDArray[np.float64]) -> NDArray[np.int8]:
         """Return the directions of approach, (n, J)."""
-        s = empty((self.data.rows, len(commands)), np.int8)
-        for j, name in enumerate(self.joints):
-            column = self.columns.get(f"dir_{name}")
+        s = empty(q.shape, np.int8)
+        for j, joint in enumerate(self.machine.joints):
+            column = self.columns.get(f"dir_{joint.column}") if joint.is_read else None
             if column is None:
-                s[:, j] = approach(commands[j])
+                s[:, j] = approach(self.columns[joint.column].values)
                 continue
             values = self._unitless(column, "a direction of approach is +1 or -1, or 0 where it is not known")
             wrong = ~np.isin(values, (-1.0, 0.0, 1.0))
@@ -314,15 +339,18 @@ class _Binder:
 
     def velocities(self) -> NDArray[np.float64]:
         """Return the velocities, (n, J), zero where there is no column."""
-        shape = (self.data.rows, len(self.joints))
-        given = [j for j, name in enumerate(self.joints) if f"v_{name}" in self.columns]
+        joints = self.machine.joints
+        shape = (self.data.rows, len(joints))
+        given = [j for j, x in enumerate(joints) if x.is_read and f"v_{x.column}" in self.columns]
         if not given:
             return np.broadcast_to(0.0, shape)
         v = empty(shape)
         v[:] = 0.0
         for j in given:
-            dimension, why = self.kind(self.joints[j])
-            self._scaled(self.column(f"v_{self.joints[j]}", dimension / TIME, why), v[:, j])
+            dimension, why = self.kind(joints[j])
+            self._scaled(self.column(f"v_{joints[j].column}", dimension / TIME, why), v[:, j])
+        if self.machine.couplings is not None:
+            v = np.where([joint.is_read for joint in joints], v, self.machine.couplings.rates(v))
         return v
 
     # target and run ------------------------------------------------------------------------------------------
@@ -477,7 +505,9 @@ class _Binder:
         """Return the temperature of each joint that has one."""
         columns = self.data.columns
         return {
-            name: self._temperature(columns[f"T_{name}"]) for name in self.joints if f"T_{name}" in columns
+            joint.name: self._temperature(columns[f"T_{joint.column}"])
+            for joint in self.machine.joints
+            if f"T_{joint.column}" in columns
         }
 
     def _temperature(self, column: Any) -> NDArray[np.float64]:

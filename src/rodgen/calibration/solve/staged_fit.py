@@ -39,7 +39,7 @@ def check_travel(problem: Problem) -> None:
     """Refuse an effect along a way that has no length."""
     model = problem.model
     for j, title in measured_along(model).items():
-        if not model.travel[j, 1] > model.travel[j, 0]:
+        if not model.reach[j, 1] > model.reach[j, 0]:
             o, joint = problem.observations.data, model.machine.joints[j].name
             found = (
                 f"one coordinate in all rows, and no travel in the machine, along which {title} is measured"

@@ -203,6 +203,10 @@ def _check_acts(machine: Machine, effect: Effect) -> None:
 
 
 def _check_drive(machine: Machine, effect: Effect) -> None:
+    of_reading = effect.name.startswith("encoder_") or effect.name == "servo_lag"
+    if of_reading and not effect.definition.own and not machine.joint(str(effect.place)).is_read:
+        found = f"{effect.title}, an error of readings, where the joint has none"
+        raise UnfitEffectError("name", found, "another effect, or a joint with a reading")
     if effect.definition.of_drive and machine.joint(str(effect.place)).passive:
         found = f"{effect.title}, an error of drives, where the joint is passive"
         raise UnfitEffectError("name", found, "another effect, or a joint that is not passive")

@@ -200,7 +200,7 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     ideal = machine_kernels(Model(ideal_of(scope)), "ideal", "ideal_")
     measurand, joints = scope.machine.measurand, machine.joints
     size = _size(scope)
-    limits = [joint.travel or (-np.inf, np.inf) for joint in joints]
+    limits = [own or (-np.inf, np.inf) for own in machine.limits]
     usual = [2 * np.pi if joint.revolute else size for joint in joints]
     ranges = [high - low for low, high in limits]
     weight = [way if 0 < way < np.inf else other for way, other in zip(ranges, usual, strict=True)]

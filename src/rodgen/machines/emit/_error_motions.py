@@ -118,7 +118,7 @@ def _axes(machine: Machine, travel: Any) -> Iterator[_Axis]:
                 taken.append((effect, own))
             elif effect.name not in CONSTANT:
                 left_out.append(f"{effect.title}: it depends on more than the position of {joint.name}")
-        low, high = joint.travel or model.travel[j]
+        low, high = joint.travel or model.reach[j]
         if not high > low:
             if not joint.revolute:
                 place = f"joint {joint.name}, travel"

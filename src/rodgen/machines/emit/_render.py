@@ -152,9 +152,13 @@ def _words_of(content: Content) -> Iterator[str]:
         yield f"Of distances, turns count as lengths on an arm of {content.size:.6g} {length}."
     yield ""
     for j, joint in enumerate(machine.joints):
-        ends = "" if joint.travel is None else ", {:.9g} to {:.9g}".format(*joint.travel)
+        ends = ", {:.9g} to {:.9g}".format(*limits) if (limits := machine.limits[j]) else ""
         what = "length of leg" if joint.type == "leg" else f"{joint.type} joint"
+        what = f"reading {shown(joint.reading)} of {what}" if joint.reading else what
+        what = what if joint.is_read else f"not used, as it follows: {what}"
         yield f"q[{j}]  {what} {shown(joint.name)}, {coordinate_unit(machine, j)}{ends}"
+        if joint.coordinate:
+            yield from _wrapped(f"      whose coordinate is {shown(joint.coordinate, 200)}")
     for field in content.fields:
         yield f"{field.name}{'' if field.length == 0 else '[]'}  {field.doc}"
     yield from _about_poses(content)

@@ -98,7 +98,7 @@ def _check_values(model: Model) -> None:
 def _check_travel(model: Model) -> None:
     machine = model.machine
     for effect, term in zip(row_effects(machine), model.structure.terms, strict=True):
-        if term.uses_travel and not np.ptp(model.travel[term.joint]) > 0:
+        if term.uses_travel and not np.ptp(model.reach[term.joint]) > 0:
             raise InputFileError(
                 machine.file or machine.name,
                 f"joint {shown(effect.place)}",

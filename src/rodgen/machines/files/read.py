@@ -18,6 +18,7 @@ import numpy as np
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit, typed_quantity
 from rodgen.errors import InputFileError, listed, shown, suggestion
+from rodgen.machines.coupling import CouplingError
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import OWN_COMPONENTS, own_effect
 from rodgen.machines.effects.rules import (
@@ -118,6 +119,9 @@ _KEYS = {
         "drive",
         "passive",
         "counterbalance",
+        "reading",
+        "coordinate",
+        "reading_travel",
     ),
     "branch": ("name", "joints"),
     "target": ("name", "point", "attitude", "zero"),
@@ -200,6 +204,10 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         record=_record(top),
     )
     _check_names(machine)
+    try:
+        _ = machine.couplings
+    except CouplingError as error:
+        raise InputFileError(file, f"joint {error.joint}, {error.key}", error.found, error.expected) from None
     machine = replace(machine, estimate=_estimate(top, machine))
     for number, block in enumerate(top.blocks("effect", MOST_EFFECTS), start=1):
         effect = effect_of(machine, block, file, f"[[effect]] {number}")
@@ -459,9 +467,18 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
                 drive=table.get("drive", one_of(DRIVES), None),
                 passive=_passive(table),
                 counterbalance=table.get("counterbalance", _YES_OR_NO, False),
+                coordinate=table.get("coordinate", TEXT, None),
+                reading=table.get("reading", JOINT_NAME, None),
+                reading_travel=_reading_travel(table, travel),
             )
         )
     return joints
+
+
+def _reading_travel(table: Table, travel: Kind[tuple[float, float]]) -> tuple[float, float] | None:
+    if "reading_travel" in table and not {"coordinate", "reading"} <= table.content.keys():
+        raise table.error("reading_travel", "given without coordinate and reading", "travel")
+    return table.get("reading_travel", travel, None)
 
 
 def _of_branches(top: Table, joints: list[Joint], instrument: str) -> tuple[Joint, ...]:
@@ -699,7 +716,7 @@ def _own_effect(table: Table, machine: Machine, place: str | None) -> Effect:
         table.get("meaning", TEXT, ""),
         others={key: text for key, text in several.items() if key != component} if several else None,
         at=machine.kind_of(place),
-        joints={joint.name: joint.type for joint in machine.joints},
+        joints=machine.quantities,
         measurand=machine.measurand,
         file=table.file,
         place=table.place,

@@ -176,9 +176,12 @@ def _joint_lines(joint: Joint, factor: float) -> list[str]:
     ]
     if joint.travel is not None:
         lines.append(f"travel = {_vector(joint.travel, factor)}")
+    if joint.reading_travel is not None:
+        lines.append(f"reading_travel = {_vector(joint.reading_travel, factor)}")
     if joint.period is not None:
         lines.append(f"period = {decimal(joint.period, factor)}")
-    words = {"encoder": joint.encoder, "drive": joint.drive}
+    words = {"reading": joint.reading, "coordinate": joint.coordinate}
+    words |= {"encoder": joint.encoder, "drive": joint.drive}
     lines += [f"{key} = {toml_string(word)}" for key, word in words.items() if word is not None]
     lines += [f"{key} = true" for key in ("passive", "counterbalance") if getattr(joint, key)]
     return lines
@@ -261,11 +264,20 @@ def _code(machine: Machine) -> str:
 
 
 def _moved(joint: Joint) -> str:
-    """Return what is known of drive and encoder."""
+    """Return what is known of coordinate, drive and encoder."""
+    reading = f", read as {joint.reading}" if joint.reading else ""
+    coordinate = f", coordinate {joint.coordinate}" if joint.coordinate else ""
     drive = "" if joint.drive is None else f", {joint.drive} drive"
     encoder = "" if joint.encoder is None else f", encoder on the {joint.encoder}"
     passive = ", passive" if joint.passive else ""
-    return drive + encoder + passive + (", counterbalanced" if joint.counterbalance else "")
+    return (
+        coordinate
+        + reading
+        + drive
+        + encoder
+        + passive
+        + (", counterbalanced" if joint.counterbalance else "")
+    )
 
 
 def _described_legs(machine: Machine) -> Iterator[str]:

@@ -25,7 +25,7 @@ from rodgen.errors import InputFileError, listed, nearest_name, shown
 from rodgen.machines.files.columns import ColumnSource
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
-from rodgen.machines.machine import Machine
+from rodgen.machines.machine import Joint, Machine
 from rodgen.machines.measured import NOTATIONS, TURNS
 
 __all__ = ["measurements_of"]
@@ -127,7 +127,7 @@ def _paired(
 
     Rows belong together by a column that both have, in which each row has a value of its own, else by their order.
     """
-    joints = [joint.name for joint in machine.joints]
+    joints = [*_commanded(machine)]
 
     def has(table: ForeignTable) -> list[bool]:
         names = {_plain(column.name) for column in table.columns} | {c.header for c in table.columns}
@@ -182,8 +182,8 @@ def _of_table(
 ) -> tuple[dict[str, list[Any]], list[str]]:
     columns = _Columns(table, notes=list(table.notes))
     _take_stated(columns, stated)
-    for joint in machine.joints:
-        _take_named(columns, joint.name, _names_of_joint(joint.name), machine)
+    for name in _commanded(machine):
+        _take_named(columns, name, _names_of_joint(name), machine)
     if attitudes:
         _take_attitude(columns, machine)
     wide = {} if all(name in columns.found for name in _places(machine)) else _take_readings(columns, machine)
@@ -235,7 +235,7 @@ def _take_named(columns: _Columns, name: str, others: Sequence[str], machine: Ma
     free = [column for column in columns.table.columns if id(column) not in taken]
     exact = [column for column in free if column.name == name]
     # the sky's az is not the axis AZ
-    joints = {joint.name for joint in machine.joints}
+    joints = _commanded(machine).keys()
     alike = [
         column
         for column in free
@@ -340,16 +340,21 @@ def _named_targets(
     return wide
 
 
+def _commanded(machine: Machine) -> dict[str, Joint]:
+    """Return the joints that have a column, by its name."""
+    return {joint.column: joint for joint in machine.joints if joint.is_read}
+
+
 def _check_all(columns: _Columns, machine: Machine, wide: Mapping[str, Any]) -> None:
     headers = [column.header for column in columns.table.columns]
-    needed = [joint.name for joint in machine.joints]
+    needed = [*_commanded(machine)]
     pair = any(all(name in columns.found for name in names) for names in _PAIRS)
     needed += [] if wide or pair else _places(machine)
     if machine.measurand.has_attitude and not any(columns.found.keys() >= set(n) for n in NOTATIONS.values()):
         needed += NOTATIONS["rotation vector"]
     for name in needed:
         if name not in columns.found:
-            what = f"joint {name}" if name in {joint.name for joint in machine.joints} else name
+            what = f"joint {name}" if name in _commanded(machine) else name
             expected = f"--column {name}=THEIRS, where THEIRS is {listed(headers)}"
             raise InputFileError(columns.table.file, "header", f"no column of {what}", expected)
 
@@ -447,7 +452,7 @@ def _unit(
 ) -> tuple[str, float]:
     """Return the unit of a column of measurements, and the factor from theirs; an empty unit where there is none."""
     unit = source.unit or column.unit
-    joints = {joint.name: joint for joint in machine.joints}
+    joints = _commanded(machine)
     wanted = joints[name].dimension if name in joints else None
     if name in ("x", "y", "z", "d"):
         wanted = LENGTH

@@ -212,7 +212,7 @@ def drivers(diagnosis: Diagnosis, rows: DrawnRows, most: int = 2) -> list[Agains
 
 def _called_for(diagnosis: Diagnosis, rows: DrawnRows) -> Iterator[Against]:
     machine, known = rows.base.machine, rows.drivers
-    joints = {name: driver for name, driver in known.items() if driver.kind == "joint"}
+    joints = {str(driver.joint): driver for driver in known.values() if driver.kind == "joint"}
     order = known["order"]
     for step in diagnosis.steps:
         place, definition = step.effect.place, step.effect.definition
@@ -220,7 +220,7 @@ def _called_for(diagnosis: Diagnosis, rows: DrawnRows) -> Iterator[Against]:
         own = joints.get(str(place))
         if own is not None and own.number is not None:
             reading = own.number if definition.component == "reading" else None
-            by = {"T": f"T_{place}", "F": "load", "v": f"v_{place}"}
+            by = {"T": f"T_{own.name}", "F": "load", "v": f"v_{own.name}"}
             for name, column in by.items():
                 if name in names and column in known:
                     yield Against(known[column], reading)
@@ -317,7 +317,7 @@ def planned_poses(
         return None
     spread = [float(np.ptp(new[:, j]) / (size[j] or 1.0)) for j in range(len(size))]
     moved.sort(key=lambda j: (machine.joints[j].name not in asked, -spread[j]))
-    names = [label(f"{plain(joint.name)} [{coordinate(o, j)[0]}]") for j, joint in enumerate(machine.joints)]
+    names = [label(f"{plain(joint.column)} [{coordinate(o, j)[0]}]") for j, joint in enumerate(machine.joints)]
     single = len(moved) == 1
     a, b = (moved[0], moved[0]) if single else sorted(moved[:2])
     figure = column([Panel("" if single else names[b], 90 if single else 300, names[a])])
@@ -356,9 +356,9 @@ def planned_commands(fit: FittedModel, plan: Plan | None) -> Array | None:
         return None
     machine, columns, found = fit.machine, Measurements.from_frame(plan.rows).columns, []
     for j, joint in enumerate(machine.joints):
-        if joint.name not in columns:
+        if joint.column not in columns:
             return None
-        column = columns[joint.name]
+        column = columns[joint.column]
         factor = parse_unit(column.unit).factor(machine.length_unit) if column.unit else 1.0
         found.append(np.asarray(column.values, float) * factor / coordinate(fit.observations, j)[1])
     return np.stack(found, axis=1)

@@ -151,7 +151,7 @@ class DrawnRows:
         machine, o = self.base.machine, self.o
         numbers = o.data.numbers(np.arange(o.n)).tolist()
         targets = [plain(target.name, 24) for target in machine.targets]
-        joints = [plain(joint.name, 16) for joint in machine.joints]
+        joints = [plain(joint.column, 16) for joint in machine.joints]
         commanded = np.transpose([o.q[:, j] / coordinate(o, j)[1] for j in range(len(joints))]).tolist()
         found = []
         for number, target, bad, row in zip(
@@ -239,7 +239,7 @@ def taken(driver: Driver, rows: Index) -> Driver:
 
 def coordinate(o: Observations, joint: int) -> tuple[str, float]:
     """Return the unit in which a joint's coordinate is shown, that of the data, and its internal value."""
-    return column_unit(o, o.machine.joints[joint].name)
+    return column_unit(o, o.machine.joints[joint].column)
 
 
 def _signed(value: float) -> str:

@@ -361,7 +361,7 @@ def _joints(diagnosis: Diagnosis) -> Iterator[Content]:
         elif not o.approach_known[j]:
             approach = "not known"
         yield {
-            "name": plain(joint.name, 40),
+            "name": plain(joint.column, 40),
             "type": joint.type,
             "low": _coordinate(float(q.min())),
             "high": _coordinate(float(q.max())),
@@ -383,7 +383,7 @@ def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
     for row in np.argsort(-size, kind="stable")[:5]:
         o = final.observations
         where = ", ".join(
-            f"{plain(joint.name, 16)} {_coordinate(float(o.q[row, j] / coordinate(o, j)[1]))}"
+            f"{plain(joint.column, 16)} {_coordinate(float(o.q[row, j] / coordinate(o, j)[1]))}"
             for j, joint in enumerate(base.machine.joints)
         )
         target = plain(base.machine.targets[int(o.target[row])].name, 24)

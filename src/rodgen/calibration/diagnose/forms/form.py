@@ -93,7 +93,7 @@ class Form:
             self.units,
             f"Found by a diagnosis: {self.where} follows {self.driver}.",
             at=machine.kind_of(self.place),
-            joints={joint.name: joint.type for joint in machine.joints},
+            joints=machine.quantities,
             measurand=machine.measurand,
             file=machine.file or machine.name,
             place=f"form at {self.place}",
