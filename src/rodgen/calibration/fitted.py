@@ -36,6 +36,7 @@ from rodgen.machines.measured import TURNS
 from rodgen.machines.model import model_of
 from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
+from rodgen.machines.ties import Tied
 from rodgen.stages import stage
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.digits import measured
@@ -78,6 +79,8 @@ class Estimate:
         is that of this choice.
     at_bound : str or None
         ``"lowest"`` or ``"highest"`` where the value is at a bound of the machine file; then there is no `std`.
+    tied_to : str
+        The combination of others that it is, by the machine file; empty of one that was adjusted itself.
     """
 
     key: str
@@ -88,6 +91,7 @@ class Estimate:
     determined: bool
     convention: bool = False
     at_bound: str | None = None
+    tied_to: str = ""
 
     _repr_html_ = html_of
 
@@ -109,7 +113,8 @@ class Estimate:
         if self.std is None:
             return "not determined by these data"
         choice = ", by a choice of coordinates" if self.convention else ""
-        return f"{value} ± {std}{unit}{choice}"
+        tied = f", tied to {self.tied_to}" if self.tied_to else ""
+        return f"{value} ± {std}{unit}{choice}{tied}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, without the key."""
@@ -121,7 +126,7 @@ class Estimate:
             "determined": self.determined,
             "convention": self.convention,
             "at_bound": self.at_bound,
-        }
+        } | ({"tied_to": self.tied_to} if self.tied_to else {})
 
 
 @dataclass(frozen=True)
@@ -231,6 +236,7 @@ class FittedModel:
         model = problem.model
         found = _values(model.parameters, solution)
         values = {p.key: float(x) for p, x in zip(model.parameters, found, strict=True)}
+        values |= {tied.parameter.key: model.tied_value(tied, found) for tied in model.tied}
         # what is measured along a travel means nothing without it
         along = measured_along(model)
         joints = tuple(
@@ -495,7 +501,7 @@ class FittedModel:
     @cached_property
     def estimates(self) -> dict[str, Estimate]:
         """Every parameter by its key, in the unit that it is shown in."""
-        return self._estimates(self.determinacy, np.diag(self.covariance))
+        return self._estimates(self.determinacy, self.covariance)
 
     def estimates_with(self, further: Array) -> dict[str, Estimate]:
         """Return the estimates that are expected when further readings are taken: values as now, and their spread.
@@ -512,10 +518,11 @@ class FittedModel:
             more = determinacy(self.problem, theta, frame, self.free, further)
             alone, now = np.diag(self.independent_covariance), np.diag(self.covariance)
             enlarged = np.divide(now, alone, out=np.ones_like(now), where=alone > 0)
-            return self._estimates(more, np.diag(more.covariance) * self.variance_factor * enlarged)
+            larger = np.sqrt(np.outer(enlarged, enlarged))
+            return self._estimates(more, more.covariance * self.variance_factor * larger)
 
-    def _estimates(self, of: Determinacy, variances: Array) -> dict[str, Estimate]:
-        std = np.sqrt(np.maximum(variances, 0.0))
+    def _estimates(self, of: Determinacy, covariance: Array) -> dict[str, Estimate]:
+        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         found, bounds = {}, self.problem.at_bounds(self.solution.theta)
         for i, p in enumerate(self.parameters):
             held, lacking = i not in self.free, bool(of.lacking[i])
@@ -524,7 +531,30 @@ class FittedModel:
             convention = bool(of.undetermined[i]) and not lacking
             value = float(self.values[i] / p.factor)
             found[p.key] = Estimate(p.key, p.unit, value, spread, held, not lacking, convention, at)
+        for tied in self.problem.model.tied:
+            found[tied.parameter.key] = self._tied(tied, found, covariance)
         return found
+
+    def _tied(self, tied: Tied, others: Mapping[str, Estimate], covariance: Array) -> Estimate:
+        """Return the estimate of a parameter that is tied to others."""
+        p, weights = tied.parameter, np.zeros(len(self.parameters))
+        for i, factor in tied.factors:
+            weights[i] = factor
+        parts = [others[self.parameters[i].key] for i, _ in tied.factors]
+        moving = [part for part in parts if not part.held and not part.at_bound]
+        variance = float(weights @ np.nan_to_num(covariance) @ weights)
+        std = float(np.sqrt(max(variance, 0.0)) / p.factor)
+        known = bool(moving) and all(part.std is not None for part in moving)
+        return Estimate(
+            p.key,
+            p.unit,
+            self.problem.model.tied_value(tied, self.values) / p.factor,
+            std if known else None,
+            not moving,
+            all(part.determined for part in parts),
+            any(part.convention for part in parts),
+            tied_to=tied.text,
+        )
 
     @cached_property
     @stage("estimating the noise")

@@ -272,4 +272,8 @@ def _table(estimates: list[Estimate]) -> Iterator[str]:
             spread = "unknown"  # no more readings than parameters: the noise is not known
         elif e.std is None:
             spread = "undetermined"
-        yield f"{e.key:{width}}  {value:>12}  {spread:>10}{'* ' if e.convention else '  '}{unit}"
+        yield f"{e.key:{width}}  {value:>12}  {spread:>10}{'* ' if e.convention else '  '}{unit}{_tied(e)}"
+
+
+def _tied(e: Estimate) -> str:
+    return f"  = {e.tied_to}" if e.tied_to else ""

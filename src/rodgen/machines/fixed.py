@@ -44,7 +44,7 @@ def fixed_machine(machine: Machine) -> Machine:
     along_uv |= {effect.place for effect in machine.effects if effect.definition.component == "point"}
 
     freedoms = machine.kinematics.freedoms([joint.name for joint in machine.joints])
-    rigid = Model(replace(machine, effects=(), estimate=tuple(freedoms)))
+    rigid = Model(replace(machine, effects=(), estimate=tuple(freedoms), ties={}))
     theta = rigid.start()
     joints: list[Joint] = []
     tilts: list[Effect] = []
@@ -86,6 +86,7 @@ def fixed_machine(machine: Machine) -> Machine:
         ),
         values={},
         known={},
+        ties={},
     )
 
 

@@ -29,8 +29,19 @@ from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
 from rodgen.machines.known import read_known
 from rodgen.machines.measured import Measurand, Measured
-from rodgen.machines.parts import BRANCHES, Effect, Joint, Known, StatedPlausibility, Target, Vector, belongs
+from rodgen.machines.parts import (
+    BRANCHES,
+    Effect,
+    Joint,
+    Known,
+    StatedPlausibility,
+    Target,
+    Tie,
+    Vector,
+    belongs,
+)
 from rodgen.machines.structure import Structure, structure_of
+from rodgen.machines.ties import read_tie
 from rodgen.views import html_of_text
 
 if TYPE_CHECKING:
@@ -84,6 +95,8 @@ class Machine:
         What the file says of the plausibility of effects, by ``PLACE.EFFECT``, or ``EFFECT`` for every place.
     record : mapping of str to str
         What is noted of the measurements for reports: ``date``, ``instrument``, ``conditions``.
+    ties : mapping of str to Tie
+        Parameters, by their keys, that are combinations of others; see `tying`.
     doubts : callable, optional
         Returns what is wrong with the files that the machine was fitted to, in one sentence, or an empty text; `emit`
         asks.
@@ -122,6 +135,7 @@ class Machine:
     known: Mapping[str, Known] = field(default_factory=dict, hash=False)
     plausible: Mapping[str, StatedPlausibility] = field(default_factory=dict, hash=False)
     record: Mapping[str, str] = field(default_factory=dict, hash=False)
+    ties: Mapping[str, Tie] = field(default_factory=dict, hash=False)
     doubts: Callable[[], str] | None = field(default=None, compare=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -387,7 +401,10 @@ class Machine:
             title = f"{name} at {place}" if place else name
             raise InputFileError(self.file or self.name, "[[effect]]", f"no {shown(title)}", there)
         kept = {k: v for k, v in self.values.items() if not gone[0].owns(k)}
-        return replace(self, effects=tuple(e for e in self.effects if e is not gone[0]), values=kept)
+        ties = {k: tie for k, tie in self.ties.items() if not gone[0].owns(k)}
+        return replace(
+            self, effects=tuple(e for e in self.effects if e is not gone[0]), values=kept, ties=ties
+        )
 
     def knowing(
         self, key: str, *, prior: str | None = None, bounds: tuple[float | str, float | str] | None = None
@@ -410,11 +427,36 @@ class Machine:
         """
         given = {name: x for name, x in (("prior", prior), ("bounds", bounds)) if x is not None}
         try:
+            if tied := next((name for name in self.ties if belongs(name, key)), None):
+                raise UnfitEffectError("", f"{shown(tied)}, which is tied", "a parameter that is not")
             known = read_known(self, key, given)
         except UnfitEffectError as error:
             place = f"[known], {key}" + (f", {error.key}" if error.key else "")
             raise InputFileError(self.file or self.name, place, error.found, error.expected) from None
         return replace(self, known={**self.known, key: known})
+
+    def tying(self, key: str, to: str) -> Machine:
+        """Return this machine with one more parameter tied to others.
+
+        Parameters
+        ----------
+        key : str
+            Of the parameter, such as ``"J2.gravity_windup.k"``.
+        to : str
+            A linear combination of others, such as ``"2 * J3.gravity_windup.k"``.
+
+        Raises
+        ------
+        InputFileError
+            When there is no such parameter, or one of the others is tied itself.
+        """
+        try:
+            tie = read_tie(self, key, to)
+        except UnfitEffectError as error:
+            raise InputFileError(
+                self.file or self.name, f"[ties], {key}", error.found, error.expected
+            ) from None
+        return replace(self, ties={**self.ties, key: tie})
 
     def without_bounds(self, keys: Collection[str]) -> Machine:
         """Return this machine without what it says of the bounds of some parameters.

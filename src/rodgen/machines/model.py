@@ -15,9 +15,10 @@ from rodgen.codegen.rows import row_kernels
 from rodgen.data.units import ANGLE, LENGTH, Dimension, unit_factor
 from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.measured import TURNS
-from rodgen.machines.parameters import Parameter, parameters_of
+from rodgen.machines.parameters import parameters_of
 from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
 from rodgen.machines.structure import Structure, row_effects
+from rodgen.machines.ties import Tied, tied_parameters
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -117,6 +118,8 @@ class Model:
     Attributes
     ----------
     parameters : tuple of Parameter
+        Without those that are tied.
+    tied : tuple of Tied
     structure : Structure
     """
 
@@ -127,8 +130,9 @@ class Model:
         self.runs = tuple(runs)
         self.compiled = compiled
         self.structure = machine.structure
-        self.parameters: tuple[Parameter, ...] = parameters_of(machine, self.structure, runs)
+        self.parameters, self.tied = tied_parameters(machine, parameters_of(machine, self.structure, runs))
         self.index = {p.slot: i for i, p in enumerate(self.parameters)}
+        self._of_tied = {tied.parameter.slot: k for k, tied in enumerate(self.tied)}
         self.keys = {p.key: i for i, p in enumerate(self.parameters)}
         self.travel = _travel(machine, travel)
         self._row_effects = row_effects(machine)
@@ -233,17 +237,29 @@ class Model:
 
     def value(self, theta: Array, *slot: object) -> float:
         """Return a parameter's value, zero where there is no such parameter."""
+        if slot in self._of_tied:
+            return self.tied_value(self.tied[self._of_tied[slot]], theta)
         index = self.index.get(slot)
         return 0.0 if index is None else float(theta[index])
 
+    @staticmethod
+    def tied_value(tied: Tied, theta: Array) -> float:
+        """Return the value of a parameter that is tied to others."""
+        return tied.constant + sum(factor * float(theta[i]) for i, factor in tied.factors)
+
     def _numbers(self, slots: Sequence[tuple[object, ...]]) -> NDArray[np.intp]:
-        """Return the indices of parameters; for slots without one, the index of the zero that `_and_zero` appends."""
-        return np.array([self.index.get(slot, len(self.parameters)) for slot in slots], np.intp)
+        """Return the indices of parameters in what `_and_zero` returns; for slots without one, that of its zero."""
+        free = len(self.parameters)
+        tied = {slot: free + 1 + k for slot, k in self._of_tied.items()}
+        return np.array([self.index.get(slot, tied.get(slot, free)) for slot in slots], np.intp)
 
     def _and_zero(self, theta: Array) -> Array:
-        """Return the values with a zero appended, as `_numbers` indexes them. np.append takes three times as long."""
-        values = np.zeros(len(self.parameters) + 1)
-        values[:-1] = theta
+        """Return the values, a zero and those tied to them, as `_numbers` indexes them. np.append takes longer."""
+        free = len(self.parameters)
+        values = np.zeros(free + 1 + len(self.tied))
+        values[:free] = theta
+        for k, tied in enumerate(self.tied, free + 1):
+            values[k] = self.tied_value(tied, theta)
         return values
 
     def parameters_of_effects(self, theta: Array) -> Array:
@@ -556,11 +572,18 @@ class Model:
             elif kind == "frame":
                 found = [("frame", x)]
             for slot in found:
-                if slot in self.index:
-                    matrix[row, self.index[slot]] = 1.0 / len(found)
+                for index, factor in self._parts(slot):
+                    matrix[row, index] = factor / len(found)
         for row, (n, name) in enumerate(s.parameters, start=len(s.slots)):
-            matrix[row, self.index["e", n, name]] = 1.0
+            for index, factor in self._parts(("e", n, name)):
+                matrix[row, index] = factor
         return matrix
+
+    def _parts(self, slot: tuple[object, ...]) -> Sequence[tuple[int, float]]:
+        """Return the parameters that make up the value of a slot, with their factors."""
+        if slot in self._of_tied:
+            return self.tied[self._of_tied[slot]].factors
+        return [(self.index[slot], 1.0)] if slot in self.index else []
 
 
 def _travel(machine: Machine, travel: Any) -> Array:

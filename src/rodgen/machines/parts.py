@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import TYPE_CHECKING, TypeAlias
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension
@@ -26,6 +27,7 @@ __all__ = [
     "Known",
     "StatedPlausibility",
     "Target",
+    "Tie",
     "Vector",
     "belongs",
     "coordinate_dimension",
@@ -318,6 +320,24 @@ class Known:
 
     prior: tuple[float, float] | None = None
     bounds: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A parameter as a combination of others, internal units.
+
+    Attributes
+    ----------
+    text : str
+        As it was stated.
+    factors : tuple of (str, Fraction)
+        The others by their keys, with the factors.
+    constant : Fraction
+    """
+
+    text: str
+    factors: tuple[tuple[str, Fraction], ...]
+    constant: Fraction
 
 
 @dataclass(frozen=True)

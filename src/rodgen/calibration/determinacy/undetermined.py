@@ -357,9 +357,14 @@ class _Describer:
         return tuple((self.parameters[i].key, float(values[i] / values[order[0]])) for i in order)
 
     def listed(self, d: Array, first: str = "") -> str:
-        """Name the parameters, those of a kind before the others."""
+        """Name the parameters, those of a kind before the others, and what is tied to them."""
         parameters = [self.parameters[i] for i in self.order(d)]
-        names = [p.key for p in sorted(parameters, key=lambda p: p.slot[0] != first)]
+        model = self.problem.model
+        names = []
+        for p in sorted(parameters, key=lambda p: p.slot[0] != first):
+            number = model.keys[p.key]
+            tied = [x.parameter.key for x in model.tied if number in dict(x.factors)]
+            names.append(f"{p.key} (with {some(tied)}, tied to it)" if tied else p.key)
         return some(names, NAMED)
 
 

@@ -64,6 +64,11 @@ def scope_of(machine: Machine, travel: Any = None) -> Scope:
     )
     model = Model(own, travel)
     _check_values(model)
+    if model.tied:  # their values are known now
+        theta = model.start()
+        values = {tied.parameter.key: model.tied_value(tied, theta) for tied in model.tied}
+        own = replace(own, values={**own.values, **values}, ties={})
+        model = Model(own, travel)
     _check_travel(model)
     return Scope(own, model, tuple(reasons))
 

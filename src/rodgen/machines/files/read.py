@@ -85,6 +85,7 @@ _KEYS = {
         "measured",
         "estimate",
         "known",
+        "ties",
         "plausibility",
         "columns",
         "record",
@@ -100,6 +101,7 @@ _KEYS = {
         "measured",
         "estimate",
         "known",
+        "ties",
         "plausibility",
         "columns",
         "record",
@@ -223,6 +225,11 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         )
     if known:
         machine = replace(machine, known=dict(_known(file, machine, known)))
+    ties = content.get("ties", {})
+    if not isinstance(ties, dict):
+        raise InputFileError(file, "[ties]", "no table", f"entries such as {_TIE}")
+    for key, text in _flat(file, ties):
+        machine = machine.tying(key, text)
     plausible = content.get("plausibility", {})
     if not isinstance(plausible, dict):
         raise InputFileError(file, "[plausibility]", "no table", f"entries such as {_PLAUSIBLE}")
@@ -638,6 +645,21 @@ def _known(
             yield key, read_known(machine, key, own)
         except UnfitEffectError as error:
             raise table.error(error.key, error.found, error.expected) from None
+
+
+_TIE = '"J2.gravity_windup.k" = "2 * J3.gravity_windup.k"'
+
+
+def _flat(file: str, content: dict[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+    """Yield each key with its text; a key with dots may be written as tables in tables, as TOML reads it."""
+    for name, entry in content.items():
+        key = f"{above}{name}"
+        if isinstance(entry, dict) and entry:
+            yield from _flat(file, entry, f"{key}.")
+        elif isinstance(entry, str):
+            yield key, entry
+        else:
+            raise InputFileError(file, f"[ties], {shown(key)[1:-1]}", "no text", f"one such as {_TIE}")
 
 
 # effects -----------------------------------------------------------------------------------------------------------

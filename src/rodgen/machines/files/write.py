@@ -97,6 +97,9 @@ def machine_text(machine: Machine) -> str:
         blocks.append(["[estimate]", f"parameters = [{', '.join(map(toml_string, machine.estimate))}]"])
     if machine.known:
         blocks.append(["[known]", *(known_line(machine, key, known) for key, known in machine.known.items())])
+    if machine.ties:
+        lines = (f"{toml_string(key)} = {toml_string(tie.text)}" for key, tie in machine.ties.items())
+        blocks.append(["[ties]", *lines])
     if machine.plausible:
         blocks.append(["[plausibility]", *(_plausible_line(*entry) for entry in machine.plausible.items())])
     if machine.record:
