@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,9 @@ from rodgen.calibration.plan import plan_for
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.machines.emit._geometry import geometry_of
 from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.machines.mechanism import to_mechanism
 
 pytestmark = pytest.mark.xdist_group("coupled")
 EXAMPLE = Path(__file__).parents[1] / "examples" / "machines" / "palletiser"
@@ -240,6 +243,39 @@ def test_emitted_code_commands_the_motors(compiler, tmp_path):
     )
     assert np.abs(case.predicted(values) - wanted).max() > 0.01
     assert np.abs(reached - wanted).max() < REACHED
+
+
+def test_geometry_moves_by_coordinates_and_zeros_of_motors_are_in_all_joints_that_follow(tmp_path):
+    machine = replace(Machine.load(EXAMPLE / "machine.toml"), estimate=())
+    values = {"J2": 0.3, "J3": -0.2, "J4": 0.5}  # degrees
+    for name, value in values.items():
+        machine = machine.add("zero_offset", joint=name, hold={"a": value})
+    geometry = geometry_of(machine).machine
+    assert not geometry.effects
+    m = np.radians([[20.0, 30.0, -25.0, 0.0, 40.0], [-50.0, -10.0, 15.0, 0.0, 10.0]])
+    design = {
+        "J1 [rad]": m[:, 0],
+        "J2m [rad]": m[:, 1],
+        "J3m [rad]": m[:, 2],
+        "J5 [rad]": m[:, 4],
+        "target": ["reflector_1"] * 2,
+    }
+    columns = simulate(machine, design, noise=0.0, seed=1).columns
+    places = np.transpose([columns[f"{x} [mm]"] for x in "xyz"])
+    chain = replace(
+        geometry, joints=tuple(replace(j, coordinate=None, reading=None) for j in geometry.joints)
+    )
+    q = np.stack([m[:, 0], m[:, 1], m[:, 2] - m[:, 1], -m[:, 2], m[:, 4]], axis=-1)
+    poses = to_mechanism(chain).forward(q)
+    assert np.abs((poses @ [*geometry.targets[0].point, 1.0])[:, :3] - places).max() < 1e-8
+    (path,) = machine.emit("urdf", tmp_path, name="arm")
+    assert (
+        "not in it: how J3 follows, J3m - J2m: what is given here moves by its coordinate" in path.read_text()
+    )
+    with pytest.raises(
+        InputFileError, match=r"joint J4, coordinate: .* no motor moves by itself; expected joints with"
+    ):
+        machine.emit("linuxcnc", tmp_path, name="arm")
 
 
 def test_what_is_made_up_comes_back_with_the_effect():

@@ -123,7 +123,7 @@ def test_it_says_what_was_taken_for_what(robot, tmp_path, rodgen_command: Run):
     assert (code, err) == (0, "")
     assert "lift.urdf: URDF of 'lift', from link floor to link hand; m and rad there." in out
     assert "Joint 'slide.1' is called slide_1" in out
-    assert "Joint nod is a mimic joint, nod = -0.5 * turn + 0.1 (m, rad). That is not taken" in out
+    assert "Joint nod follows, nod = -0.5 * turn + 0.1 (m, rad): it has no column" in out
     assert "part of what they join: bolts." in out
     assert "the travel is that of the readings: turn." in out
     machine = Machine.load(tmp_path / "m.toml")
@@ -135,6 +135,65 @@ def test_it_says_what_was_taken_for_what(robot, tmp_path, rodgen_command: Run):
     ]
     assert machine.measured.frame == "free"
     assert machine.estimate == ("target",)
+
+
+def test_a_mimic_joint_follows_and_is_written_back(robot, tmp_path):
+    machine = machine_from_urdf(robot, tip="hand").machine
+    assert [joint.coordinate for joint in machine.joints] == [None, None, "-0.5 * turn + 0.1 rad"]
+    q = RNG.uniform(-1.0, 1.0, (6, 2))
+    design = {"slide_1 [m]": q[:, 0], "turn [rad]": q[:, 1]}
+    made = simulate(machine, design, noise=0.0, seed=1)
+    places = np.transpose([made.columns[f"{x} [mm]"] for x in "xyz"])
+    whole = [[slide, turn, -0.5 * turn + 0.1] for slide, turn in q]
+    expected = [1000 * seen(robot, "floor", "hand", np.array(values)) for values in whole]
+    assert np.abs(places - expected).max() < 1e-8
+    replace(machine, estimate=()).emit("urdf", tmp_path, name="lift2")
+    written = tmp_path / "lift2.urdf"
+    (mimic,) = ElementTree.parse(written).getroot().iter("mimic")
+    assert (mimic.get("joint"), float(mimic.get("multiplier")), float(mimic.get("offset"))) == (
+        "turn",
+        -0.5,
+        0.1,
+    )
+    again = [1000 * seen(written, "base_link", "hand", np.array(values)) for values in whole]
+    assert np.abs(again - places).max() < 1e-6
+    assert machine_from_urdf(written).machine.couplings == machine.couplings
+
+
+def test_a_slide_that_mimics_a_turn_has_a_factor_with_a_unit(tmp_path):
+    text = ROBOT.replace('<mimic joint="turn" multiplier="-0.5" offset="0.1"/>', "")
+    slide = '<limit lower="-0.2" upper="0.5"/>'
+    (tmp_path / "lift.urdf").write_text(
+        text.replace(slide, slide + '<mimic joint="nod" multiplier="0.02" offset="-0.1"/>')
+    )
+    machine = machine_from_urdf(tmp_path / "lift.urdf", tip="hand").machine
+    assert machine.joints[0].coordinate == "0.02 m/rad * nod - 0.1 m"
+    assert machine.coordinates(np.array([0.0, 0.3, 0.5])) == pytest.approx([-90.0, 0.3, 0.5], rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            'joint="turn" multiplier="-0.5"',
+            'joint="nod"',
+            "joint nod, mimic: a circle, nod follows nod; expected",
+        ),
+        ('multiplier="-0.5"', 'multiplier="half"', "joint nod, mimic multiplier: 'half'; expected a number"),
+    ],
+)
+def test_what_is_no_mimic_is_one_sentence(tmp_path, old, new, message):
+    (tmp_path / "lift.urdf").write_text(ROBOT.replace(old, new))
+    with pytest.raises(InputFileError) as error:
+        machine_from_urdf(tmp_path / "lift.urdf", tip="hand")
+    assert message in str(error.value)
+
+
+def test_a_mimic_joint_of_a_joint_elsewhere_is_one_of_its_own(tmp_path):
+    (tmp_path / "lift.urdf").write_text(ROBOT.replace('joint="turn"', 'joint="other"'))
+    found = machine_from_urdf(tmp_path / "lift.urdf", tip="hand")
+    assert found.machine.joints[2].coordinate is None
+    assert "the other joint is not of this chain: it is a joint of its own" in " ".join(found.notes)
 
 
 def test_a_humanoid_of_300_links_takes_no_second(tmp_path):
@@ -261,7 +320,8 @@ def test_a_users_own_urdf_is_corrected_in_its_origins_alone(robot, tmp_path, bas
     forward = other_reader(path, base, tip)
     machine = replace(machine.remove("scale", joint="turn"), measured=Measured("point", "machine"))
     q = RNG.uniform(-1, 1, (6, 3))
-    design = {"slide_1 [m]": q[:, 0], "turn [rad]": q[:, 1], "nod [rad]": q[:, 2]}
+    q[:, 2] = -0.5 * q[:, 1] + 0.1  # nod follows
+    design = {"slide_1 [m]": q[:, 0], "turn [rad]": q[:, 1]}
     found = simulate(machine, design, noise=0.0, seed=1).columns
     for row, values in enumerate(q):
         expected = [found[f"{x} [mm]"][row] for x in "xyz"]

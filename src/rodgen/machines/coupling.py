@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import UnexpectedError, shown
-from rodgen.machines.linear import combination
+from rodgen.machines.linear import Combination, combination
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -70,9 +70,12 @@ class Couplings:
     ----------
     of : tuple of Coupling or None
         Of each joint; None where the coordinate is the reading.
+    stated : tuple of Combination or None
+        As the machine file says it, by names of readings and joints.
     """
 
     of: tuple[Coupling | None, ...]
+    stated: tuple[Combination | None, ...] = ()
 
     def coordinates(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the coordinates that belong to readings, (..., J) each; those of joints without one do not count."""
@@ -143,6 +146,7 @@ class _Couplings:
         self.readings = {joint.column: j for j, joint in enumerate(machine.joints) if joint.is_read}
         self._check_names()
         self.done: dict[str, Coupling] = {}
+        self.stated: dict[str, Combination] = {}
         found = [self._of(joint, ()) for joint in machine.joints]
         for joint, coupling in zip(machine.joints, found, strict=True):
             if joint.reading and self.number[joint.name] not in dict(coupling.factors):
@@ -150,7 +154,8 @@ class _Couplings:
                 raise CouplingError(joint.name, "coordinate", text, "a combination with it, or no reading")
         own = [Coupling(((j, Fraction(1)),), Fraction(0)) for j in range(len(found))]
         of = tuple(None if a == b else a for a, b in zip(found, own, strict=True))
-        self.found = Couplings(of) if any(of) else None
+        stated = tuple(self.stated.get(joint.name) for joint in machine.joints)
+        self.found = Couplings(of, stated) if any(of) else None
 
     def _check_names(self) -> None:
         targets = {target.name for target in self.machine.targets}
@@ -192,6 +197,7 @@ class _Couplings:
             if isinstance(error, CouplingError):
                 raise
             raise CouplingError(joint.name, "coordinate", error.found, error.expected) from None
+        self.stated[joint.name] = own
         if not own.factors:
             raise CouplingError(
                 joint.name, "coordinate", "a constant", "what it follows, such as 'J3m - J2m'"

@@ -12,6 +12,7 @@ from rodgen.kinematics.spatial.robots.denavit_hartenberg import (
     to_denavit_hartenberg,
     to_modified_denavit_hartenberg,
 )
+from rodgen.machines.emit._geometry import of_couplings
 from rodgen.machines.emit._numbers import K, said_of_uncertainties, standard, uncertain_number
 from rodgen.machines.files.write import toml_string
 from rodgen.machines.mechanism import to_mechanism
@@ -54,7 +55,8 @@ def _text(geometries: Sequence[Geometry], convention: str, note: str) -> str:
         "a": K * standard([np.array(each.a) for each in tables]),
         "alpha": K * standard([np.degrees(each.alpha) for each in tables], 360.0),
     }
-    lines = [f"# {note}", *(f"# not in it: {what}" for what in geometry.left_out)]
+    coupled = of_couplings(machine, [joint.name for joint in machine.joints if joint.coordinate])
+    lines = [f"# {note}", *(f"# not in it: {what}" for what in (*geometry.left_out, *coupled))]
     lines += [f"# {line}" for line in said_of_uncertainties(geometries)]
     lines += [
         f"# A row is {order}; the coordinate of a joint is added to its theta, or to its d where it slides.",

@@ -34,7 +34,7 @@ from rodgen.machines.model import Model
 
 if TYPE_CHECKING:
     from rodgen.machines.emit._content import Content
-    from rodgen.machines.machine import Machine
+    from rodgen.machines.machine import Joint, Machine
 
 __all__ = ["map_texts"]
 
@@ -63,9 +63,9 @@ def map_texts(
     if machine.measurand.is_pose:  # a map is of places
         places = replace(machine.measured, kind=POINT.kind, attitude_noise=None, correlation=None)
         machine = replace(machine, measured=places)
-    if travel is not None and not any(joint.travel for joint in machine.joints):
+    if travel is not None and not any(machine.limits):
         ranges = [(float(low), float(high)) if low < high else None for low, high in travel]
-        joints = tuple(replace(joint, travel=own) for joint, own in zip(machine.joints, ranges, strict=True))
+        joints = tuple(_within(joint, own) for joint, own in zip(machine.joints, ranges, strict=True))
         machine = replace(machine, joints=joints)
     content = content_of(machine, name, travel)
     file = machine.file or machine.name
@@ -74,13 +74,13 @@ def map_texts(
             file, "[measured], kind", machine.measurand.words, "points or distances, which have a place"
         )
     joints = content.machine.joints
-    moved = [j for j, joint in enumerate(joints) if joint.travel]
+    moved = [j for j, own in enumerate(content.machine.limits) if own]
     if not 0 < len(moved) <= MOST_JOINTS:
         found = f"a travel of {len(moved)} joints"
         expected = f"one of 1 to {MOST_JOINTS} joints, over which the grid is; c, numpy and linuxcnc correct any number"
         raise InputFileError(file, "joint, travel", found, expected)
     code = _Code(content, varied(machine, covariance), travel)
-    with_three = [j for j, joint in enumerate(joints) if not joint.revolute]
+    with_three = [j for j, joint in enumerate(joints) if not joint.revolute and joint.is_read]
     axes_of_slides = np.array([joints[j].axis for j in with_three]).reshape(-1, 3)
     correcting = with_three if np.linalg.matrix_rank(axes_of_slides) == 3 else moved
     unit = content.machine.length_unit
@@ -135,6 +135,13 @@ def _of_errors(errors: Array, left: Array, unit: str, names: str) -> str:
         f"Of errors up to {before:.3g} {unit} (rms {rms[0]:.2g}), {after:.2g} (rms {rms[1]:.2g}) remain after\n"
         f"  correction, {parts}: in directions in which {names} cannot move the target."
     )
+
+
+def _within(joint: Joint, travel: tuple[float, float] | None) -> Joint:
+    """Return a joint whose reading is within a travel, if it has one."""
+    if joint.coordinate is None:
+        return replace(joint, travel=travel)
+    return replace(joint, reading_travel=travel) if joint.is_read else joint
 
 
 def _two(value: float, unit: str) -> str:
@@ -200,7 +207,7 @@ def _refined(code: _Code, moved: list[int], target: int) -> tuple[list[Array], A
         return grid, code.errors(grid, target)
 
     joints = code.content.machine.joints
-    travels = [joints[j].travel or (0.0, 0.0) for j in moved]
+    travels = [code.content.machine.limits[j] or (0.0, 0.0) for j in moved]
     counts = [3] * len(moved)
     while True:
         axes = [np.linspace(*ends, count) for ends, count in zip(travels, counts, strict=True)]

@@ -7,6 +7,7 @@ place for them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,7 @@ from rodgen.machines.rigid import complete_basis, rotation_matrix, rotation_vect
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["CONSTANT", "Geometry", "geometry_of", "located"]
+__all__ = ["CONSTANT", "Geometry", "geometry_of", "located", "of_couplings"]
 
 Array = NDArray[np.float64]
 
@@ -109,6 +110,14 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
     return Geometry(rigid, tuple(left_out))
 
 
+def of_couplings(machine: Machine, names: Sequence[str]) -> list[str]:
+    """Return that some coupled joints are given by their coordinates, and how these follow from readings."""
+    return [
+        f"how {name} follows, {machine.joint(name).coordinate}: what is given here moves by its coordinate"
+        for name in names
+    ]
+
+
 def located(machine: Machine) -> tuple[list[Array], list[Array], list[float]]:
     """Return the fitted axes, points and zeros of joints, as they stand with the joints before at their own zeros."""
     fixed = fixed_machine(
@@ -129,6 +138,9 @@ def located(machine: Machine) -> tuple[list[Array], list[Array], list[float]]:
         tilt = of.get("axis_tilt", of.get("squareness", {}))
         axes.append(tilted(axis, u, v, [tilt.get("a", 0.0), tilt.get("b", 0.0)])[0])
         zeros.append(of.get("zero_offset", {}).get("a", 0.0))
+    if fixed.couplings is not None:  # that of a reading is in every joint that follows it
+        read = np.array([joint.is_read for joint in fixed.joints])
+        zeros = (fixed.couplings.rates(np.where(read, zeros, 0.0)) + np.where(read, 0.0, zeros)).tolist()
     return axes, points, zeros
 
 

@@ -31,6 +31,9 @@ def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
     file = machine.file or machine.name
     if not machine.measurand.moving or machine.kinematics.is_closed:
         raise InputFileError(file, "file", "no chain that moves a point", "axes that bring a tool to a place")
+    if follower := next((joint for joint in machine.joints if not joint.is_read), None):
+        found = f"{follower.coordinate}, which no motor moves by itself"
+        raise InputFileError(file, f"joint {follower.name}, coordinate", found, "joints with motors alone")
     letters = _letters(machine, file)
     component = f"{name[:_LONGEST].rstrip('_')}kins"
     files = render(content, "c")

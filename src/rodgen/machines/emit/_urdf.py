@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rodgen.data.units import parse_unit
+from rodgen.machines.emit._geometry import of_couplings
 from rodgen.machines.rigid import complete_basis, roll_pitch_yaw, rotation_matrix
 
 if TYPE_CHECKING:
     from rodgen.machines.emit._geometry import Geometry
+    from rodgen.machines.machine import Joint, Machine
 
 __all__ = ["numbers_text", "urdf_text"]
 
@@ -27,7 +29,12 @@ def urdf_text(geometry: Geometry, name: str, note: str) -> str:
     machine = geometry.machine
     metre = parse_unit(machine.length_unit).factor("m")
     robot = ElementTree.Element("robot", name=name)
-    for line in (note, *(f"not in it: {what}" for what in geometry.left_out)):
+    rules = {joint.name: _mimic(machine, joint) for joint in machine.joints if joint.coordinate}
+    left_out = [
+        *geometry.left_out,
+        *of_couplings(machine, [name for name, rule in rules.items() if not rule]),
+    ]
+    for line in (note, *(f"not in it: {what}" for what in left_out)):
         robot.append(ElementTree.Comment(f" {line.replace('--', '- -')} "))
     ElementTree.SubElement(robot, "link", name="base_link")
     parent, place = "base_link", np.zeros(3)
@@ -50,6 +57,8 @@ def urdf_text(geometry: Geometry, name: str, note: str) -> str:
                 effort="1000",
                 velocity="10",
             )
+        if rule := rules.get(joint.name):
+            ElementTree.SubElement(element, "mimic", rule)
         parent, place = link, np.array(joint.point, float)
     for target in machine.targets:
         ElementTree.SubElement(robot, "link", name=target.name)
@@ -61,6 +70,26 @@ def urdf_text(geometry: Geometry, name: str, note: str) -> str:
         _joined(robot, f"{target.name}_fixed", "fixed", parent, target.name, where, turn)
     ElementTree.indent(robot)
     return f'<?xml version="1.0"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
+
+
+def _mimic(machine: Machine, joint: Joint) -> dict[str, str]:
+    """Return the rule of a joint that follows one other, in metres and radians; empty where a URDF cannot say it."""
+    couplings = machine.couplings
+    stated = None if couplings is None else couplings.stated[machine.number_of(joint.name)]
+    if joint.is_read or stated is None or len(stated.factors) != 1:
+        return {}
+    ((name, factor),) = stated.factors
+    metre = parse_unit(machine.length_unit).factor("m")
+    for number, other in enumerate(machine.joints):
+        # a reading is the coordinate of its joint where nothing else is said
+        if name == other.name or (
+            name == other.column and couplings is not None and not couplings.of[number]
+        ):
+            own, of = (1.0 if x.revolute else metre for x in (joint, other))
+            scaled = float(factor) * own / of, float(stated.constant) * own
+            multiplier, offset = (repr(round(x, 15) + 0.0) for x in scaled)
+            return {"joint": other.name, "multiplier": multiplier, "offset": offset}
+    return {}
 
 
 def _joined(

@@ -192,7 +192,7 @@ def _factor(table: ForeignTable, column: ForeignColumn, quantity: Quantity, mach
 def _distances(machine: Machine, q: Array) -> Array:
     """Return the distances of the ideal machine's first target."""
     origin = np.array(machine.measured.origin or (0.0, 0.0, 0.0))
-    poses = np.asarray(to_mechanism(replace(machine, effects=())).forward(q))
+    poses = np.asarray(to_mechanism(replace(machine, effects=())).forward(machine.coordinates(q)))
     seen = poses @ np.array([*machine.targets[0].point, 1.0])
     return np.asarray(np.linalg.norm(seen[:, :3] - origin, axis=1))
 

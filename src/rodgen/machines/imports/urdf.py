@@ -9,14 +9,15 @@ from __future__ import annotations
 import math
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import InputFileError, listed, shown, suggestion
 from rodgen.files import read_input
+from rodgen.machines.coupling import CouplingError
 from rodgen.machines.files.read import MOST_JOINTS
 from rodgen.machines.imports.imported import Imported, clean, machine_name
 from rodgen.machines.machine import Machine
@@ -93,8 +94,8 @@ class UrdfJoint:
     axis : ndarray (3,)
         A unit vector in its own frame.
     travel : tuple of (float, float) or None
-    mimic : str
-        The rule by which it follows another joint; empty where it does not.
+    mimic : tuple of (str, float, float) or None
+        The joint that it follows, with the factor and the offset; None where it follows none.
     near : str
         Angles of its origin that are written as nearly a multiple of 15 deg, and taken as that.
     """
@@ -107,7 +108,7 @@ class UrdfJoint:
     origin: Array
     axis: Array
     travel: tuple[float, float] | None
-    mimic: str
+    mimic: tuple[str, float, float] | None
     near: str = ""
 
 
@@ -210,6 +211,10 @@ def _joint(file: str, element: ElementTree.Element, number: int) -> UrdfJoint:
         raise InputFileError(file, f"{place}, axis xyz", "no direction", "three numbers, not all zero")
     low, high = (float(numbers("limit", key, (0.0,))[0]) for key in ("lower", "upper"))
     limited = kind in ("revolute", "prismatic") and low < high
+    followed, mimic = text("mimic", "joint"), None
+    if followed is not None:
+        factor, offset = (numbers("mimic", *of)[0] for of in (("multiplier", (1.0,)), ("offset", (0.0,))))
+        mimic = followed, float(factor), float(offset)
     return UrdfJoint(
         name=name,
         type=kind,
@@ -219,16 +224,11 @@ def _joint(file: str, element: ElementTree.Element, number: int) -> UrdfJoint:
         origin=numbers("origin", "xyz", (0.0, 0.0, 0.0)),
         axis=axis / (length or 1.0),
         travel=(low, high) if limited else None,
-        mimic=_mimic(text("mimic", "joint"), text("mimic", "multiplier"), text("mimic", "offset")),
+        mimic=mimic,
         near=", ".join(
             f"{x!r} as {15 * k:g} deg" for x, k in zip(angles[off].tolist(), multiples[off], strict=True)
         ),
     )
-
-
-def _mimic(joint: str | None, multiplier: str | None, offset: str | None) -> str:
-    """Return the rule by which a joint follows another, as a formula; empty where it does not."""
-    return "" if joint is None else f"{multiplier or '1'} * {joint} + {offset or '0'}"
 
 
 # the chain -----------------------------------------------------------------------------------------------------------
@@ -275,6 +275,7 @@ def _chain(file: str, joints: Mapping[str, UrdfJoint], base: str, tip: str) -> l
 def _machine(file: str, robot: str, base: str, tip: str, chain: list[UrdfJoint]) -> Imported:
     turn, place = np.eye(3), np.zeros(3)
     joints: list[Joint] = []
+    names: dict[str, str] = {}
     notes = [
         f"{os.path.basename(file)}: URDF of {shown(robot)}, from link {base} to link {tip}; m and rad there."
     ]
@@ -290,14 +291,12 @@ def _machine(file: str, robot: str, base: str, tip: str, chain: list[UrdfJoint])
         joints.append(Joint(name, kind, clean(turn @ joint.axis, 15), clean(_MM * place, 9), travel))
         if name != joint.name:
             notes.append(f"Joint {shown(joint.name)} is called {name}, as a machine file has it.")
-        if joint.mimic:
-            notes.append(
-                f"Joint {name} is a mimic joint, {name} = {joint.mimic} (m, rad). That is not taken: it is a joint of "
-                "its own here, and needs its own column."
-            )
+        names[joint.name] = name
     notes += [
         f"Angles of joint {joint.name} are taken exactly: {joint.near}." for joint in chain if joint.near
     ]
+    followers = {names[joint.name]: joint.mimic for joint in chain if joint.mimic and joint.name in names}
+    joints = [_following(joint, followers.get(joint.name), names, joints, notes) for joint in joints]
     notes += _on_fixed_and_limits(chain)
     target = Target(machine_name(tip, [joint.name for joint in joints]), clean(_MM * place, 9))
     machine = Machine(
@@ -311,10 +310,44 @@ def _machine(file: str, robot: str, base: str, tip: str, chain: list[UrdfJoint])
         Measured("point", "free"),
         estimate=("target",),
     )
+    try:
+        _ = machine.couplings
+    except CouplingError as error:
+        raise InputFileError(file, f"joint {error.joint}, mimic", error.found, error.expected) from None
     notes.append(
         "Frame and target are estimated: where the instrument is, and what it sees there, a URDF does not say."
     )
     return Imported(machine, tuple(notes))
+
+
+def _following(
+    joint: Joint,
+    mimic: tuple[str, float, float] | None,
+    names: Mapping[str, str],
+    joints: Sequence[Joint],
+    notes: list[str],
+) -> Joint:
+    """Return a joint with its coordinate where it follows another one of the chain; what was done goes to the notes."""
+    if mimic is None:
+        return joint
+    followed, factor, offset = mimic
+    rule = f"{joint.name} = {factor!r} * {followed} + {offset!r} (m, rad)"
+    if followed not in names or factor == 0:
+        why = "the other joint is not of this chain" if factor else "it follows nothing"
+        notes.append(
+            f"Joint {joint.name} is a mimic joint, {rule}. That is not taken, as {why}: it is a joint of its own here, "
+            "and needs its own column."
+        )
+        return joint
+    name = names[followed]
+    own, other = ("rad" if x.revolute else "m" for x in (joint, next(x for x in joints if x.name == name)))
+    unit = "" if own == other else f" {own}/{other}"
+    text = f"{factor!r}{unit} * {name}"
+    text = {1.0: name, -1.0: f"-{name}"}.get(factor, text) if not unit else text
+    if offset:
+        text += f" {'-' if offset < 0 else '+'} {abs(offset)!r} {own}"
+    notes.append(f"Joint {joint.name} follows, {rule}: it has no column, and its coordinate is {text}.")
+    return replace(joint, coordinate=text)
 
 
 def _on_fixed_and_limits(chain: list[UrdfJoint]) -> Iterator[str]:

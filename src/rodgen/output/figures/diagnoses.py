@@ -317,7 +317,9 @@ def planned_poses(
         return None
     spread = [float(np.ptp(new[:, j]) / (size[j] or 1.0)) for j in range(len(size))]
     moved.sort(key=lambda j: (machine.joints[j].name not in asked, -spread[j]))
-    names = [label(f"{plain(joint.column)} [{coordinate(o, j)[0]}]") for j, joint in enumerate(machine.joints)]
+    names = [
+        label(f"{plain(joint.column)} [{coordinate(o, j)[0]}]") for j, joint in enumerate(machine.joints)
+    ]
     single = len(moved) == 1
     a, b = (moved[0], moved[0]) if single else sorted(moved[:2])
     figure = column([Panel("" if single else names[b], 90 if single else 300, names[a])])
