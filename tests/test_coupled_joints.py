@@ -12,6 +12,7 @@ from machine_cases import ROWS, Case, data_for, effect, frame, joint, machine_fi
 from test_emit import COMPILERS, REACHED, Compiled, emitted, loaded
 from test_machine_jacobians import same_numbers
 
+from rodgen.calibration.file_check import check
 from rodgen.calibration.plan import plan_for
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
@@ -276,6 +277,23 @@ def test_geometry_moves_by_coordinates_and_zeros_of_motors_are_in_all_joints_tha
         InputFileError, match=r"joint J4, coordinate: .* no motor moves by itself; expected joints with"
     ):
         machine.emit("linuxcnc", tmp_path, name="arm")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        ('"J3m - J2m"', '"J3m + J2m"', 'J3 follows the other way: coordinate = "J3m - J2m"'),
+        ('"-(J2 + J3)"', '"J2 + J3"', 'J4 follows the other way: coordinate = "-J2 - J3"'),
+    ],
+)
+def test_a_coupling_with_the_wrong_sign_is_found(tmp_path, right, wrong, words):
+    text = (EXAMPLE / "machine.toml").read_text()
+    assert right in text
+    (tmp_path / "machine.toml").write_text(text.replace(right, wrong))
+    found = check(Machine.load(tmp_path / "machine.toml"), Measurements.load(EXAMPLE / "data.csv"))
+    assert found.wrong
+    assert words in " ".join(found.summary().split())
 
 
 def test_what_is_made_up_comes_back_with_the_effect():

@@ -110,6 +110,7 @@ def repairs(machine: Machine, observations: Observations) -> list[Repair]:
     made = [
         *(() if machine.kinematics.is_closed else _of_joints(machine, moves)),
         *(_of_legs(machine) if machine.kinematics.is_closed else ()),
+        *_of_couplings(machine),
         *_of_readings(machine),
         *_of_units(machine, observations, moves & read),
         *_of_columns(machine, moves & read),
@@ -196,6 +197,38 @@ def _of_joints(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
                 4,
                 machine=_exchanged_of("joints", "axis", i, j),
             )
+
+
+def _of_couplings(machine: Machine) -> Iterator[Repair]:
+    """Yield couplings with the other sign, and joints that are coupled with none."""
+    types = machine.quantities
+    for j, joint in enumerate(machine.joints):
+        stated = machine.couplings.stated[j] if machine.couplings else None
+        if stated is None:
+            continue
+        alike = all(types[name] == joint.type for name, _ in stated.factors)
+        if alike and not stated.constant and {name for name, _ in stated.factors} != {joint.reading}:
+            parts = [(name, x if name == joint.reading else -x) for name, x in stated.factors]
+            text = " ".join(_part(name, float(x)) for name, x in parts).removeprefix("+ ")
+            text = f"-{text[2:]}" if text.startswith("- ") else text
+            yield Repair(
+                f'{joint.name} follows the other way: coordinate = "{text}"',
+                f"axis {joint.name}",
+                1,
+                machine=_with_joint(j, lambda joint, text=text: replace(joint, coordinate=text)),  # type: ignore[misc]
+            )
+        if joint.is_read and len(stated.factors) > 1:
+            yield Repair(
+                f"{joint.name} moves by its own reading alone: no coordinate",
+                f"axis {joint.name}",
+                1,
+                machine=_with_joint(j, lambda joint: replace(joint, coordinate=None, reading_travel=None)),
+            )
+
+
+def _part(name: str, factor: float) -> str:
+    size = "" if abs(factor) == 1 else f"{abs(factor):.12g}*"
+    return f"{'-' if factor < 0 else '+'} {size}{name}"
 
 
 def _orders(n: int) -> Iterator[tuple[tuple[int, ...], int, str]]:
