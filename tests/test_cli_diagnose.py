@@ -20,6 +20,7 @@ from rodgen.calibration.diagnose.diagnosis import VERDICTS
 from rodgen.calibration.diagnose.summary import headline
 from rodgen.calibration.ladder import ladder
 from rodgen.calibration.solve.least_squares import minimise
+from rodgen.calibration.words import three_digits
 from rodgen.cli import main as cli
 from rodgen.cli._from_diagnosis import _NONE
 from rodgen.machines.effects.catalogue import CATALOGUE
@@ -133,7 +134,9 @@ def test_further_measurements_are_reported_separately(folder, rodgen_command):
     assert rms["after_test"] == pytest.approx(0.002, rel=0.15)  # the noise that is stated
     code, out, _ = rodgen_command(*command)
     assert code == 0
-    assert "On the further measurements: 0.0" in out
+    assert "rms in um per reading" in out
+    before, after = (three_digits(1000 * rms[when]) for when in ("before_test", "after_test"))
+    assert f"On the further measurements: {before} before, {after} after." in out
 
 
 def test_further_measurements_without_a_column_of_what_was_found_cost_only_that_error(folder, rodgen_command):
@@ -675,7 +678,7 @@ def test_headline_of_a_form_names_each_driver_once_and_a_fall_that_can_be_seen(d
     found = SimpleNamespace(verdict="unknown_effect", unexplained=forms, steps=(), rms=rms, wrong_bounds="")
     found.base = SimpleNamespace(weighted=False)
     assert headline(found) == (
-        f"Something outside the catalogue {said}; the error falls by 1.1 %, from 0.002931 to 0.002899 mm."
+        f"Something outside the catalogue {said}; the error falls by 1.1 %, from 2.931 to 2.899 um."
     )
 
 

@@ -204,7 +204,7 @@ HIDDEN = {  # what ANSWERS.md says is missing, and how a comparison without any 
     "positioner": r"depend on the direction of approach of phi: 7\d % .*along the motion of phi",
     "robot_6r_tracker": r"depend on J2: \d\d % of their variance, along the motion of J2",
     "rotary_table": r"depend on C, differently for each target: 6\d %",
-    "trunnion": r"depend on time: 9\d % of their variance, mostly in z .*drift by .* and \+0.02\d+ mm in z",
+    "trunnion": r"depend on time: 9\d % of their variance, mostly in z .*drift by .* and \+2\d\.\d um in z",
 }
 
 
@@ -399,8 +399,8 @@ def test_a_region_with_larger_errors_is_reported_with_its_range(bench: Bench) ->
     rms = np.sqrt(np.mean(comparison.fit.residuals[inside] ** 2))
     assert worst.rms == pytest.approx(rms, rel=1e-9)
     assert (
-        comparison.claims[0]
-        == f"The model is worst where {worst.region.text}: {rms:.5f} mm there, {comparison.fit.rms:.5f} mm overall."
+        comparison.claims[0] == f"The model is worst where {worst.region.text}: {1000 * rms:.2f} um there, "
+        f"{1000 * comparison.fit.rms:.2f} um overall."
     )
     assert any(
         claim.startswith("The remaining scatter is uneven") and "C is" in claim for claim in comparison.claims

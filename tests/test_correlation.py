@@ -548,8 +548,8 @@ def test_it_is_said_in_a_sentence() -> None:
     random = np.random.default_rng(16)
     b = table(100, 2)
     how, _ = b.estimate(b.white(random) + b.wander(random, 0.1) + b.shared(random))
-    assert "readings of one pose share an error of 0.00" in how.text.lower()
-    assert "the set-up wanders by 0.00" in how.text
+    assert "readings of one pose share an error of 2.2 um" in how.text.lower()
+    assert "the set-up wanders by 1.8 um" in how.text
     assert "minutes" in how.text
     stars = mount(80)
     how, _ = stars.estimate(stars.white(random) + 2 * stars.wander(random, 0.05))

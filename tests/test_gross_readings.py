@@ -34,7 +34,7 @@ def fitted(files: tuple[str, str]) -> Fit:
     return fit(Machine.load(files[0]), Measurements.load(files[1]))
 
 
-SAID = "Line 20 of data.csv is off by +1e+06 mm in x, all other rows by 0.00772 mm at most: correct or remove this row"
+SAID = "Line 20 of data.csv is off by +1e+06 mm in x, all other rows by 7.72 um at most: correct or remove this row"
 
 
 @pytest.mark.parametrize("command", ["check", "fit", "compare", "predict", "add", "plan"])

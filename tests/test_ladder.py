@@ -364,7 +364,7 @@ def test_the_noise_is_shown_with_the_error():
     # The data were made with 1 µm; 672 readings tell it to 3 %.
     assert found.rungs[1].fit.rms == pytest.approx(0.001, rel=0.1)
     assert found.noise.text in str(found)
-    assert "noise 0.001077 (replicates)" in found.line
+    assert "noise 1.077 (replicates); um per reading" in found.line
 
 
 def test_machines_that_differ_by_more_than_one_effect_are_no_rungs():

@@ -180,7 +180,9 @@ def test_distances_along_a_badly_seen_axis_are_weighted_by_what_is_stated() -> N
     assert found.stated == pytest.approx(mean, rel=1e-12)
     # 99 degrees of freedom: three standard deviations are 21 %
     assert found.distances.value == pytest.approx(mean, rel=0.21)
-    assert found.text.endswith(f"Distances between targets say {found.distances.value:.3g} mm, which agrees.")
+    assert found.text.endswith(
+        f"Distances between targets say {1000 * found.distances.value:.3g} um, which agrees."
+    )
 
 
 def test_angles_between_directions() -> None:
@@ -234,14 +236,14 @@ def test_what_is_stated_is_held_against_the_replicates(stated: float, verdict: s
     found = fit_to(on_table(noise=stated), data).noise
     assert found.source == "replicates"
     assert found.stated == stated
-    assert f"the stated {stated:.3g} mm" in found.text
+    assert f"the stated {1000 * stated:.3g} um" in found.text
     assert f"{verdict}." in found.text
 
 
 def test_the_stated_noise_is_the_value_without_replicates() -> None:
     data = measure(on_table(), {"C [rad]": RING[::2]}, TRUTH, noise=NOISE, random=np.random.default_rng(1))
     found = fit_to(on_table(noise=0.003), data).noise
-    assert (found.value, found.source, found.text) == (0.003, "stated", "The noise is 0.003 mm, as stated.")
+    assert (found.value, found.source, found.text) == (0.003, "stated", "The noise is 3 um, as stated.")
 
 
 def test_unknown_noise_is_said_to_be_unknown() -> None:

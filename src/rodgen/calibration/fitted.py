@@ -28,6 +28,7 @@ from rodgen.calibration.residuals import Residuals
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, nearest
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
+from rodgen.calibration.words import sized
 from rodgen.data.observations import Observations
 from rodgen.data.units import ARCSEC, readable
 from rodgen.errors import shown
@@ -384,12 +385,13 @@ class FittedModel:
     def error_text(self) -> str:
         """The rms of the residuals, of poses that of positions and that of attitudes."""
         if self.errors is None:
-            return f"rms {self.rms:.4g} {self.unit} per reading"
+            return f"rms {sized(self.rms, self.unit, '.4g')} per reading"
         place, turn = self.errors
         stated = "stated" if self.observations.sigma is not None else "by the residuals"
         return (
-            f"rms {place:.4g} {self.unit} of a coordinate and {turn:.4g} {self.units[-1]} of a turn; turns count as "
-            f"lengths on an arm of {self.observations.arm:.4g} {self.unit}, the ratio of both noises ({stated})"
+            f"rms {sized(place, self.unit, '.4g')} of a coordinate and {turn:.4g} {self.units[-1]} of a turn; "
+            f"turns count as lengths on an arm of {self.observations.arm:.4g} {self.unit}, the ratio of both noises "
+            f"({stated})"
         )
 
     @property

@@ -25,6 +25,7 @@ from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.words import chance, probability, three_digits
+from rodgen.data.units import readable
 from rodgen.errors import RodgenError
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import html_of
@@ -139,14 +140,21 @@ class Ladder:
         )
         noise = self.noise
         known = "not known" if noise.value is None else f"{self.figure_of(noise.value)} ({noise.source})"
-        return f"{' -> '.join(steps)}; noise {known}; {self.rungs[0].fit.unit} per reading"
+        return f"{' -> '.join(steps)}; noise {known}; {self._shown[1]} per reading"
+
+    @property
+    def _shown(self) -> tuple[float, str]:
+        """Factor and unit in which its errors are shown."""
+        return readable(self.rungs[0].fit.unit, max(rung.fit.rms for rung in self.rungs))
 
     def figure_of(self, value: float | None) -> str:
         """Write an error, with the decimals that all of them have."""
         if value is None:
             return "-"
-        smallest = min((rung.fit.rms for rung in self.rungs if rung.fit.rms > 0), default=1.0)
+        factor, _ = self._shown
+        smallest = min((rung.fit.rms for rung in self.rungs if rung.fit.rms > 0), default=1.0) * factor
         decimals = DIGITS - 1 - math.floor(math.log10(smallest))
+        value *= factor
         return f"{value:.{decimals}f}" if 0 <= decimals <= 9 else f"{value:.{DIGITS}g}"
 
     def __str__(self) -> str:
@@ -154,7 +162,8 @@ class Ladder:
 
     def _lines(self) -> Iterator[str]:
         first = self.rungs[0].fit
-        yield f"{first.machine.name}, {first.observations.data.file}: rms in {first.unit} per reading"
+        unit = self._shown[1]
+        yield f"{first.machine.name}, {first.observations.data.file}: rms in {unit} per reading"
         width = max(len(rung.title) for rung in self.rungs)
         yield f"{'':{width}}  {'fitted':>9}  {'held out':>9}  {'parameters':>10}  {'F':>9}  p"
         for rung in self.rungs:

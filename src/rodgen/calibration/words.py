@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rodgen.data.units import readable
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import SMALLEST_P
 
@@ -17,6 +18,7 @@ __all__ = [
     "in_component",
     "plain",
     "probability",
+    "sized",
     "some",
     "three_digits",
     "two_digits",
@@ -44,11 +46,13 @@ def fall(before: float, after: float, unit: str) -> str:
 
     Examples
     --------
-    >>> fall(0.00321, 0.00108, "mm"), fall(0.0029312, 0.0028992, "mm")
-    ('falls from 0.00321 to 0.00108 mm', 'falls by 1.1 %, from 0.002931 to 0.002899 mm')
+    >>> fall(0.00321, 0.00108, "mm"), fall(2.9312, 2.8992, "mm")
+    ('falls from 3.21 to 1.08 um', 'falls by 1.1 %, from 2.931 to 2.899 mm')
     >>> fall(0.00108, 0.00109, "mm")
-    'stays at 0.00108 mm'
+    'stays at 1.08 um'
     """
+    factor, unit = readable(unit, before)
+    before, after = before * factor, after * factor
     part = 1 - after / before if before > 0 else 0.0
     if not part > 0:
         return f"stays at {three_digits(before)} {unit}"
@@ -80,6 +84,18 @@ def some(names: Sequence[str], most: int = NAMES, word: str = "and") -> str:
     """
     few = len(names) <= most + 1
     return joined(names, word) if few else joined([*names[:most], f"{len(names) - most} more"])
+
+
+def sized(value: float, unit: str, spec: str = "") -> str:
+    """Return an error in the unit in which people read it, with three digits or as a format says.
+
+    Examples
+    --------
+    >>> sized(0.00321, "mm"), sized(1.5, "arcsec"), sized(-0.0032, "mm", "+.3g")
+    ('3.21 um', '1.50 arcsec', '-3.2 um')
+    """
+    factor, unit = readable(unit, value)
+    return f"{format(value * factor, spec) if spec else three_digits(value * factor)} {unit}"
 
 
 def three_digits(value: float) -> str:

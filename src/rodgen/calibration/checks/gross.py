@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.words import capitalized, in_component
+from rodgen.calibration.words import capitalized, in_component, sized
 from rodgen.statistics.thresholds import GROSS
 from rodgen.views import html_of
 
@@ -170,6 +170,6 @@ def on_gross_readings(fit: FittedModel) -> str:
     off = how_far_off(fit, [one.off for one in gross], [one.component for one in gross])
     are, them = ("are", "these rows") if len(gross) > 1 else ("is", "this row")
     return (
-        f"{place} {are} off by {off}, all other rows by {gross[0].others:.3g} {fit.unit} at most: correct or "
+        f"{place} {are} off by {off}, all other rows by {sized(gross[0].others, fit.unit, '.3g')} at most: correct or "
         f"remove {them}, or fit with --loss huber; a fit by least squares follows such errors."
     )

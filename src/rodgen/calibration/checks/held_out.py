@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import NEAR, NearFile, Solution, minimise, minimise_without, moved
+from rodgen.calibration.words import sized
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
 from rodgen.stages import each, stage
@@ -100,7 +101,7 @@ class HeldOut:
         else:
             how = "one at a time" if self.folds == self.poses else f"in {self.folds} folds"
             poses = f"{self.poses} poses, {how}"
-            yield f"On poses that the fit did not see the rms is {self.rms:.3g} {self.unit} ({poses})."
+            yield f"On poses that the fit did not see the rms is {sized(self.rms, self.unit, '.3g')} ({poses})."
         if self.unpredicted:
             names = ", ".join(self.because[:NAMED]) + (" …" if len(self.because) > NAMED else "")
             rows = f"{len(self.unpredicted)} row{'s' * (len(self.unpredicted) != 1)}"

@@ -19,9 +19,10 @@ from rodgen.calibration.words import (
     in_component,
     plain,
     probability,
-    three_digits,
+    sized,
 )
 from rodgen.data.drivers import Driver
+from rodgen.data.units import readable
 from rodgen.errors import joined
 from rodgen.statistics.f_tests import p_of_log10
 from rodgen.statistics.thresholds import COMPARISON
@@ -88,8 +89,8 @@ def _worst(comparison: Comparison) -> Iterator[str]:
             fit, unit = comparison.fit, comparison.sample.unit
             overall = float(np.sqrt(np.mean(fit.sizes[~fit.outliers] ** 2)))
             yield (
-                f"The model is worst where {plain(worst.region.text, 90)}: {three_digits(worst.rms)} {unit} there, "
-                f"{three_digits(overall)} {unit} overall."
+                f"The model is worst where {plain(worst.region.text, 90)}: {sized(worst.rms, unit)} there, "
+                f"{sized(overall, unit)} overall."
             )
 
 
@@ -158,12 +159,12 @@ def _change(comparison: Comparison, found: Found) -> str:
 
 def _drifts(comparison: Comparison) -> str:
     """Say by how much each component drifts that does beyond chance; empty where none does."""
-    m = len(comparison.components)
+    fit, m = comparison.fit, len(comparison.components)
     found = []
     for c, drift in enumerate(comparison.drifts):
         if drift and drift.log10_p < np.log10(COMPARISON.in_time / m):
             where = f" {_where(comparison, c)}" if m > 1 else ""
-            found.append(f"{drift.change * comparison.fit.in_units[c]:+.3g} {comparison.fit.units[c]}{where}")
+            found.append(f"{sized(drift.change * fit.in_units[c], fit.units[c], '+.3g')}{where}")
     return f"by {joined(found)}" if found else ""
 
 
@@ -260,8 +261,8 @@ def _scatter(comparison: Comparison) -> Iterator[str]:
     for u in sorted(claims, key=lambda u: u.log10_p)[:1]:
         unit = comparison.sample.unit
         yield (
-            f"The remaining scatter is uneven: {three_digits(u.high[1])} {unit} where {plain(u.high[0].text, 90)}, "
-            f"{three_digits(u.low[1])} {unit} where {plain(u.low[0].text, 90)} ({_p(u.log10_p, tests)})."
+            f"The remaining scatter is uneven: {sized(u.high[1], unit)} where {plain(u.high[0].text, 90)}, "
+            f"{sized(u.low[1], unit)} where {plain(u.low[0].text, 90)} ({_p(u.log10_p, tests)})."
         )
 
 
@@ -353,10 +354,15 @@ def _best(dependence: Dependence) -> int | None:
     return min(tested, key=lambda i: (min(alone(i), SHOWN_P), -dependence.share(i)))
 
 
+def _in_one_unit(parts: Sequence[tuple[str, float]], unit: str) -> str:
+    factor, unit = readable(unit, max(abs(value) for _, value in parts))
+    return f"{', '.join(f'{name} {value * factor:+.3g}' for name, value in parts)} {unit}"
+
+
 def _largest(comparison: Comparison) -> Iterator[str]:
     o, fit = comparison.fit.observations, comparison.fit
     each = ", ".join(
-        f"{name} {three_digits(r)} {unit}"
+        f"{name} {sized(r, unit)}"
         for name, r, unit in zip(comparison.components, comparison.rms, fit.units, strict=True)
     )
     yield f"rms by component: {each}"
@@ -366,16 +372,13 @@ def _largest(comparison: Comparison) -> Iterator[str]:
         if w.log10_p < np.log10(COMPARISON.region) and w.region.covariate.kind in {"joint", "place"}
     ]
     for worst in regions:
-        there = f"{three_digits(worst.rms)} {comparison.sample.unit}"
+        there = sized(worst.rms, comparison.sample.unit)
         yield f"worst where {plain(worst.region.text, 90)}: {there} ({_p(worst.log10_p)})"
     yield "largest residuals" + (", in their stated uncertainties:" if comparison.fit.weighted else ":")
     for row in comparison.worst_rows:
         parts = zip(comparison.components, fit.residuals[row] * fit.in_units, fit.units, strict=True)
         by_unit = [(unit, [*group]) for unit, group in groupby(parts, key=lambda part: part[2])]
-        values = ", ".join(
-            f"{', '.join(f'{name} {value:+.3g}' for name, value, _ in group)} {unit}"
-            for unit, group in by_unit
-        )
+        values = ", ".join(_in_one_unit([part[:2] for part in group], unit) for unit, group in by_unit)
         at = ", ".join(
             f"{plain(column.name)} {column.values[row]:.6g} {column.unit}"
             for column in (o.data.columns[joint.column] for joint in comparison.fit.machine.joints)

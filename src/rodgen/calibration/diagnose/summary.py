@@ -16,12 +16,13 @@ from rodgen.calibration.words import (
     fall,
     plain,
     probability,
+    sized,
     some,
     three_digits,
     two_digits,
     uncapitalized,
 )
-from rodgen.data.units import unit_factor
+from rodgen.data.units import readable, unit_factor
 from rodgen.errors import joined
 from rodgen.machines.effects.plausibility import plausibility, reach
 from rodgen.statistics.thresholds import DETERMINACY, SELECTION, VERDICT
@@ -71,7 +72,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
     names = joined([step.effect.title for step in diagnosis.steps])
     match diagnosis.verdict:
         case "nothing_missing":
-            error = f"the error is {three_digits(before)} {unit}"
+            error = f"the error is {sized(before, unit)}"
             what = "Nothing is missing"
             correlation = diagnosis.correlation
             if correlation is not None and correlation.wanders and correlation.claimed:
@@ -193,7 +194,8 @@ def _could_hide(d: Diagnosis) -> Iterator[str]:
     )
     width = max(len(one.effect.title) for one in worst)
     for one in worst:
-        error = f"{two_digits(one.rms)} {d.rms.unit}"
+        factor, unit = readable(d.rms.unit, one.rms)
+        error = f"{two_digits(one.rms * factor)} {unit}"
         yield f"  {one.effect.title:<{width}}  {one.text:<24}  {error:<12}  {one.how_rare}".rstrip()
     if len(d.could_hide) > len(worst):
         yield f"  and {len(d.could_hide) - len(worst)} more with less error, in --json"
@@ -205,18 +207,19 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
     rows = [("without bounds" if d.wrong_bounds else "as it is", d.base.rms, rms.before_held_out, "")]
     rows += [(f"+ {s.effect.title}", s.rms, s.rms_held_out, probability(s.p_value)) for s in d.steps]
     rows += [(f"+ {f.effect.title}", f.rms, f.rms_held_out, probability(f.p_value)) for f in d.unexplained]
-    header = f"rms in {rms.unit} per reading"
+    factor, unit = readable(rms.unit, max(d.base.rms, *(row[1] for row in rows)))
+    header = f"rms in {unit} per reading"
     width = max(len(header), *(len(row[0]) for row in rows))
     yield f"{header:{width}}  {'fitted':>9}  {'held out':>9}  p"
     for title, fitted, held_out, by_chance in rows:
-        shown = "-" if held_out is None else three_digits(held_out)
-        yield f"{title:{width}}  {three_digits(fitted):>9}  {shown:>9}  {by_chance}".rstrip()
+        shown = "-" if held_out is None else three_digits(held_out * factor)
+        yield f"{title:{width}}  {three_digits(fitted * factor):>9}  {shown:>9}  {by_chance}".rstrip()
     if rms.noise is not None:
-        yield f"{'noise':{width}}  {three_digits(rms.noise):>9}"
+        yield f"{'noise':{width}}  {three_digits(rms.noise * factor):>9}"
     if only_together(d):
         yield only_together(d)
     if rms.before_test is not None and rms.after_test is not None:
-        before, after = map(three_digits, (rms.before_test, rms.after_test))
+        before, after = (three_digits(x * factor) for x in (rms.before_test, rms.after_test))
         yield f"On the further measurements: {before} before, {after} after."
     if out := on_outliers(d.final_with_forms, d.base.outliers):
         yield from textwrap.wrap(out, WIDTH)

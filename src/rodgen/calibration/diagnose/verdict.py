@@ -11,7 +11,7 @@ from rodgen.calibration.checks.positions import distinct_positions
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.diagnose.wrong_rows import displaced_rows
 from rodgen.calibration.noise.correlation import Correlation
-from rodgen.calibration.words import chance, uncapitalized
+from rodgen.calibration.words import chance, sized, uncapitalized
 from rodgen.data.poses import moved_one_way as joints_one_way
 from rodgen.errors import joined
 from rodgen.statistics.columns import DEPENDENT, falls_from_products
@@ -116,8 +116,8 @@ def uneven(final: FittedModel, too_many: int) -> str:
     if not VERDICT.uneven * half < HALF_OF_NORMAL or not has_heavy_tails(sizes):
         return ""
     return (
-        f"Half of the residuals are within {half * final.rms:.2g} {final.unit}, but one of twenty is beyond "
-        f"{worst * final.rms:.2g}, far more than normal errors are: {either}."
+        f"Half of the residuals are within {sized(half * final.rms, final.unit, '.2g')}, but one of twenty is beyond "
+        f"{sized(worst * final.rms, final.unit, '.2g')}, far more than normal errors are: {either}."
     )
 
 

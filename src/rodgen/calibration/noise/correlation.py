@@ -20,6 +20,7 @@ from rodgen.calibration.noise.frame_motion import frame_motion
 from rodgen.calibration.noise.sampled_rows import sample_of
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.words import capitalized, two_digits
+from rodgen.data.units import readable
 from rodgen.errors import joined
 from rodgen.statistics.columns import orthonormal_basis, project_out, unit_columns
 from rodgen.statistics.thresholds import VARIANCES
@@ -434,21 +435,28 @@ def _flat(columns: Array) -> Array:
     return unit_columns(columns.reshape(n * m, K))
 
 
+def _sized(size: float, unit: str) -> str:
+    factor, unit = readable(unit, size)
+    return f"{two_digits(size * factor)} {unit}"
+
+
 def _text(sizes: Sequence[float], unit: str, time: float, poses: Poses) -> str:
     """Return the sentence; sizes in the fit's unit: the independent error, pose t, pose r, wander t, wander r."""
     shared, wander = float(np.linalg.norm(sizes[1:3])), float(np.linalg.norm(sizes[3:5]))
     parts = []
     if shared:
-        parts.append(f"readings of one pose share an error of {two_digits(shared)} {unit}")
+        parts.append(f"readings of one pose share an error of {_sized(shared, unit)}")
     if wander:
         over = _time(time, poses)
-        parts.append(f"the set-up wanders by {two_digits(wander)} {unit} {over}")
+        parts.append(f"the set-up wanders by {_sized(wander, unit)} {over}")
     if not parts:
         return ""
     text = ", and ".join(parts)
     if sizes[0] < NO_ERROR * math.hypot(shared, wander):  # markers of a body whose pose was measured
         return f"{capitalized(text)}; single readings have no error of their own compared with that."
-    return f"{capitalized(text)}, in addition to an independent error of {two_digits(sizes[0])} {unit} per reading."
+    return (
+        f"{capitalized(text)}, in addition to an independent error of {_sized(sizes[0], unit)} per reading."
+    )
 
 
 def _time(time: float, poses: Poses) -> str:

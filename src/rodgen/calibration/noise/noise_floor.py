@@ -22,7 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.noise.deviations import DRIFTS, Deviations, StandardDeviation
+from rodgen.calibration.words import sized
 from rodgen.data.poses import stretches
+from rodgen.data.units import readable
 from rodgen.errors import joined
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.robust import HALF_OF_NORMAL
@@ -338,16 +340,17 @@ def _tangent(x: Array, y: Array) -> Array:
 def _sentences(floor: NoiseFloor) -> Iterator[str]:
     unit, main = floor.unit, floor.replicates
     if main is not None:
-        said = f"The noise is {main.value:.3g} {unit} from {floor.replicated_poses} replicated poses ({_range(main)})"
+        poses = f"{floor.replicated_poses} replicated poses ({_range(main, unit)})"
+        said = f"The noise is {sized(main.value, unit, '.3g')} from {poses}"
         if floor.stated is not None:
-            said += f"; the stated {floor.stated:.3g} {unit} {_verdict(floor.stated, main)}"
+            said += f"; the stated {sized(floor.stated, unit, '.3g')} {_verdict(floor.stated, main)}"
         yield f"{said}."
     elif floor.stated is not None:
-        yield f"The noise is {floor.stated:.3g} {unit}, as stated."
+        yield f"The noise is {sized(floor.stated, unit, '.3g')}, as stated."
     else:
         yield "The noise is not known: none is stated, and no pose was repeated."
     if floor.drifts:
-        before = f"with it {floor.with_drifts.value:.3g} {unit}" if floor.with_drifts else ""
+        before = f"with it {sized(floor.with_drifts.value, unit, '.3g')}" if floor.with_drifts else ""
         yield (
             f"Between replicates the readings follow {joined(floor.drifts)}, which is taken out as a curve that all "
             f"poses share ({before}); where it differs from pose to pose, the noise is less."
@@ -355,15 +358,15 @@ def _sentences(floor: NoiseFloor) -> Iterator[str]:
     if floor.distances is not None:
         yield _of_distances(floor, floor.distances)
     if floor.repeated is not None and main is None:
-        said = f"{floor.repeated.value:.3g} {unit}"
+        said = sized(floor.repeated.value, unit, ".3g")
         yield f"Readings repeated in one pose scatter by {said}: the instrument's part, at least."
 
 
 def _of_distances(floor: NoiseFloor, found: StandardDeviation) -> str:
     if floor.one_body:
-        kept = f"The targets keep their distances to {found.value:.3g} {floor.unit}"
+        kept = f"The targets keep their distances to {sized(found.value, floor.unit, '.3g')}"
         return f"{kept}: what was measured is the pose of one body, and this does not say how well."
-    said = f"Distances between targets say {found.value:.3g} {floor.unit}"
+    said = f"Distances between targets say {sized(found.value, floor.unit, '.3g')}"
     if floor.distance_drifts:
         said += f", when their scale, which follows {joined(floor.distance_drifts)}, is taken out"
     against = floor.replicates or (None if floor.stated is None else _known(floor.stated))
@@ -408,5 +411,6 @@ def _times(ratio: float) -> str:
     return f"{ratio:.2g} times" if ratio < 1000 else "over 1000 times"
 
 
-def _range(found: StandardDeviation) -> str:
-    return f"95 %: {found.low:.3g} to {found.high:.3g}"
+def _range(found: StandardDeviation, unit: str) -> str:
+    factor, _ = readable(unit, found.value)
+    return f"95 %: {found.low * factor:.3g} to {found.high * factor:.3g}"
