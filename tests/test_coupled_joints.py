@@ -269,6 +269,13 @@ def test_geometry_moves_by_coordinates_and_zeros_of_motors_are_in_all_joints_tha
     q = np.stack([m[:, 0], m[:, 1], m[:, 2] - m[:, 1], -m[:, 2], m[:, 4]], axis=-1)
     poses = to_mechanism(chain).forward(q)
     assert np.abs((poses @ [*geometry.targets[0].point, 1.0])[:, :3] - places).max() < 1e-8
+    with_play = machine.add("backlash", joint="J3", hold={"b": 0.02}).add(
+        "scale", joint="J5", hold={"k": 1e-4}
+    )
+    with_play.emit("iso230", tmp_path, name="arm")
+    assert "backlash at J3: it follows J3m, not the position of J3" in "".join(
+        path.read_text() for path in tmp_path.glob("*.md")
+    )
     (path,) = machine.emit("urdf", tmp_path, name="arm")
     assert (
         "not in it: how J3 follows, J3m - J2m: what is given here moves by its coordinate" in path.read_text()

@@ -114,7 +114,11 @@ def _axes(machine: Machine, travel: Any) -> Iterator[_Axis]:
             own = {x: effect.hold.get(x, values.get(effect.key(x), 0.0)) for x in effect.units(machine)}
             definition = effect.definition
             follows = set(definition.formula.names) <= known | own.keys() and not definition.others
-            if follows and definition.component in ("reading", "translation", "rotation"):
+            if joint.coordinate and joint.is_read and definition.component == "reading":
+                left_out.append(
+                    f"{effect.title}: it follows {joint.reading}, not the position of {joint.name}"
+                )
+            elif follows and definition.component in ("reading", "translation", "rotation"):
                 taken.append((effect, own))
             elif effect.name not in CONSTANT:
                 left_out.append(f"{effect.title}: it depends on more than the position of {joint.name}")
