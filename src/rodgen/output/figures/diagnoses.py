@@ -43,7 +43,7 @@ __all__ = [
     "unit_of",
 ]
 
-MOST_RANKED, MOST_MEASURED = 10, 1000
+MOST_RANKED, MOST_MEASURED, MOST_POLAR = 10, 1000, 2
 LEVEL = 0.01
 """Probability of a false alarm among all candidates together."""
 SAME = 0.999
@@ -73,7 +73,8 @@ def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Fig
     places = map_of(rows, _measured(diagnosis, rows))
     if places is not None:
         yield places
-    for name in joints_that_go_round(rows.base):
+    found = {step.effect.place for step in diagnosis.steps}
+    for name in sorted(joints_that_go_round(rows.base), key=lambda name: name not in found)[:MOST_POLAR]:
         yield polar_of(rows, name)
     before = rows.base if rows.two else None
     yield quantiles_of_residuals(rows.final, before=before)

@@ -135,8 +135,7 @@ def _about(rows: DrawnRows, joint: int) -> list[ResidualPanel]:
     """Return a panel for the radial, the tangential and the axial part of residuals of points."""
     along = directions_about(rows.base, rows.o, joint)
     found = [np.einsum("nij,nj->ni", along, rows.residuals(fit)[:, :3]) for _, fit in rows.sides]
-    name = plain(rows.base.machine.joints[joint].name, 12)
-    words = (f"radial, away from {name}", f"tangential, ahead with {name}", f"axial, along {name}")
+    words = ("radial, away from the axis", "tangential, ahead", "axial, along the axis")
     return [ResidualPanel(w, rows.shown.unit, tuple(r[:, k] for r in found)) for k, w in enumerate(words)]
 
 

@@ -93,9 +93,10 @@ def _volume(fit: FittedModel, found: VolumetricError) -> Content:
         else "The noise is not known, and with it no uncertainty.",
     ]
     if found.free:
-        set_up = {"target": "how the target is mounted", "instrument": "where the instrument stands"}
-        of = " and ".join(set_up[x] for x in found.free)
-        how.append(f"Of {of} that counts which brings both nearest to each other.")
+        set_up = {"target": "mounting of the target", "instrument": "place of the instrument"}
+        of = " and the ".join(set_up[x] for x in found.free)
+        are = "is" if len(found.free) == 1 else "are"
+        how.append(f"The {of} {are} no error of the machine, and such that both come nearest to each other.")
     if found.by_choice:
         how.append(
             "The data leave a choice between geometries that predict the same readings; these errors are those of the "
