@@ -30,6 +30,7 @@ from conftest import C_WARNINGS, CPP_WARNINGS
 from hypothesis import strategies as st
 from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file, unit
 from machine_simulator import Simulated, rotation
+from scipy.io import loadmat, savemat
 
 from rodgen.calibration.fit import fit
 from rodgen.cli import main as cli
@@ -37,7 +38,7 @@ from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import write_files
 from rodgen.machines.emit import emit
-from rodgen.machines.emit._content import _even, content_of
+from rodgen.machines.emit._content import Content, _even, content_of
 from rodgen.machines.emit._render import render
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
@@ -45,6 +46,7 @@ WITHIN = 1e-10
 REACHED = 5e-9
 COMPILERS = [c for c in ("gcc", "clang") if shutil.which(c)]
 X, Y, Z = np.eye(3)
+needs_octave = pytest.mark.skipif(shutil.which("octave-cli") is None, reason="no octave-cli")
 
 
 # machines ------------------------------------------------------------------------------------------------------------
@@ -128,6 +130,7 @@ class Emitted:
     values: Mapping[str, float]
     machine: Machine
     folder: Path
+    content: Content
 
     def fields(self) -> list[str]:
         """Return the fields of a row other than q, as the C header declares them."""
@@ -148,39 +151,43 @@ class Emitted:
 
 def emitted(case: Case, folder: Path, values: Mapping[str, float]) -> Emitted:
     machine = replace(case.machine, values=dict(values))
-    emit_both(machine, folder, case.observations.travel)
-    return Emitted(case, values, machine, folder)
+    return Emitted(case, values, machine, folder, emit_both(machine, folder, case.observations.travel))
 
 
-def emit_both(machine: Machine, folder: Path, travel: Any = None) -> None:
-    """Do what `emit` does for several languages, but derive the machine's kernels once."""
+def emit_both(machine: Machine, folder: Path, travel: Any = None) -> Content:
+    """Do what `emit` does for C and NumPy, but derive the machine's kernels once; return what the files are made of."""
     content = content_of(machine, "device", travel)
-    files = (
-        render(content, "c") | render(content, "cpp") | render(replace(content, name="device_np"), "numpy")
-    )
-    write_files(folder, files)
+    write_files(folder, render(content, "c") | render(replace(content, name="device_np"), "numpy"))
+    return content
 
 
 def passes_its_own_test_in_cpp(
-    folder: Path, cpp_compiler: str, tmp_path: Path, optimisation: str = "-O0", *more: str
+    content: Content, cpp_compiler: str, folder: Path, optimisation: str = "-O0", *more: str
 ) -> None:
-    """Compile and run the test of a header, in another folder, with other sources there."""
-    sources = [str(folder / "device_test.cpp"), *(str(tmp_path / name) for name in more)]
-    command = [
-        cpp_compiler,
-        *CPP_WARNINGS,
-        optimisation,
-        f"-I{folder}",
-        *sources,
-        "-o",
-        str(tmp_path / "run"),
-    ]
+    """Write a header and its test into a folder; compile and run it, with other sources there."""
+    write_files(folder, render(content, "cpp"))
+    sources = [str(folder / name) for name in (f"{content.name}_test.cpp", *more)]
+    command = [cpp_compiler, *CPP_WARNINGS, optimisation, *sources, "-o", str(folder / "run_cpp")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
-    done = subprocess.run([tmp_path / "run"], capture_output=True, text=True, check=False)
+    done = subprocess.run([folder / "run_cpp"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     held, checks = map(int, re.findall(r"(\d+) of (\d+) checks hold", done.stdout)[0])
     assert held == checks >= 150
+
+
+def passes_its_own_test_in_octave(content: Content, folder: Path) -> None:
+    """Write the MATLAB class and its test into a folder, and run it where there is GNU Octave."""
+    write_files(folder, render(content, "matlab"))
+    if shutil.which("octave-cli"):
+        done = in_octave(folder, f"{content.name}_test")
+        assert (done.returncode, done.stdout) == (0, f"{content.name}: all tests hold\n"), done.stderr
+
+
+def in_octave(folder: Path, code: str) -> subprocess.CompletedProcess[str]:
+    """Run statements in a folder, in a process of their own: Octave reads a class once."""
+    command = ["octave-cli", "--norc", "--quiet", "--eval", code]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
 def loaded(folder: Path, name: str = "device_np") -> ModuleType:
@@ -347,7 +354,44 @@ def test_own_test_of_the_cpp_passes_with_strict_flags(every, cpp_compiler, name,
         "return jacobian[0].size() == corrected.size() && distance >= 0\n"
         "  && status == rodgen::device::Status::CONVERGED; }\n"
     )
-    passes_its_own_test_in_cpp(every(name).folder, cpp_compiler, tmp_path, optimisation, "other.cpp")
+    passes_its_own_test_in_cpp(every(name).content, cpp_compiler, tmp_path, optimisation, "other.cpp")
+
+
+@pytest.mark.parametrize("name", ["gantry", *(pytest.param(n, marks=pytest.mark.slow) for n in MACHINES)])
+def test_own_test_of_the_matlab_passes_in_octave(every, name, tmp_path):
+    passes_its_own_test_in_octave(every(name).content, tmp_path)
+
+
+@needs_octave
+@pytest.mark.parametrize("name", ["table", *(pytest.param(n, marks=pytest.mark.slow) for n in MACHINES)])
+def test_matlab_code_does_what_the_numpy_code_does(every, name, tmp_path):
+    """Compensations of places within reach and far away, with joints held, of what is not finite, and of no target."""
+    found = every(name)
+    write_files(tmp_path, render(found.content, "matlab"))
+    o, numpy, conditions = found.case.observations, loaded(found.folder), found.conditions()
+    wanted, target = numpy.ideal(o.q, o.target), np.array(o.target)
+    wanted[::5] *= -3.0
+    wanted[3], target[4] = np.nan, len(numpy.TARGETS)
+    weight = np.linspace(0, 1, o.q.shape[1])
+    row = {name: np.atleast_2d(value.T) for name, value in conditions.items()} | {"q": o.q.T}
+    given = {"row": row, "wanted": wanted.T, "target": target + 1.0, "weight": weight[:, None]}
+    savemat(tmp_path / "given.mat", given)
+    code = "load given.mat; [a, b, c] = rodgen.device.compensate(row, wanted, target);"
+    code += (
+        "[d, e, f] = rodgen.device.compensate(row, wanted, target, weight); save -v7 found.mat a b c d e f"
+    )
+    done = in_octave(tmp_path, code)
+    assert done.returncode == 0, done.stderr
+    by_matlab = loadmat(tmp_path / "found.mat")
+    for names, weights in (("abc", None), ("def", weight)):
+        corrected, status, distance = numpy.compensate(wanted, o.q, target, **conditions, weight=weights)
+        a, b, c = (by_matlab[name] for name in names)
+        np.testing.assert_array_equal(b[0], status)
+        assert b.dtype == np.int32
+        assert {numpy.NOT_FINITE, numpy.NO_TARGET} < set(status.tolist())
+        reached = status == numpy.CONVERGED
+        np.testing.assert_allclose(a.T[reached], corrected[reached], atol=1e-6)
+        np.testing.assert_allclose(c[0], distance, atol=REACHED, rtol=1e-4)
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -406,6 +450,30 @@ def test_own_test_finds_a_wrong_number(every, compiler_name, tmp_path):
         [sys.executable, folder / "test_device_np.py"], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (1, "")
+
+
+@needs_octave
+def test_own_test_of_the_matlab_finds_a_wrong_number(every, tmp_path):
+    files = render(every("table").content, "matlab")
+    right = files["+rodgen/device.m"]
+    files["+rodgen/device.m"] = right.replace("effect0_a = ", "effect0_a = 1.001 * ", 1)
+    write_files(tmp_path, files)
+    done = in_octave(tmp_path, "device_test")
+    assert done.returncode == 1
+    assert "forward is off its reference" in done.stderr
+
+
+@needs_octave
+def test_wrong_arguments_are_an_error_in_matlab(every, tmp_path):
+    write_files(tmp_path, render(every("gantry").content, "matlab"))
+    wrong = {
+        "forward([1 2 3 4].')": "the row is no struct; expected one with q, s, T, t, load",
+        "forward(struct('q', [1 2 3 4].'))": "the row has no s",
+        "ideal([1 2 3])": "q: expected real numbers, 4 x N",
+        "ideal(ones(4, 3), [1 2])": "target has 2 columns, another input 3",
+    }
+    tries = (f"try; rodgen.device.{call}; catch problem; disp(problem.message); end" for call in wrong)
+    assert in_octave(tmp_path, "\n".join(tries)).stdout.splitlines() == list(wrong.values())
 
 
 def test_emitted_c_has_no_state_and_calls_nothing_but_libm(every):
@@ -967,7 +1035,7 @@ def test_no_text_of_the_user_becomes_code(first, compiler, cpp_compiler, tmp_pat
         machine = replace(
             machine, effects=(*machine.effects, machine.effect(definition.name, joint_name, hold={"a": 0.1}))
         )
-    emit_both(machine, tmp_path)
+    content = emit_both(machine, tmp_path)
     sources = [str(tmp_path / "device.c"), str(tmp_path / "device_test.c")]
     done = subprocess.run(
         [compiler, *C_WARNINGS, "-Wno-unused-command-line-argument", *sources, "-o", str(tmp_path / "run"), "-lm"],
@@ -975,6 +1043,8 @@ def test_no_text_of_the_user_becomes_code(first, compiler, cpp_compiler, tmp_pat
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     assert subprocess.run([tmp_path / "run"], capture_output=True, check=False).returncode == 0
+    passes_its_own_test_in_octave(content, tmp_path)
+    write_files(tmp_path, render(content, "cpp"))
     command = [cpp_compiler, *CPP_WARNINGS, "-fsyntax-only", str(tmp_path / "device_test.cpp")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
@@ -1040,7 +1110,8 @@ def test_names_come_from_the_machine_or_the_caller(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["Big", "2d", "a-b", "", "x" * 60, "math", "numpy", "jax", "class", "namespace", "../up", "a\nb"]
+    "name",
+    ["Big", "2d", "a-b", "", "x" * 60, "math", "numpy", "jax", "class", "namespace", "end", "../up", "a\nb"],
 )
 def test_bad_names_are_an_error(name, tmp_path):
     with pytest.raises(RodgenError, match="expected"):
@@ -1049,9 +1120,28 @@ def test_bad_names_are_an_error(name, tmp_path):
 
 
 def test_other_languages_are_an_error(tmp_path):
-    languages = "c, cpp, numpy, jax, urdf, dh, tpoint, iso230, screw, map, linuxcnc"
+    languages = "c, cpp, matlab, numpy, jax, urdf, dh, tpoint, iso230, screw, map, linuxcnc"
     with pytest.raises(RodgenError, match=f"no language 'rust'; expected one of {languages}"):
         emit(table(), "rust", tmp_path)
+
+
+def test_nothing_is_left_of_files_that_cannot_all_be_written(tmp_path):
+    """One of the two MATLAB files is in a folder of its own."""
+    (tmp_path / "t1_test.m").mkdir()
+    with pytest.raises(InputFileError, match="a folder stands in its place"):
+        emit(table(), "matlab", tmp_path, name="t1")
+    assert [path.name for path in tmp_path.iterdir()] == ["t1_test.m"]
+    (tmp_path / "t1_test.m").rmdir()
+    (tmp_path / "+rodgen").mkdir()
+    (tmp_path / "+rodgen" / "t1.m").write_text("mine")
+    with pytest.raises(InputFileError, match="rodgen did not write it"):
+        emit(table(), "matlab", tmp_path, name="t1")
+    assert [path.name for path in tmp_path.iterdir()] == ["+rodgen"]
+    emit(table(), "matlab", tmp_path, name="t1", force=True)
+    assert emit(table(), "matlab", tmp_path, name="t1") == [
+        tmp_path / "+rodgen" / "t1.m",
+        tmp_path / "t1_test.m",
+    ]
 
 
 def test_machine_without_its_numbers_is_an_error(tmp_path):

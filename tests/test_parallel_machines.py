@@ -25,7 +25,13 @@ from machine_cases import effect, frame, toml
 from machine_simulator import rotation
 from parallel_simulator import Parallel
 from scipy import stats
-from test_emit import Compiled, emit_both, loaded, passes_its_own_test_in_cpp
+from test_emit import (
+    Compiled,
+    emit_both,
+    loaded,
+    passes_its_own_test_in_cpp,
+    passes_its_own_test_in_octave,
+)
 from test_machine_jacobians import columns_off, near
 
 from rodgen.calibration.fit import fit
@@ -35,6 +41,7 @@ from rodgen.data.measurements import Measurements
 from rodgen.data.units import unit_factor
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import CATALOGUE
+from rodgen.machines.emit._content import content_of
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.machine import Machine
 
@@ -540,7 +547,7 @@ def conditions(case: Legged, folder: Path) -> dict[str, np.ndarray]:
 @pytest.mark.slow
 @quickly_tricept
 def test_emitted_code_passes_its_own_tests_alone(family, device, compiler, cpp_compiler, tmp_path):
-    _, _, folder = device(family)
+    case, values, folder = device(family)
     sources = [str(folder / "device.c"), str(folder / "device_test.c")]
     command = [compiler, *C_WARNINGS, "-O2", *sources, "-o", str(tmp_path / "run"), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -549,7 +556,9 @@ def test_emitted_code_passes_its_own_tests_alone(family, device, compiler, cpp_c
     assert done.returncode == 0, done.stdout
     held, checks = map(int, re.findall(r"(\d+) of (\d+) checks hold", done.stdout)[0])
     assert held == checks >= 150
-    passes_its_own_test_in_cpp(folder, cpp_compiler, tmp_path)
+    content = content_of(replace(case.machine, values=values), "device", case.observations.travel)
+    passes_its_own_test_in_cpp(content, cpp_compiler, tmp_path)
+    passes_its_own_test_in_octave(content, tmp_path)
     code = "import sys; sys.modules['rodgen'] = sys.modules['sympy'] = None; import runpy, warnings\n"
     code += f"warnings.simplefilter('error'); sys.path.insert(0, {str(folder)!r})\n"
     code += f"runpy.run_path({str(folder / 'test_device_np.py')!r}, run_name='__main__')"

@@ -27,7 +27,7 @@ from machine_cases import (
 )
 from machine_simulator import Simulated
 from scipy.spatial.transform import Rotation
-from test_emit import passes_its_own_test_in_cpp
+from test_emit import passes_its_own_test_in_cpp, passes_its_own_test_in_octave
 from test_machine_jacobians import STENCILS, moved, step
 
 from rodgen.calibration.fit import Fit
@@ -36,6 +36,7 @@ from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.emit import emit
+from rodgen.machines.emit._content import content_of
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.fixed import fixed_machine
@@ -435,8 +436,9 @@ def test_emitted_code_corrects_place_and_attitude_of_the_tool(tmp_path):
 @pytest.mark.slow
 def test_emitted_tests_of_poses_hold(tmp_path, compiler, cpp_compiler):
     _, fit = fitted_with_errors()
-    emit(fit.machine, "cpp", tmp_path, name="device")
-    passes_its_own_test_in_cpp(tmp_path, cpp_compiler, tmp_path)
+    content = content_of(fit.machine, "device")
+    passes_its_own_test_in_cpp(content, cpp_compiler, tmp_path)
+    passes_its_own_test_in_octave(content, tmp_path)
     emit(fit.machine, "numpy", tmp_path, name="arm")
     emit(fit.machine, "c", tmp_path, name="arm")
     program, files = str(tmp_path / "t"), [str(tmp_path / name) for name in ("arm.c", "arm_test.c")]

@@ -167,7 +167,7 @@ def test_c_examples_print_what_they_say(compiler: str, mount: Path) -> None:
         assert subprocess.run(["./main"], capture_output=True, text=True, check=True).stdout == output
 
 
-def test_cpp_example_prints_what_the_c_does(cpp_compiler: str, mount: Path) -> None:
+def test_examples_in_other_languages_print_what_the_c_does(cpp_compiler: str, mount: Path) -> None:
     page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```cpp\n(.*?)```", page, re.DOTALL)
     output = re.search(r"```text\n(AZ .*?)```", page, re.DOTALL)[1]
@@ -176,6 +176,12 @@ def test_cpp_example_prints_what_the_c_does(cpp_compiler: str, mount: Path) -> N
     (mount / "main.cpp").write_text(code, encoding="utf-8")
     subprocess.run([cpp_compiler, "-std=c++17", "-O0", "-Ibuild", "main.cpp", "-o", "main"], check=True)
     assert subprocess.run(["./main"], capture_output=True, text=True, check=True).stdout == output
+    if not shutil.which("octave-cli"):
+        return
+    (code,) = re.findall(r"```matlab\n(.*?)```", page, re.DOTALL)
+    assert cli.main(command.replace("--lang cpp ", "--lang matlab ").split()) == 0
+    octave = ["octave-cli", "--norc", "--quiet", "--eval", code]
+    assert subprocess.run(octave, cwd="build", capture_output=True, text=True, check=True).stdout == output
 
 
 def test_own_effect_is_fitted_as_the_page_says(

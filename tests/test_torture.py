@@ -98,6 +98,7 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     "remove": (WITH_EFFECT, "remove m.toml gravity_windup d.csv --joint C -o a.toml", ""),
     "emit c": (FEW, "emit m.toml d.csv --lang c -o code/deep", ""),
     "emit numpy": (FEW, "emit m.toml d.csv --lang numpy -o code", ""),
+    "emit matlab": (FEW, "emit m.toml d.csv --lang matlab -o code", ""),
     "plan": (FEW, "plan m.toml d.csv -n 3 -o p.csv", "p.csv"),
     "predict": (FEW, "predict m.toml d.csv d.csv -o p.parquet", "p.parquet"),
     "report": (FEW, "report m.toml d.csv -o r.html", "r.html"),

@@ -400,7 +400,7 @@ def write_file(file: str | os.PathLike[str], content: bytes) -> None:
 
 
 def write_files(folder: Path, files: Mapping[str, str]) -> list[Path]:
-    """Write texts by file name; no file gets its final name before all are written.
+    """Write texts by file name, in the folder or below it; no file gets its final name before all are written.
 
     Parameters
     ----------
@@ -420,7 +420,8 @@ def write_files(folder: Path, files: Mapping[str, str]) -> list[Path]:
     """
     names = sorted(files)
     paths = [folder / name for name in names]
-    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    folders = {folder, *(parent for path in paths for parent in path.parents)}
+    missing = sorted((f for f in folders if not f.exists()), key=lambda f: -len(f.parts))
     targets = [AtomicFile(str(path)) for path in paths]
     complete = False
     try:
@@ -440,11 +441,12 @@ def write_files(folder: Path, files: Mapping[str, str]) -> list[Path]:
 
 
 def _make(folder: Path, paths: list[Path]) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        found = f"no folder can be made ({_reason(error)})"
-        raise InputFileError(folder, "file", found, "a writable place") from None
+    for parent in dict.fromkeys((folder, *(path.parent for path in paths))):
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+        except (OSError, ValueError) as error:
+            found = f"no folder can be made ({_reason(error)})"
+            raise InputFileError(parent, "file", found, "a writable place") from None
     for path in paths:
         if path.is_dir():
             raise InputFileError(path, "file", "a folder stands in its place", "a file, or nothing")

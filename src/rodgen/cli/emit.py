@@ -13,7 +13,7 @@ __all__ = ["add_to"]
 
 _EMIT = f"""\
 Write a fitted machine as standalone code: its actual positions, their derivatives, the compensated commands, and a
-test. C99 or a C++17 header without allocation, NumPy, or JAX. Or write it in a form that others read:
+test. C99 or a C++17 header without allocation, MATLAB, NumPy, or JAX. Or write it in a form that others read:
 
   urdf, dh   its geometry, with what is constant in it: a URDF, or Denavit-Hartenberg tables, standard and modified
   tpoint     a mount as a model of TPOINT
@@ -36,7 +36,7 @@ def add_to(command: Command) -> None:
     emit = command(
         "emit",
         _run,
-        "a fitted machine as C, C++, NumPy or JAX code, URDF, DH or TPOINT model, or tables of its errors",
+        "a fitted machine as C, C++, MATLAB, NumPy or JAX code, URDF, DH or TPOINT model, or tables of its errors",
         _EMIT,
     )
     add_files(emit, needed=False)
@@ -44,7 +44,7 @@ def add_to(command: Command) -> None:
         "--lang",
         choices=FORMS,
         required=True,
-        help="C99, C++17, Python with NumPy or JAX, or one of the forms above",
+        help="C99, C++17, MATLAB and GNU Octave, Python with NumPy or JAX, or one of the forms above",
     )
     emit.add_argument("-o", "--output", metavar="FOLDER", default="build", help="default: %(default)s")
     emit.add_argument(

@@ -20,6 +20,7 @@ from rodgen.symbolic import EPS, LARGEST
 __all__ = [
     "CPP_WORDS",
     "C_MACROS",
+    "MATLAB_WORDS",
     "ArrayPrinter",
     "CPrinter",
     "CppPrinter",
@@ -43,9 +44,11 @@ DOMAIN EDOM EOF ERANGE FALSE HUGE HUGE_VAL OVERFLOW PLOSS Real SING TLOSS TRUE U
 MATLAB_WORDS = """
 case catch classdef do else elseif end end_try_catch end_unwind_protect endclassdef endfor endfunction endif endparfor
 endswitch endwhile function global if otherwise parfor persistent return spmd switch try until unwind_protect
-unwind_protect_cleanup while assembled count eps evaluate given_columns kind NaN realmax real_power real_sqrt select
+unwind_protect_cleanup while
 """
-"""Words that MATLAB and GNU Octave keep, and names in the template."""
+"""Words that MATLAB and GNU Octave keep."""
+_MATLAB_NAMES = "assembled count eps evaluate given_columns kind NaN realmax real_power real_sqrt select"
+"""Names in the template."""
 
 
 class KernelPrinter(CodePrinter):  # type: ignore[misc]
@@ -272,7 +275,7 @@ class MatlabPrinter(KernelPrinter):
         "sign": "sign_of",  # a sign is a likely name
     }
     constants: ClassVar[dict[sp.Symbol, str]] = {EPS: "eps(kind)", LARGEST: "realmax(kind)"}
-    reserved = frozenset({*MATLAB_WORDS.split(), *functions.values()})
+    reserved = frozenset({*MATLAB_WORDS.split(), *_MATLAB_NAMES.split(), *functions.values()})
     longest_name = 63
 
     def not_a_number(self) -> str:

@@ -1,7 +1,8 @@
 """A fitted machine as standalone code: its true places, and the commands that bring it where it should be.
 
 A controller, or whoever has no rodgen, takes these files: forward model, its derivatives, the nominal machine, and the
-compensation, with their own test. C99 or C++17 that allocates nothing, NumPy, or JAX.
+compensation, with their own test. C99 or C++17 that allocates nothing,
+MATLAB, NumPy, or JAX.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["FORMS", "emit"]
 
 
-FORMS = ("c", "cpp", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw", "map", "linuxcnc")
+FORMS = ("c", "cpp", "matlab", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw", "map", "linuxcnc")
 """What a machine is written as."""
 
 
@@ -81,7 +82,8 @@ def emit(
     lang : str
         One of :data:`FORMS`. ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no
         allocation, no state, no recursion, every loop bounded. ``"cpp"``: NAME.hpp and NAME_test.cpp; the same as a
-        C++17 header, in the namespace ``rodgen::NAME``. ``"numpy"``: NAME.py and test_NAME.py, over many rows.
+        C++17 header, in the namespace ``rodgen::NAME``. ``"matlab"``: +rodgen/NAME.m and NAME_test.m, for
+        MATLAB and GNU Octave, over many columns. ``"numpy"``: NAME.py and test_NAME.py, over many rows.
         ``"jax"``: the same for JAX in double precision, on whatever device it has, for jit, vmap and grad. The geometry
         alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified Denavit-Hartenberg
         table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each axis over its travel,
@@ -159,8 +161,9 @@ def emit(
             expected = "a machine that can be right, fitted to the end; --force, in Python force=True, writes it anyway"
             error = NotConvergedError if wrong == NotConvergedError.reason else InputFileError
             raise error(machine.file or machine.name, "file", wrong.rstrip("."), expected)
-    for path in () if force else (Path(folder, each) for each in files):
-        if path.is_file() and not _written_by_rodgen(path, files[path.name], note):
+    for each in () if force else files:
+        path = Path(folder, each)
+        if path.is_file() and not _written_by_rodgen(path, files[each], note):
             expected = "another folder; --force, in Python force=True, replaces it"
             raise InputFileError(path, "file", "stands there, and rodgen did not write it", expected)
     return write_files(Path(folder), files)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.codegen.kernel import Kernel
-from rodgen.codegen.printers import CPP_WORDS
+from rodgen.codegen.printers import CPP_WORDS, MATLAB_WORDS
 from rodgen.errors import RodgenError, shown
 from rodgen.machines.emit._kernels import (
     OF_A_JOINT,
@@ -65,8 +65,8 @@ size across the others is the curvature of these. Samples of which the one with 
 _HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdarg stdbool
 stddef stdint stdio stdlib string tgmath time wchar wctype"""
 _MODULES = {*keyword.kwlist, *keyword.softkwlist, *sys.stdlib_module_names, "numpy", "jax"}
-_TAKEN = {*_MODULES, *_HEADERS.split(), *CPP_WORDS.split(), "linux", "unix"}
-"""Names that an emitted file would hide from Python or from the C compiler, or that C++ has no namespace for."""
+_TAKEN = {*_MODULES, *_HEADERS.split(), *CPP_WORDS.split(), *MATLAB_WORDS.split(), "linux", "unix"}
+"""Names that an emitted file would hide from Python or from the C compiler, or that a language keeps for itself."""
 _LONGEST_NAME = 40
 
 COLUMNS = {
@@ -267,7 +267,9 @@ def _checked(name: str) -> str:
             f"{_LONGEST_NAME} at most"
         )
     if name in _TAKEN:
-        raise RodgenError(f"the name {shown(name)} is taken in C, C++ or Python; expected another one")
+        raise RodgenError(
+            f"the name {shown(name)} is taken in C, C++, MATLAB or Python; expected another one"
+        )
     return name
 
 

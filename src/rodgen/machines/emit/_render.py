@@ -17,8 +17,8 @@ from rodgen.codegen.lines import (
     operation_counts,
     symbols_read,
 )
-from rodgen.codegen.printers import ArrayPrinter, CPrinter
-from rodgen.codegen.source_text import in_comment, template_environment
+from rodgen.codegen.printers import ArrayPrinter, CPrinter, MatlabPrinter
+from rodgen.codegen.source_text import in_comment, matlab_helpers, matlab_lines, template_environment
 from rodgen.errors import shown
 from rodgen.machines.emit._content import Content, constant_words, coordinate_unit, effect_words
 from rodgen.machines.kinematics import OnLegs
@@ -66,21 +66,23 @@ ENVIRONMENT = template_environment("rodgen.machines.emit")
 def render(content: Content, language: str) -> dict[str, str]:
     """Return the text of each file by its name, in one of :data:`LANGUAGES`."""
     templates, values = LANGUAGES[language]
-    context = {**_common(content), **values(content)}
+    index = (1, "()") if language == "matlab" else (0, "[]")
+    context = {**_common(content, *index), **values(content)}
     return {
         name.format(content.name): ENVIRONMENT.get_template(template).render(context)
         for name, template in templates.items()
     }
 
 
-def _common(content: Content) -> dict[str, Any]:
+def _common(content: Content, first: int = 0, brackets: str = "[]") -> dict[str, Any]:
+    """Return what the templates of all languages use, given how a language writes an index."""
     machine = content.machine
     return {
         "name": content.name,
         "NAME": content.name.upper(),
         "title": in_comment(shown(machine.name)[1:-1]),
         "do_not_edit": DO_NOT_EDIT,
-        "words": [in_comment(line) for line in _words_of(content)],
+        "words": [in_comment(line) for line in _words_of(content, first, brackets)],
         "joints": machine.joints,
         "targets": machine.targets,
         "length": machine.length_unit,
@@ -133,7 +135,7 @@ def _tables(content: Content) -> list[dict[str, Any]]:
     ]
 
 
-def _words_of(content: Content) -> Iterator[str]:
+def _words_of(content: Content, first: int, brackets: str) -> Iterator[str]:
     """Say what the machine is, and what of the fitted model is not in the code."""
     machine = content.machine
     length = machine.length_unit
@@ -156,13 +158,13 @@ def _words_of(content: Content) -> Iterator[str]:
         what = "length of leg" if joint.type == "leg" else f"{joint.type} joint"
         what = f"reading {shown(joint.reading)} of {what}" if joint.reading else what
         what = what if joint.is_read else f"not used, as it follows: {what}"
-        yield f"q[{j}]  {what} {shown(joint.name)}, {coordinate_unit(machine, j)}{ends}"
+        yield f"q{brackets[0]}{j + first}{brackets[1]}  {what} {shown(joint.name)}, {coordinate_unit(machine, j)}{ends}"
         if joint.coordinate:
             yield from _wrapped(f"      whose coordinate is {shown(joint.coordinate, 200)}")
     for field in content.fields:
-        yield f"{field.name}{'' if field.length == 0 else '[]'}  {field.doc}"
+        yield f"{field.name}{'' if field.length == 0 else brackets}  {field.doc}"
     yield from _about_poses(content)
-    for k, target in enumerate(machine.targets):
+    for k, target in enumerate(machine.targets, first):
         yield f"target {k}  {shown(target.name)}"
     yield ""
     yield from model_words(content)
@@ -340,9 +342,71 @@ def _numpy_kernel(function: str, kernel: Kernel, constants: set[str], namespace:
     }
 
 
+# MATLAB ------------------------------------------------------------------------------------------------------
+
+
+def _matlab(content: Content) -> dict[str, Any]:
+    """Return what the templates of MATLAB use."""
+    joints = len(content.machine.joints)
+    fitted, ideal = content.fitted, content.ideal
+    rows = {symbol: (field, i) for field in content.fields for symbol, i in field.used}
+    used = [(symbol, *rows[symbol]) for symbol, _ in fitted.columns]
+    places = {f"q_{j}": f"columns({j}, :)" for j in range(1, joints + 1)}
+    places |= {symbol: f"columns({joints + n}, :)" for n, (symbol, *_) in enumerate(used, 1)}
+    places |= {c.name: f"rodgen.{content.name}.{c.name}" for of in (fitted, ideal) for c in of.constants}
+    kernels = [
+        *(
+            _matlab_kernel(k, places, ["columns", "seen"])
+            for k in (fitted.place, fitted.place_and_jacobian, ideal.place)
+        ),
+        *(_matlab_kernel(k, {}, [p.name for p in k.inputs]) for k in (content.aim, content.step)),
+    ]
+    return {
+        "fields": content.fields,
+        "columns": [f"{field.name}({i + 1}, :)" for _, field, i in used],
+        "joint_names": ", ".join(_matlab_text(j.name) for j in content.machine.joints),
+        "target_names": ", ".join(_matlab_text(t.name) for t in content.machine.targets),
+        "tables": _tables(content),
+        "kernels": kernels,
+        "helpers": matlab_helpers("\n".join(line for kernel in kernels for line in kernel["lines"])).strip(
+            "\n"
+        ),
+        "lowest": _list(content.lowest, infinite="Inf"),
+        "highest": _list(content.highest, infinite="Inf"),
+        "samples": list(_samples(content, "{}")),
+    }
+
+
+def _matlab_text(text: str) -> str:
+    return "'" + in_comment(shown(text)[1:-1]).replace("'", "''") + "'"
+
+
+def _matlab_kernel(kernel: Kernel, places: Mapping[str, str], parameters: list[str]) -> dict[str, Any]:
+    """Write a kernel as a function of arrays, a column a case; each component of an array is a row."""
+    printer, read = MatlabPrinter(), symbols_read(kernel)
+    lines = []
+    for port in kernel.inputs:
+        for i, symbol in enumerate(port.symbols, 1):
+            place = places.get(symbol.name, f"{port.name}({i}, :)")
+            if symbol in read and place != f"{symbol.name}(1, :)":
+                lines.append(f"{symbol.name} = {place};")
+    lines += [f"{a.symbol.name} = {printer.line(a.value)};" for a in kernel.assignments]
+    for port in kernel.outputs:
+        components = ", ".join(s.name for s in port.symbols)
+        lines.append(f"{port.name} = assembled(size({parameters[0]}, 2), {components});")
+    return {
+        "function": f"evaluate_{kernel.name}",
+        "operations": operation_counts(kernel),
+        "parameters": parameters,
+        "outputs": [p.name for p in kernel.outputs],
+        "lines": [part for line in lines for part in matlab_lines(line)],
+    }
+
+
 LANGUAGES: Mapping[str, tuple[Mapping[str, str], Any]] = {
     "c": ({"{}.h": "machine.h.j2", "{}.c": "machine.c.j2", "{}_test.c": "machine_test.c.j2"}, _c),
     "cpp": ({"{}.hpp": "machine.hpp.j2", "{}_test.cpp": "machine_test.cpp.j2"}, partial(_c, cpp=True)),
+    "matlab": ({"+rodgen/{}.m": "machine.m.j2", "{}_test.m": "machine_test.m.j2"}, _matlab),
     "numpy": ({"{}.py": "machine.py.j2", "test_{}.py": "machine_test.py.j2"}, _numpy),
     "jax": (
         {"{}.py": "machine_jax.py.j2", "test_{}.py": "machine_test.py.j2"},
