@@ -1462,7 +1462,7 @@ def _namespace(arguments: Any) -> Any:
 
     Arrays of other libraries need array-api-compat.
     """
-    if not any(map(_is_foreign, arguments)):
+    if {np.ndarray}.issuperset(map(type, arguments)) or not any(map(_is_foreign, arguments)):
         return np
     from array_api_compat import array_namespace
 
