@@ -11,8 +11,9 @@ import numpy as np
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import minimise
-from rodgen.calibration.words import sized
+from rodgen.calibration.words import three_digits
 from rodgen.data.observations import Observations
+from rodgen.data.units import readable
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 from rodgen.statistics.thresholds import VERDICT
@@ -80,9 +81,10 @@ def on_another_machine(rms: Rms, fits: Sequence[Fit], others: Observations) -> s
         return ""
     before, after = (validation_error(fit, others, anew=True) for fit in (fits[0], fits[-1]))
     text = f"The error on the further measurements is {times:.2g} times that on poses left out"
-    found = sized(after, rms.unit)
+    factor, unit = readable(rms.unit, max(before, after))
+    found = f"{three_digits(after * factor)} {unit}"
     if len(fits) > 1:
-        found = f"{sized(before, rms.unit)} before and {found} after"
+        found = f"{three_digits(before * factor)} before and {found} after"
     if len(fits) > 1 and after >= before:
         why = "what was found is not there, or is of another size, as after a correction"
     elif after >= VERDICT.changed * rms.after_held_out:
