@@ -29,6 +29,7 @@ from pathlib import Path
 import pytest
 
 from rodgen.cli.main import main
+from rodgen.machines.templates import machine_template
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 CORPUS = Path(__file__).parent / "data" / "corpus"
@@ -415,6 +416,39 @@ Axis [deg];Time;Ball;x [mm];y (mm);z [mm];use
 -90,0;2026-03-01T12:01:00;ball_1;0,1;150,2;30;0
 -180,0;2026-03-01T12:02:00;ball_1;-150,1;;30;1
 """
+ROBOT = b"""name = "r"
+units = { length = "mm", angle = "deg" }
+joint = [{ name = "j", type = "revolute", axis = [0, 0, 1] }, { name = "k", type = "prismatic", axis = [-1, 0.1, 0] }]
+target = [{ name = "c", point = [0, 1000, 0] }]
+measured = { kind = "point", frame = "machine" }
+effect = [{ name = "zero_offset", joint = "j", hold = { a = 0.5 } }]
+"""
+TWO_FILES = {
+    "c.csv": b"id;j;k\n1;0;0\n2;0,5;0,1\n",
+    "t.csv": b"id,x,y,z,time\n2,1,2,3,12:00\n1,4,5,6,12:01\n",
+}
+LASER = b"""HEADER::
+File type  : rtl
+
+TARGET DATA::
+Target-count: 3
+Targets :
+0.0  100.0
+200.0
+Flags: 0 0 2 0
+
+USER-TEXT::
+Axis:X
+
+DEVIATIONS::
+Run Target Data:
+1 1 0.5
+1 2 1.5
+1 3 2.0
+2 3 5.0
+
+EOF::
+"""
 FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ("simulate --open t.json", {"t.json": (CORPUS / "truth.json").read_bytes()}),
     ("tricept inverse p.csv -o o.csv", {"p.csv": b"Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"}),
@@ -457,6 +491,12 @@ FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ("import t.csv --convention modified -o m.toml", {"t.csv": TABLE}),
     ("import t.toml t.txt -d d.csv --column C=-Axis", {"t.toml": TURNTABLE, "t.txt": EXPORT}),
     ("import r.dat m.mod -o m.toml -d d.csv", {"r.dat": POINTINGS, "m.mod": MODEL}),
+    ("import t.toml l.rtl -d d.csv", {"t.toml": machine_template("linear-axis").encode(), "l.rtl": LASER}),
+    ("import r.urdf c.csv t.csv -o m.toml -d d.csv", {"r.urdf": URDF, **TWO_FILES}),
+    (
+        "emit m.toml --lang urdf --into r.urdf -o out",
+        {"m.toml": ROBOT, "r.urdf": URDF.replace(b"1 2 3", b"0 0 3")},
+    ),
 ]
 
 

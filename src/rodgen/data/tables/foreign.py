@@ -29,6 +29,8 @@ _REMARKS = (";", "#", "//", "!", "%")
 _BLANK = {"", "nan", "na", "n/a", "-", "--", "none", "null"}
 LARGEST = 100_000_000
 """Bytes of a text."""
+_LARGEST_NUMBER = 1e100
+"""What nothing measures; its multiples and squares are finite."""
 MOST_PREAMBLE = 60
 """Lines above a header at most."""
 
@@ -86,7 +88,7 @@ class ForeignTable:
                 value = math.nan if cell is None else float(cell)
             except (TypeError, ValueError):
                 value = math.inf
-            if math.isinf(value):  # 1e400, too
+            if abs(value) > _LARGEST_NUMBER:  # 1e400, too
                 raise InputFileError(
                     self.file, f"{place}, column {shown(column.header)}", shown(cell), "a number"
                 )
