@@ -18,6 +18,7 @@ from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.emit._geometry import geometry_of
+from rodgen.machines.files.read import machine_of
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.machines.mechanism import to_mechanism
 
@@ -303,6 +304,32 @@ def test_a_coupling_with_the_wrong_sign_is_found(tmp_path, right, wrong, words):
     assert words in " ".join(found.summary().split())
 
 
+@pytest.mark.slow
+def test_motors_of_a_parallelogram_in_a_file_that_knows_none_are_found(tmp_path):
+    text = (EXAMPLE / "machine.toml").read_text()
+    for old in ('reading = "J2m"', 'reading = "J3m"', 'coordinate = "J3m - J2m"', "travel = [-120, 60]"):
+        text = text.replace(f"{old}\n", "")
+    (tmp_path / "machine.toml").write_text(text.replace("-(J2 + J3)", "-J2 - J3"))
+    header, _, rows = (EXAMPLE / "data.csv").read_text().partition("\n")
+    (tmp_path / "data.csv").write_text(header.replace("J2m", "J2").replace("J3m", "J3") + "\n" + rows)
+    found = check(Machine.load(tmp_path / "machine.toml"), Measurements.load(tmp_path / "data.csv"))
+    assert found.wrong
+    words = 'J3 moves with J2, too: reading = "J3", coordinate = "J3 - J2"'
+    assert words in " ".join(found.summary().split())
+
+
+def test_a_coupled_joint_may_have_the_name_of_its_column():
+    text = (EXAMPLE / "machine.toml").read_text().replace('"J2m"', '"J2"').replace('"J3m"', '"J3"')
+    own = machine_of(text.replace('"J3m - J2m"', '"J3 - J2"'), "machine.toml", Machine)
+    other = Machine.load(EXAMPLE / "machine.toml")
+    assert own.structure == other.structure
+    data = Measurements.load(EXAMPLE / "data.csv")
+    renamed = {column.text.replace("m [", " ["): column.values for column in data.columns.values()}
+    a, b = own.fit(renamed), other.fit(data)
+    assert a.rms == b.rms
+    assert "J3" not in a.observations.covariates
+
+
 def test_what_is_made_up_comes_back_with_the_effect():
     machine = Machine.load(EXAMPLE / "machine.toml")
     design = Measurements.load(EXAMPLE / "data.csv")
@@ -339,7 +366,7 @@ def test_file_reads_back_equal_and_says_the_coupling(tmp_path):
         ("J3m - J2m", "J3m - 2 J2m", "joint J3, coordinate: '2 J2m' at character 7, with no operator between"),
         ("J3m - J2m", "J2m", "joint J3, coordinate: 'J2m', without 'J3m', the joint's reading"),
         ("J3m - J2m", "J3m - J4", "joint J4, coordinate: a circle, J3 follows J4 follows J3"),
-        ('reading = "J3m"', 'reading = "J3"', "joint J3, reading: 'J3', the name of the joint"),
+        ('reading = "J3m"', 'reading = "J3"', "joint J3, coordinate: no joint or reading 'J3m'; expected"),
         ('reading = "J3m"', 'reading = "J2m"', "joint J3, reading: 'J2m', which is that of joint J2"),
         ('reading = "J3m"', 'reading = "J5"', "joint J3, reading: 'J5', the name of another joint or target"),
         ('reading = "J3m"', 'reading = "x"', "joint J3, reading: 'x', which is a column of measurements"),

@@ -163,11 +163,6 @@ class _Couplings:
         for joint in self.joints.values():
             if joint.reading is None:
                 continue
-            if joint.reading == joint.name and joint.coordinate:
-                found = f"{shown(joint.reading)}, the name of the joint, which is that of its coordinate"
-                raise CouplingError(
-                    joint.name, "reading", found, f"a name of its own, such as '{joint.name}m'"
-                )
             if joint.reading != joint.name and joint.reading in self.joints.keys() | targets:
                 found = f"{shown(joint.reading)}, the name of another joint or target"
                 raise CouplingError(
@@ -213,7 +208,9 @@ class _Couplings:
         return self.done[joint.name]
 
     def _parts(self, name: str, above: tuple[str, ...]) -> tuple[tuple[tuple[int, Fraction], ...], Fraction]:
-        if name in self.joints:
-            found = self._of(self.joints[name], above)
+        joint = self.joints.get(name)
+        # by its own name a joint refers to its reading, where both have that name
+        if joint is not None and not (name == above[-1] == joint.reading):
+            found = self._of(joint, above)
             return found.factors, found.constant
         return ((self.readings[name], Fraction(1)),), Fraction(0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations, product
+from itertools import combinations, pairwise, permutations, product
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -31,6 +31,8 @@ SAME = 1e-6
 """Relative difference of two names of one unit."""
 MOST_TARGETS = 6
 """With more targets no two are exchanged: they are stars, or there are too many pairs."""
+PARALLEL = 0.999
+"""Cosine between axes of joints that a parallelogram may couple."""
 ALONG = 0.9
 """Cosine from which on an axis is one of the machine, written by hand."""
 
@@ -110,7 +112,7 @@ def repairs(machine: Machine, observations: Observations) -> list[Repair]:
     made = [
         *(() if machine.kinematics.is_closed else _of_joints(machine, moves)),
         *(_of_legs(machine) if machine.kinematics.is_closed else ()),
-        *_of_couplings(machine),
+        *_of_couplings(machine, moves),
         *_of_readings(machine),
         *_of_units(machine, observations, moves & read),
         *_of_columns(machine, moves & read),
@@ -199,9 +201,21 @@ def _of_joints(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
             )
 
 
-def _of_couplings(machine: Machine) -> Iterator[Repair]:
-    """Yield couplings with the other sign, and joints that are coupled with none."""
+def _of_couplings(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+    """Yield couplings with the other sign, joints that are coupled with none, and parallel ones that are coupled."""
     types = machine.quantities
+    for (i, first), (j, joint) in pairwise(enumerate(machine.joints)):
+        parallel = first.revolute and joint.revolute and abs(np.dot(first.axis, joint.axis)) > PARALLEL
+        if parallel and moves[i] and moves[j] and not joint.coordinate and first.branch == joint.branch:
+            for sign in "-+":
+                text = f"{joint.column} {sign} {first.name}"
+                own = {"reading": joint.column, "coordinate": text}
+                yield Repair(
+                    f'{joint.name} moves with {first.name}, too: reading = "{joint.column}", coordinate = "{text}"',
+                    f"axis {joint.name}",
+                    2,
+                    machine=_with_joint(j, lambda joint, own=own: replace(joint, **own)),  # type: ignore[misc]
+                )
     for j, joint in enumerate(machine.joints):
         stated = machine.couplings.stated[j] if machine.couplings else None
         if stated is None:

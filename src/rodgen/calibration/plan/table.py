@@ -31,7 +31,9 @@ def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str,
     o = surroundings.o
     columns = o.data.columns
     names = [joint.column for joint in machine.joints]
-    follow = {joint.name for joint in machine.joints if joint.coordinate}
+    follow = {joint.name for joint in machine.joints if joint.coordinate} - {
+        joint.name for joint in machine.joints if joint.reading == joint.name
+    }
     readings = machine.measurand.read_columns
     targets = [target.name for target in machine.targets]
     found: dict[str, list[Any]] = {}

@@ -304,7 +304,7 @@ class _Binder:
         followed = machine.couplings.coordinates(q)
         made: dict[str, Numbers] = {}
         for j, (joint, coupling) in enumerate(zip(machine.joints, machine.couplings.of, strict=True)):
-            if coupling is None:
+            if coupling is None or joint.reading == joint.name:
                 continue
             if not joint.is_read:
                 q[:, j] = followed[:, j]
