@@ -327,6 +327,82 @@ def test_correlated_errors_of_place_and_attitude_are_whitened():
             _ = Case(ARM | {"measured": stated | {"correlation": wrong}}, {}).machine
 
 
+def test_correlations_of_each_row_are_those_of_one_or_of_its_covariance():
+    """A tracker's errors are longer across its beam: as coefficients, and as the covariance that it exports."""
+    rows, rng = 300, np.random.default_rng(3)
+    columns, _ = measured(rows=rows, noise=(0.0, 0.0))
+    where = rng.normal(size=(rows, 3))
+    beam = where / np.linalg.norm(where, axis=1, keepdims=True)
+    along = 0.01
+    covariance = SIGMA[0] ** 2 * np.eye(3) + (along**2 - SIGMA[0] ** 2) * beam[:, :, None] * beam[:, None, :]
+    noise = np.einsum("nij,nj->ni", np.linalg.cholesky(covariance), rng.normal(size=(rows, 3)))
+    places = {f"{x} [mm]": columns[f"{x} [mm]"] + noise[:, i] for i, x in enumerate("xyz")}
+    joints = {name: values for name, values in columns.items() if name.startswith("J")}
+    file = ARM | {"target": [{"name": "p", "point": [530, 20, 900]}]}
+    file = file | {"measured": {"kind": "point", "frame": "free", "correlation": "columns"}}
+    deviation = np.sqrt(np.einsum("nii->ni", covariance))
+    pairs = [(0, 1), (0, 2), (1, 2)]
+    stated = {f"u_{x} [mm]": deviation[:, i] for i, x in enumerate("xyz")}
+    stated |= {
+        f"corr_{'xyz'[i]}_{'xyz'[j]}": covariance[:, i, j] / deviation[:, i] / deviation[:, j]
+        for i, j in pairs
+    }
+    exported = {
+        f"cov_{'xyz'[i]}_{'xyz'[j]} [um^2]": 1e6 * covariance[:, i, j]
+        for i, j in [*pairs, (0, 0), (1, 1), (2, 2)]
+    }
+    one, other = (
+        Case(file, {**joints, **places, **more}).machine.fit(
+            Measurements.from_frame({**joints, **places, **more})
+        )
+        for more in (stated, exported)
+    )
+    assert one.chi_square / one.degrees_of_freedom == pytest.approx(1.0, abs=0.12)
+    for key, estimate in one.estimates.items():
+        assert other.estimates[key].value == pytest.approx(estimate.value, rel=1e-7, abs=1e-7)
+        assert other.estimates[key].std == pytest.approx(estimate.std, rel=1e-6)
+    # whitened residuals are independent and of unit size; they are Σ^-1/2 times the plain ones
+    white = one.relative_residuals
+    assert np.abs(np.cov(white.T) - np.eye(3)).max() < 0.2
+    square = np.einsum("ni,nij,nj->n", one.residuals, np.linalg.inv(covariance), one.residuals)
+    np.testing.assert_allclose(np.sum(white**2, axis=1), square, rtol=1e-9)
+    # what is known of each reading counts: deviations alone give larger uncertainties
+    alone = {name: values for name, values in stated.items() if name.startswith("u_")}
+    bare = file | {"measured": {"kind": "point", "frame": "free"}}
+    plain = Case(bare, {**joints, **places, **alone}).machine.fit(
+        Measurements.from_frame({**joints, **places, **alone})
+    )
+    keys = ("frame.x", "frame.y", "target.p.x")
+    assert all(one.estimates[key].std < 0.8 * plain.estimates[key].std for key in keys)
+    assert one.predict(Measurements.from_frame(joints)).u.shape == (rows, 3)
+    assert one.diagnose().verdict == "nothing_missing"
+    assert machine_of(machine_text(one.machine), "again.toml", Machine).measured == one.machine.measured
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"corr_x_y": None}, "no column 'corr_x_y'.*because .measured. says correlation = .columns."),
+        (
+            {"corr_x_y": 0.9, "corr_x_z": 0.9, "corr_y_z": -0.9},
+            "row 0.*a correlation that is not positive definite",
+        ),
+        ({"cov_x_x [mm]": 1.0}, "unit 'mm'; expected one of a product such as mm"),
+        ({"cov_x_x [mm^2]": 1.0}, "no column 'cov_y_y'"),
+    ],
+)
+def test_what_is_no_correlation_of_a_row_is_one_sentence(change, said):
+    columns, _ = measured(rows=4)
+    stated = {"measured": {"kind": "point", "frame": "free", "correlation": "columns", "noise": 0.1}}
+    made = {**columns, **{f"corr_{pair}": np.zeros(4) for pair in ("x_y", "x_z", "y_z")}}
+    made |= {name: None if value is None else np.full(4, value) for name, value in change.items()}
+    with pytest.raises(InputFileError, match=said) as error:
+        _ = Case(
+            ARM | stated, {name: values for name, values in made.items() if values is not None}
+        ).observations
+    assert "\n" not in str(error.value)
+
+
 def test_a_fitted_machine_predicts_what_the_fit_did():
     stated = {"noise": SIGMA[0], "attitude_noise": SIGMA[1]}
     parameters = ["target", "J3.axis", "J2.point"]

@@ -415,8 +415,8 @@ class FittedModel:
         Without their stated correlation.
         """
         found = self.problem.residuals(self.solution.theta, self.solution.frame) * self.problem.base_weight
-        whitening = self.machine.measured.whitening
-        return np.asarray(found if whitening is None else found @ whitening.T)
+        whitening = self.observations.whitening
+        return np.asarray(found if whitening is None else np.einsum("nij,nj->ni", whitening, found))
 
     @cached_property
     def rms(self) -> float:

@@ -165,7 +165,7 @@ def predict(fit: FittedModel, design: Any) -> Prediction:
             row = int(np.argmin(np.isfinite(place).all(axis=1)))
             raise open_legs(o, row, "the fitted machine")
         jacobian = problem.read_as_predicted(theta, frame).jacobian(theta, frame)
-        jacobian = problem.coloured(jacobian.swapaxes(1, 2)).swapaxes(1, 2)
+        jacobian = np.moveaxis(problem.coloured(np.moveaxis(jacobian, 2, 0)), 0, 2)
         covariance = np.einsum("nip,pq,njq->nij", jacobian, fit.covariance, jacobian, optimize=True)
         determined = _determined(jacobian, fit.determinacy.null) & np.isfinite(place).all(axis=1)
         attitude = {}

@@ -54,6 +54,8 @@ class Observations:
     sigma : ndarray like `reading`, or None
         Standard uncertainty of each component, from the columns ``u_…`` or the machine's ``noise``; None where neither
         is given. Of poses (n, 6), those of attitudes times `arm`.
+    correlation : ndarray, shape (n, m, m), or None
+        Of the errors of the components of each reading; None where they are independent.
     target : ndarray of int, shape (n,)
         Index into the machine's targets.
     run : ndarray of int, shape (n,)
@@ -102,6 +104,7 @@ class Observations:
     arm: float = 1.0
     arm_is_known: bool = True
     counted_as: NDArray[np.int_] | None = None
+    correlation: NDArray[np.float64] | None = None
 
     @property
     def n(self) -> int:
@@ -204,6 +207,16 @@ class Observations:
         """Return the observations with the readings of others, row by row."""
         return replace(self, reading=other.reading, attitude=other.attitude, sigma=other.sigma)
 
+    @cached_property
+    def colouring(self) -> NDArray[np.float64] | None:
+        """What makes independent errors correlated as stated, lower triangles (n, m, m); None where they are not."""
+        return None if self.correlation is None else _of_each(np.linalg.cholesky, self.correlation)
+
+    @cached_property
+    def whitening(self) -> NDArray[np.float64] | None:
+        """What makes correlated errors independent, each in its uncertainty, (n, m, m); None where they are."""
+        return None if self.colouring is None else _of_each(np.linalg.inv, self.colouring)
+
     def take(self, rows: Any) -> Observations:
         """Return some of the rows; numbers of poses and runs stay what they were.
 
@@ -242,12 +255,33 @@ class Observations:
         return f"Observations({self.machine.name!r}, {self.data!r})"
 
 
-_BY_ROW = ("q", "s", "v", "t", "load", "reading", "sigma", "target", "run", "pose", "pose_start", "attitude")
+_BY_ROW = (
+    "q",
+    "s",
+    "v",
+    "t",
+    "load",
+    "reading",
+    "sigma",
+    "target",
+    "run",
+    "pose",
+    "pose_start",
+    "attitude",
+    "correlation",
+)
 
 
 def _rows(array: NDArray[Any], rows: Any) -> NDArray[Any]:
     """Return some rows; what is one value repeated without memory stays so."""
-    if any(array.strides) or isinstance(rows, slice):
+    if array.strides[0] or isinstance(rows, slice):
         return np.asarray(array[rows])
     count = len(np.empty(len(array), np.bool_)[rows])
     return np.broadcast_to(array[0] if len(array) else array, (count, *array.shape[1:]))
+
+
+def _of_each(function: Any, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what a function makes of each matrix, (n, m, m); of one matrix repeated without memory once."""
+    if matrices.strides[0] or not len(matrices):
+        return np.asarray(function(matrices))
+    return np.broadcast_to(function(matrices[0]), matrices.shape)

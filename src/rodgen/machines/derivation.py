@@ -721,7 +721,8 @@ class ModelSteps:
         weights = [self.column["weight", i] for i in range(s.components)]
         weighted = self.matrix([r * w for r, w in zip(residual, weights, strict=True)])
         if s.correlated:
-            weighted = self.matrix(s.components, s.components, self.g["whitening", 0]) * weighted
+            whitening = [self.column["whitening", i] for i in range(s.components**2)]
+            weighted = self.matrix(s.components, s.components, whitening) * weighted
         self.builder.output("residual", weighted, unit="1", doc="measured less predicted, times the weight")
         return self.builder.build()
 

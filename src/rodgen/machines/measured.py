@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -428,8 +428,9 @@ class Measured:
         Standard uncertainty of a scalar reading; of poses that of a coordinate.
     attitude_noise : float or None
         Standard uncertainty of an attitude about each axis; stated where and only where `noise` of poses is.
-    correlation : tuple of tuple of float, or None
-        Of the errors of the components of a reading, (m, m); None where they are independent.
+    correlation : tuple of tuple of float, "columns", or None
+        Of the errors of the components of a reading, (m, m), or by row in columns of the data; None where they are
+        independent.
     about : tuple of float, length 3, or None
         Unit vector about which angles are read, in the measuring frame.
     instrument : {"workpiece", "tool"}
@@ -441,18 +442,11 @@ class Measured:
     origin: Vector | None = None
     noise: float | None = None
     attitude_noise: float | None = None
-    correlation: tuple[tuple[float, ...], ...] | None = None
+    correlation: tuple[tuple[float, ...], ...] | Literal["columns"] | None = None
     about: Vector | None = None
     instrument: str = "workpiece"
 
     _repr_html_ = html_of
-
-    @property
-    def whitening(self) -> Array | None:
-        """The matrix that makes residuals independent, (m, m), each in its uncertainty; None where they are."""
-        if self.correlation is None:
-            return None
-        return np.linalg.inv(np.linalg.cholesky(np.array(self.correlation)))
 
     @property
     def measurand(self) -> Measurand:

@@ -416,8 +416,6 @@ class Model:
             return np.array(self._line)
         if name == "target_zero":
             return np.array([[machine.targets[target].zero] for target, _ in groups])
-        if name == "whitening":
-            return np.array(machine.measured.whitening, float).ravel()
         if name == "gravity":
             return np.array(machine.gravity)
         if name in {"level_u", "level_v"}:

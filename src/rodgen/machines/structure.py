@@ -293,8 +293,6 @@ class Structure:
             line = self.measurand.line
             yield from ((part, 0, 3) for part in (line, *(self.line * (f"{line}_by_a", f"{line}_by_b"))))
             yield "target_zero", 0, 1
-        if self.correlated:
-            yield "whitening", 0, self.components**2
         yield from (("acts", n, 1) for n, term in enumerate(self.terms) if term.target)
 
     @cached_property
@@ -309,6 +307,7 @@ class Structure:
         return (
             *used,
             *(("reading", i) for i in range(self.measurand.inputs)),
+            *(("whitening", i) for i in range(self.components**2 if self.correlated else 0)),
             *(("weight", i) for i in range(self.components)),
         )
 

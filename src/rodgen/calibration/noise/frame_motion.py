@@ -32,7 +32,7 @@ def frame_motion(model: Model, o: Observations, theta: Array, frame: Frame, weig
         Of the fit.
     weight : ndarray, shape (n, m)
     """
-    found, whitening = _independent(model, o, theta, frame, weight), model.machine.measured.whitening
+    found, whitening = _independent(model, o, theta, frame, weight), o.whitening
     return found if whitening is None else whitening @ found
 
 

@@ -117,8 +117,8 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
         reading = binder.reading(may_be_missing=allow_missing_readings)
     else:
         reading = np.ascontiguousarray(attitude[:, :, 2])
-    sigma = binder.sigma()
-    if sigma is None and machine.measured.correlation is not None:
+    sigma, correlation = binder.sigma(), binder.correlation(may_be_missing=allow_missing_readings)
+    if sigma is None and correlation is not None and not allow_missing_readings:
         expected = "columns u_…, or noise in the machine file"
         raise InputFileError(
             data.file, data.header_place, "no uncertainties, while correlation is stated", expected
@@ -151,6 +151,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
         travel=np.array(travel, dtype=float).reshape(-1, 2),
         columns_given=frozenset(data.columns),
         attitude=attitude,
+        correlation=correlation,
         arm=arm,
         arm_is_known=not is_pose or sigma is not None,
     )
@@ -189,6 +190,9 @@ class _Binder:
         self.own |= {f"{prefix}{name}" for prefix in ("dir_", "v_", "T_") for name in self.joints}
         self.own |= {joint.name for joint in machine.joints if not joint.is_read}
         self.own |= {f"u_{name}" for name in self.uncertain} | machine.measurand.read_columns
+        if machine.measured.correlation == "columns":
+            names = machine.measurand.components
+            self.own |= {f"{of}_{a}_{b}" for of in ("corr", "cov") for a in names for b in names}
 
     # faults --------------------------------------------------------------------------------------------------
 
@@ -470,6 +474,9 @@ class _Binder:
         turns = measured.attitude_noise if self.machine.measurand.moving else measured.noise
         noises = [turns if name in TURNS else measured.noise for name in self.uncertain]
         shape = (self.data.rows, len(self.uncertain))
+        if self._has_covariance:
+            variances = [self._covariance(name, name) for name in self.machine.measurand.components]
+            return np.sqrt(np.stack(variances, axis=-1))
         given = [name for name in self.uncertain if f"u_{name}" in self.columns]
         if not given:
             if noises[0] is None:
@@ -498,6 +505,69 @@ class _Binder:
                 row = int(np.argmin(usual))
                 raise self._wrong_cell(column, row, _number(column, row), "a positive uncertainty")
         return sigma
+
+    def correlation(self, *, may_be_missing: bool) -> NDArray[np.float64] | None:
+        """Return the correlation of the errors of each reading, (n, m, m); None where they are independent."""
+        stated, names = self.machine.measured.correlation, self.machine.measurand.components
+        if stated is None:
+            return None
+        shape = (self.data.rows, len(names), len(names))
+        if stated != "columns":
+            return np.broadcast_to(np.array(stated, float), shape)
+        found = empty(shape)
+        found[:] = np.eye(len(names))
+        of = "cov" if self._has_covariance else "corr"
+        wanted = [(i, j, f"{of}_{names[i]}_{names[j]}") for j in range(len(names)) for i in range(j)]
+        if may_be_missing and not any(name in self.columns for _, _, name in wanted):
+            return found
+        for i, j, name in wanted:
+            if self._has_covariance:
+                values = self._covariance(names[i], names[j])
+                scale = self._covariance(names[i], names[i]) * self._covariance(names[j], names[j])
+                values = values / np.sqrt(scale)
+            else:
+                if name not in self.columns:
+                    raise self._missing(name, 'one, because [measured] says correlation = "columns"')
+                values = self._unitless(self.columns[name], "a correlation coefficient is a number")
+            found[:, i, j] = found[:, j, i] = values
+        wrong = ~(np.linalg.eigvalsh(found)[:, 0] > 0)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            place = f"{self.data.place(row)}, columns {joined([name for _, _, name in wanted])}"
+            expected = "coefficients between -1 and 1 of a matrix that is"
+            raise InputFileError(
+                self.data.file, place, "a correlation that is not positive definite", expected
+            )
+        return found
+
+    @property
+    def _has_covariance(self) -> bool:
+        """Whether the data have a covariance for each reading."""
+        first = self.machine.measurand.components[0]
+        return self.machine.measured.correlation == "columns" and f"cov_{first}_{first}" in self.columns
+
+    def _covariance(self, a: str, b: str) -> NDArray[np.float64]:
+        """Return a column of covariances of two components of a reading, internal units."""
+        name = f"cov_{a}_{b}"
+        dimension, example = self._product(a, b)
+        column = self.columns.get(name)
+        if column is None:
+            raise self._missing(name, f"one such as '{name} [{example}]', as of every pair")
+        self._check_numbers(column)
+        if column.unit is None or parse_unit(column.unit).dimension != dimension:
+            found = "no unit" if column.unit is None else f"unit {shown(column.unit)}"
+            raise self._wrong_column(column, found, f"one of a product such as {example}")
+        values = self._scaled(column)
+        if a == b and not (values > SMALLEST**2).all():
+            row = int(np.argmin(values))
+            raise self._wrong_cell(column, row, _number(column, row), "a positive variance")
+        return values
+
+    def _product(self, a: str, b: str) -> tuple[Dimension, str]:
+        """Return the dimension of a covariance of two components, and a unit of it."""
+        turns = [name in TURNS or not self.machine.measurand.moving for name in (a, b)]
+        dimensions, units = zip(*((ANGLE, "rad") if t else (LENGTH, "mm") for t in turns), strict=True)
+        return dimensions[0] * dimensions[1], f"{units[0]}^2" if turns[0] == turns[1] else "*".join(units)
 
     # the rest ------------------------------------------------------------------------------------------------
 

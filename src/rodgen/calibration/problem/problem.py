@@ -232,6 +232,8 @@ class Problem:
             return o.covariates[of][rows]
         if kind == "start":
             return o.pose_start[rows, of]  # type: ignore[index]
+        if kind == "whitening":
+            return o.whitening[rows, of // self.components, of % self.components]  # type: ignore[index]
         if kind == "reading":
             if self.model.structure.measurand.has_zero:
                 return (np.cos, np.sin)[of](o.reading[rows, 0] / 2)
@@ -563,9 +565,9 @@ class Problem:
         return found if weighted else self.coloured(found) / self.weight
 
     def coloured(self, whitened: Array) -> Array:
-        """Return weighted residuals, (..., m), with their correlation, where the machine file states one."""
-        whitening = self.model.machine.measured.whitening
-        return whitened if whitening is None else np.asarray(whitened @ np.linalg.inv(whitening).T)
+        """Return weighted residuals, (..., n, m), with their correlation, where one is stated."""
+        colouring = self.observations.colouring
+        return whitened if colouring is None else np.einsum("nij,...nj->...ni", colouring, whitened)
 
     def places(self, theta: Array, frame: Frame) -> Array:
         """Return the predicted points or directions, (n, 3): of attitudes alone z axes."""

@@ -151,12 +151,12 @@ class Simulator:
         if self.sigma is None:
             return exact
         if exact.attitude is not None:
-            noise = self.sigma * self._errors(exact.n)
+            noise = self.sigma * self._errors(exact)
             turned = rotation_matrix(noise[:, -3:] / exact.arm) @ exact.attitude
             read = exact.reading + noise[:, :3] if self.machine.measurand.moving else turned[:, :, 2]
             return replace(exact, reading=read, attitude=turned)
         if not self.machine.measurand.is_direction:
-            noise = self.sigma * self._errors(exact.n)
+            noise = self.sigma * self._errors(exact)
             return replace(exact, reading=exact.reading + noise)
         variance = np.broadcast_to(self.sigma**2, exact.reading.shape)
         read = exact.reading.copy()
@@ -165,11 +165,10 @@ class Simulator:
             read += across * (spread * self.random.normal(size=exact.n))[:, None]
         return replace(exact, reading=np.asarray(read / np.linalg.norm(read, axis=1, keepdims=True)))
 
-    def _errors(self, n: int) -> Array:
-        """Return normal errors of deviation 1, (n, m), correlated as the machine file states."""
-        drawn = self.random.normal(size=(n, len(self.machine.measurand.components)))
-        correlation = self.machine.measured.correlation
-        return drawn if correlation is None else np.asarray(drawn @ np.linalg.cholesky(correlation).T)
+    def _errors(self, o: Observations) -> Array:
+        """Return normal errors of deviation 1, (n, m), correlated as is stated."""
+        drawn = self.random.normal(size=(o.n, len(self.machine.measurand.components)))
+        return drawn if o.colouring is None else np.einsum("nij,nj->ni", o.colouring, drawn)
 
     def _rms(self, change: Array) -> float:
         """Return the root mean square of a change, per scalar reading, internal units."""

@@ -12,7 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -431,10 +431,12 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     return Measured(kind, frame, origin, noise, attitude_noise, correlation, about, instrument)
 
 
-def _correlation(m: int) -> Kind[tuple[tuple[float, ...], ...]]:
-    """Return the kind of a matrix of correlation coefficients of m components."""
+def _correlation(m: int) -> Kind[tuple[tuple[float, ...], ...] | Literal["columns"]]:
+    """Return the kind of a matrix of correlation coefficients of m components, or of the word for those by row."""
 
-    def read(value: Any) -> tuple[tuple[float, ...], ...]:
+    def read(value: Any) -> tuple[tuple[float, ...], ...] | Literal["columns"]:
+        if value == "columns" and m > 1:
+            return "columns"
         rows = (
             tuple(tuple(map(float, map(NUMBER.read, row))) for row in value) if _is_square(value, m) else ()
         )
@@ -446,7 +448,9 @@ def _correlation(m: int) -> Kind[tuple[tuple[float, ...], ...]]:
             raise UnfitError("a matrix that is not positive definite") from None
         return rows
 
-    return Kind(f"{m} rows of {m} correlation coefficients, symmetric, with 1 on the diagonal", read)
+    return Kind(
+        f'{m} rows of {m} correlation coefficients, symmetric, with 1 on the diagonal, or "columns"', read
+    )
 
 
 def _is_square(value: Any, m: int) -> bool:

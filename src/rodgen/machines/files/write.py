@@ -90,7 +90,9 @@ def machine_text(machine: Machine) -> str:
         blocks[-1].append(f"noise = {noise}")
     if measured.attitude_noise is not None:
         blocks[-1].append(f"attitude_noise = {decimal(measured.attitude_noise, machine.file_factor(ANGLE))}")
-    if measured.correlation is not None:
+    if measured.correlation == "columns":
+        blocks[-1].append('correlation = "columns"')
+    elif measured.correlation is not None:
         rows = (f"[{', '.join(map(decimal, row))}]" for row in measured.correlation)
         blocks[-1].append(f"correlation = [{', '.join(rows)}]")
     if machine.estimate:

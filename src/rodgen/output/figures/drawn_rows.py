@@ -135,9 +135,9 @@ class DrawnRows:
         """
         if not whitened:
             return np.asarray(fit.residuals * self.factors)
-        size = _weighted(fit)
+        size = fit.relative_residuals
         if fit.observations.sigma is None:
-            size /= np.sqrt(np.mean(_weighted(self.final)[~self.final.outliers] ** 2)) or 1.0
+            size /= np.sqrt(np.mean(self.final.relative_residuals[~self.final.outliers] ** 2)) or 1.0
         return size
 
     @cached_property
@@ -223,12 +223,6 @@ class DrawnRows:
         if name not in self.drivers:
             raise ValueError(f"{name!r} is none of {', '.join(self.drivers)}")
         return self.drivers[name]
-
-
-def _weighted(fit: FittedModel) -> Array:
-    size = fit.residuals * (fit.problem.base_weight * fit.unit_factor)
-    whitening = fit.machine.measured.whitening
-    return np.asarray(size if whitening is None else size @ whitening.T)
 
 
 def taken(driver: Driver, rows: Index) -> Driver:
