@@ -350,6 +350,28 @@ def test_slides_correct_what_a_table_cannot_and_the_map_says_so(tmp_path):
     assert "in directions in which C cannot move the target" in alone
 
 
+def test_a_map_of_many_joints_is_that_of_their_slides(tmp_path):
+    slides = [Joint(x, "prismatic", tuple(np.eye(3)[k]), travel=(0.0, 400.0)) for k, x in enumerate("XYZ")]
+    machine = Machine(
+        "Mill", "mm", "deg", (0.0, 0.0, -1.0), 20.0,
+        (*slides, Joint("B", "revolute", (0.0, 1.0, 0.0), travel=(-2.0, 2.0))),
+        (Target("tool", (0.0, 0.0, -80.0)),), Measured("point", "machine"),
+    )  # fmt: skip
+    machine = machine.add("scale", joint="X", hold={"k": 5e-5}).add(
+        "zero_offset", joint="B", hold={"a": 0.01}
+    )
+    for form in ("map", "screw"):
+        machine.emit(form, tmp_path)
+    table = columns(tmp_path / "mill_map_tool.csv")
+    assert [x for x in table if x.startswith(("X", "Y", "Z", "B", "corr"))] == [
+        "X [mm]", "Y [mm]", "Z [mm]", "correct_X [mm]", "correct_Y [mm]", "correct_Z [mm]",
+    ]  # fmt: skip
+    turned = 80 * np.sin(np.radians(0.01))  # the tool by B's zero, at B = 0
+    np.testing.assert_allclose(table["dx [mm]"], 5e-5 * table["X [mm]"] - turned, atol=1e-8)
+    assert "At zero: B; elsewhere the errors are others." in (tmp_path / "mill_map.md").read_text()
+    assert "without a table: Y and Z." in (tmp_path / "mill_tables.md").read_text()
+
+
 def test_numbers_have_their_expanded_uncertainties(tmp_path):
     """Of one parameter with a standard uncertainty: a scale of 1e-6, a shift of 2 um, a tilt of 3 arcsec."""
     slide = Machine(

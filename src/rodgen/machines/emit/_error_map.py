@@ -58,7 +58,8 @@ def map_texts(
     Raises
     ------
     InputFileError
-        When directions are measured, or not one to three joints have a travel; where none has, that of the data counts.
+        When directions are measured, or not one to three joints have a travel, of more three slides; where none has,
+        that of the data counts.
     """
     if machine.measurand.is_pose:  # a map is of places
         places = replace(machine.measured, kind=POINT.kind, attitude_noise=None, correlation=None)
@@ -75,6 +76,8 @@ def map_texts(
         )
     joints = content.machine.joints
     moved = [j for j, own in enumerate(content.machine.limits) if own]
+    if len(moved) > MOST_JOINTS and len(carts := [j for j in moved if not joints[j].revolute]) == MOST_JOINTS:
+        moved = carts
     if not 0 < len(moved) <= MOST_JOINTS:
         found = f"a travel of {len(moved)} joints"
         expected = f"one of 1 to {MOST_JOINTS} joints, over which the grid is; c, numpy and linuxcnc correct any number"
@@ -92,7 +95,7 @@ def map_texts(
         f"Errors are real less nominal places, in machine axes ({unit}). `correct_X` is added to the command of X: the",
         f"corrections of {names} bring the place as near the nominal one as these can. Between the points both are",
         "interpolated linearly.",
-        *([f"At zero: {joined(still)}."] if still else []),
+        *([f"At zero: {joined(still)}; elsewhere the errors are others."] if still else []),
         *content.at_rest,
         *said_of_uncertainties(code.machines),
         "",

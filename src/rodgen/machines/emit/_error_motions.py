@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.data.units import parse_unit
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, joined
 from rodgen.machines.emit._geometry import CONSTANT, located
 from rodgen.machines.emit._numbers import (
     Covariance,
@@ -213,7 +213,7 @@ def screw_texts(
     machine: Machine, name: str, note: str, travel: Any, covariance: Covariance | None
 ) -> dict[str, str]:
     """Return tables that take the errors of position out of each axis, in the forms of SINUMERIK and LinuxCNC."""
-    files, machines = {}, varied(machine, covariance)
+    files, without, machines = {}, [], varied(machine, covariance)
     for axes in zip(*(_axes(each, travel) for each in machines), strict=True):
         axis = axes[0]
         label, turns = axis.joint.name, axis.joint.revolute
@@ -224,6 +224,7 @@ def screw_texts(
         both = [[each.errors(q, s) @ along / scale for s in (1.0, -1.0)] for each in axes]
         forward, reverse = both[0]
         if not np.any(forward) and not np.any(reverse):
+            without.append(label)
             continue
         gaps = [np.mean(f - r) for f, r in both]
         gap = uncertain_number(float(gaps[0]), K * float(standard(gaps)), unit)[0]
@@ -259,6 +260,11 @@ def screw_texts(
         "*.comp: LinuxCNC, [JOINT_n] COMP_FILE with COMP_FILE_TYPE = 0: nominal, real when approached from below,",
         "real when approached from above.",
         "*_eec.ini: SINUMERIK, $AA_ENC_COMP, the mean of both approaches.",
+        *(
+            [f"Without an error of position in the model, and so without a table: {joined(without)}."]
+            if without
+            else []
+        ),
     ]
     return files | {f"{name}_tables.md": "\n".join(page) + "\n"}
 
