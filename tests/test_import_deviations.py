@@ -194,3 +194,17 @@ def test_a_machine_tool_for_a_ballbar_needs_no_editor(tmp_path, rodgen_command: 
     assert abs(fit.estimates["Y.axis.a"].value) == pytest.approx(3600 * np.degrees(80e-6), rel=0.01)
     code, _, err = rodgen_command("new", "turntable", "--ballbar")
     assert (code, "balls of turntable; expected none: it is no machine tool" in err) == (2, True)
+
+
+def test_an_option_says_which_axis_the_positions_are_of(tmp_path, rodgen_command: Run):
+    (tmp_path / "m.toml").write_text(machine_template("3-axis", ballbar=True))
+    (tmp_path / "iso.csv").write_text("Target (mm),1 + (um),1 - (um)\n0,1,2\n100,3,4\n")
+    files = "import", tmp_path / "m.toml", tmp_path / "iso.csv", "-d", tmp_path / "d.csv"
+    code, _, err = rodgen_command(*files)
+    assert (code, "expected --column JOINT='Target', or the joint's name" in err) == (2, True)
+    code, out, err = rodgen_command(*files, "--column", "Y=Target")
+    assert (code, err) == (0, "")
+    assert "Deviations at positions of Y, 2 runs" in out
+    table = Measurements.load(tmp_path / "d.csv")
+    assert table.columns["Y"].values.tolist() == [0, 100, 100, 0]
+    assert table.columns["d"].values == pytest.approx([0.001, 100.003, 100.004, 0.002])

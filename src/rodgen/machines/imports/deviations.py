@@ -70,7 +70,8 @@ def as_distances(machine: Machine, table: ForeignTable) -> ForeignTable:
         (joint,) = joints.values()
     else:
         what = f"the column {shown(position.header)} of a machine with the joints {', '.join(joints)}"
-        raise InputFileError(table.file, "header", what, "the joint's name in its place")
+        expected = f"--column JOINT={shown(position.name)}, or the joint's name in its place"
+        raise InputFileError(table.file, "header", what, expected)
     commanded = np.array(table.numbers(position)) * _factor(
         table, position, "angle" if joint.revolute else "length", machine
     )

@@ -96,8 +96,16 @@ def measurements_of(
     files = [table.file for table in tables]
     stems = [os.path.splitext(os.path.basename(file))[0] for file in files]
     for table, file, stem in zip(tables, files, stems, strict=True):
-        table = of_ballbar(machine, table, *ballbar) if ballbar else as_distances(machine, table)
-        columns, said = _of_table(machine, table, stated, units, attitudes or machine.measurand.has_attitude)
+        here = stated
+        if ballbar:
+            table = of_ballbar(machine, table, *ballbar)
+        else:
+            named = _named_by_joints(machine, table, stated)
+            distances = as_distances(machine, named)
+            if distances is not named:
+                joints = {joint.name for joint in machine.joints}
+                table, here = distances, {n: source for n, source in stated.items() if n not in joints}
+        columns, said = _of_table(machine, table, here, units, attitudes or machine.measurand.has_attitude)
         rows = len(next(iter(columns.values())))
         if "target" not in columns and (stem in targets or len(targets) == 1 < len(files)):
             columns["target"] = [stem if stem in targets else targets[0]] * rows
@@ -167,6 +175,22 @@ def _paired(
     note += f"{os.path.basename(readings.file)} {how}."
     notes = (*commands.notes, *readings.notes, note)
     return [replace(readings, columns=(*columns, *readings.columns), notes=notes)]
+
+
+def _named_by_joints(
+    machine: Machine, table: ForeignTable, stated: Mapping[str, ColumnSource]
+) -> ForeignTable:
+    """Return a table whose columns that are stated to be joints, without sign and offset, have the names of these."""
+    names = {
+        stated[joint.name].name: (joint.name, stated[joint.name].unit)
+        for joint in machine.joints
+        if joint.name in stated and (stated[joint.name].sign, stated[joint.name].offset) == (1.0, 0.0)
+    }
+    columns = []
+    for column in table.columns:
+        name, unit = names.get(column.name, names.get(column.header, (column.name, "")))
+        columns.append(replace(column, name=name, unit=unit or column.unit))
+    return replace(table, columns=tuple(columns))
 
 
 def _names_of_joint(joint: str) -> list[str]:
