@@ -17,10 +17,12 @@ from machine_cases import joint, machine_file, toml
 from machine_simulator import rotation, twist
 from parallel_simulator import LEGS, Parallel
 from scipy.spatial.transform import Rotation
+from test_emit import passes_its_own_test_in_octave
 
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.emit import emit
+from rodgen.machines.emit._content import content_of
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.fixed import fixed_machine
@@ -229,7 +231,7 @@ def test_emitted_code_has_the_attitude_of_the_platform(family, kind, leg, tmp_pa
 
 
 def emitted(fitted: Machine, folder: Path, compiler: str = "") -> dict[str, Any]:
-    """Return the emitted module; with a compiler, the tests of both languages hold, too."""
+    """Return the emitted module; with a compiler, the tests of all languages hold, too."""
     emit(fitted, "numpy", folder, name="device", force=True)
     if compiler:
         emit(fitted, "c", folder, name="device", force=True)
@@ -237,6 +239,7 @@ def emitted(fitted: Machine, folder: Path, compiler: str = "") -> dict[str, Any]
         strict = ["-std=c99", "-O0", "-Wall", "-Wextra", "-Werror"]
         program = str(folder / "t")
         subprocess.run([compiler, *strict, *files, "-o", program, "-lm"], check=True)
+        passes_its_own_test_in_octave(content_of(fitted, "device"), folder)
         for command in ([program], [sys.executable, "test_device.py"]):
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
             assert done.returncode == 0, done.stdout
