@@ -103,6 +103,7 @@ def of_rows() -> list:
         figures.residual_map(fitted("mount")),
         figures.polar_plot(after, "C", before=before, selected=[3]),
         figures.polar_plot(fitted("mount"), "AZ"),
+        figures.polar_plot(fitted("ballbar_gantry"), "xy"),
     ]
 
 
@@ -454,6 +455,25 @@ def test_polar_plot_shows_what_is_away_from_the_axis() -> None:
         assert list(trace_of(figure, panel, "selected").customdata) == [5]
     with pytest.raises(ValueError, match="'X' is no revolute joint: C"):
         figures.polar_plot(fit, "X")
+
+
+def test_ball_bar_is_drawn_in_the_planes_that_it_swept() -> None:
+    fit = fitted("ballbar_gantry")
+    assert figures.joints_that_go_round(fit) == ["xy", "yz", "zx"]
+    figure = figures.polar_plot(fit, "yz")
+    assert figure.layout.meta["title"] == "Residuals in the plane yz"
+    trace = trace_of(figure, 0, "residual")
+    arm = fit.places(fit.observations) - np.array(fit.machine.measured.origin)
+    flat = np.abs(arm[:, 0]) < 0.02 * np.linalg.norm(arm, axis=1)
+    assert set(trace.customdata.tolist()) <= set(np.flatnonzero(flat).tolist())
+    assert len(trace.customdata) >= flat.sum() - 1
+    angle = np.arctan2(arm[:, 2], arm[:, 1])[trace.customdata]
+    np.testing.assert_allclose(np.cos(np.arctan2(trace.y, trace.x) - angle), 1, atol=1e-12)
+    np.testing.assert_allclose(trace.text, 1000 * fit.residuals[trace.customdata, 0])
+    limit = next(
+        float(note.text.split()[0]) for note in figure.layout.annotations if note.text.startswith("+")
+    )
+    np.testing.assert_allclose((np.hypot(trace.x, trace.y) - 1) * 2 * limit, trace.text, atol=1e-9)
 
 
 def test_residuals_stand_in_space_with_the_machine() -> None:

@@ -43,7 +43,7 @@ __all__ = [
     "unit_of",
 ]
 
-MOST_RANKED, MOST_MEASURED, MOST_POLAR = 10, 1000, 2
+MOST_RANKED, MOST_MEASURED, MOST_POLAR = 10, 1000, 3
 LEVEL = 0.01
 """Probability of a false alarm among all candidates together."""
 SAME = 0.999

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,15 +38,33 @@ PANEL = 460
 """Height, in pixels."""
 HALF = 0.5
 """Distance of the rings of the largest and the smallest number from that of zero, whose radius is 1."""
+PLANES = ("xy", "yz", "zx")
+FLAT, ARC = 0.02, 24
+"""Part of the distance that a place may be off a plane, and readings in it from which it is drawn."""
 ROOM, OUTSIDE = 1.9, 1.72
 """From the middle to the edge, and to the numbers of the angle."""
 
 
 def joints_that_go_round(fit: FittedModel) -> list[str]:
-    """Return the names of the revolute joints whose readings lie all around the circle."""
+    """Return the names of the revolute joints whose readings lie all around the circle.
+
+    Of distances also the planes, ``"xy"``, ``"yz"``, ``"zx"``, in which a ball bar swept an arc around its centre.
+    """
     o = fit.observations
     pairs = zip(fit.machine.joints, o.q.T, strict=True)
-    return [joint.name for joint, q in pairs if joint.revolute and goes_round(q)]
+    found = [joint.name for joint, q in pairs if joint.revolute and goes_round(q)]
+    if fit.machine.measured.origin is not None:
+        places = fit.places(o)
+        found += [plane for plane in PLANES if np.sum(np.isfinite(_in_plane(fit, places, plane))) >= ARC]
+    return found
+
+
+def _in_plane(fit: FittedModel, places: Array, plane: str) -> Array:
+    """Return the angle of places about the centre of distances, (n,), radians; NaN of those off the plane."""
+    arm = places - np.array(fit.machine.measured.origin)
+    a, b = ("xyz".index(x) for x in plane)
+    flat = np.abs(arm[:, 3 - a - b]) < FLAT * np.linalg.norm(arm, axis=1)
+    return np.where(flat, np.arctan2(arm[:, b], arm[:, a]), np.nan)
 
 
 def polar_plot(
@@ -67,7 +86,7 @@ def polar_plot(
     ----------
     fit : FittedModel
     joint : str
-        One of `joints_that_go_round`, or another revolute joint.
+        One of `joints_that_go_round`, or another revolute joint. In a plane distances are drawn in their directions.
     before : FittedModel, optional
         Another model of the same observations, whose residuals are drawn, too.
     selected, aside : collection of int, optional
@@ -78,7 +97,7 @@ def polar_plot(
     Raises
     ------
     ValueError
-        When there is no such revolute joint.
+        When there is no such revolute joint or plane.
     """
     rows = DrawnRows(before or fit, None if before is None else fit, kept=[*selected, *aside], most=most)
     return polar_of(rows, joint, selected=selected, aside=aside)
@@ -90,15 +109,24 @@ def polar_of(
     """Return the figure of `polar_plot` of rows that are drawn."""
     machine, o = rows.base.machine, rows.o
     revolute = [one.name for one in machine.joints if one.revolute]
-    if joint not in revolute:
+    around = f"the reading of {plain(joint)}"
+    if joint not in revolute and joint in PLANES and machine.measured.origin is not None:
+        angle, approach = _in_plane(rows.base, rows.places, joint), None
+        panels = [
+            replace(p, values=tuple(np.where(np.isfinite(angle), v, np.nan) for v in p.values))
+            for p in components_of(rows)
+        ]
+        around = f"the direction in the plane {joint}, from {joint[0]} towards {joint[1]}"
+    elif joint in revolute:
+        j = [one.name for one in machine.joints].index(joint)
+        of_points = machine.measurand.is_place and machine.measurand.moving
+        panels = _about(rows, j) if of_points else components_of(rows)
+        approach = o.s[:, j] if rows.base.observations.approach_known[j] else None
+        angle = o.q[:, j]
+    else:
         raise ValueError(f"{joint!r} is no revolute joint: {', '.join(revolute) or 'there is none'}")
-    j = [one.name for one in machine.joints].index(joint)
-    panels = (
-        _about(rows, j) if machine.measurand.is_place and machine.measurand.moving else components_of(rows)
-    )
     figure = column([Panel(panel.heading, PANEL, " ", equal=True) for panel in panels])
-    approach = o.s[:, j] if rows.base.observations.approach_known[j] else None
-    marks, angle = Marks(rows, approach, None, aside), o.q[:, j]
+    marks = Marks(rows, approach, None, aside)
     chosen = np.isin(rows.chosen, np.asarray([*selected], np.intp))
     for number, panel in enumerate(panels):
         inside = np.concatenate([np.abs(values[~marks.out]) for values in panel.values])
@@ -120,13 +148,13 @@ def polar_of(
         figure.update_layout({f"xaxis{number + 1}": given, f"yaxis{number + 1}": given})
     note = [
         "Measured minus predicted.",
-        f"The middle circle is zero, the angle the reading of {plain(joint)}.",
+        f"The middle circle is zero, the angle {around}.",
         rows.thinned,
     ]
     return describe(
         figure,
         f"around_{file_name(joint)}",
-        f"Residuals around {plain(joint)}",
+        f"Residuals {'around' if joint in revolute else 'in the plane'} {plain(joint)}",
         note=" ".join(filter(None, note)),
     )
 
