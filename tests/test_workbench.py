@@ -56,13 +56,25 @@ def test_the_error_of_the_telescope_falls_and_rises_again(session):
     assert last.significant
 
 
-def test_rows_are_set_aside_and_brought_back(session):
+def test_rows_are_set_aside_and_brought_back(session, files):
     base = session.state
     state = session.do(Aside([3, 4, 17], why="clouds"))
     assert state.observations.data.place(int(np.flatnonzero(state.aside)[0])) == "line 3"
     others = base.fit.refit(base.machine, base.observations.take(~state.aside))
     assert state.fit.rms == pytest.approx(others.rms, rel=1e-8)
     assert "# Set aside in mmt_2021.csv: lines 3-4, 17 (clouds)\n" in session.machine_text()
+    kept = MOUNT.joinpath("machine.toml").read_text()
+    assert Machine.load(files[0]) == session.state.machine
+    session.save_machine(files[0])
+    again = Session.open(*files)  # the comment of the machine file keeps them
+    assert again.state.numbers[again.state.aside].tolist() == [3, 4, 17]
+    assert (again.state.action.why, again.machine_text()) == ("clouds", session.machine_text())
+    files[0].write_text(
+        kept + "# Set aside in mmt_2021.csv: lines 1-3, 900 (x)\n# Set aside in other.csv: lines 4\n"
+    )
+    strange = Session.open(*files)
+    assert not strange.state.aside.any()
+    assert "line 1: no measurement" in strange.remarks[0]
     assert session.do(Back([4])).aside.sum() == 2
     assert session.do(Back([3, 17])).fit.rms == pytest.approx(base.fit.rms, rel=1e-9)
     assert "Set aside" not in session.machine_text()

@@ -112,9 +112,9 @@ def files(tmp_path):
 
 
 def picture(page, name):
-    """Keep a picture of a page for those who look, where a folder is given for them."""
+    """Keep a picture of a page where RODGEN_PICTURES names a folder: for those who look, and for docs/workbench.md."""
     if folder := os.environ.get("RODGEN_PICTURES"):
-        page.screenshot(path=f"{folder}/{name}.png")
+        page.screenshot(path=f"{folder}/workbench_{name}.png")
 
 
 def test_the_telescope_from_the_first_look_to_the_saved_session(files, serve, opened):
@@ -201,6 +201,7 @@ def test_nothing_overlaps_or_overflows(files, serve, opened, width, scheme):
         assert page.evaluate("document.documentElement.scrollWidth") <= width
     background = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (background == "rgb(20, 23, 26)") == (scheme == "dark")
+    page.evaluate("scrollTo(0, 0)")
     picture(page, f"{width}_{scheme}")
 
 
@@ -249,6 +250,7 @@ def test_plots_of_further_kinds_and_the_plan(files, serve, opened):
     for _ in range(4):
         slider.press("PageUp")
     page.get_by_text("10,000 times as long").wait_for()
-    page.get_by_label("Plan", exact=True).get_by_text("Plan").click()
+    page.get_by_role("button", name="Plan", exact=True).click()
+    page.get_by_label("Make the plan").click()
     page.get_by_label("Download the plan as a table").wait_for()
     picture(page, "plan")

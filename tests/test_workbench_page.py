@@ -227,6 +227,7 @@ def test_a_diagnosis_runs_in_the_background_and_its_steps_are_taken_or_left(file
         await walker.until(lambda: walker.desk.work is None)
         assert walker.desk.diagnosis[0] is session.states[0]
         walker.press("Plan")
+        walker.press("Make the plan")
         await walker.until(lambda: walker.desk.plan is not None)
         await walker.sees("AZ [deg]")
 

@@ -55,5 +55,6 @@ def _run(options: argparse.Namespace) -> int:
         port=options.port,
         browser=not options.no_browser,
         said=lambda address: show(f"{address}\nCtrl-C ends it."),
+        meanwhile=desks[0].prepare if desks else None,
     )
     return OK

@@ -384,7 +384,8 @@ class Mend(Action):
 
     def python(self) -> str:
         """Return the lines of Python that do the same."""
-        return f"machine, _ = fit.check().repairs[0].applied(machine, observations)\n{FIT}"
+        found = f"next(mend for mend in fit.check().repairs if mend.words == {self.words!r})"
+        return f"machine, _ = {found}.applied(machine, observations)\n{FIT}"
 
 
 ACTIONS: dict[str, Callable[..., Action]] = {

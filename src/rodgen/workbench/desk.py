@@ -127,6 +127,14 @@ class Desk:
         self._suspects: dict[int, Suspects] = {}
         self._turn = asyncio.Lock()
 
+    def prepare(self) -> None:
+        """Do what the first window waits for: libraries are imported, and figures drawn once."""
+        from rodgen.output import figures
+
+        with suppress(RodgenError, ValueError):
+            figures.residual_plot(self.session.state.fit)
+            figures.residual_map(self.session.state.fit)
+
     async def do(self, action: Action) -> None:
         """Do something, and show it in all windows.
 
@@ -210,25 +218,28 @@ class Desk:
         await self.show("work")
 
     async def make_plan(
-        self, n: int, alternatives: Collection[Collection[Effect]] = (), **limits: Any
+        self, n: int, alternatives: Collection[Collection[Effect]] = (), constraints: str = ""
     ) -> None:
-        """Plan what to measure next: to tell effects apart, or what the last diagnosis, else the fit, leaves open."""
-        from rodgen.calibration.plan import Constraints, plan, plan_for
+        """Plan what to measure next: to tell effects apart, or what the last diagnosis, else the fit, leaves open.
+
+        `constraints` is the name of a file of them, or empty.
+        """
+        from rodgen.calibration.plan import load_constraints, plan, plan_for
 
         state = self.session.state
         subject: Any = state.fit
         if self.diagnosis is not None and self.diagnosis[0] is state:
             subject = self.diagnosis[1]
-        constraints = Constraints(**limits) if limits else None
+        limits = load_constraints(constraints, state.machine) if constraints else None
         with self._working("Plan") as work:
             await self.show("work")
             if alternatives:
                 groups = [tuple(group) for group in alternatives]
                 found = await asyncio.to_thread(
-                    work, lambda: plan_for(state.fit, groups, n, constraints=constraints)
+                    work, lambda: plan_for(state.fit, groups, n, constraints=limits)
                 )
             else:
-                found = await asyncio.to_thread(work, lambda: plan(subject, n, constraints=constraints))
+                found = await asyncio.to_thread(work, lambda: plan(subject, n, constraints=limits))
         if found is not None:
             self.plan = state, found
         await self.show("work")

@@ -118,6 +118,8 @@ class Page:
             self.keeping = Keeping(self)
             button("Keep", self.keeping.open, icon="save")
             button("Light or dark", self._darken, icon="contrast", bare=True)
+        for remark in desk.session.remarks:
+            ui.label(remark).classes("soft")
         self.status = ui.label().props('role="status" aria-live="polite"')
         self.wrong = ui.element("section").classes("card wrong").props('aria-label="A wrong file"')
         self.working = ui.element("section").classes("card").props('aria-label="In the background"')
@@ -662,7 +664,21 @@ class Page:
     # in the background -------------------------------------------------------------------------------------------
 
     async def _plan_next(self) -> None:
-        await self.desk.make_plan(12)
+        """Ask how many readings are planned, and within which constraints."""
+        with ui.dialog(value=True) as dialog, ui.card():
+            ui.label("What to measure next")
+            number = ui.number("Readings at most", value=12, min=1, max=200, step=1).props("dense outlined")
+            limits = ui.input("File of constraints, or empty").props("dense outlined maxlength=4000")
+
+            async def done() -> None:
+                dialog.close()
+                await self.desk.make_plan(
+                    int(number.value or 12), constraints=str(limits.value or "").strip()
+                )
+
+            with ui.element("div").classes("line"):
+                button("Make the plan", done)
+                ui.button("Cancel", on_click=dialog.close).props("flat dense no-caps")
 
     def _fill_work(self) -> None:
         work = self.desk.work

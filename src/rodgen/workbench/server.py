@@ -8,6 +8,7 @@ import secrets
 import socket
 import sys
 import tempfile
+import threading
 import webbrowser
 from collections.abc import Callable
 from typing import Any
@@ -23,6 +24,7 @@ def serve(
     port: int = 0,
     browser: bool = True,
     said: Callable[[str], object] = print,
+    meanwhile: Callable[[], object] | None = None,
 ) -> None:
     """Show a page until Ctrl-C.
 
@@ -36,6 +38,8 @@ def serve(
         Whether to open the browser.
     said : callable, optional
         Called with the address.
+    meanwhile : callable, optional
+        Called while the browser starts, in a thread of its own.
 
     Raises
     ------
@@ -60,6 +64,8 @@ def serve(
 
         def begun() -> None:
             said(address)
+            if meanwhile is not None:
+                threading.Thread(target=meanwhile, daemon=True).start()
             if browser:
                 webbrowser.open(address)
 

@@ -12,7 +12,7 @@ import math
 import os
 import platform
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
@@ -47,6 +47,8 @@ AGREE = 1e-6
 """Relative difference of an error from the one that was saved above which another model was fitted."""
 _EXPECTED = "a session as rodgen open saves it"
 _ASIDE = "# Set aside in "
+MOST_NOTED = 1_000_000
+"""Rows of a comment at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +158,10 @@ class Session:
 
     @classmethod
     def open(cls, machine: str | os.PathLike[str], data: str | os.PathLike[str]) -> Session:
-        """Return the session of a machine file and a measurement file, in which nothing was done yet.
+        """Return the session of a machine file and a measurement file.
+
+        Nothing was done in it yet, but that rows are set aside which a comment of the machine file notes; see
+        `machine_text`.
 
         Raises
         ------
@@ -164,7 +169,13 @@ class Session:
             When one cannot be read, they do not belong together, or there is nothing to fit.
         """
         file, of = os.fspath(machine), os.fspath(data)
-        return cls(State.first(file, read_text(file), Measurements.load(of)), of)
+        session = cls(State.first(file, read_text(file), Measurements.load(of)), of)
+        for action in _noted(session.state.text, os.path.basename(of)):
+            try:
+                session.do(action)
+            except RodgenError as error:  # of other measurements
+                session.remarks.append(f"Rows that {file} notes were not set aside: {error}.")
+        return session
 
     # what is done ------------------------------------------------------------------------------------------------
 
@@ -349,6 +360,18 @@ class Session:
         session.go(at)
         session.file = name
         return session
+
+
+def _noted(text: str, data: str) -> Iterator[Aside]:
+    """Yield what the comments of a machine file say of rows of a table that are set aside."""
+    for found in re.finditer(rf"^{_ASIDE}(.+): (?:lines|rows) ([\d, -]+)(?: \((.*)\))?$", text, re.MULTILINE):
+        rows: list[int] = []
+        for part in found[2].split(","):
+            first, _, last = part.strip().partition("-")
+            if first.isdigit() and (last or first).isdigit() and int(last or first) - int(first) < MOST_NOTED:
+                rows += range(int(first), int(last or first) + 1)
+        if found[1] == data and rows:
+            yield Aside(rows[:MOST_NOTED], why=found[3] or "")
 
 
 def _hash(content: bytes) -> str:

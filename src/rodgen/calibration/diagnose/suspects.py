@@ -14,10 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidate_space import Score
+from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.evidence import Evidence, Screening, evidence_of
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.machines.machine import Effect
+from rodgen.statistics.columns import orthonormal_basis, project_out, unit_columns, visible_part
 from rodgen.statistics.f_tests import p_of_log10
+from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -43,7 +46,7 @@ class Suspect:
     possible : bool
         Whether it would be of a size and a sign that a machine may have; asked of those beyond chance only.
     rms : float
-        Error that it would leave, to first order, in the fit's unit.
+        Error that a fit with it would leave, to first order, in the fit's unit.
     visible : float
         Part of its change of the readings, 0 to 1, that the model cannot imitate.
     like : Effect or None
@@ -85,19 +88,15 @@ class Suspects:
         The model's parameters change with it, to first order.
         """
         candidate = next(s.candidate for s in self._scores if s.candidate.key == effect.identity)
-        of, whiten = self._evidence.sensitivities, self._evidence.space.whiten
-        n, m = of.residual.shape
+        of = self._evidence.sensitivities
         columns = np.concatenate([of.model, candidate.columns], axis=2)
-        length = np.linalg.norm(columns, axis=(0, 1))
-        columns = columns / np.where(length > 0, length, 1.0)
-        white = whiten(np.concatenate([columns, of.residual[:, :, None]], axis=2)).reshape(n * m, -1)
+        flat = unit_columns(columns.reshape(of.residual.size, -1))
         with one_thread_in_blas():
-            found, *_ = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=1e-10)
+            found, *_ = np.linalg.lstsq(flat, of.residual.ravel(), rcond=1e-10)
         weight = np.where(of.weight > 0, of.weight, 1.0)
-        part = (columns @ found) / weight
-        error = self.fit.machine.measurand.error
         before = of.residual / weight
-        arm = self.fit.observations.arm
+        part = (flat @ found).reshape(before.shape) / weight
+        error, arm = self.fit.machine.measurand.error, self.fit.observations.arm
         return np.asarray((error(before, arm) - error(before - part, arm)) / self.fit.unit_factor)
 
 
@@ -111,8 +110,9 @@ def suspects(fit: Fit) -> Suspects:
     with one_thread_in_blas():
         evidence = evidence_of(fit, Screening.at(fit))
         selection = evidence.selection
-        total, scores = selection.left([]), selection.scores([])
+        scores = selection.scores([])
         best = selection.best([])
+        left = _left(evidence, [s.candidate for s in scores])
     log10_tests = float(np.log10(selection.tests(())))
     level = float(np.log10(selection.level))
     order = sorted(scores, key=lambda s: (s is not best, s.log_p - s.candidate.prior.log_odds))
@@ -141,9 +141,23 @@ def suspects(fit: Fit) -> Suspects:
                     score.statistic,
                     float(np.exp(candidate.prior.log_odds)),
                     log10 > level or candidate not in selection.impossible([candidate], score.left),
-                    fit.rms * float(np.sqrt(score.left / total)) if total > 0 else fit.rms,
+                    fit.rms * float(np.sqrt(left[candidate.key])),
                     score.visible,
                     None if score is first else leader,
                 )
             )
     return Suspects(fit, tuple(listed), evidence.sensitivities.rows, evidence, scores)
+
+
+def _left(evidence: Evidence, found: Sequence[Candidate]) -> dict[tuple[str, str | None], float]:
+    """Return the part of the sum of squares that each candidate would leave, as a fit counts readings."""
+    of = evidence.sensitivities
+    basis = orthonormal_basis(unit_columns(of.model.reshape(of.residual.size, -1)))
+    residual = project_out(basis, of.residual.ravel())
+    total = float(residual @ residual) or 1.0
+    left = {}
+    for candidate in found:
+        own = unit_columns(candidate.columns.reshape(of.residual.size, -1))
+        along = visible_part(basis, own, SELECTION.visible).T @ residual
+        left[candidate.key] = max(1 - float(along @ along) / total, 0.0)
+    return left

@@ -1,0 +1,56 @@
+"""The effects that a fit may lack, as a user looks for them, and what each would explain."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rodgen.calibration.diagnose.suspects import suspects
+from rodgen.calibration.fit import fit
+from rodgen.data.measurements import Measurements
+from rodgen.machines.machine import Machine
+
+MACHINES = Path(__file__).parents[1] / "examples/machines"
+
+
+@pytest.fixture(scope="module")
+def mount():
+    machine = Machine.load(MACHINES / "mount/machine.toml")
+    return fit(machine, Measurements.load(MACHINES / "mount/mmt_2021.csv"))
+
+
+def test_what_an_effect_would_leave_is_what_it_leaves(mount):
+    found = suspects(mount)
+    by_title = {s.effect.title: s for s in found.listed}
+    assert len(by_title) == len(found.listed)
+    for title in ("tube_flexure", "refraction", "encoder_ellipticity at EL", "scale at EL"):
+        suspect = by_title[title]
+        after = fit(mount.machine.with_effect(suspect.effect), mount.observations)
+        explained = found.explained(suspect.effect)
+        # to first order; errors of three arcseconds are far from where that ends
+        np.testing.assert_allclose(mount.residuals - explained, after.residuals, atol=0.02)
+        assert suspect.p_value < 1e-16
+        assert suspect.rms == pytest.approx(after.rms, rel=0.005)
+    assert by_title["zero_offset at AZ"].p_value == 1.0
+    assert by_title["zero_offset at AZ"].visible < 0.01
+    assert by_title["tube_flexure"].odds > 10 * by_title["scale at EL"].odds
+
+
+def test_those_that_data_cannot_tell_apart_follow_each_other(mount):
+    found = suspects(mount).listed
+    titles = [s.effect.title for s in found]
+    like = {s.effect.title: s.like.title for s in found if s.like is not None}
+    assert {"lateral_windup at AZ", "tube_flexure"} <= {*like, *like.values()}
+    for follower, leader in like.items():
+        between = titles[titles.index(leader) + 1 : titles.index(follower)]
+        assert all(like.get(title) == leader for title in between)
+    assert all(s.p_value < 0.01 for s in found if s.like is not None)
+
+
+def test_with_what_is_missing_in_the_model_little_is_left_to_suspect(mount):
+    machine = mount.machine
+    for name in ("tube_flexure", "refraction"):
+        machine = machine.add(name)
+    found = suspects(fit(machine, mount.observations)).listed
+    assert min(s.p_value for s in found) > 1e-3
+    assert not {"tube_flexure", "refraction"} & {s.effect.title for s in found}
