@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import datetime
+import io
 import re
+import struct
+import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -441,3 +445,80 @@ def test_turns_alone_are_readings(kind, header, names, tmp_path):
     columns, _ = columns_of(machine, tmp_path / "t.csv", units=("mm", "deg"))
     assert list(columns) == names
     assert columns[names[-1]].tolist() == [0.5, 90.5]
+
+
+# files that take more than they show ---------------------------------------------------------------------
+
+SHEET = "xl/worksheets/sheet1.xml"
+
+
+def changed_sheet(path, more):
+    """Write a workbook with more text at the end of its first sheet's rows."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["C [deg]", "x [mm]"])
+    book.active.append([1.0, 2.0])
+    plain = io.BytesIO()
+    book.save(plain)
+    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            text = old.read(name)
+            new.writestr(
+                name, text.replace(b"</sheetData>", more + b"</sheetData>") if name == SHEET else text
+            )
+
+
+BOMBS = {
+    "packed": (b" " * 101_000_000, "a.xlsx: file: more than 100 MB when unpacked"),
+    "a row far off": (b'<row r="999999999999"><c r="A1"><v>1</v></c></row>', "more than 12,500,000 cells"),
+    "cells far off": (
+        b"".join(b'<row r="%d"><c r="XFD%d"><v>1</v></c></row>' % (n, n) for n in range(3, 900)),
+        "a.xlsx: row .*: more than 12,500,000 cells",
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [*(pytest.param(name, marks=pytest.mark.slow) for name in ("packed", "a row far off")), "cells far off"],
+)
+def test_a_small_workbook_takes_no_gigabytes(name, tmp_path):
+    more, expected = BOMBS[name]
+    changed_sheet(tmp_path / "a.xlsx", more)
+    assert (tmp_path / "a.xlsx").stat().st_size < 1_000_000
+    with pytest.raises(InputFileError, match=expected):
+        read_foreign(tmp_path / "a.xlsx")
+
+
+@pytest.mark.parametrize("ending", ["xlsx", "mat"])
+def test_a_table_without_an_end_is_not_read_to_it(ending, tmp_path):
+    if ending == "xlsx":
+        pytest.importorskip("openpyxl")
+    (tmp_path / f"a.{ending}").symlink_to("/dev/zero")
+    with pytest.raises(InputFileError, match="more than 100 MB"):
+        read_foreign(tmp_path / f"a.{ending}")
+
+
+def matlab(rows, columns, payload):
+    """Return a MATLAB file with one packed array of numbers, whatever its size says."""
+    body = struct.pack("<4I2I2i", 6, 8, 6, 0, 5, 8, rows, columns) + struct.pack("<2I8s", 1, 1, b"C")
+    body += struct.pack("<2I", 9, len(payload)) + payload
+    packed = zlib.compress(struct.pack("<2I", 14, len(body)) + body)
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x100) + b"IM"
+    return head + struct.pack("<2I", 15, len(packed)) + packed
+
+
+@pytest.mark.parametrize(
+    ("array", "expected"),
+    [
+        pytest.param(
+            (1, 13_000_000, bytes(104_000_000)), "more than 100 MB when unpacked", marks=pytest.mark.slow
+        ),
+        ((0, 2_000_000_000, b""), "no arrays of numbers"),
+        ((2, 30_000, bytes(480_000)), "30000 columns in 'C'; expected at most 20000"),
+    ],
+)
+def test_a_small_matlab_file_takes_no_gigabytes(array, expected, tmp_path):
+    (tmp_path / "a.mat").write_bytes(matlab(*array))
+    with pytest.raises(InputFileError, match=expected):
+        read_foreign(tmp_path / "a.mat")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+import tomllib
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import replace
@@ -216,6 +217,29 @@ def test_a_humanoid_of_300_links_takes_no_second(tmp_path):
     assert len(machine.joints) == 30
     q = RNG.uniform(-1, 1, 30)
     assert positions(machine, q) == pytest.approx(1000 * seen(path, "pelvis", "limb7_29", q), abs=1e-7)
+
+
+def test_what_a_file_says_ends_no_comment_of_the_machine_file(robot):
+    """A line feed in an attribute, after which text of the machine file would follow."""
+    robot.write_text(
+        ROBOT.replace('mimic joint="turn"', 'mimic joint="turn&#10;[environment]&#10;gravity = 9"')
+    )
+    made = machine_from_urdf(robot, base="floor", tip="hand")
+    assert any("turn [environment] gravity = 9" in note for note in made.notes)
+    assert tomllib.loads(made.text)["environment"]["gravity"] != 9
+
+
+def test_a_chain_of_thousands_of_links_takes_no_second(tmp_path):
+    parts = ["<link name='l0'/>"]
+    for n in range(1, 9000):
+        parts.append(
+            f"<link name='l{n}'/><joint name='j{n}' type='fixed'><parent link='l{n - 1}'/><child link='l{n}'/></joint>"
+        )
+    (tmp_path / "chain.urdf").write_text(f"<robot name='r'>{''.join(parts)}</robot>")
+    start = time.process_time()
+    with pytest.raises(InputFileError, match="0 moving joints from 'l0' to 'l8999'"):
+        machine_from_urdf(tmp_path / "chain.urdf")
+    assert time.process_time() - start < 2  # with lists that were searched it were 11 s
 
 
 @pytest.mark.parametrize(

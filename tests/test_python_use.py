@@ -345,7 +345,25 @@ def test_what_is_no_saved_fit_is_one_sentence(fit, tmp_path):
         **{"fit.json": worse}
     )
     assert complaint(**{"fit.json": json.dumps(about | {"settings": 7})}).startswith("fit.json: 'TypeError")
+    for part, wrong in (
+        ("settings", {"outliers": [10**25]}),
+        ("solution", {"rotation": 1}),
+        ("solution", {"position": [1]}),
+    ):
+        changed = about | {part: about[part] | wrong}
+        assert complaint(**{"fit.json": json.dumps(changed)}).startswith("fit.json: ")
+    assert complaint(**{"fit.json": "[" * 100_000}).startswith("fit.json: 'RecursionError")
     assert complaint(**{"fit.json": json.dumps(about | {"format": 9})}) == "fit.json, format: 9; expected 1"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("fit.json", " " * 200_000_000)
+    with pytest.raises(InputFileError, match=r"more than .* MB when unpacked"):
+        Fit.load(path)
+    fit.save(path)
+    content = bytearray(path.read_bytes())
+    content[200:260] = bytes(60)  # of what is packed
+    path.write_bytes(content)
+    with pytest.raises(InputFileError, match="no archive"):
+        Fit.load(path)
     path.write_text("nothing")
     with pytest.raises(
         InputFileError, match=r"fit\.zip: file: no archive .*; expected a fit as Fit\.save writes it"

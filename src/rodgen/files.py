@@ -13,16 +13,19 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from io import BufferedReader
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 from rodgen.errors import InputFileError
 from rodgen.limits import VARIABLE, limit
 
+if TYPE_CHECKING:
+    import zipfile
 if sys.platform != "win32":
     import fcntl
 
 __all__ = [
     "AtomicFile",
+    "check_unpacked",
     "commit_all",
     "decoded",
     "is_device",
@@ -99,6 +102,17 @@ def read_input(
         raised = "" if largest else f" ({VARIABLE}=file=NUMBER raises that)"
         raise InputFileError(file, "file", f"more than {most / 1e6:g} MB", (usual or expected) + raised)
     return content
+
+
+def check_unpacked(file: str, archive: zipfile.ZipFile, expected: str, largest: int) -> None:
+    """Refuse an archive whose files are larger than so many bytes when unpacked.
+
+    Raises
+    ------
+    InputFileError
+    """
+    if sum(each.file_size for each in archive.infolist()) > largest:
+        raise InputFileError(file, "file", f"more than {largest / 1e6:g} MB when unpacked", expected)
 
 
 def read_start(file: str, expected: str, size: int = 1 << 16) -> bytes:

@@ -15,6 +15,7 @@ import os
 import platform
 import tempfile
 import zipfile
+import zlib
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -29,7 +30,7 @@ from rodgen.calibration.solve.least_squares import Solution
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, RodgenError, shown
-from rodgen.files import write_file
+from rodgen.files import check_unpacked, write_file
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
@@ -44,6 +45,8 @@ ENDINGS = (".csv", ".csv.gz", ".parquet")
 FORMAT = 1
 AGREE = 1e-6
 """Relative difference of the rms from the one that was saved above which another model was fitted."""
+_LARGEST = 100_000_000
+"""Bytes of what is unpacked, and 200 more for each packed one: more than numbers and text need."""
 _EXPECTED = "a fit as Fit.save writes it"
 
 
@@ -114,11 +117,14 @@ def load(made: type[Fit], path: str | os.PathLike[str]) -> Fit:
             data = replace(Measurements.load(place), file=inputs["data"])
         observations = bind_once(machine, data)
         observations = replace(observations, arm=float(settings.get("arm", 1.0)), arm_is_known=True)
-        model = model_of(machine, observations.travel, observations.run_names, compiled=settings["compiled"])
+        model = model_of(
+            machine, observations.travel, observations.run_names, compiled=bool(settings["compiled"])
+        )
         values, keys = solution["values"], [p.key for p in model.parameters]
         if set(keys) != set(values):
             raise _of_another_version(file, about, "other parameters")
-        frame = Frame(np.array(solution["rotation"], float), np.array(solution["position"], float))
+        rotation, position = (np.array(solution[name], float) for name in ("rotation", "position"))
+        frame = Frame(rotation.reshape(3, 3), position.reshape(3))
         theta = np.array([values[key] for key in keys], float)
         free = tuple(keys.index(key) for key in solution["free"])
         counted_as = observations.counted_as
@@ -129,7 +135,15 @@ def load(made: type[Fit], path: str | os.PathLike[str]) -> Fit:
         rms, loss = float(about["rms"]), str(settings["loss"])
     except InputFileError:
         raise
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError, StopIteration) as error:
+    except (
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        StopIteration,
+        OverflowError,
+        RecursionError,
+    ) as error:
         what = f"{type(error).__name__}: {error}"
         raise InputFileError(file, "fit.json", shown(what), _EXPECTED) from None
     problem = Problem(model, observations)
@@ -159,10 +173,20 @@ def _of_another_version(file: str, about: Any, found: str) -> InputFileError:
 def _files(file: str) -> dict[str, bytes]:
     try:
         with zipfile.ZipFile(file) as archive:
+            check_unpacked(file, archive, _EXPECTED, _LARGEST + 200 * os.path.getsize(file))
             return {name: archive.read(name) for name in archive.namelist()}
+    except InputFileError:
+        raise
     except OSError as error:
         raise InputFileError(file, "file", f"cannot be read ({error.strerror})", _EXPECTED) from None
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError) as error:
+    except (
+        zipfile.BadZipFile,
+        zipfile.LargeZipFile,
+        zlib.error,
+        EOFError,
+        ValueError,
+        RuntimeError,
+    ) as error:
         raise InputFileError(file, "file", f"no archive ({error})", _EXPECTED) from None
 
 

@@ -11,13 +11,16 @@ import io
 import math
 import os
 import re
+import struct
+import zipfile
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from rodgen.data.units import is_unit
 from rodgen.errors import InputFileError, shown
-from rodgen.files import decoded, open_input, read_input
+from rodgen.files import check_unpacked, decoded, read_input
 
 __all__ = ["ForeignColumn", "ForeignTable", "is_number", "read_foreign"]
 
@@ -28,9 +31,12 @@ _RTL = re.compile(r"^\s*TARGET DATA::\s*$", re.MULTILINE)
 _REMARKS = (";", "#", "//", "!", "%")
 _BLANK = {"", "nan", "na", "n/a", "-", "--", "none", "null"}
 LARGEST = 100_000_000
-"""Bytes of a text."""
+"""Bytes of a text, and of other files packed and unpacked."""
+_PACKED = 15
+"""The kind of the parts of MATLAB files that zlib packed."""
 _LARGEST_NUMBER = 1e100
 """What nothing measures; its multiples and squares are finite."""
+MOST_COLUMNS = 20_000
 MOST_PREAMBLE = 60
 """Lines above a header at most."""
 
@@ -214,43 +220,63 @@ def _sheet(file: str) -> tuple[list[tuple[int, list[Any]]], str]:
     """Return the rows of a workbook's first sheet, with their numbers, and what was read."""
     import openpyxl
 
-    with open_input(file, _EXPECTED) as stream:
-        try:
-            book = openpyxl.load_workbook(stream, read_only=True, data_only=True)
-            sheet = book.worksheets[0]
-            rows = [(n, list(row)) for n, row in enumerate(sheet.iter_rows(values_only=True), start=1)]
-            others = len(book.worksheets) - 1
-            title = sheet.title
-        except Exception as error:  # openpyxl answers a damaged file with errors of zip, XML and its own
-            raise InputFileError(file, "file", f"no workbook ({type(error).__name__})", _EXPECTED) from None
+    content = read_input(file, _EXPECTED, largest=LARGEST)
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            check_unpacked(file, archive, _EXPECTED, LARGEST)
+        book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
+        sheet = book.worksheets[0]
+        sheet.reset_dimensions()
+        rows, cells = [], 0
+        for number, row in enumerate(sheet.iter_rows(values_only=True), start=1):
+            cells += 1 + len(row)  # a row or a cell far off makes many empty ones
+            if cells > LARGEST // 8:
+                raise InputFileError(file, f"row {number}", f"more than {LARGEST // 8:,} cells", _EXPECTED)
+            if any(cell is not None for cell in row):
+                rows.append((number, list(row)))
+        others, title = len(book.worksheets) - 1, sheet.title
+    except InputFileError:
+        raise
+    except Exception as error:  # openpyxl answers a damaged file with errors of zip, XML and its own
+        raise InputFileError(file, "file", f"no workbook ({type(error).__name__})", _EXPECTED) from None
     more = f"; {others} other sheet{'s' * (others > 1)} not read" if others else ""
-    return [
-        row for row in rows if any(cell is not None for cell in row[1])
-    ], f"{os.path.basename(file)}: workbook, sheet {shown(title)}{more}."
+    return rows, f"{os.path.basename(file)}: workbook, sheet {shown(title)}{more}."
 
 
 def _of_mat(file: str) -> ForeignTable:
     import numpy as np
     import scipy.io
 
-    with open_input(file, _EXPECTED) as stream:
-        try:
-            content = scipy.io.loadmat(stream, squeeze_me=False, struct_as_record=True)
-        except Exception as error:
-            found = f"no MATLAB file of a version up to 7 ({type(error).__name__})"
-            raise InputFileError(file, "file", found, "save -v7 FILE") from None
+    packed = read_input(file, _EXPECTED, largest=LARGEST)
+    try:
+        if _unpacked_size(packed) > LARGEST:
+            found = f"more than {LARGEST / 1e6:g} MB when unpacked"
+            raise InputFileError(file, "file", found, _EXPECTED)
+        content = scipy.io.loadmat(io.BytesIO(packed), squeeze_me=False, struct_as_record=True)
+    except InputFileError:
+        raise
+    except Exception as error:
+        found = f"no MATLAB file of a version up to 7 ({type(error).__name__})"
+        raise InputFileError(file, "file", found, "save -v7 FILE") from None
     columns: list[ForeignColumn] = []
     for name, value in content.items():
         if name.startswith("__"):
+            continue
+        if (
+            not isinstance(value, np.ndarray) or not value.size
+        ):  # sparse, or no numbers in columns without end
             continue
         fields = value.dtype.names
         parts = (
             {f: np.asarray(value[f].flat[0]) for f in fields} if fields and value.size == 1 else {name: value}
         )
         for part, array in parts.items():
-            if array.dtype.kind in "fiub" and array.ndim == 2:
+            if array.dtype.kind in "fiub" and array.ndim == 2 and array.size:
                 array = array.T if array.shape[0] == 1 else array
                 several = array.shape[1] > 1
+                if array.shape[1] > MOST_COLUMNS:
+                    found = f"{array.shape[1]} columns in {shown(part)}"
+                    raise InputFileError(file, "file", found, f"at most {MOST_COLUMNS}")
                 axes = "xyz" if array.shape[1] == 3 else ""
                 for k, cells in enumerate(array.T.astype(float)):
                     label = f"{part}_{axes[k] if axes else k + 1}" if several else part
@@ -266,6 +292,19 @@ def _of_mat(file: str) -> ForeignTable:
     note = f"{os.path.basename(file)}: MATLAB arrays of {rows} rows"
     note += f"; of another length, and not read: {', '.join(left)}." if left else "."
     return ForeignTable(file, tuple(columns), tuple(f"row {k + 1}" for k in range(rows)), (note,))
+
+
+def _unpacked_size(content: bytes) -> int:
+    """Return how many bytes the packed parts of a MATLAB file hold; counting ends above the largest."""
+    order, at, size = "<" if content[126:128] == b"IM" else ">", 128, 0
+    while at + 8 <= len(content):
+        kind, length = struct.unpack(f"{order}II", content[at : at + 8])
+        part, unpacking = content[at + 8 : at + 8 + length], zlib.decompressobj()
+        while kind == _PACKED and part and size <= LARGEST:
+            size += len(unpacking.decompress(part, 1 << 20))
+            part = unpacking.unconsumed_tail
+        at += 8 + length
+    return size
 
 
 def _of_rows(

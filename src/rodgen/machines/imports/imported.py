@@ -39,6 +39,10 @@ class Imported:
 
     _repr_html_ = html_of
 
+    def __post_init__(self) -> None:
+        """Keep each note in one line, so that what it quotes of a file ends no comment."""
+        object.__setattr__(self, "notes", tuple(printable(note) for note in self.notes))
+
     @property
     def text(self) -> str:
         """The machine file, with the notes as comments above."""
@@ -53,7 +57,12 @@ def clean(vector: NDArray[np.float64], digits: int) -> Vector:
 
 def one_line(text: str) -> str:
     """Return a title as a machine file may have it: at most 200 characters, all of which can be printed."""
-    return "".join(c if c.isprintable() else " " for c in text)[:200].strip()
+    return printable(text)[:200].strip()
+
+
+def printable(text: str) -> str:
+    """Return a text with a blank for each character that cannot be printed, such as the end of a line."""
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def machine_name(text: str, others: Collection[str] = (), *, joint: bool = False) -> str:

@@ -252,10 +252,10 @@ def _link(file: str, option: str, given: str | None, links: list[str], natural: 
 def _chain(file: str, joints: Mapping[str, UrdfJoint], base: str, tip: str) -> list[UrdfJoint]:
     """Return the joints from one link to another."""
     chain: list[UrdfJoint] = []
-    link = tip
+    link, met = tip, {tip}
     while link != base:
         joint = joints.get(link)
-        if joint is None or joint in chain:
+        if joint is None or joint.parent in met:
             above = [each.parent for each in chain]
             found = f"no link above {shown(tip)}"
             raise InputFileError(file, f"--base {base}", found, listed(above) if above else "another --tip")
@@ -264,6 +264,7 @@ def _chain(file: str, joints: Mapping[str, UrdfJoint], base: str, tip: str) -> l
             raise InputFileError(file, f"joint {joint.name}", found, listed([*MOVING, "fixed"]))
         chain.append(joint)
         link = joint.parent
+        met.add(link)
     chain.reverse()
     moving = sum(joint.type in MOVING for joint in chain)
     if not 0 < moving <= MOST_JOINTS:
