@@ -10,22 +10,29 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import C_WARNINGS, CPP_WARNINGS
-from test_emitted_c import sanitized
+from machine_cases import Case, data_for
+from test_branches import five_axis
+from test_emitted_c import SANITIZERS, sanitized
+from test_hexapod import given
+from test_hexapod import machine as hexapod
+from test_poses import fitted_with_errors
 
 from rodgen.cli.main import main
+from rodgen.machines.emit import emit
+from rodgen.machines.machine import Machine
 
 pytestmark = pytest.mark.slow
 
 MACHINES = sorted(
     path.parent for path in (Path(__file__).parent.parent / "examples" / "machines").glob("*/machine.toml")
 )
-FLAGS = (
-    "-fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all -fno-omit-frame-pointer -g"
-)
+FLAGS = " ".join(flag for flag in SANITIZERS if flag != "-O0")
 
 HOSTILE = """
 #include <float.h>
@@ -57,15 +64,15 @@ int main(void) {{
   /* each on the heap, so that what lies outside of it is guarded */
   const size_t joints = {joints};
   {name}_row *row = malloc(sizeof *row);
-  double *place = malloc(3 * sizeof *place), *slopes = malloc({slopes} * sizeof *slopes);
-  double *wanted = malloc(3 * sizeof *wanted), *weight = malloc(joints * sizeof *weight);
+  double *place = malloc({size} * sizeof *place), *slopes = malloc({slopes} * sizeof *slopes);
+  double *wanted = malloc({size} * sizeof *wanted), *weight = malloc(joints * sizeof *weight);
   double *corrected = malloc(joints * sizeof *corrected), *distance = malloc(sizeof *distance);
   if (!row || !place || !slopes || !wanted || !weight || !corrected || !distance)
     return 3;
   for (int n = 0; n < 2000; ++n) {{
     const int target = n % ({targets} + 2) - 1;
     fill(row, sizeof *row / sizeof(double));
-    fill(wanted, 3);
+    fill(wanted, {size});
     fill(weight, joints);
     {name}_forward(row, target, place);
     {name}_jacobian(row, target, place, slopes);
@@ -94,9 +101,9 @@ from rodgen.machines.machine import Machine
 
 kernels = []
 made = rows._in_library
-def kept(library):
-    kernels.extend(made(library).values())
-    return made(library)
+def kept(*arguments):
+    kernels.extend(made(*arguments).values())
+    return made(*arguments)
 rows._in_library = kept
 folder = sys.argv[1]
 machine = Machine.load(folder + "/machine.toml")
@@ -110,12 +117,13 @@ def drawn(*shape):
     return np.where(rng.random(shape) < 0.1, rng.choice(odd, shape), usual)
 with np.errstate(all="ignore"):
     for kernel in kernels:
-        shared = [drawn(*shape) for shape in kernel._shapes]
+        row, *shapes = kernel.inputs.values()
+        shared = [drawn(*shape) for shape in shapes]
         for count in (0, 1, 2, 7, 64, 1001):
-            given = drawn(count, *kernel._row)
+            given = drawn(count, *row)
             kernel(given, *shared)
             kernel(np.asfortranarray(given), *shared)
-            kernel(drawn(2 * count + 1, *kernel._row)[1::2], *shared)
+            kernel(drawn(2 * count + 1, *row)[1::2], *shared)
             kernel(given[::-1], *shared)
             if kernel.has_jacobian:
                 kernel.gram(given, *shared)
@@ -139,6 +147,23 @@ def library(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> str:
     return found.stdout.strip()
 
 
+def survives(folder: Path, compiler: str) -> None:
+    """Run the emitted C of a folder: its own test, and all its functions on commands that are none."""
+    (header,) = folder.glob("*.h")
+    name, text = header.stem, header.read_text()
+    numbers = {word: int(re.search(rf"_{word} (\d+)", text)[1]) for word in ("JOINTS", "TARGETS")}  # type: ignore[index]
+    size, slopes = (int(re.search(rf"double {word}\[(\d+)\]", text)[1]) for word in ("place", "jacobian"))  # type: ignore[index]
+    program = HOSTILE.format(
+        name=name, joints=numbers["JOINTS"], targets=numbers["TARGETS"], size=size, slopes=slopes
+    )
+    (folder / "hostile.c").write_text(program)
+    compile_ = [compiler, *C_WARNINGS, *SANITIZERS]
+    subprocess.run([*compile_, "-c", f"{name}.c"], cwd=folder, check=True)
+    for main_file in ("hostile.c", f"{name}_test.c"):
+        subprocess.run([*compile_, main_file, f"{name}.o", "-o", "run", "-lm"], cwd=folder, check=True)
+        sanitized([folder / "run"])
+
+
 @pytest.mark.parametrize("machine", MACHINES, ids=lambda path: path.name)
 def test_emitted_c_survives_every_command(machine: Path, compiler: str, library: str, tmp_path: Path) -> None:
     (data,) = machine.glob("*.csv")
@@ -146,23 +171,32 @@ def test_emitted_c_survives_every_command(machine: Path, compiler: str, library:
         0,
         3,
     )
-    (header,) = tmp_path.glob("*.h")
-    name, text = header.stem, header.read_text()
-    numbers = {word: int(re.search(rf"_{word} (\d+)", text)[1]) for word in ("JOINTS", "TARGETS")}  # type: ignore[index]
-    slopes = int(re.search(r"double jacobian\[(\d+)\]", text)[1])  # type: ignore[index]
-    program = HOSTILE.format(name=name, joints=numbers["JOINTS"], targets=numbers["TARGETS"], slopes=slopes)
-    (tmp_path / "hostile.c").write_text(program)
-    for main_file in ("hostile.c", f"{name}_test.c"):
-        command = [
-            compiler,
-            *C_WARNINGS,
-            *FLAGS.split(),
-            "-O1",
-            str(tmp_path / main_file),
-            str(tmp_path / f"{name}.c"),
-        ]
-        subprocess.run([*command, "-o", str(tmp_path / "run"), "-lm"], check=True)
-        sanitized([tmp_path / "run"])
+    survives(tmp_path, compiler)
+
+
+def of_two_branches() -> Machine:
+    """Return a machine that moves its workpiece, too."""
+    case = Case(five_axis(), data_for(five_axis(), 40, np.random.default_rng(3)))
+    return replace(case.machine, values=case.sizeable(case.model.keys))
+
+
+OTHERS = {
+    "branches": of_two_branches,
+    "poses": lambda: fitted_with_errors()[1].machine,
+    "hexapod": lambda: given(
+        hexapod(estimate=["B1"], effects=[{"name": "leg_zero_offset", "joint": "L3"}]),
+        {"geometry.B1.x": 0.5, "L3.leg_zero_offset.a": 0.7},
+    ),
+}
+"""Machines of which no example has the kind."""
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_emitted_c_of_other_kinds_survives_every_command(
+    name: str, compiler: str, library: str, tmp_path: Path
+) -> None:
+    emit(OTHERS[name](), "c", tmp_path, name="device")
+    survives(tmp_path, compiler)
 
 
 @pytest.mark.parametrize("machine", MACHINES, ids=lambda path: path.name)
@@ -175,7 +209,7 @@ def test_emitted_cpp_passes_its_own_test(
         3,
     )
     (source,) = tmp_path.glob("*_test.cpp")
-    command = [cpp_compiler, *CPP_WARNINGS, *FLAGS.split(), "-O1", str(source), "-o", str(tmp_path / "run")]
+    command = [cpp_compiler, *CPP_WARNINGS, *SANITIZERS, str(source), "-o", str(tmp_path / "run")]
     subprocess.run(command, check=True)
     sanitized([tmp_path / "run"])
 
@@ -186,7 +220,7 @@ def test_what_is_compiled_at_run_time_survives_every_row(
 ) -> None:
     environment = {
         **os.environ, "LD_PRELOAD": library, "ASAN_OPTIONS": "detect_leaks=0", "CC": f"{compiler} {FLAGS}",
-        "RODGEN_CACHE": str(tmp_path), "PYTHONMALLOC": "malloc",
+        "RODGEN_CACHE": str(tmp_path), "PYTHONMALLOC": "malloc", "RODGEN_LIMITS": "compile=3600",
     }  # fmt: skip
     done = subprocess.run(
         [sys.executable, "-c", AT_RUN_TIME, str(machine)],

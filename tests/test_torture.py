@@ -192,7 +192,7 @@ def test_memory_ends_or_ctrl_c_is_pressed_at_a_call(name, tortured):
     torture.run()
     good = torture.run(calls=True)
     done = good.operations.done
-    writing = [n for n, what in enumerate(done) if what.endswith(("files.py", "writer.py", "_outputs.py"))]
+    writing = [n for n, what in enumerate(done) if what.endswith((" files.py", "writer.py", "_outputs.py"))]
     quick = name in QUICK
     spread = np.linspace(0, len(done) - 1, 10 if quick else 30).astype(int)
     for at in sorted({*spread.tolist(), *writing[:: 4 if quick else 1]}):
