@@ -155,6 +155,11 @@ class Tape:
         return [(centre[n].T, radius[n].T, size) for n, size in self.roundings]
 
 
+def _is_short(constant: float) -> bool:
+    """Return whether a constant of a program has fewer than 30 binary digits."""
+    return (constant * 2.0 ** (30 - math.frexp(constant)[1])).is_integer()
+
+
 @dataclass(frozen=True, eq=False)
 class Number:
     """A number of a program, for all inputs of a box.
@@ -179,7 +184,12 @@ class Number:
     slopes: tuple[arb, ...] = ()
 
     def _with(self, other: Any) -> Number:
-        return other if isinstance(other, Number) else self.tape.input(arb(other))
+        if isinstance(other, Number):
+            return other
+        # a constant that is no short fraction stands for a number with more digits, such as the root of 3
+        return self.tape.number(
+            lambda: arb(other), ulps=0 if isinstance(other, arb) or _is_short(other) else 0.5
+        )
 
     def __add__(self, other: Any) -> Number:
         if not isinstance(other, Number) and other == 0:
@@ -199,6 +209,8 @@ class Number:
             if other is self:
                 return self.tape.number(lambda x: x * x, [(self, 2 * self.value)])
             return self.tape.number(lambda x, y: x * y, [(self, other.value), (other, self.value)])
+        if not _is_short(other):
+            return self * self._with(other)
         exact = math.frexp(abs(other))[0] in {0.0, 0.5}  # a power of two
         return self.tape.number(lambda x: x * other, [(self, arb(other))], ulps=0 if exact else 0.5)
 
@@ -210,7 +222,7 @@ class Number:
         return self.tape.number(lambda x, y: x / y, [(self, slope), (b, -self.value * slope * slope)])
 
     def __rtruediv__(self, other: Any) -> Number:
-        return self.tape.number(lambda x: other / x, [(self, -other / self.value / self.value)])
+        return self._with(other) / self
 
     def __neg__(self) -> Number:
         return self.tape.number(lambda x: -x, [(self, arb(-1))], ulps=0)

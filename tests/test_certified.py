@@ -14,13 +14,16 @@ import pytest
 from test_axis_accuracy import PROMISE, accuracy
 
 import rodgen
+from rodgen import tricept
 from rodgen.generated.numpy import axis as axis_module
 from rodgen.generated.numpy import rotations
+from rodgen.generated.numpy import tricept as tricept_module
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "study"))
 
 import certify  # noqa: E402
+import newton_program as newton  # noqa: E402
 from rounding import EPS, BallFunctions, Tape, UndecidedError, ball, bounds  # noqa: E402
 from vector_programs import Floats, rotate, solve_axis, solve_axis_usual  # noqa: E402
 
@@ -127,6 +130,73 @@ def test_vector_program_of_a_rotation_is_the_kernel_bit_for_bit() -> None:
     rho, theta = rng.normal(size=(2, 1000, 3)) * 10.0 ** rng.uniform(-3, 3, size=(2, 1000, 1))
     found = rotate(Floats(), list(rho.T), list(0.5 * theta.T))
     np.testing.assert_array_equal(np.stack(found, -1), rotations.rotate(rho, theta))
+
+
+def drawn_rods(rows: int) -> np.ndarray:
+    """Return the rods of poses in the certified boxes."""
+    poses = np.random.default_rng(4).uniform([-0.4, -0.4, 550], [0.4, 0.4, 800], (rows, 3))
+    return tricept.legs(poses, tricept.PAPER)
+
+
+def test_the_steps_of_newtons_method_are_the_kernel_bit_for_bit() -> None:
+    """Its last step is executed in place of each, as it is in the certificate."""
+    rods = drawn_rods(300)
+    names = {"xp": np, "eps": EPS, "largest": np.finfo(float).max, "r": 140.0, "R": 330.0}
+    names |= {f"legs_{n}": rod for n, rod in enumerate(rods.T, 1)}
+    exec(newton.BEFORE, names)
+    names |= {f"{name}5": names[f"start_{name}"] for name in ("sa", "ca", "sb", "cb", "z")}
+    for _ in newton.STEPS[::2]:
+        exec(newton.STEPS[-2], names)
+        exec(newton.STEPS[-1], names)
+        names |= {f"{name}5": names[f"{name}6"] for name in ("sa", "ca", "sb", "cb", "z")}
+    exec(newton.RESULTS, names)
+    pose, status = tricept_module.tricept_direct(rods, 140.0, 330.0)
+    assert (status == 0).all()
+    np.testing.assert_array_equal(np.stack([names[f"pose_{n}"] for n in (1, 2, 3)], axis=1), pose)
+
+
+def test_second_derivatives_of_newtons_method_are_those_of_its_matrix() -> None:
+    def matrix(pose: np.ndarray) -> np.ndarray:
+        (a, b, z), names = (
+            pose,
+            {"r": 140.0, "R": 330.0, "c1": 0.0, "c2": 0.0, "c3": 0.0, "x3": 140.0 * 330.0},
+        )
+        names |= {"sa5": math.sin(a), "ca5": math.cos(a), "sb5": math.sin(b), "cb5": math.cos(b), "z5": z}
+        exec(newton.STEPS[-2], {**names, "xp": np}, names)
+        return np.array([[names[f"W6_{i}_{j}"] for j in (1, 2, 3)] for i in (1, 2, 3)])
+
+    pose, h = np.array([0.2, -0.3, 600.0]), 1e-4
+    slopes = [(matrix(pose + h * e) - matrix(pose - h * e)) / (2 * h) for e in np.eye(3)]
+    found = np.array(newton.SECOND(*map(newton.arb, pose), 140, 330)).astype(float)
+    np.testing.assert_allclose(found, np.stack(slopes, axis=-1), rtol=1e-6, atol=1e-4)
+
+
+def test_no_error_of_a_direct_pose_exceeds_its_bound() -> None:
+    """Against Newton's method with 50 digits."""
+    claim = next(c for c in CLAIMS if c.kernel == "tricept_direct")
+    rods = drawn_rods(25)
+    found, _ = tricept_module.tricept_direct(rods, 140.0, 330.0)
+    errors = []
+    with mpmath.workdps(50):
+        ends = [(mpmath.cos(t), mpmath.sin(t)) for t in (0, 2 * mpmath.pi / 3, -2 * mpmath.pi / 3)]
+        for pose, given in zip(found, rods, strict=True):
+            lengths = [mpmath.mpf(float(x)) for x in given]
+
+            def off(a: object, b: object, z: object, lengths: list[mpmath.mpf] = lengths) -> list[mpmath.mpf]:
+                (sa, ca), (sb, cb) = ((mpmath.sin(t), mpmath.cos(t)) for t in (a, b))
+                rows = ((cb, -sb * sa, sb * ca), (0, ca, sa), (-sb, -cb * sa, cb * ca))
+                places = [[140 * (row[0] * x + row[1] * y) + row[2] * z for row in rows] for x, y in ends]
+                return [
+                    (p[0] - 330 * x) ** 2 + (p[1] - 330 * y) ** 2 + p[2] ** 2 - length**2
+                    for p, (x, y), length in zip(places, ends, lengths, strict=True)
+                ]
+
+            exact = mpmath.findroot(off, pose.tolist(), tol=1e-60)
+            sizes = (1, 1, float(exact[2]))
+            errors.append(
+                max(abs(float(x) - y) / s for x, y, s in zip(pose, exact, sizes, strict=True)) / EPS
+            )
+    assert claim.bound / 100 < max(errors) <= claim.bound
 
 
 def exactly(name: str, *given: np.ndarray) -> list[mpmath.mpf]:
