@@ -210,18 +210,16 @@ class _Stdout:
             raise unwritable(self.file, error) from None
 
 
-class _Memory(io.BytesIO):
+class _Memory:
     """A file in memory."""
 
     def __init__(self, file: str) -> None:
-        super().__init__()
         self.file = file
+        self._content = io.BytesIO()
+        self.getvalue = self._content.getvalue
 
     def open(self) -> IO[bytes]:
-        return self
-
-    def close(self) -> None:  # the sink closes what it wrote to
-        pass
+        return _Unclosed(self._content)  # type: ignore[return-value]
 
     def commit(self) -> None:
         pass
@@ -235,8 +233,10 @@ class _Memory(io.BytesIO):
 
 
 class _Unclosed:
+    closed = False
+
     def __init__(self, stream: Any) -> None:
-        self.write = stream.write
+        self.write, self.tell, self.flush = stream.write, stream.tell, stream.flush
 
     def close(self) -> None:
         pass
