@@ -365,6 +365,7 @@ def test_file_reads_back_equal_and_says_the_coupling(tmp_path):
         ("J3m - J2m", "J3m + 90", "joint J3, coordinate: 90 without a unit; expected a number with its unit"),
         ("J3m - J2m", "J3m + 90 mm", "joint J3, coordinate: angle and length added; expected two of one kind"),
         ("J3m - J2m", "J3m - 2 J2m", "joint J3, coordinate: '2 J2m' at character 7, with no operator between"),
+        ("J3m - J2m", "J3m - 1e20*J2m", "joint J3, coordinate: a factor or a constant of an unusual size"),
         ("J3m - J2m", "J2m", "joint J3, coordinate: 'J2m', without 'J3m', the joint's reading"),
         ("J3m - J2m", "J3m - J4", "joint J4, coordinate: a circle, J3 follows J4 follows J3"),
         ('reading = "J3m"', 'reading = "J3"', "joint J3, coordinate: no joint or reading 'J3m'; expected"),

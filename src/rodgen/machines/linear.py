@@ -16,10 +16,11 @@ from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula
 __all__ = ["Combination", "combination"]
 
 _QUANTITY = re.compile(
-    r"(?<![\w.])(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s+(?P<unit>[^\W\d_][^\s()*+-]*)"
+    r"(?<![\w.])(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![eE][+-]?\d)\s*(?P<unit>(?:[^\W\d_]|°)[^\s()*+-]*)"
 )
 _KEY = re.compile(r"(?<![\w.])[^\W\d][\w-]*(?:\[[^\]]*\])?(?:\.[\w-]+)+")
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_LARGEST = Fraction(10) ** 9
 _LINEAR = "sums of multiples, such as 'a - 2*b + 10 deg'"
 
 
@@ -106,6 +107,11 @@ def combination(
     constant = value.terms.pop("", Fraction(0))
     if value.dimension != dimension and (value.terms or constant):
         raise UnexpectedError(f"a value in {value.dimension}", f"one in {dimension}")
+    for number in (*value.terms.values(), constant):
+        if number and not 1 / _LARGEST < abs(number) < _LARGEST:
+            raise UnexpectedError(
+                "a factor or a constant of an unusual size", f"one below {float(_LARGEST):g}"
+            )
     return Combination(tuple((name, x) for name, x in value.terms.items() if x), constant)
 
 
