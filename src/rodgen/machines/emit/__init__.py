@@ -70,7 +70,8 @@ def emit(
 
     Where poses were measured a place is twelve numbers: x, y, z and the matrix of the attitude, row by row. A
     compensation brings both to what is wanted, with six joints exactly; with fewer it finds the nearest, where turns
-    count as lengths on an arm as long as the machine is large.
+    count as lengths on an arm as long as the machine is large. Where attitudes, angles or inclinations were
+    measured it is the matrix of the attitude alone, nine numbers.
 
     A machine that was fitted to distances moves a point as well, and its commands are corrected to places: a single
     distance does not define one.
