@@ -322,6 +322,9 @@ def test_residuals_before_and_after_whitened_and_in_parts() -> None:
         rows = np.flatnonzero(before.observations.s[:, 3] > 0)
         np.testing.assert_array_equal(forwards.customdata, rows)
         np.testing.assert_allclose(forwards.y, (fit.residuals / sigma)[rows, 1])
+    ways = figures.residual_plot(after, "dir_C", before=before)
+    drawn = [np.sort(trace_of(ways, 0, name).x - np.sign(trace_of(ways, 0, name).x)) for name in sides]
+    assert drawn[0][-1] < 0 < drawn[1][0]  # before at the left of its direction, after at the right
     table = made_diagnoses.table(72).base
     along = figures.residual_plot(table, "C", parts="C")
     reading, across = (trace_of(along, k, "residual") for k in (0, 1))

@@ -64,7 +64,7 @@ MOST_RUNS, PIECES = 20, 40
 """Runs up to which lines part them, and points of the line that follows residuals in time."""
 MOST_GROUPS = 10
 """Categories that have a mark of their own."""
-JITTER = 0.3
+JITTER = 0.25
 """Width over which the marks of a category are spread."""
 MEAN = {"color": INK, "width": 1.6}
 """The line of a curve or a mean among marks."""
@@ -242,32 +242,36 @@ def residuals_over(
     height = SEVERAL if len(panels) > 1 else SINGLE
     below = label(plain(driver.label))
     figure = column([Panel(panel.heading, height, below * (panel is panels[-1])) for panel in panels])
-    x, marks = _along(rows, driver), Marks(rows, approach, colour, aside)
+    x, side = _along(rows, driver), rows.sides[-1][0]
+    marks = Marks(rows, approach, colour, aside)
     chosen, beyond = np.isin(rows.chosen, np.asarray([*selected], np.intp)), False
     for number, panel in enumerate(panels):
         good = np.concatenate([values[~marks.out] for values in panel.values])
         limit = _limit(good)
-        end = "" if driver.kind in {"joint", "order"} else f"<br>{label(plain(driver.name))}: %{{x:.6g}}"
+        known_from_tip = driver.kind in {"joint", "order", "approach"} or bool(driver.categories)
+        end = "" if known_from_tip else f"<br>{label(plain(driver.name))}: %{{x:.6g}}"
         for (name, fit), values in zip(rows.sides, panel.values, strict=True):
             for words, at, mark in marks.groups(name, np.isfinite(values)):
                 legend = (
                     f"{words}: rms {rows.shown(fit.rms)} {label(rows.shown.unit)}" if words == name else words
                 )
-                add_rows(figure, number, legend, rows, at, x, values, mark, f"{panel.unit}, {name}{end}")
+                add_rows(
+                    figure, number, legend, rows, at, x[name], values, mark, f"{panel.unit}, {name}{end}"
+                )
         beyond |= bool(np.any(np.abs(panel.values[-1]) > limit))
         last = np.clip(panel.values[-1], -0.95 * limit, 0.95 * limit)
         known = np.isfinite(last)
         for words, of, mark in marks.apart(chosen):
             at = np.flatnonzero(of & known)
             if len(at):
-                add_rows(figure, number, words, rows, at, x, last, mark, panel.unit, panel.values[-1])
+                add_rows(figure, number, words, rows, at, x[side], last, mark, panel.unit, panel.values[-1])
         if driver.in_time:
-            _in_time(figure, number, rows, x, panel.values[-1], marks.out)
+            _in_time(figure, number, rows, x[side], panel.values[-1], marks.out)
         low = -0.05 * limit if panel.size else -limit
         figure.update_layout({f"yaxis{number + 1}": {"range": [low, limit], "zeroline": True}})
     if marks.bar:
         figure.update_layout(coloraxis=marks.bar)
-    _scale(figure, len(panels), driver, x)
+    _scale(figure, len(panels), driver, x[side])
     sizes = ", ".join(f"{name} {rows.shown(fit.rms)} {rows.shown.unit}" for name, fit in rows.sides)
     note = [*(remarks or ["Measured minus predicted."]), rows.thinned]
     if driver.in_time:
@@ -392,12 +396,14 @@ def add_rows(
     )  # fmt: skip
 
 
-def _along(rows: DrawnRows, driver: Driver) -> Array:
-    """Return where rows stand along the x axis; those of a category side by side, so that all are seen."""
+def _along(rows: DrawnRows, driver: Driver) -> dict[str, Array]:
+    """Return where rows of each side stand along the x axis; those of a category are spread, so that all are seen."""
     x = np.asarray(driver.noted, float)
-    if driver.categories or driver.kind == "approach":
-        x = x + JITTER * ((rows.chosen * 0.6180339887) % 1 - 0.5)
-    return x
+    if not driver.categories and driver.kind != "approach":
+        return {name: x for name, _ in rows.sides}
+    middle = (len(rows.sides) - 1) / 2
+    spread = (rows.chosen * 0.6180339887) % 1 - 0.5
+    return {name: x + JITTER * (spread + 1.1 * (i - middle)) for i, (name, _) in enumerate(rows.sides)}
 
 
 def _scale(figure: go.Figure, panels: int, driver: Driver, x: Array) -> None:
