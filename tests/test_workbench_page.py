@@ -47,21 +47,24 @@ class Walker:
             await asyncio.sleep(0.05)
         raise AssertionError("it does not happen")
 
-    def named(self, label, kind=ui.element):
+    def there(self, label, kind=ui.element):
         with self.user:
             found = [e for e in ElementFilter(kind=kind) if e.visible]
-        found = [e for e in found if label in (e.props.get("aria-label"), e.props.get("label"))]
+        return [e for e in found if label in (e.props.get("aria-label"), e.props.get("label"))]
+
+    def named(self, label, kind=ui.element):
+        found = self.there(label, kind)
         assert len(found) == 1, (label, found)
         return found[0]
 
-    def press(self, label):
+    async def press(self, label):
+        await self.until(lambda: self.there(label) and self.named(label, ui.button).enabled)
         button = self.named(label, ui.button)
-        assert button.enabled, label
         UserInteraction(user=self.user, elements={button}, target=None).click()
 
     async def does(self, label, at):
         """Press a button that leads to the state of a number."""
-        self.press(label)
+        await self.press(label)
         await self.until(lambda: self.session.at == at)
 
     def types(self, label, text):
@@ -134,17 +137,17 @@ def test_rows_are_brushed_away_and_back_and_what_was_done_is_kept(files):
         assert not session.state.aside.any()
         walker.types("Value", "80")
         walker.named("Rule").set_value("EL")
-        walker.press("Select by the rule")
+        await walker.press("Select by the rule")
         high = int(np.sum(np.degrees(session.state.observations.q[:, 1]) > 80))
         await walker.sees(f"{high} rows selected")
         walker.types("Value", "many")
-        walker.press("Select by the rule")
+        await walker.press("Select by the rule")
         await walker.sees("expected a number, in deg")
         walker.types("Session", "../up.rodgen")
-        walker.press("Write: Session")
+        await walker.press("Write: Session")
         await walker.sees("a name without a folder")
         walker.types("Session", "kept.rodgen")
-        walker.press("Write: Session")
+        await walker.press("Write: Session")
         await walker.sees("kept.rodgen is written.")
         await walker.does("Undo", 1)
 
@@ -216,18 +219,18 @@ def test_a_diagnosis_runs_in_the_background_and_its_steps_are_taken_or_left(file
     session = Session.open(*files)
 
     async def user(walker):
-        walker.press("Diagnose")
+        await walker.press("Diagnose")
         await walker.until(lambda: walker.desk.diagnosis is not None)
         await walker.sees("Suggestions of the diagnosis")
         await walker.does("Take tube_flexure", 1)
         await walker.until(lambda: not walker.named("Take tube_flexure").enabled)
-        walker.press("Diagnose")
+        await walker.press("Diagnose")
         await walker.until(lambda: walker.desk.work is not None)
         walker.desk.work.stop()
         await walker.until(lambda: walker.desk.work is None)
         assert walker.desk.diagnosis[0] is session.states[0]
-        walker.press("Plan")
-        walker.press("Make the plan")
+        await walker.press("Plan")
+        await walker.press("Make the plan")
         await walker.until(lambda: walker.desk.plan is not None)
         await walker.sees("AZ [deg]")
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from threading import Event
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.errors import RodgenError
 from rodgen.stages import listening
 
@@ -126,6 +127,9 @@ class Desk:
         self.plan: tuple[State, Plan] | None = None
         self._suspects: dict[int, Suspects] = {}
         self._turn = asyncio.Lock()
+        # Fits, tests and diagnoses each tell the BLAS library to use one thread for their time. Here they run in
+        # threads of their own, and OpenBLAS may hang where the number changes while it computes in another.
+        self._one_thread = one_thread_in_blas()
 
     def prepare(self) -> None:
         """Do what the first window waits for: libraries are imported, and figures drawn once."""
