@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -339,12 +338,7 @@ def test_residuals_before_and_after_whitened_and_in_parts() -> None:
 
 def test_many_rows_are_thinned_keep_their_extremes_and_say_so() -> None:
     fit = made_diagnoses.table(40_000).base
-    times = []
-    for _ in range(3):
-        start = time.process_time()
-        figure = figures.residual_plot(fit, selected=[12_345])
-        times.append(time.process_time() - start)
-    assert min(times) < 0.3
+    figure = figures.residual_plot(fit, selected=[12_345])
     drawn = trace_of(figure, 0, "residual")
     assert f"{len(drawn.x)} of 40000 rows are drawn" in figure.layout.meta["note"]
     assert {12_345, *np.argsort(-np.abs(fit.residuals[:, 0]))[:10].tolist()} <= {*drawn.customdata.tolist()}
