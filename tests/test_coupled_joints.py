@@ -152,6 +152,20 @@ def test_a_drive_bears_the_moment_that_does_the_work_of_its_reading():
     assert np.abs(case.predicted({"A.gravity_windup.k": compliance}) - expected).max() < 1e-7
 
 
+def test_windup_behind_a_gear_that_reverses_gives_way_downwards():
+    """A joint follows its motor alone: a compliant drive lets it sink, whichever way the gear turns."""
+    arm = joint("A", "revolute", [0, 1, 0])
+    more: dict[str, Any] = {"effects": [effect("gravity_windup", "A")], "targets": [(500, 0, 0)]}
+    seen = {f"{x} [mm]": np.zeros(2) for x in "xyz"}
+    plain = Case(machine_file([arm], **more), seen | {"A [rad]": np.array([0.0, 0.3])})
+    sunk = plain.predicted({"A.gravity_windup.k": 1e-6})[:, 2] - plain.predicted()[:, 2]
+    assert sunk.max() < -0.1
+    rule = {"reading": "Am", "coordinate": "-0.5*Am"}
+    geared = Case(machine_file([arm | rule], **more), seen | {"Am [rad]": np.array([0.0, -0.6])})
+    found = geared.predicted({"A.gravity_windup.k": 1e-6})[:, 2] - geared.predicted()[:, 2]
+    assert found == pytest.approx(sunk / 4, rel=1e-3)  # half the moment, half the turn
+
+
 @pytest.mark.parametrize("where", ["k_D", "k_C"])
 def test_a_weight_at_a_later_joint_bears_on_a_drive_by_the_work_that_it_does(where):
     case, _, m = machines("point", [effect("gravity_windup", "A")])

@@ -168,7 +168,8 @@ A, B = "A.encoder_eccentricity.a", "B.encoder_eccentricity.a"
         ({A: "3 * Z.scale.k"}, "a value in a plain number; expected one in angle"),
         ({A: "3 arcsec"}, "a constant; expected hold, or another parameter"),
         ({A: A}, "itself; expected parameters that are not tied"),
-        ({A: B, B: "B.encoder_eccentricity.b", "B.encoder_eccentricity.b": A}, "which is tied, too; expected"),
+        ({B: "B.encoder_eccentricity.b", A: B}, "which is tied, too; expected"),
+        ({A: B, B: "B.encoder_eccentricity.b"}, f"a tie of what '{A}' is tied to; expected that of another parameter"),
         ({A: f"2 {B}"}, f"'2 {B}' at character 1, with no operator between; expected '2*{B}'"),
     ],
 )  # fmt: skip

@@ -372,7 +372,7 @@ class ModelSteps:
     def moments_at(self, i: int, names: frozenset[str], component: str) -> dict[str, Any]:
         """Return the moments that bend a joint, or, where its reading is changed, those that its drive bears."""
         factors = self.followers(i) if component == "reading" else {i: 1}
-        if list(factors) == [i] or not names & MOMENTS:
+        if factors == {i: 1} or not names & MOMENTS:
             return self.moments(i, names)
         found: dict[str, Any] = {}
         for j, factor in factors.items():

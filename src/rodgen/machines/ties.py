@@ -79,6 +79,8 @@ def read_tie(machine: Machine, key: str, text: str) -> Tie:
         raise UnfitEffectError(
             "", f"given together with {shown(entry)} in [known]", "that of a free parameter"
         )
+    if other := next((name for name, tie in machine.ties.items() if key in dict(tie.factors)), None):
+        raise UnfitEffectError("", f"a tie of what {shown(other)} is tied to", "that of another parameter")
     try:
         own = combination(text, units, units[key], machine.length_unit, "parameter")
     except UnexpectedError as error:
