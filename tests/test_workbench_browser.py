@@ -8,9 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from browser import BROWSER, needs_browser
 
+from rodgen.calibration.simulate import simulate
+from rodgen.data.measurements import Measurements
+from rodgen.machines.machine import Machine
 from rodgen.workbench.session import Session
 
 playwright = pytest.importorskip("playwright.sync_api")
@@ -203,6 +207,36 @@ def test_nothing_overlaps_or_overflows(files, serve, opened, width, scheme):
     assert (background == "rgb(20, 23, 26)") == (scheme == "dark")
     page.evaluate("scrollTo(0, 0)")
     picture(page, f"{width}_{scheme}")
+
+
+def test_a_hundred_thousand_rows(files, serve, opened, tmp_path):
+    machine, n, random = Machine.load(files[0]), 100_000, np.random.default_rng(1)
+    design = {"AZ [deg]": random.uniform(0, 360, n), "EL [deg]": random.uniform(15, 88, n)}
+    hidden = ["tube_flexure:a=20arcsec"]
+    made = simulate(machine, Measurements.from_frame(design), hidden, noise="0.6arcsec", seed=1).data
+    columns = list(made.columns.values())
+    header = ",".join(column.text for column in columns)
+    np.savetxt(
+        tmp_path / "many.csv",
+        np.transpose([c.values for c in columns]),
+        "%.11g",
+        ",",
+        header=header,
+        comments="",
+    )
+    page = opened(serve(files[0], tmp_path / "many.csv").address)
+    page.get_by_text(re.compile(r"\d+ of 100000 rows are drawn")).first.wait_for()
+    page.get_by_label("Add tube_flexure").click()
+    page.get_by_text(re.compile(r"Error 0\.(60|599)")).wait_for()
+    page.get_by_label("Undo").click()
+    page.get_by_text("It has no effects yet").wait_for()
+
+
+def test_the_server_ends_as_other_commands_do(files, serve):
+    for how, code in ((signal.SIGINT, 0), (signal.SIGTERM, 143)):
+        server = serve(*files)
+        server.end(how)
+        assert server.process.returncode == code
 
 
 def test_two_windows_show_one_session(files, serve, opened):

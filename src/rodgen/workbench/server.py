@@ -77,8 +77,11 @@ def serve(
             ws_max_size=4_000_000,
             timeout_graceful_shutdown=2,
         )
-        with contextlib.suppress(KeyboardInterrupt):
+        try:
             uvicorn.Server(config).run(sockets=[listening])
+        except KeyboardInterrupt as error:
+            if type(error) is not KeyboardInterrupt:  # a signal that ends the process, not Ctrl-C
+                raise
 
 
 def prepare() -> None:
