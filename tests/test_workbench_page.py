@@ -13,6 +13,7 @@ from nicegui import ElementFilter, events, ui
 from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
 
+from rodgen.workbench.actions import Aside, Known
 from rodgen.workbench.desk import Desk
 from rodgen.workbench.page import Page
 from rodgen.workbench.session import Session
@@ -210,6 +211,11 @@ def test_names_of_a_user_are_shown_as_they_are(files, tmp_path):
             pages = [e.props["innerHTML"] for e in ElementFilter(kind=ui.html)]
         assert any("&lt;script&gt;" in page for page in pages)
         assert not any("<script" in page for page in pages)
+        session.do(Known("AZ.axis.a", {"prior": "0 ± 9 arcsec"}))
+        session.do(Aside([5], why="\"quoted\" onclick='x' \\"))
+        await walker.desk.show("state")
+        await walker.sees("\"quoted\" onclick='x' \\")
+        assert walker.named("Go back to: AZ.axis.a: prior 0 ± 9 arcsec")
 
     walk(session, user)
 

@@ -24,7 +24,7 @@ from rodgen.workbench.actions import Add, Aside, Back, Mend
 from rodgen.workbench.drawing import Drawn, drawn, overlay
 from rodgen.workbench.keep import Keeping
 from rodgen.workbench.model import Model, keys
-from rodgen.workbench.parts import STYLE, anew, button, card, copied, guarded, heading, quoted
+from rodgen.workbench.parts import STYLE, anew, button, card, copied, guarded, heading
 
 if TYPE_CHECKING:
     from nicegui.elements.plotly import Plotly
@@ -251,12 +251,11 @@ class Page:
         title = state.action.title if state.action else "as the file is"
         step = rung.step if rung else None
         gone = "opacity:.5" if number > session.at else ""
-        button = ui.button(title, on_click=guarded(partial(self.desk.go, number))).props(
-            "flat dense no-caps align=left"
-        )
-        button.props(f'aria-label="Go back to: {quoted(title)}"').style(gone)
+        back = ui.button(title, on_click=guarded(partial(self.desk.go, number))).style(gone)
+        back.props("flat dense no-caps align=left")
+        back.props["aria-label"] = f"Go back to: {title}"
         if number == session.at:
-            button.props("color=primary").style("font-weight:650")
+            back.props("color=primary").style("font-weight:650")
         numbers = [
             figure(state.fit.rms),
             figure(rung.held_out.rms) if rung else "…",

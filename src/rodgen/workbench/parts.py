@@ -12,7 +12,7 @@ from nicegui import ui
 
 from rodgen.errors import RodgenError
 
-__all__ = ["STYLE", "Handler", "anew", "button", "card", "copied", "guarded", "heading", "quoted"]
+__all__ = ["STYLE", "Handler", "anew", "button", "card", "copied", "guarded", "heading"]
 
 STYLE = """
 :root{--paper:#fff;--wash:#f6f7f9;--ink:#1b1f24;--soft:#57606a;--mid:#8c959f;--line:#dfe3e8}
@@ -77,15 +77,11 @@ def button(
 ) -> ui.button:
     """Return a button; `label` is its name for a screen reader, where the text alone does not say it."""
     made = ui.button("" if bare else text, icon=icon or None, on_click=guarded(handler))
-    made.props(f'outline dense no-caps padding="2px 8px" aria-label="{quoted(label or text)}"')
+    made.props('outline dense no-caps padding="2px 8px"')
+    made.props["aria-label"] = label or text
     if tip:
         made.tooltip(tip)
     return made
-
-
-def quoted(text: str) -> str:
-    """Return a text that can stand between the quotes of a property."""
-    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ")
 
 
 def card(title: str) -> ui.element:
