@@ -25,6 +25,9 @@ if not any("_gufuncs" in file.name for file in importlib.metadata.files("rodgen"
 
 import rodgen.generated
 
+collect_ignore = ["linuxcnc_driver.py"]
+"""Run by LinuxCNC with the Python of the system: only that has what it imports."""
+
 C_FOLDER = Path(rodgen.generated.__file__).parent / "c"
 C_MODULES = sorted(path.stem for path in C_FOLDER.glob("*.c"))
 C_WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror"]
