@@ -143,6 +143,17 @@ def test_volumetric_error_of_real_families() -> None:
         assert 0 < found.largest_u < found.largest
 
 
+def test_volumetric_error_is_at_positions_that_coupled_joints_can_reach() -> None:
+    machine = Machine.load(MACHINES / "palletiser/machine.toml")
+    found = volumetric_error(machine.fit(_data("palletiser")))
+    assert found is not None
+    j3, j4 = machine.number_of("J3"), machine.number_of("J4")
+    low, high = np.radians([-120, 60])  # the motor of J3 alone could turn from -170 to 145 degrees
+    assert low <= machine.coordinates(found.at)[j3] <= high
+    assert found.at[j4] == pytest.approx(-found.at[j3])  # J4 is level by rods: -(J2 + J3), J3 = J3m - J2m
+    np.testing.assert_allclose(found.ranges[j4], -found.ranges[j3][::-1])
+
+
 def test_report_has_the_digits_that_an_uncertainty_leaves() -> None:
     fit = gantry(noise=2)
     said, found = own_errors(fit), locations(fit)["EC0Y"]

@@ -14,7 +14,7 @@ from rodgen.calibration.ladder import ladder
 from rodgen.cli.main import main
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Machine
-from rodgen.workbench.actions import Add, Aside, Back, Known, Remove, Written
+from rodgen.workbench.actions import Add, Aside, Back, Known, Mend, Remove, Written
 from rodgen.workbench.session import Session
 
 MOUNT = Path(__file__).parents[1] / "examples/machines/mount"
@@ -172,6 +172,20 @@ def test_commands_and_python_do_the_same(session, files, tmp_path):
     machine = Machine.load(files[0])
     assert [e.title for e in machine.effects] == ["refraction"]
     assert files[0].read_text() == session.state.text
+
+
+def test_python_of_a_mended_order_of_joints_binds_columns_anew(tmp_path):
+    folder = MOUNT.parent / "positioner"
+    head, theta, phi = (folder / "machine.toml").read_text().partition("\n[[target]]")[0].split("[[joint]]")
+    rest = (folder / "machine.toml").read_text().partition("\n[[target]]")[2]
+    wrong = f"{head}[[joint]]{phi}\n[[joint]]{theta}\n[[target]]{rest}"
+    (tmp_path / "machine.toml").write_text(wrong)
+    session = Session.open(tmp_path / "machine.toml", folder / "data.csv")
+    before, mend = session.state.fit.rms, next(m for m in session.state.check.repairs if not m.of_data)
+    assert session.do(Mend(mend.words)).fit.rms < 0.1 * before
+    made = {}
+    exec(session.python(), made)
+    assert made["fit"].rms == pytest.approx(session.state.fit.rms, rel=1e-8)
 
 
 def test_to_import_rodgen_imports_no_page():

@@ -187,12 +187,14 @@ def _rests_on_a_choice(
 def _positions(fit: FittedModel) -> tuple[Observations, bool]:
     """Return observations at positions over the travel, each approached from both sides; and whether measured ones."""
     o, machine = fit.observations, fit.machine
-    if machine.kinematics.is_closed:
+    if not machine.kinematics.is_closed:
+        read = np.array([[joint.is_read] for joint in machine.joints])
+        q = machine.followed(_grid(np.where(read, o.travel, 0.0)))
+        q = q[machine.within_travel(q)]
+        rows = np.zeros(len(q), np.intp)
+    if measured_only := machine.kinematics.is_closed or not len(q):
         rows = np.unique(np.linspace(0, o.n - 1, min(o.n, MOST)).astype(np.intp))
         q = o.q[rows]
-    else:
-        q = _grid(o.travel)
-        rows = np.zeros(len(q), np.intp)
     both = np.concatenate([rows, rows])
     n = len(both)
 
@@ -211,7 +213,7 @@ def _positions(fit: FittedModel) -> tuple[Observations, bool]:
         target=np.zeros(n, np.int32),
         run=np.zeros(n, np.int32),
     )
-    return given, machine.kinematics.is_closed
+    return given, measured_only
 
 
 def _grid(travel: Array) -> Array:

@@ -358,6 +358,14 @@ class Machine:
             return q
         return np.where([joint.is_read for joint in self.joints], q, self.couplings.coordinates(q))
 
+    def within_travel(self, q: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which readings, (n, J), leave coupled joints within their own travels, (n,)."""
+        inside = np.ones(len(q), bool)
+        for joint, values in zip(self.joints, self.coordinates(q).T, strict=True):
+            if joint.coordinate is not None and joint.travel is not None:
+                inside &= (values >= joint.travel[0]) & (values <= joint.travel[1])
+        return inside
+
     def with_effect(self, effect: Effect) -> Machine:
         """Return this machine with one more effect, after those that it has.
 

@@ -385,7 +385,8 @@ class Mend(Action):
     def python(self) -> str:
         """Return the lines of Python that do the same."""
         found = f"next(mend for mend in fit.check().repairs if mend.words == {self.words!r})"
-        return f"machine, _ = {found}.applied(machine, observations)\n{FIT}"
+        bound = "observations = bind_once(machine, observations.data)"
+        return f"machine, _ = {found}.applied(machine, observations)\n{bound}\n{FIT}"
 
 
 ACTIONS: dict[str, Callable[..., Action]] = {

@@ -94,17 +94,6 @@ def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
     return np.unique(rounded, axis=0)
 
 
-def within_travel(machine: Machine, q: Array) -> Array:
-    """Return those positions, (n, J), that leave coupled joints within their travel."""
-    coordinates = machine.coordinates(q)
-    inside = np.ones(len(q), bool)
-    for j, joint in enumerate(machine.joints):
-        if joint.coordinate is not None and joint.travel is not None:
-            low, high = joint.travel
-            inside &= (coordinates[:, j] >= low) & (coordinates[:, j] <= high)
-    return q[inside]
-
-
 @dataclass(frozen=True)
 class Levels:
     """What else may be chosen.
@@ -209,7 +198,8 @@ def readings(
     else:
         still = [not joint.is_read for joint in machine.joints]
         within = np.where(np.array(still)[:, None], np.median(taken, axis=0)[:, None], travel)
-        q = within_travel(machine, machine.followed(positions(within, units, count, taken)))
+        q = machine.followed(positions(within, units, count, taken))
+        q = q[machine.within_travel(q)]
     if o.machine.kinematics.is_closed:
         q = q[attainable(o, q)]
     random = np.random.default_rng(0)
