@@ -55,7 +55,9 @@ def builder(name: str = "sample") -> KernelBuilder:
 # The spec ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["2x", "a b", "a-b", "", "lambda", "double", "np", "out", "eps", "größe"])
+@pytest.mark.parametrize(
+    "name", ["2x", "a b", "a-b", "", "lambda", "double", "np", "out", "eps", "größe", "sin"]
+)
 def test_names_that_no_target_can_have_are_refused(name: str) -> None:
     with pytest.raises(KernelError, match="not a valid name in generated code"):
         builder(name)

@@ -483,6 +483,8 @@ def test_location_errors_have_expanded_uncertainties_from_a_fit(tmp_path):
         assert float(found[symbol]["U (k = 2)"]) == pytest.approx(u, abs=0.05)  # two digits
         value, decimals = found[symbol]["value"], len(found[symbol]["U (k = 2)"].partition(".")[2])
         assert value == f"{factor * estimates[key].value:.{decimals}f}"
+        assert found[symbol]["note"] == ""
+    assert (found["C0C"]["U (k = 2)"], found["C0C"]["note"]) == ("", "not estimated")
 
 
 def test_emit_says_what_the_model_misses(tmp_path, capsys):

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from rodgen.calibration.simulate import simulate
+from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.imports.urdf import machine_from_urdf
@@ -379,6 +380,22 @@ def test_ur10s_own_urdf_has_the_places_that_its_measurements_say(tmp_path):
     q = np.stack([table[name] for name in names], axis=1)
     assert [1000 * (forward(row) @ tool_in(path))[:3] for row in q] == pytest.approx(expected, abs=1e-5)
     assert np.abs([1000 * (nominal(row) @ tool_in(path))[:3] for row in q] - expected).max() > 1
+
+
+def test_a_board_of_any_attitude_does_not_turn_the_robot(tmp_path, rodgen_command: Run):
+    """Where all axes are estimated the board, whose attitude is in no file, takes up how the whole is turned."""
+    if not UR10.exists():
+        pytest.skip(f"needs {UR10}, which is not part of this repository")
+    machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
+    named = [f"--column={name}=phi{x}1" for name, x in zip(("roll", "pitch", "yaw"), "xyz", strict=True)]
+    files = (UR10, UR10.with_name("calibration.csv"), "-o", machine, "-d", data)
+    assert rodgen_command("import", *files, "--tip", "tool0", "--estimate", "geometry", *named)[0] == 0
+    fit = Machine.load(machine).fit(Measurements.load(data))
+    tilts = [np.radians(e.value / 3600) for key, e in fit.estimates.items() if ".axis." in key]
+    assert len(tilts) == 12
+    assert np.abs(tilts).max() < 0.02
+    code, _, err = rodgen_command("emit", machine, data, "--lang", "urdf", "--into", UR10, "-o", tmp_path)
+    assert code == 0, err
 
 
 @pytest.mark.parametrize(

@@ -85,8 +85,8 @@ def add_to(command: Command) -> None:
         "--estimate",
         choices=("target", "geometry"),
         default="target",
-        help="of a URDF or a Denavit-Hartenberg table: what a fit adjusts; geometry where axes and points of joints "
-        "are known roughly",
+        help="of a URDF or a Denavit-Hartenberg table: what a fit adjusts; geometry is axes and points of all joints, "
+        "too, to calibrate the robot itself",
     )
     made.add_argument(
         "--azimuth",
@@ -209,6 +209,9 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
         estimate += made.machine.estimate
         note = "Axes and points of all joints are estimated: a fit needs no more than a rough geometry."
         made = replace(made, machine=replace(made.machine, estimate=estimate), notes=(*made.notes, note))
+    elif alone in ([_URDF], [_TABLE]):
+        note = "Axes and points of joints are taken as they are; --estimate geometry calibrates them, too."
+        made = replace(made, notes=(*made.notes, note))
     return (_with_readings(options, made, kinds) if _READINGS in kinds else made), _MACHINE in kinds
 
 

@@ -25,7 +25,7 @@ from rodgen.codegen.kernel_parts import (
     port_symbols,
     shortened,
 )
-from rodgen.codegen.printers import ArrayPrinter
+from rodgen.codegen.printers import ArrayPrinter, CPrinter
 from rodgen.symbolic import EPS, LARGEST
 
 __all__ = ["KernelBuilder"]
@@ -39,7 +39,13 @@ _RESERVED = {
     *keyword.kwlist,
     *dir(builtins),
     *re.findall(r"\w+", _WORDS_OF_C),
+    *CPrinter.functions.values(),  # which a variable of the same name would hide
     *(
+        "sqrt",
+        "pow",
+        "copysign",
+        "ldexp",
+        "isfinite",
         "linux",
         "unix",
         "NAN",

@@ -180,8 +180,17 @@ class Model:
 
     @functools.cached_property
     def anchored(self) -> NDArray[np.bool_]:
-        """Of which parameters the machine file says a value, (parameters,): of no frame, nor of what is searched."""
-        of_file = [k != "frame" and not p.searched for k, p in zip(self.kinds, self.parameters, strict=True)]
+        """Of which parameters the machine file says a value, (parameters,).
+
+        It says none of a frame, of what is searched, nor of a body's attitude on the last link where it gives none.
+        """
+        unknown = {
+            ("target", k, x) for k, t in enumerate(self.machine.targets) if not any(t.attitude) for x in TURNS
+        }
+        of_file = [
+            kind != "frame" and p.slot not in unknown and not p.searched
+            for kind, p in zip(self.kinds, self.parameters, strict=True)
+        ]
         return np.array(of_file, bool)
 
     @functools.cached_property

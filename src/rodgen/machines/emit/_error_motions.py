@@ -171,10 +171,12 @@ def iso_texts(
         page += [f"  Not in it: {what}." for what in axis.left_out]
     rows = [list(_locations(each, travel)) for each in machines]
     expanded = K * standard([np.array([value for _, value, _ in each]) for each in rows])
-    lines = ["symbol,value,unit" + f",U (k = {K:g})" * (len(machines) > 1)]
+    fitted = len(machines) > 1
+    lines = ["symbol,value,unit" + f",U (k = {K:g}),note" * fitted]
     for (symbol, value, unit), u in zip(rows[0], expanded.tolist(), strict=True):
         shown, of_it = uncertain_number(value / sizes[unit], u / sizes[unit], unit)
-        lines.append(f"{symbol},{shown},{unit}" + f",{of_it}" * (len(machines) > 1))
+        how = "" if of_it else "not estimated"
+        lines.append(f"{symbol},{shown},{unit}" + f",{of_it},{how}" * fitted)
     files[f"{name}_location.csv"] = "\n".join(lines) + "\n"
     return files | {f"{name}_errors.md": "\n".join(page) + "\n"}
 

@@ -226,6 +226,8 @@ def _of_table(
         columns.notes.append(
             f"Not taken: {', '.join(map(shown, left))}; --column NAME=THEIRS, or [columns], takes a column."
         )
+    if attitudes and not any(columns.found.keys() >= set(n) for n in NOTATIONS.values()):
+        columns.notes += _perhaps_attitudes(left)
     keep, why = _kept_rows(columns)
     columns.notes += why
     made = dict(_converted(columns, machine, keep, wide, units))
@@ -306,12 +308,26 @@ def _places(machine: Machine) -> tuple[str, ...]:
 def _take_attitude(columns: _Columns, machine: Machine) -> None:
     """Take the columns of an attitude, in the first notation that is there."""
     names = {*columns.found, *(_plain(column.name) for column in columns.table.columns)}
-    for words, notation in NOTATIONS.items():
-        if set(notation) <= names:
-            for name in notation:
-                _take_named(columns, name, (), machine)
-            columns.notes.append(f"{', '.join(notation)} are attitudes: {words}.")
-            return
+    for ending in ("", "1", "_1"):
+        for words, notation in NOTATIONS.items():
+            theirs = [f"{name}{ending}" for name in notation]
+            if set(theirs) <= names and not (ending and f"{notation[0]}{ending[:-1]}2" in names):
+                for name, other in zip(notation, theirs, strict=True):
+                    _take_named(columns, name, (other,), machine)
+                columns.notes.append(f"{', '.join(notation)} are attitudes: {words}.")
+                return
+
+
+def _perhaps_attitudes(headers: Sequence[str]) -> Iterator[str]:
+    """Yield how columns that were not taken, three of a name with x, y and z, are taken for an attitude."""
+    for found in filter(None, (re.fullmatch(r"(.*)x(\d*)", header) for header in headers)):
+        three = [f"{found[1]}{x}{found[2]}" for x in "xyz"]
+        if {*three} <= {*headers}:
+            ways = []
+            for words in ("roll, pitch and yaw", "rotation vector"):
+                named = zip(NOTATIONS[words], three, strict=True)
+                ways.append(f"{' '.join(f'--column {name}={theirs}' for name, theirs in named)} ({words})")
+            yield f"{', '.join(map(shown, three))} may be an attitude: {' or '.join(ways)}."
 
 
 def _plain(name: str) -> str:
