@@ -37,13 +37,17 @@ def why(
     positions=40,
     as_a_walk=False,
 ):
+    q = np.stack([np.arange(40.0) % positions, np.arange(40.0)], axis=1)
+    joints = [SimpleNamespace(name="A"), SimpleNamespace(name="C")]
     observations = SimpleNamespace(
-        q=np.stack([np.arange(40.0) % positions, np.arange(40.0)], axis=1),
+        q=q,
+        coordinates=q,
         pose=np.arange(40),
-        machine=SimpleNamespace(joints=[SimpleNamespace(name="A"), SimpleNamespace(name="C")]),
+        machine=SimpleNamespace(joints=joints, number_of=["A", "C"].index),
     )
     formula = SimpleNamespace(names={"q", "c1"})
-    effect = SimpleNamespace(place="A", definition=SimpleNamespace(formula=formula, parameters={"c1": "um"}))
+    definition = SimpleNamespace(formula=formula, parameters={"c1": "um"}, component="along")
+    effect = SimpleNamespace(place="A", definition=definition)
     fit = SimpleNamespace(solution=SimpleNamespace(converged=converged), unit="mm", observations=observations)
     held_out = tuple(HeldOut(rms, "mm", 10, 10) for rms in (before, after))
     estimates = {str(i): Estimate(str(i), "mm", 1.0, std, held, True) for i, std in enumerate(stds)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +46,9 @@ def test_a_pose_is_an_outlier_as_a_whole(tmp_path: Path) -> None:
 def test_balls_that_are_read_one_by_one_are_no_body(noise: float, tmp_path: Path) -> None:
     found = of_table(tmp_path, noise)
     assert not found.noise.one_body
-    assert "Distances between targets say 0.0" in found.summary()
+    said = re.search(r"Distances between targets say (\S+) um", found.summary())
+    assert said is not None
+    assert float(said[1]) == pytest.approx(1000 * noise, rel=0.15)  # 14 poses, 12 degrees of freedom each: 5 %
 
 
 def test_a_slip_of_the_comma_does_not_make_balls_one_body(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from rodgen.calibration.diagnose.evidence import Evidence, Screening, evidence_o
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.machines.machine import Effect
 from rodgen.statistics.columns import orthonormal_basis, project_out, unit_columns, visible_part
+from rodgen.statistics.decompositions import lstsq
 from rodgen.statistics.f_tests import p_of_log10
 from rodgen.statistics.thresholds import SELECTION
 
@@ -92,7 +93,7 @@ class Suspects:
         columns = np.concatenate([of.model, candidate.columns], axis=2)
         flat = unit_columns(columns.reshape(of.residual.size, -1))
         with one_thread_in_blas():
-            found, *_ = np.linalg.lstsq(flat, of.residual.ravel(), rcond=1e-10)
+            found = lstsq(flat, of.residual.ravel(), relative=1e-10)
         weight = np.where(of.weight > 0, of.weight, 1.0)
         before = of.residual / weight
         part = (flat @ found).reshape(before.shape) / weight
