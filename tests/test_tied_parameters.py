@@ -13,6 +13,7 @@ from rodgen.calibration.fit import fit
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.emit._scope import scope_of
+from rodgen.machines.files.edit import text_without_effect
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.machine import Machine
 
@@ -156,6 +157,27 @@ def test_tie_in_python_is_that_of_the_file_and_may_be_written_with_tables():
 
 
 A, B = "A.encoder_eccentricity.a", "B.encoder_eccentricity.a"
+
+
+def test_an_effect_is_removed_from_a_file_with_what_the_file_says_of_its_parameters(tmp_path):
+    blocks = "".join(
+        f'[[effect]]\njoint = "{e["joint"]}"\nname = "{e["name"]}"\n'
+        for e in [effect("encoder_eccentricity", "B"), effect("encoder_eccentricity", "A")]
+    )
+    ties = f'[ties]\n# one type of encoder\n"{A}" = "2*{B}"\n\n'
+    known = '[known]\n"A.encoder_eccentricity.b" = { bounds = ["-1 rad", "1 rad"] }\n'
+    known += '"B.encoder_eccentricity" = { prior = "0 ± 1 rad" }\n'
+    path = tmp_path / "machine.toml"
+    path.write_text(f"{toml(machine_file(JOINTS))}\n{known}{ties}{blocks}")
+    text = text_without_effect(path, "encoder_eccentricity", "A")
+    found = machine_of(text, "machine.toml", Machine)
+    assert [effect.place for effect in found.effects] == ["B"]
+    assert (found.ties, [*found.known]) == ({}, ["B.encoder_eccentricity"])
+    assert "# one type of encoder" in text
+    with pytest.raises(
+        InputFileError, match=r"\[ties\], A.*: a tie to 'encoder_eccentricity at B', which is to be"
+    ):
+        text_without_effect(path, "encoder_eccentricity", "B")
 
 
 @pytest.mark.parametrize(

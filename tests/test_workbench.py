@@ -73,6 +73,7 @@ def test_rows_are_set_aside_and_brought_back(session, files):
         kept + "# Set aside in mmt_2021.csv: lines 1-3, 900 (x)\n# Set aside in other.csv: lines 4\n"
     )
     strange = Session.open(*files)
+    assert "# Set aside in other.csv: lines 4\n" in strange.machine_text()  # a note on other measurements
     assert not strange.state.aside.any()
     assert "line 1: no measurement" in strange.remarks[0]
     assert session.do(Back([4])).aside.sum() == 2

@@ -123,6 +123,16 @@ def test_effects_are_added_taken_back_and_added_again(files):
     walk(Session.open(*files), first, in_another_window)
 
 
+def test_a_window_that_is_gone_is_drawn_no_more(files):
+    async def user(walker):
+        await walker.sees("Error 2.71")
+        (window,) = walker.desk.windows
+        window.client.delete()  # as NiceGUI does to one that was asked for and never connected
+        await walker.until(lambda: not walker.desk.windows)
+
+    walk(Session.open(*files), user)
+
+
 def test_rows_are_brushed_away_and_back_and_what_was_done_is_kept(files):
     session, folder = Session.open(*files), files[0].parent
 

@@ -96,7 +96,7 @@ class Keeping:
         write_report(found, path)
 
     def _emit(self, lang: str, path: str) -> None:
-        self.page.state.fit.machine.emit(lang, path)
+        self.page.state.fit.emit(lang, path)
 
     async def _machine(self) -> None:
         name = os.path.basename(self.page.state.file)

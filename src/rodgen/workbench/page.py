@@ -160,6 +160,7 @@ class Page:
         self.tabs.set_value("Map")
         desk.windows.append(self)
         self.client.on_disconnect(self._gone)
+        self.client.on_delete(self._gone)  # also of one that has never connected
         self.client.on_connect(self._connected)
 
     def _gone(self) -> None:

@@ -252,7 +252,8 @@ class Session:
     def machine_text(self) -> str:
         """Return the text of the machine file, with a comment on rows that are set aside."""
         state = self.state
-        text = re.sub(rf"^{_ASIDE}.*\n", "", state.text, flags=re.MULTILINE)
+        of_these = re.escape(f"{_ASIDE}{os.path.basename(self.data_file)}: ")
+        text = re.sub(rf"^{of_these}.*\n", "", state.text, flags=re.MULTILINE)
         if not state.aside.any():
             return text
         rows = state.numbers[state.aside].tolist()

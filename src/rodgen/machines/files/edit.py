@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, shown
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
 from rodgen.machines.files.write import effect_text, known_line, machine_text
@@ -118,18 +118,10 @@ def text_with_known(source: Source, key: str, content: Mapping[str, Any], text: 
     changed = replace(before, known={k: v for k, v in before.known.items() if k != key})
     if content:
         changed = changed.knowing(key, **content)
-    own: list[slice] = []
-    after, inside = None, False
-    for statement in _statements(text):
-        if statement.header is not None:
-            inside = statement.header == {"known": {}}
-            after = statement.stop if inside else after
-        elif inside and _known_key(text[statement.start : statement.stop]) == key:
-            own.append(slice(statement.start, statement.stop))
+    entries, after = _entries(text, "known")
     new_line = "\r\n" if "\r\n" in text else "\n"
     line = known_line(changed, key, changed.known[key]) + new_line if content else ""
-    for part in reversed(own):
-        text = text[: part.start] + text[part.stop :]
+    text = _without(text, [part for name, part in entries if name == key])
     if after is None and line:
         first = min((part.start for parts in _blocks(text, "effect") for part in parts), default=len(text))
         gap = "" if not first or text[:first].endswith(("\n\n", "\r\n\r\n")) else new_line
@@ -142,7 +134,8 @@ def text_with_known(source: Source, key: str, content: Mapping[str, Any], text: 
 def text_without_effect(source: Source, name: str, place: str | None, text: str | None = None) -> str:
     """Return the text of a machine file without the block of an effect.
 
-    What stands inside the block goes with it, comments included; comments above it stay.
+    What stands inside the block goes with it, comments included, and what ``[known]`` and ``[ties]`` say of its
+    parameters; comments above it stay.
 
     Parameters
     ----------
@@ -156,10 +149,23 @@ def text_without_effect(source: Source, name: str, place: str | None, text: str 
     Raises
     ------
     InputFileError
-        When `source` is not a machine file, or has no such effect.
+        When `source` is not a machine file, has no such effect, or parameters of others are tied to it.
     """
     text, machine = _read(source, text)
     changed = machine.without_effect(name, place)
+    gone = next(e for e in machine.effects if e.identity == (name, place))
+    for key, tie in changed.ties.items():
+        if any(gone.owns(other) for other, _ in tie.factors):
+            found, expected = f"a tie to {shown(gone.title)}, which is to be removed", "no such tie"
+            raise InputFileError(os.fspath(source), f"[ties], {key}", found, expected)
+
+    def is_own(key: str) -> bool:
+        return gone.owns(key) or key == gone.key("")
+
+    for table in ("known", "ties"):
+        text = _without(text, [part for key, part in _entries(text, table)[0] if is_own(key)])
+    known = {key: entry for key, entry in changed.known.items() if not is_own(key)}
+    changed = replace(changed, known=known, file=changed.file)
     number = [e.identity for e in machine.effects].index((name, place))
     blocks = _blocks(text, "effect")
     for part in reversed(blocks[number] if number < len(blocks) else []):
@@ -239,10 +245,31 @@ def _outline(machine: Machine) -> tuple[Any, ...]:
     return rest, sorted(machine.known), [e.identity for e in machine.effects]
 
 
-def _known_key(statement: str) -> str:
-    """Return the key of an entry of ``[known]``."""
-    names, content = [], tomllib.loads(statement)
-    while len(content) == 1 and not content.keys() & {"prior", "bounds"}:
+def _entries(text: str, table: str) -> tuple[list[tuple[str, slice]], int | None]:
+    """Return the entries of a table, each with its key and place; and where its header ends, None without one."""
+    found: list[tuple[str, slice]] = []
+    after, inside = None, False
+    for statement in _statements(text):
+        if statement.header is not None:
+            inside = statement.header == {table: {}}
+            after = statement.stop if inside else after
+        elif inside:
+            key = _entry_key(text[statement.start : statement.stop])
+            found.append((key, slice(statement.start, statement.stop)))
+    return found, after
+
+
+def _without(text: str, parts: Sequence[slice]) -> str:
+    for part in reversed(parts):
+        text = text[: part.start] + text[part.stop :]
+    return text
+
+
+def _entry_key(statement: str) -> str:
+    """Return the key of an entry of ``[known]`` or ``[ties]``."""
+    names: list[str] = []
+    content: Any = tomllib.loads(statement)
+    while isinstance(content, dict) and len(content) == 1 and not content.keys() & {"prior", "bounds"}:
         ((name, content),) = content.items()
         names.append(name)
     return ".".join(names)
