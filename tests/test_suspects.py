@@ -47,6 +47,17 @@ def test_those_that_data_cannot_tell_apart_follow_each_other(mount):
     assert all(s.p_value < 0.01 for s in found if s.like is not None)
 
 
+def test_what_a_diagnosis_would_name_stands_first_and_equals_say_why(mount):
+    found = suspects(mount).listed
+    assert found[0].effect.title == "tube_flexure"
+    assert [s.effect.title for s in found if s.like is None][:2] == ["tube_flexure", "refraction"]
+    imitating = next(s for s in found if s.effect.title == "encoder_ellipticity at EL")
+    assert imitating.like.title == "tube_flexure"
+    assert "does the same to these readings, except for" in imitating.why
+    with_flexure = suspects(fit(mount.machine.add("tube_flexure"), mount.observations)).listed
+    assert with_flexure[0].effect.title == "refraction"
+
+
 def test_with_what_is_missing_in_the_model_little_is_left_to_suspect(mount):
     machine = mount.machine
     for name in ("tube_flexure", "refraction"):

@@ -306,6 +306,8 @@ class Page:
                 if suspect.like:
                     said.append(f"these data cannot tell it from {suspect.like.title}")
                 ui.label(", ".join(said)).classes("soft")
+                if suspect.why:
+                    ui.label(suspect.why).classes("soft")
         for event in ("mouseenter", "focusin"):
             row.on(event, partial(self._preview, suspect.effect), args=[])
         for event in ("mouseleave", "focusout"):

@@ -21,7 +21,7 @@ from rodgen.statistics.columns import unchanged
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Evidence", "Screening", "evidence_of", "gather_evidence"]
+__all__ = ["Evidence", "Screening", "gather_evidence"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,11 +108,6 @@ def gather_evidence(
     if first.independent and correlation.independent:
         return evidence, chosen
     return _selected(base, screening, correlation, refused)
-
-
-def evidence_of(base: Fit, screening: Screening) -> Evidence:
-    """Return the evidence at a fit, of which nothing was selected yet."""
-    return _evidence_given(base, screening, _correlation(screening, screening.candidates, []))
 
 
 @stage("estimating the correlation")

@@ -1,7 +1,8 @@
 """Every effect that a fit may lack, as a user looks for it: how much it would explain, and how likely it is.
 
-The list is that from which a diagnosis chooses, at one fit, without the search and its full fits: it takes a fraction
-of a second, and is made anew after every change of the model.
+The list is that from which a diagnosis chooses, at one fit: what its selection takes stands first, each followed by
+what these data cannot tell from it. Full fits confirm nothing here, so that it takes a fraction of a second, and is
+made anew after every change of the model.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.diagnose.aliases import Equal, equals_of
 from rodgen.calibration.diagnose.candidate_space import Score
 from rodgen.calibration.diagnose.candidates import Candidate
-from rodgen.calibration.diagnose.evidence import Evidence, Screening, evidence_of
+from rodgen.calibration.diagnose.evidence import Evidence, Screening, gather_evidence
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.machines.machine import Effect
 from rodgen.statistics.columns import orthonormal_basis, project_out, unit_columns, visible_part
@@ -52,6 +54,8 @@ class Suspect:
         Part of its change of the readings, 0 to 1, that the model cannot imitate.
     like : Effect or None
         The effect that stands before it in the list and from which these data cannot tell it.
+    why : str
+        Why they cannot: a sentence; empty without `like`, or where nothing more is known than what both explain.
     """
 
     effect: Effect
@@ -63,6 +67,7 @@ class Suspect:
     rms: float
     visible: float
     like: Effect | None = None
+    why: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,29 +114,16 @@ def suspects(fit: Fit) -> Suspects:
     fit : Fit
     """
     with one_thread_in_blas():
-        evidence = evidence_of(fit, Screening.at(fit))
+        evidence, chosen = gather_evidence(fit, Screening.at(fit))
         selection = evidence.selection
         scores = selection.scores([])
-        best = selection.best([])
         left = _left(evidence, [s.candidate for s in scores])
+        groups = _groups(evidence, fit, chosen, scores)
     log10_tests = float(np.log10(selection.tests(())))
     level = float(np.log10(selection.level))
-    order = sorted(scores, key=lambda s: (s is not best, s.log_p - s.candidate.prior.log_odds))
     listed: list[Suspect] = []
-    waiting = list(order)
-    while waiting:
-        first = waiting.pop(0)
-        variance = first.left / max(first.residual_dof, 1)
-        like = [
-            other
-            for other in waiting
-            if first.dof
-            and selection.are_alike((other.left - first.left) / variance, other.parameters - first.parameters)
-            and max(first.log_p, other.log_p) / np.log(10) + log10_tests < level
-        ]
-        waiting = [other for other in waiting if other not in like]
-        leader = first.candidate.effect
-        for score in (first, *like):
+    for group in groups:
+        for score, why in group:
             log10 = min(score.log_p / float(np.log(10)) + log10_tests, 0.0)
             candidate = score.candidate
             listed.append(
@@ -144,10 +136,47 @@ def suspects(fit: Fit) -> Suspects:
                     log10 > level or candidate not in selection.impossible([candidate], score.left),
                     fit.rms * float(np.sqrt(left[candidate.key])),
                     score.visible,
-                    None if score is first else leader,
+                    None if score is group[0][0] else group[0][0].candidate.effect,
+                    why,
                 )
             )
     return Suspects(fit, tuple(listed), evidence.sensitivities.rows, evidence, scores)
+
+
+def _groups(
+    evidence: Evidence, fit: Fit, chosen: Sequence[Candidate], scores: Sequence[Score]
+) -> list[list[tuple[Score, str]]]:
+    """Return the scores in groups that these data cannot tell apart, the likeliest first, each with why they cannot."""
+    selection = evidence.selection
+    waiting = {s.candidate.key: s for s in scores}
+    kept, groups = list(chosen), []
+
+    def equals(k: int) -> list[Equal]:
+        found = equals_of(selection, evidence.sensitivities, fit, kept, k, False, evidence.undecided)
+        return [e for e in found if len(e.candidates) == 1 and e.candidates[0].key in waiting]
+
+    for k in range(len(kept)):
+        if likelier := [equal for equal in equals(k) if equal.likelier]:
+            kept[k] = likelier[0].candidates[0]
+        if kept[k].key in waiting:
+            group = [(waiting.pop(kept[k].key), "")]
+            group += [(waiting.pop(equal.candidates[0].key), equal.alias.why) for equal in equals(k)]
+            groups.append(group)
+    log10_tests, level = np.log10(selection.tests(())), np.log10(selection.level)
+    rest = sorted(waiting.values(), key=lambda s: s.log_p - s.candidate.prior.log_odds)
+    while rest:
+        first = rest.pop(0)
+        variance = first.left / max(first.residual_dof, 1)
+        like = [
+            other
+            for other in rest
+            if first.dof
+            and selection.are_alike((other.left - first.left) / variance, other.parameters - first.parameters)
+            and max(first.log_p, other.log_p) / np.log(10) + log10_tests < level
+        ]
+        rest = [other for other in rest if other not in like]
+        groups.append([(score, "") for score in (first, *like)])
+    return groups
 
 
 def _left(evidence: Evidence, found: Sequence[Candidate]) -> dict[tuple[str, str | None], float]:
