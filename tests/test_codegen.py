@@ -9,17 +9,22 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterable
 from enum import IntEnum
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cpp_calls
+import hypothesis
 import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from code_tokens import ANY_NAME, code_of, python_code
 from conftest import CPP_WARNINGS, compile_shared
+from hypothesis import strategies as st
 from kernel_reference import GENERATED, KERNELS, inputs_of, of_kernels, pairs
 from octave import Octave, OctaveError
 
@@ -564,21 +569,42 @@ HOSTILE = '*/ #error no */ \\\n#error "no"\n%{\n%}\nx = 1; ...\n'
 """Ends comments and begins lines, in C, C++ and MATLAB."""
 
 
-def hostile_module() -> KernelModule:
+def hostile_module(words: Iterable[str] = (HOSTILE,) * 12) -> KernelModule:
     """Make a module with matrices, codes, names of functions, and whatever a docstring may hold."""
+    words = iter(words)
 
     class Code(IntEnum):
-        __doc__ = HOSTILE
+        __doc__ = next(words)
         GOOD = 0
         BAD = -1
 
-    k = KernelBuilder("lever", summary=HOSTILE, source=HOSTILE, notes=HOSTILE)
-    arms = k.input("size", (2, 3), unit="m", doc=HOSTILE)
-    k.input("unread", unit=HOSTILE, doc=HOSTILE)
-    force = k.input("zeros", unit="N", doc=HOSTILE)
-    k.output("moments", force * arms, unit="N m", doc=HOSTILE)
-    k.status("status", sp.Piecewise((0, force > 0), (-1, True)), Code, doc=HOSTILE)
-    return KernelModule("size", HOSTILE, HOSTILE, (k.build(),))
+    k = KernelBuilder("lever", summary=next(words), source=next(words), notes=next(words))
+    arms = k.input("size", (2, 3), unit="m", doc=next(words))
+    k.input("unread", unit=next(words), doc=next(words))
+    force = k.input("zeros", unit="N", doc=next(words))
+    k.output("moments", force * arms, unit="N m", doc=next(words))
+    k.status("status", sp.Piecewise((0, force > 0), (-1, True)), Code, doc=next(words))
+    return KernelModule("size", next(words), next(words), (k.build(),))
+
+
+@pytest.mark.parametrize("examples", [10, pytest.param(300, marks=pytest.mark.slow)])
+def test_kernels_with_any_words_are_those_with_plain_words(examples: int) -> None:
+    def code(words: Iterable[str]) -> list[str]:
+        files = render(hostile_module(words), ["numpy", "c", "cpp", "matlab"])
+        ways = {"py": python_code, "m": partial(code_of, language="matlab")}
+        return [
+            ways.get(name.rpartition(".")[2], partial(code_of, language="c"))(text)
+            for name, text in sorted(files.items())
+        ]
+
+    expected = code(("plain",) * 12)
+
+    @hypothesis.settings(max_examples=examples, deadline=None, database=None)
+    @hypothesis.given(st.lists(ANY_NAME, min_size=12, max_size=12))
+    def same(words: list[str]) -> None:
+        assert code(words) == expected
+
+    same()
 
 
 def test_cpp_header_stands_names_and_words_of_users(cpp_compiler: str, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ ten times that, as in the tests of the models. A compensation ends within 2**-40
 
 from __future__ import annotations
 
-import ast
+import csv
 import ctypes
 import importlib.util
 import itertools
@@ -16,16 +16,19 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+from xml.etree import ElementTree
 
 import hypothesis
 import numpy as np
 import pytest
+from code_tokens import ANY_NAME, code_of, python_code
 from conftest import C_WARNINGS, CPP_WARNINGS
 from hypothesis import strategies as st
 from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file, unit
@@ -40,6 +43,9 @@ from rodgen.files import write_files
 from rodgen.machines.emit import emit
 from rodgen.machines.emit._content import Content, _even, content_of
 from rodgen.machines.emit._render import render
+from rodgen.machines.files.read import JOINT_NAME
+from rodgen.machines.files.toml import UnfitError
+from rodgen.machines.imports.mounts import ALTAZ
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
 WITHIN = 1e-10
@@ -989,12 +995,6 @@ HOSTILE = [
 ]
 
 
-ANY_NAME = st.text(
-    st.one_of(st.sampled_from("*/\\?\"'#%{}\n\r\t \u2028\u202e"), st.characters(exclude_categories=["Cs"])),
-    min_size=1,
-)
-
-
 def tokens(folder: Path, compiler: str) -> list[str]:
     """Return the code of both languages without what only people read: comments, docstrings and names in texts."""
     c = [
@@ -1003,11 +1003,7 @@ def tokens(folder: Path, compiler: str) -> list[str]:
         ).stdout
         for name in ("device.c", "device_test.c")
     ]
-    tree = ast.parse((folder / "device_np.py").read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            node.value = ""
-    return [*c, ast.dump(tree)]
+    return [*c, python_code((folder / "device_np.py").read_text(encoding="utf-8"))]
 
 
 def hostile_machine(names: Iterator[str]) -> Machine:
@@ -1075,6 +1071,119 @@ def test_code_of_any_names_is_that_of_plain_names(examples, compiler, tmp_path):
         assert tokens(tmp_path, compiler) == expected
 
     same()
+
+
+@pytest.mark.parametrize("examples", [20, pytest.param(500, marks=pytest.mark.slow)])
+def test_code_of_any_names_is_that_of_plain_names_in_other_languages(examples):
+    content = content_of(hostile_machine(itertools.repeat("plain")), "device")
+
+    def code(content: Content) -> list[str]:
+        sources = [(text, "c") for text in render(content, "cpp").values()]
+        sources += [(text, "matlab") for text in render(content, "matlab").values()]
+        return [code_of(*each) for each in sources] + [
+            python_code(text) for text in render(content, "jax").values()
+        ]
+
+    expected = code(content)
+
+    @hypothesis.settings(max_examples=examples, deadline=None, database=None)
+    @hypothesis.given(st.lists(ANY_NAME, min_size=6, max_size=6))
+    def same(names: list[str]) -> None:
+        named = hostile_machine(iter(names))
+        assert code(replace(content, machine=named, scope=replace(content.scope, machine=named))) == expected
+
+    same()
+
+
+def structure(files: Mapping[str, str], names: Mapping[str, str]) -> list[Any]:
+    """Return what programs read of tables and models, with other names in place of some."""
+
+    def put(text: str) -> str:
+        return re.sub(
+            "|".join(map(re.escape, sorted(names, key=len, reverse=True))), lambda m: names[m[0]], text
+        )
+
+    found: list[Any] = []
+    for name, text in sorted(files.items()):
+        kind = name.rpartition(".")[2]
+        if kind == "urdf":
+            robot = ElementTree.fromstring(text)
+            robot.attrib.pop("name")
+            found += [(e.tag, {k: put(x) for k, x in e.attrib.items()}) for e in robot.iter()]
+        elif kind == "toml":
+            read = tomllib.loads(text)
+            del read["name"]
+            found.append([put(str(read)), text.count("\n")])
+        elif kind == "csv":
+            rows = list(csv.reader(text.splitlines()))
+            assert not any(cell[:1] in "=@+-" and not is_number(cell) for row in rows for cell in row if cell)
+            found.append([[put(cell) for cell in row] for row in rows])
+        elif kind == "comp" and text.startswith("component"):
+            found.append(code_of(text, "c"))
+        elif kind in ("ini", "comp"):
+            found.append([put(line) for line in text.splitlines() if line[0] not in ";#"])
+        elif kind == "mod":
+            found.append([line.split()[:2] for line in text.splitlines()[1:]])
+        else:
+            assert kind == "md"
+    return found
+
+
+def is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def legal(text: str) -> bool:
+    try:
+        return JOINT_NAME.read(text) == text
+    except UnfitError:
+        return False
+
+
+LEGAL_NAMES = [
+    st.from_regex(rf"{n}[\w+-]{{0,20}}( [\w+-]+)?", fullmatch=True).filter(legal) for n in ("slide", "ball")
+]
+
+
+@pytest.mark.parametrize("form", ["urdf", "dh", "iso230", "screw", "map", "linuxcnc", "tpoint"])
+@pytest.mark.parametrize("examples", [4, pytest.param(100, marks=pytest.mark.slow)])
+def test_what_programs_read_of_other_forms_is_that_of_plain_names(form, examples, tmp_path):
+    def machine(title: str, slide: str, target: str) -> Machine:
+        if form == "tpoint":
+            return replace(ALTAZ.machine(title, 0.6), values={f"{n}.axis.{x}": 1e-4 for n in ("AZ", "EL") for x in "ab"}
+                           | {"target.boresight.a": 1e-4, "target.boresight.b": -1e-4})  # fmt: skip
+        slide = "X" if form == "linuxcnc" else slide
+        made = Machine(
+            title, "mm", "deg", (0.0, 0.0, -1.0), 20.0, (prismatic(slide, X, travel=(0.0, 10.0)),),
+            (Target(target, (10.0, 0.0, 0.0)),), Measured("point", "machine"),
+        )  # fmt: skip
+        return made.add("scale", joint=slide, hold={"k": 1e-4})
+
+    def files(made: Machine) -> dict[str, str]:
+        return {path.name: path.read_text() for path in emit(made, form, tmp_path, name="device", force=True)}
+
+    expected = structure(files(machine("plain", "slide", "ball")), {"slide": "1", "ball": "2"})
+
+    @hypothesis.settings(max_examples=examples, deadline=None, database=None)
+    @hypothesis.given(ANY_NAME, st.tuples(*LEGAL_NAMES))
+    def same(title: str, names: tuple[str, str]) -> None:
+        found = structure(files(machine(title, *names)), dict(zip(names, "12", strict=True)))
+        assert str(found) == str(expected)
+
+    same()
+
+
+@pytest.mark.parametrize("name", ["=1+1", "../x", "a\nb", "-2", "@x", "a,b"])
+def test_names_that_no_machine_file_has_are_in_no_table(name, tmp_path):
+    machine = table(targets=(Target(name, (100.0, 0.0, 0.0)),))
+    for form in ("urdf", "dh", "iso230", "screw", "map", "linuxcnc", "tpoint"):
+        with pytest.raises(InputFileError, match=r"target: .*; expected a name of letters"):
+            emit(machine, form, tmp_path)
+    assert os.listdir(tmp_path) == []
 
 
 def table(**more: Any) -> Machine:

@@ -30,8 +30,9 @@ REALS = {"f64": "double", "f32": "float"}
 
 
 def in_docstring(text: str) -> str:
-    """Escape a text so that it cannot end the docstring it is written into."""
-    return re.sub(r'"""|"\Z', lambda quotes: r"\"" * len(quotes[0]), text.replace("\\", r"\\"))
+    """Escape a text so that it cannot end the docstring it is written into; Python reads no file with a null."""
+    kept = "".join(c if c.isprintable() or c in "\n\t" else "?" for c in text)
+    return re.sub(r'"""|"\Z', lambda quotes: r"\"" * len(quotes[0]), kept.replace("\\", r"\\"))
 
 
 def in_comment(text: str) -> str:

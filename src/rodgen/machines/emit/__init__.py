@@ -180,6 +180,7 @@ def _tables(
     residual: tuple[int, float] | None,
 ) -> dict[str, str]:
     """Return the text of each file by its name."""
+    _check_names(machine)
     if form == "tpoint":
         from rodgen.machines.emit._tpoint import tpoint_text
 
@@ -207,6 +208,21 @@ def _tables(
         return {f"{name}.urdf": urdf_text(geometry_of(machine, travel), name, note)}
     geometries = [geometry_of(each, travel) for each in varied(machine, covariance)]
     return table_texts(geometries, name, note)
+
+
+def _check_names(machine: Machine) -> None:
+    """Refuse names that no machine file has: one made in Python may, but here they name files and cells."""
+    from rodgen.machines.files.read import JOINT_NAME, PLACE_NAME
+    from rodgen.machines.files.toml import UnfitError
+
+    for what, kind, parts in (("joint", JOINT_NAME, machine.joints), ("target", PLACE_NAME, machine.targets)):
+        for part in parts:
+            try:
+                kind.read(part.name)
+            except UnfitError:
+                raise InputFileError(
+                    machine.file or machine.name, what, shown(part.name), kind.expected
+                ) from None
 
 
 def _written_by_rodgen(path: Path, text: str, note: str) -> bool:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.printers import CPP_WORDS, MATLAB_WORDS
+from rodgen.codegen.source_text import in_comment
 from rodgen.errors import RodgenError, shown
 from rodgen.machines.emit._kernels import (
     OF_A_JOINT,
@@ -258,6 +259,11 @@ def identifier(text: str) -> str:
 def named(machine: Machine, name: str | None) -> str:
     """Return the name of a machine's files: the given one, checked, or one made from the machine's."""
     return identifier(machine.name) if name is None else _checked(name)
+
+
+def title_of(machine: Machine) -> str:
+    """Return a machine's name on one line, which can end no comment and no string in double quotes."""
+    return in_comment(shown(machine.name)[1:-1]).replace('"', "'")
 
 
 def _checked(name: str) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError, joined
-from rodgen.machines.emit._content import content_of, ideal_of
+from rodgen.machines.emit._content import content_of, ideal_of, title_of
 from rodgen.machines.emit._kernels import numbers_of
 from rodgen.machines.emit._numbers import (
     Covariance,
@@ -90,7 +90,7 @@ def map_texts(
     files: dict[str, str] = {}
     still = [joint.name for j, joint in enumerate(joints) if j not in moved]
     names = joined([joints[j].name for j in correcting])
-    page = [f"# {machine.name}: error map", "", note, ""]
+    page = [f"# {title_of(machine)}: error map", "", note, ""]
     page += [
         f"Errors are real less nominal places, in machine axes ({unit}). `correct_X` is added to the command of X: the",
         f"corrections of {names} bring the place as near the nominal one as these can. Between the points both are",

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError, joined
+from rodgen.machines.emit._content import title_of
 from rodgen.machines.emit._geometry import CONSTANT, located
 from rodgen.machines.emit._numbers import (
     Covariance,
@@ -141,7 +142,7 @@ def iso_texts(
     """Return a table of the error motions of each axis, one of location errors, and a page that says what they are."""
     machines = varied(machine, covariance)
     sizes = {"um": parse_unit("um").factor(machine.length_unit), "arcsec": parse_unit("arcsec").factor()}
-    files, page = {}, [f"# {machine.name}: errors of its axes", "", note, ""]
+    files, page = {}, [f"# {title_of(machine)}: errors of its axes", "", note, ""]
     page += [
         "Errors are real less commanded, in machine axes: X, Y, Z displacements, A, B, C turns about x, y, z. The file",
         "of an axis has its error motions over the travel (ISO 230-1, of a rotary axis ISO 230-7), both ways;",
@@ -233,7 +234,7 @@ def screw_texts(
         largest = K * float(standard([np.array(each) for each in both]).max())
         u = uncertain_number(largest, largest, unit)[1]
         said = [
-            f"{machine.name}, axis {label}. {note}",
+            f"{title_of(machine)}, axis {label}. {note}",
             f"{len(q)} points, {unit}; between them linear interpolation is off by at most {part:.2%} of the range.",
             *([f"Expanded uncertainty of an error, k = {K:g}: at most {u} {unit}."] if u else []),
             *(f"Not in it: {what}." for what in axis.left_out),

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from rodgen.codegen.source_text import in_comment
 from rodgen.errors import InputFileError
-from rodgen.machines.emit._content import content_of
+from rodgen.machines.emit._content import content_of, title_of
 from rodgen.machines.emit._render import DO_NOT_EDIT, ENVIRONMENT, model_words, render
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
     degree = repr(math.radians(1.0))
     text = ENVIRONMENT.get_template("kinematics.comp.j2").render(
         component=component,
-        title=machine.name.replace('"', "'"),
+        title=title_of(machine),
         do_not_edit=DO_NOT_EDIT,
         order=", ".join(joint.name for joint in machine.joints),
         letters="".join(letters),
@@ -50,7 +51,7 @@ def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
         target_name=machine.targets[0].name,
         length=machine.length_unit,
         joints=machine.joints,
-        words=[word.replace('"', "'") for word in (*content.at_rest, *model_words(content))],
+        words=[in_comment(word).replace('"', "'") for word in (*content.at_rest, *model_words(content))],
         header=header,
         source=source.replace(f'#include "{name}.h"\n', ""),
         name=name,

@@ -20,7 +20,7 @@ from rodgen.codegen.lines import (
 from rodgen.codegen.printers import ArrayPrinter, CPrinter, MatlabPrinter
 from rodgen.codegen.source_text import in_comment, matlab_helpers, matlab_lines, template_environment
 from rodgen.errors import shown
-from rodgen.machines.emit._content import Content, constant_words, coordinate_unit, effect_words
+from rodgen.machines.emit._content import Content, constant_words, coordinate_unit, effect_words, title_of
 from rodgen.machines.kinematics import OnLegs
 
 __all__ = ["DO_NOT_EDIT", "ENVIRONMENT", "LANGUAGES", "model_words", "render"]
@@ -80,7 +80,7 @@ def _common(content: Content, first: int = 0, brackets: str = "[]") -> dict[str,
     return {
         "name": content.name,
         "NAME": content.name.upper(),
-        "title": in_comment(shown(machine.name)[1:-1]),
+        "title": title_of(machine),
         "do_not_edit": DO_NOT_EDIT,
         "words": [in_comment(line) for line in _words_of(content, first, brackets)],
         "joints": machine.joints,

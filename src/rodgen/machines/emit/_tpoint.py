@@ -10,6 +10,7 @@ import numpy as np
 
 from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.machines.emit._content import title_of
 from rodgen.machines.emit._numbers import Covariance, standard, varied
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.imports.mounts import MOUNTS, Mount
@@ -63,7 +64,7 @@ def tpoint_text(
     sigma = standard([np.array([each.get(term, 0.0) for term in terms]) for each in found])
     rows, rms = residual or (0, 0.0)
     of_terms = dict(zip(terms, sigma.tolist(), strict=True))
-    return model_text(f"{machine.name}. {note}", terms, of_terms, rows=rows, rms=rms / ARCSEC)
+    return model_text(f"{title_of(machine)}. {note}", terms, of_terms, rows=rows, rms=rms / ARCSEC)
 
 
 def _is(machine: Machine, mount: Mount) -> bool:
