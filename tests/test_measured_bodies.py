@@ -48,7 +48,9 @@ def test_balls_that_are_read_one_by_one_are_no_body(noise: float, tmp_path: Path
     assert not found.noise.one_body
     said = re.search(r"Distances between targets say (\S+) um", found.summary())
     assert said is not None
-    assert float(said[1]) == pytest.approx(1000 * noise, rel=0.15)  # 14 poses, 12 degrees of freedom each: 5 %
+    assert float(said[1]) == pytest.approx(
+        1000 * noise, rel=0.15
+    )  # 14 poses, 12 degrees of freedom each: 5 %
 
 
 def test_a_slip_of_the_comma_does_not_make_balls_one_body(tmp_path: Path) -> None:

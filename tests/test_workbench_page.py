@@ -13,7 +13,7 @@ from nicegui import ElementFilter, events, ui
 from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
 
-from rodgen.workbench.actions import Aside, Known
+from rodgen.workbench.actions import Add, Aside, Known
 from rodgen.workbench.desk import Desk
 from rodgen.workbench.page import Page
 from rodgen.workbench.session import Session
@@ -252,3 +252,16 @@ def test_a_diagnosis_runs_in_the_background_and_its_steps_are_taken_or_left(file
 
     walk(session, user)
     assert session.state.action.why == "diagnosis"
+
+
+def test_undo_twice_at_once_takes_two_actions_back(files):
+    session = Session.open(*files)
+    for name in ("tube_flexure", "refraction"):
+        session.do(Add({"name": name}))
+    desk = Desk(session)
+
+    async def twice():
+        await asyncio.gather(desk.undo(), desk.undo())
+
+    asyncio.run(twice())
+    assert session.at == 0

@@ -27,7 +27,7 @@ def autocorrelation(values: Array, part: NDArray[np.intp], most: int) -> tuple[A
     -------
     correlation : ndarray, shape (most, m)
         Mean product of pairs over the mean square; NaN without a pair. Of independent values its standard deviation is
-        1/√pairs (Bartlett 1946), and a fit of p parameters makes its mean about -p/n².
+        1/√pairs (Bartlett 1946).
     pairs : ndarray of int, shape (most,)
 
     Examples

@@ -153,6 +153,14 @@ class Desk:
         """Undo or redo actions until the state of a number holds."""
         await self._then(lambda: self.session.go(at))
 
+    async def undo(self) -> None:
+        """Take the last action back."""
+        await self._then(self.session.undo)
+
+    async def redo(self) -> None:
+        """Do again what was undone last."""
+        await self._then(self.session.redo)
+
     async def _then(self, change: Callable[[], object]) -> None:
         async with self._turn:
             await asyncio.to_thread(change)

@@ -605,10 +605,10 @@ class Page:
     # doing -------------------------------------------------------------------------------------------------------
 
     async def _undo(self) -> None:
-        await self.desk.go(self.desk.session.at - 1)
+        await self.desk.undo()
 
     async def _redo(self) -> None:
-        await self.desk.go(self.desk.session.at + 1)
+        await self.desk.redo()
 
     async def _key(self, event: Any) -> None:
         if not event.action.keydown or not (event.modifiers.ctrl or event.modifiers.meta):

@@ -122,7 +122,7 @@ def joints_without_travel(best: CandidatePlan) -> list[int]:
         for j, joint in enumerate(machine.joints)
         if machine.limits[j] is None
         and joint.is_read
-        and joint.name not in question.constraints.limits
+        and joint.column not in question.constraints.limits
         and not (joint.revolute and turned[j])
         and (joint.name in places or not of_joints)
     ]
