@@ -13,7 +13,7 @@ __all__ = ["add_to"]
 
 _OPEN = f"""\
 Open a machine and its measurements on a page in the browser: see the residuals, suspect, add an effect, watch the error
-fall, undo. Nothing leaves this computer: the page is at 127.0.0.1, under an address that nobody can guess, until
+fall, undo. Nothing leaves this computer: the page is at 127.0.0.1, under an address with a random token, until
 Ctrl-C. A session that was saved (.rodgen) opens with everything that was done.
 
 {FILES}

@@ -282,6 +282,8 @@ class _OfRows(Action):
     """
 
     rows: Sequence[int]
+    _done: ClassVar[str]
+    _change: ClassVar[str]
 
     def _mask(self, state: State) -> NDArray[np.bool_]:
         found = np.isin(state.numbers, np.asarray(self.rows, np.int64))
@@ -296,8 +298,13 @@ class _OfRows(Action):
         return np.asarray(found)
 
     @property
-    def _counted(self) -> str:
-        return f"{len(self.rows)} row{'s' * (len(self.rows) != 1)}"
+    def title(self) -> str:
+        """What it does, in a few words."""
+        return f"{len(self.rows)} row{'s' * (len(self.rows) != 1)} {self._done}"
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same."""
+        return f"aside {self._change}np.isin(numbers, {[int(row) for row in self.rows]})\n{FIT}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -308,12 +315,8 @@ class _OfRows(Action):
 class Aside(_OfRows):
     """Rows are set aside: they are shown, but nothing is fitted to them."""
 
-    kind = "set aside"
-
-    @property
-    def title(self) -> str:
-        """What it does, in a few words."""
-        return f"{self._counted} set aside"
+    kind = _done = "set aside"
+    _change = "|= "
 
     def aside(self, state: State) -> NDArray[np.bool_]:
         """Return which rows of the observations do not count after it."""
@@ -322,31 +325,18 @@ class Aside(_OfRows):
             raise RodgenError("no row is left to fit to; expected some that count")
         return found
 
-    def python(self) -> str:
-        """Return the lines of Python that do the same."""
-        rows = [int(row) for row in self.rows]
-        return f"aside |= np.isin(numbers, {rows})\n{FIT}"
-
 
 @dataclass(frozen=True)
 class Back(_OfRows):
     """Rows that were set aside count again."""
 
     kind = "bring back"
-
-    @property
-    def title(self) -> str:
-        """What it does, in a few words."""
-        return f"{self._counted} brought back"
+    _done = "brought back"
+    _change = "&= ~"
 
     def aside(self, state: State) -> NDArray[np.bool_]:
         """Return which rows of the observations do not count after it."""
         return state.aside & ~self._mask(state)
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same."""
-        rows = [int(row) for row in self.rows]
-        return f"aside &= ~np.isin(numbers, {rows})\n{FIT}"
 
 
 @dataclass(frozen=True)

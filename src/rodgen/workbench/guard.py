@@ -1,8 +1,8 @@
-"""Who may speak to the server of the page: nobody but the browser that was given its address.
+"""Decides who may connect to the server of the page: only the browser that was given its address.
 
 Other programs of this computer do not know the token in the address. A page of the web that makes a browser ask
 127.0.0.1 is refused by its Origin, one that gave its own name the address 127.0.0.1 (DNS rebinding) by the Host. What
-the page loads comes from here: its content security policy lets it ask nobody else.
+the page loads comes from here: its content security policy allows no other source.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The server of the page: on this computer only, under an address that nobody can guess."""
+"""The server of the page: on this computer only, under an address with a random token."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def serve(
 
 
 def prepare() -> None:
-    """Import NiceGUI; it keeps nothing of ours, and is told to touch no folder of the user where it would."""
+    """Import NiceGUI, configured to keep nothing and to leave the folders of the user alone."""
     os.environ.setdefault("NICEGUI_STORAGE_PATH", os.path.join(tempfile.gettempdir(), "rodgen-nicegui"))
     import nicegui  # noqa: F401
 

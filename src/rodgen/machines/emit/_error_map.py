@@ -19,6 +19,7 @@ from rodgen.errors import InputFileError, joined
 from rodgen.machines.emit._content import content_of, ideal_of, title_of
 from rodgen.machines.emit._kernels import numbers_of
 from rodgen.machines.emit._numbers import (
+    ROUNDING,
     Covariance,
     K,
     csv_text,
@@ -44,8 +45,6 @@ GOOD = 0.02
 """Part of the largest error that interpolation may be off."""
 MOST_ROWS = 40_000
 MOST_JOINTS = 3
-ROUNDING = 1e-12
-"""Part of the size of a machine that is no uncertainty of an error."""
 SMALL_PART = 0.05
 """Of an error: so much remains where interpolation alone is not exact."""
 

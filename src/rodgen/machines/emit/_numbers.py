@@ -36,7 +36,7 @@ STEP = 1e-3
 """Standard deviations by which machines are varied: so little that all changes in proportion, which links of nearly
 parallel axes do not over whole ones."""
 ROUNDING = 1e-12
-"""Part of a number that is no uncertainty."""
+"""Uncertainties below this part of a number, or of the size of the machine, count as rounding."""
 DECIMALS = 10
 """Of millimetres and degrees: far below what any control resolves, so that rounding is no error."""
 
