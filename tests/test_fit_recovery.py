@@ -163,6 +163,20 @@ def test_intervals_of_each_effect_s_parameters_hold_the_truth(kind, count):
     assert_covers(whole)
 
 
+def test_a_frame_that_distances_do_not_see_takes_no_uncertainty_from_effects():
+    """Distances from where a point starts do not see how the frame is turned, in three directions of the parameters."""
+    (found, _), *_ = draws("distance", ("radial_error_motion", "A"), 1)
+    effects = [i for i in found.free if found.parameters[i].slot[0] != "frame"]
+    assert len(effects) == 8
+    assert found.determinacy.rank == len(found.free) - 3
+    jacobian = found.problem.jacobian(found.solution.theta, found.solution.frame)
+    columns = jacobian.reshape(-1, jacobian.shape[-1])[:, list(found.free)]
+    size = np.linalg.norm(columns, axis=0)
+    inverse = np.linalg.pinv(columns / size, rcond=1e-9) / size[:, None]
+    variances = found.variance_factor * np.sum(inverse[-8:] ** 2, axis=1)
+    assert np.diag(found.covariance)[effects] == pytest.approx(variances, rel=1e-8)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_intervals_of_each_effect_hold_the_truth_in_many_draws(kind):

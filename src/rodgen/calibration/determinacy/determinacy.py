@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.determinacy.undetermined import Direction, Elsewhere, Spectrum, describe, lacking
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.problem.file_values import Pull
+from rodgen.calibration.problem.file_values import ASIDE, Pull
 from rodgen.calibration.solve.least_squares import NearFile
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
@@ -159,7 +159,7 @@ def determinacy(
     keys: tuple[str, ...] = ()
     null = vt[~held]
     if len(null):
-        root = _nearest(root, null / scale, near, square)
+        root = _nearest(root, null, scale, near, square)
     if pull is not None:
         root, rows = _with_prior(root, pull, variance if problem.observations.sigma is None else 1.0)
         parts = np.max(np.abs(rows * near.largest(square)), axis=0, initial=0.0)
@@ -172,11 +172,25 @@ def determinacy(
     return Determinacy(covariance, undetermined, int(held.sum()), keys, spectrum)
 
 
-def _nearest(root: Array, null: Array, near: NearFile, square: Array) -> Array:
-    """Return a root C of the covariance CCᵀ of the values nearest to the file, from that of any that fit equally."""
-    metric = near.file.anchored[near.index] / near.largest(square)
-    size = np.linalg.norm(null * metric, axis=1)
-    null = null / np.where(size > 0, size, 1.0)[:, None]
+def _nearest(root: Array, null: Array, scale: Array, near: NearFile, square: Array) -> Array:
+    """Return a root C of the covariance CCᵀ of the values nearest to the file, from that of any that fit equally.
+
+    Parameters
+    ----------
+    root : ndarray, shape (k, r)
+    null : ndarray, shape (d, k)
+        Orthonormal directions that change no reading, of the parameters times `scale`.
+    scale : ndarray, shape (k,)
+    near : NearFile
+    square : ndarray, shape (k, k)
+        Normal equations.
+    """
+    anchored = near.file.anchored[near.index]
+    # where only the frame moves, of which the file says nothing, the rest of a direction is rounding
+    left, part, _ = svd(null * anchored, full_matrices=False)
+    null = left[:, part > ASIDE].T @ null / scale
+    metric = anchored / near.largest(square)
+    null /= np.linalg.norm(null * metric, axis=1)[:, None]
     # of a change, the part along each direction
     along = lstsq((null * metric).T, np.diag(metric), relative=DETERMINACY.nothing)
     return np.asarray(root - null.T @ (along @ root))

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from rodgen.statistics.decompositions import eigh
 
-__all__ = ["CHANCE", "FileValues", "Pull", "pulled"]
+__all__ = ["ASIDE", "CHANCE", "FileValues", "Pull", "pulled"]
 
 Array: TypeAlias = NDArray[np.float64]
 
