@@ -105,6 +105,7 @@ OUTLINE = (
             "certified": "docs/certified.md",
             "benchmarks": "docs/benchmarks.md",
             "limits": "docs/limits.md",
+            "scale": "docs/scale.md",
             "security": "SECURITY.md",
             "contributing": "CONTRIBUTING.md",
         },

@@ -25,6 +25,7 @@ __all__ = [
     "add_json",
     "add_loss",
     "add_place",
+    "add_scheduler",
     "add_test",
     "add_timings",
     "diagnosed",
@@ -71,6 +72,14 @@ def add_timings(command: argparse.ArgumentParser) -> None:
     """Add --timings."""
     about = 'after the answer, show how long each stage took; with --json under "timings"'
     command.add_argument("--timings", action="store_true", help=about)
+
+
+def add_scheduler(command: argparse.ArgumentParser) -> None:
+    """Add --scheduler."""
+    about = (
+        "where tasks run: threads (default), processes, either with =N, or a Dask scheduler: tcp://HOST:PORT"
+    )
+    command.add_argument("--scheduler", metavar="WHERE", help=about)
 
 
 def add_test(command: argparse.ArgumentParser) -> None:
