@@ -14,7 +14,7 @@ from rodgen.calibration.ladder import ladder
 from rodgen.cli.main import main
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Machine
-from rodgen.workbench.actions import Add, Aside, Back, Known, Mend, Remove, Written
+from rodgen.workbench.actions import Add, Aside, Back, Known, Mend, Remove, Tie, Written
 from rodgen.workbench.session import Session
 
 MOUNT = Path(__file__).parents[1] / "examples/machines/mount"
@@ -103,6 +103,30 @@ def test_parameters_are_held_and_bounded(session):
     assert session.state.fit.estimates["tube_flexure.a"].value == pytest.approx(free, rel=1e-6)
 
 
+def test_parameters_are_tied_and_free_again(session, tmp_path):
+    for joint in ("AZ", "EL"):
+        session.do(Add({"name": "encoder_eccentricity", "joint": joint}))
+    of, other = "EL.encoder_eccentricity.a", "AZ.encoder_eccentricity.a"
+    free = session.state.fit
+    tied = session.do(Tie(of, f"-2 * {other} + 3 arcsec")).fit
+    values = {key: tied.estimates[key].value for key in (of, other)}
+    assert values[of] == pytest.approx(3 - 2 * values[other], rel=1e-9)
+    assert tied.rms > free.rms
+    assert session.state.rung.step.degrees_of_freedom[0] == 1
+    assert f'[ties]\n"{of}" = "-2 * {other} + 3 arcsec"\n' in session.state.text
+    with pytest.raises(RodgenError, match="is tied to; expected"):
+        session.do(Tie(other, of))
+    session.do(Tie(of, other))
+    assert session.state.text.count(f'"{of}"') == 1
+    session.save(tmp_path / "mount.rodgen")
+    assert Session.load(tmp_path / "mount.rodgen").state.text == session.state.text
+    assert session.do(Tie(of)).fit.rms == pytest.approx(free.rms, rel=1e-8)
+    made = {}
+    exec(session.python(), made)
+    assert made["fit"].rms == pytest.approx(session.state.fit.rms, rel=1e-8)
+    assert made["machine"].ties == {}
+
+
 def test_a_formula_of_ones_own_is_added(session):
     own = {
         "name": "sag",
@@ -172,6 +196,23 @@ def test_commands_and_python_do_the_same(session, files, tmp_path):
         assert main(shlex.split(line)[1:]) == 0
     machine = Machine.load(files[0])
     assert [e.title for e in machine.effects] == ["refraction"]
+    assert files[0].read_text() == session.state.text
+
+
+def test_the_command_that_removes_an_effect_of_a_target_names_the_target(session, files):
+    own = {
+        "name": "sag",
+        "target": "boresight",
+        "component": "rz",
+        "formula": "k*EL",
+        "parameters": {"k": "1"},
+    }
+    session.do(Add(own))
+    session.save_machine(files[0])
+    session.do(Remove("sag", "boresight", target=True))
+    (command,) = session.commands()
+    assert "--target boresight" in command
+    assert main(shlex.split(command)[1:]) == 0
     assert files[0].read_text() == session.state.text
 
 

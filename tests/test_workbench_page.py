@@ -191,6 +191,25 @@ def test_a_formula_is_checked_where_it_is_typed(files):
     walk(session, user)
 
 
+def test_a_parameter_is_tied_to_another_and_untied(files):
+    session = Session.open(*files)
+
+    async def user(walker):
+        await walker.press("Tie EL.axis.a")
+        await walker.until(lambda: walker.there("A sum of multiples of other parameters"))
+        walker.types("A sum of multiples of other parameters", "EL.axis.a")
+        await walker.press("Tie it")
+        await walker.sees("itself; expected parameters that are not tied")
+        walker.types("A sum of multiples of other parameters", "2 * AZ.axis.a")
+        await walker.does("Tie it", 1)
+        await walker.sees("tied to 2 * AZ.axis.a")
+        await walker.does("Untie EL.axis.a", 2)
+        await walker.does("Undo", 1)
+
+    walk(session, user)
+    assert session.state.machine.ties.keys() == {"EL.axis.a"}
+
+
 @pytest.mark.slow
 def test_a_wrong_sign_is_told_and_mended_by_one_click(files):
     text = files[0].read_text()

@@ -16,7 +16,7 @@ from rodgen.machines.parts import Tie, belongs
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["Tied", "read_tie", "tied_parameters"]
+__all__ = ["Tied", "parameters_to_tie", "read_tie", "tied_parameters"]
 
 TIED = {"axis", "point", "geometry", "e"}
 """What may be tied: parts of the machine. Targets, frames and their shifts are of a set-up."""
@@ -60,6 +60,12 @@ def tied_parameters(
     return free, tuple(tied)
 
 
+def parameters_to_tie(machine: Machine) -> dict[str, Parameter]:
+    """Return the parameters of a machine that may be tied, and to which others may be, by their keys."""
+    found = parameters_of(machine, machine.structure, ("",))
+    return {p.key: p for p in found if str(p.slot[0]).partition(".")[0] in TIED}
+
+
 def read_tie(machine: Machine, key: str, text: str) -> Tie:
     """Return the tie of a parameter to others, as a machine file says it.
 
@@ -68,8 +74,7 @@ def read_tie(machine: Machine, key: str, text: str) -> Tie:
     UnfitEffectError
         With what was found and what was expected.
     """
-    found = parameters_of(machine, machine.structure, ("",))
-    known = {p.key: p for p in found if str(p.slot[0]).partition(".")[0] in TIED}
+    known = parameters_to_tie(machine)
     units = {name: unit_factor(p.unit, machine.length_unit)[1] for name, p in known.items()}
     if key not in known:
         raise UnfitEffectError("", "no such parameter", suggestion(key, list(known)))

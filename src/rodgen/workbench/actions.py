@@ -18,6 +18,7 @@ from rodgen.machines.files.edit import (
     text_with_effects,
     text_with_geometry,
     text_with_known,
+    text_with_tie,
     text_without_effect,
 )
 from rodgen.machines.files.read import effect_of
@@ -38,6 +39,7 @@ __all__ = [
     "Known",
     "Mend",
     "Remove",
+    "Tie",
     "Written",
     "action_of",
 ]
@@ -206,11 +208,20 @@ class Written(_OfEffect):
 
 @dataclass(frozen=True)
 class Remove(Action):
-    """An effect is removed."""
+    """An effect is removed.
+
+    Attributes
+    ----------
+    name : str
+    place : str or None
+    target : bool
+        Whether the place is a target; else it is a joint.
+    """
 
     kind = "remove"
     name: str
     place: Place = None
+    target: bool = False
 
     @property
     def title(self) -> str:
@@ -226,7 +237,7 @@ class Remove(Action):
         return _words("remove", machine, self.name, data, *self._option(), "-o", machine)
 
     def _option(self) -> list[str]:
-        return ["--joint", self.place] if self.place else []
+        return ["--target" if self.target else "--joint", self.place] if self.place else []
 
     def python(self) -> str:
         """Return the lines of Python that do the same."""
@@ -265,10 +276,47 @@ class Known(Action):
     def python(self) -> str:
         """Return the lines of Python that do the same."""
         if not self.content:
-            kept = f"{{k: v for k, v in machine.known.items() if k != {self.key!r}}}"
-            return f"machine = dataclasses.replace(machine, known={kept})\n{FIT}"
+            return f"machine = {_without('known', self.key)}\n{FIT}"
         given = ", ".join(f"{key}={value!r}" for key, value in self.content.items())
         return f"machine = machine.knowing({self.key!r}, {given})\n{FIT}"
+
+
+@dataclass(frozen=True)
+class Tie(Action):
+    """A parameter is tied to others, or to none.
+
+    Attributes
+    ----------
+    key : str
+        Of the parameter.
+    to : str
+        As in ``[ties]`` of a machine file; empty: it is free.
+    """
+
+    kind = "tie"
+    key: str
+    to: str = ""
+
+    @property
+    def title(self) -> str:
+        """What it does, in a few words."""
+        return f"{self.key} = {self.to}" if self.to else f"{self.key}: tied no more"
+
+    def text(self, state: State) -> str:
+        """Return the text of the machine file after it."""
+        return text_with_tie(state.file, self.key, self.to, state.text)
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same."""
+        if not self.to:
+            return f"machine = {_without('ties', self.key)}\n{FIT}"
+        return f"machine = machine.tying({self.key!r}, {self.to!r})\n{FIT}"
+
+
+def _without(table: str, key: str) -> str:
+    """Return Python for a machine whose file says nothing of a key in a table."""
+    kept = f"{{k: v for k, v in machine.{table}.items() if k != {key!r}}}"
+    return f"dataclasses.replace(machine, {table}={kept})"
 
 
 @dataclass(frozen=True)
@@ -380,7 +428,7 @@ class Mend(Action):
 
 
 ACTIONS: dict[str, Callable[..., Action]] = {
-    made.kind: made for made in (Add, Written, Remove, Known, Aside, Back, Mend)
+    made.kind: made for made in (Add, Written, Remove, Known, Tie, Aside, Back, Mend)
 }
 """What an action of a session file is, by its key ``do``."""
 
@@ -400,7 +448,13 @@ def action_of(content: Any) -> Action:
     if made is None:
         raise RodgenError(f"the action {shown(content['do'])}; expected one of {known}")
     keys = {key: value for key, value in content.items() if key != "do"}
-    kinds: dict[str, Any] = {"rows": list, "effect": dict, "content": dict, "place": str | None}
+    kinds: dict[str, Any] = {
+        "rows": list,
+        "effect": dict,
+        "content": dict,
+        "place": str | None,
+        "target": bool,
+    }
     for key, value in keys.items():
         if not isinstance(value, kinds.get(key, str)):
             raise RodgenError(

@@ -10,7 +10,8 @@ from nicegui import ui
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.custom import OWN_COMPONENTS, WORDS
 from rodgen.machines.machine import Effect, Machine
-from rodgen.workbench.actions import Add, Known, Remove, Written
+from rodgen.machines.ties import parameters_to_tie
+from rodgen.workbench.actions import Add, Known, Remove, Tie, Written
 from rodgen.workbench.parts import anew, button, card
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ class Model:
     def fill(self) -> None:
         """Fill it anew."""
         machine, fit = self.page.state.machine, self.page.state.fit
+        may_follow = parameters_to_tie(machine)
         with anew(self.card, "Model"):
             for effect in machine.effects:
                 with ui.element("div").classes("suspect"):
@@ -63,13 +65,18 @@ class Model:
                 "dense"
             ):
                 for estimate in fit.estimates.values():
-                    self._parameter(estimate)
+                    others = [key for key in may_follow if key != estimate.key and key not in machine.ties]
+                    self._parameter(estimate, others if estimate.key in may_follow else [])
 
-    def _parameter(self, estimate: Estimate) -> None:
+    def _parameter(self, estimate: Estimate, others: list[str]) -> None:
+        """Add the row of a parameter, which can be tied to others."""
         with ui.element("div").classes("suspect"):
             with ui.element("div").classes("what"):
                 ui.label(estimate.key)
                 ui.label(estimate.text).classes("soft")
+            if estimate.tied_to:
+                button("Untie", partial(self._tie, estimate.key, ""), label=f"Untie {estimate.key}")
+                return
             owner = next((e for e in self.page.state.machine.effects if e.owns(estimate.key)), None)
             name = estimate.key.rpartition(".")[2]
             if owner is not None and name in owner.definition.parameters:
@@ -80,9 +87,34 @@ class Model:
                     button("Hold", ask, label=f"Hold {estimate.key}")
             if not estimate.held:
                 button("Bound", partial(self._ask, None, estimate), label=f"Bound {estimate.key}")
+                if others:
+                    button("Tie", partial(self._ask_tie, estimate, others), label=f"Tie {estimate.key}")
 
     async def _remove(self, effect: Effect) -> None:
-        await self.page.desk.do(Remove(effect.name, effect.place))
+        at_target = self.page.state.machine.kind_of(effect.place) == "target"
+        await self.page.desk.do(Remove(effect.name, effect.place, at_target))
+
+    async def _tie(self, key: str, to: str) -> None:
+        await self.page.desk.do(Tie(key, to))
+
+    async def _ask_tie(self, estimate: Estimate, others: list[str]) -> None:
+        """Ask what a parameter follows from."""
+        with ui.dialog(value=True) as dialog, ui.card():
+            ui.label(f"{estimate.key} is")
+            to = ui.input("A sum of multiples of other parameters", placeholder=f"2 * {others[0]}")
+            to.props("dense outlined maxlength=2000").classes("w-full")
+            to.set_autocomplete(others)
+            ui.label(f"Others: {', '.join(others)}.").classes("soft")
+
+            async def done() -> None:
+                if not str(to.value or "").strip():
+                    raise RodgenError(f"nothing; expected another parameter, such as {others[0]}")
+                await self._tie(estimate.key, str(to.value).strip())
+                dialog.close()
+
+            with ui.element("div").classes("line"):
+                button("Tie", done, label="Tie it")
+                ui.button("Cancel", on_click=dialog.close).props("flat dense no-caps")
 
     async def _hold(self, effect: Effect, name: str, value: float | None) -> None:
         block = keys(effect, self.page.state.machine)

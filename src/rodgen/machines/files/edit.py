@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
-from rodgen.machines.files.write import effect_text, known_line, machine_text
+from rodgen.machines.files.write import effect_text, known_line, machine_text, toml_string
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Effect
 
@@ -27,6 +27,7 @@ __all__ = [
     "text_with_effects",
     "text_with_geometry",
     "text_with_known",
+    "text_with_tie",
     "text_without_effect",
 ]
 
@@ -118,17 +119,48 @@ def text_with_known(source: Source, key: str, content: Mapping[str, Any], text: 
     changed = replace(before, known={k: v for k, v in before.known.items() if k != key})
     if content:
         changed = changed.knowing(key, **content)
-    entries, after = _entries(text, "known")
+    line = known_line(changed, key, changed.known[key]) if content else ""
+    return _checked(_with_entry(text, "known", key, line), changed, source)
+
+
+def text_with_tie(source: Source, key: str, to: str, text: str | None = None) -> str:
+    """Return the text of a machine file whose ``[ties]`` tie a parameter to others, or to none.
+
+    Parameters
+    ----------
+    source : str or os.PathLike
+    key : str
+        Of the parameter.
+    to : str
+        A linear combination of others, as :meth:`Machine.tying` takes it; empty: it is free.
+    text : str, optional
+
+    Raises
+    ------
+    InputFileError
+        When `source` is not a machine file, or the tie cannot be right.
+    """
+    text, before = _read(source, text)
+    changed = replace(before, ties={k: v for k, v in before.ties.items() if k != key}, file=before.file)
+    if to:
+        changed = changed.tying(key, to)
+    line = f"{toml_string(key)} = {toml_string(to)}" if to else ""
+    return _checked(_with_entry(text, "ties", key, line), changed, source)
+
+
+def _with_entry(text: str, table: str, key: str, line: str) -> str:
+    """Return a text with a line on a key at the head of a table, in place of another; an empty one is none."""
+    entries, after = _entries(text, table)
     new_line = "\r\n" if "\r\n" in text else "\n"
-    line = known_line(changed, key, changed.known[key]) + new_line if content else ""
+    line += new_line * bool(line)
     text = _without(text, [part for name, part in entries if name == key])
     if after is None and line:
         first = min((part.start for parts in _blocks(text, "effect") for part in parts), default=len(text))
         gap = "" if not first or text[:first].endswith(("\n\n", "\r\n\r\n")) else new_line
-        text = f"{text[:first]}{gap}[known]{new_line}{line}{new_line if text[first:] else ''}{text[first:]}"
+        text = f"{text[:first]}{gap}[{table}]{new_line}{line}{new_line if text[first:] else ''}{text[first:]}"
     elif line:
         text = text[:after] + line + text[after:]
-    return _checked(text, changed, source)
+    return text
 
 
 def text_without_effect(source: Source, name: str, place: str | None, text: str | None = None) -> str:
