@@ -58,6 +58,25 @@ def test_what_a_diagnosis_would_name_stands_first_and_equals_say_why(mount):
     assert with_flexure[0].effect.title == "refraction"
 
 
+def test_what_chance_explains_as_well_stands_after_what_it_may_not(mount):
+    found = [s for s in suspects(mount).listed if s.like is None]
+    certain = [s.p_value == 1.0 for s in found]
+    assert certain == sorted(certain)
+    imitated = [s.statistic == 0.0 for s in found]  # such as a zero offset, which the boresight is, too
+    assert imitated == sorted(imitated)
+    assert any(imitated)
+
+
+def test_effects_outside_the_selection_say_why_they_cannot_be_told_apart():
+    table = MACHINES / "gantry_rotary"
+    data = next(table.glob("*.csv"))
+    found = suspects(fit(Machine.load(table / "machine.toml"), Measurements.load(data))).listed
+    backlash = next(s for s in found if s.effect.title == "backlash at C")
+    assert backlash.like.title == "radial_error_motion at C"
+    assert "explains these readings about as well, though it changes them differently" in backlash.why
+    assert all(s.why for s in found if s.like is not None)
+
+
 def test_with_what_is_missing_in_the_model_little_is_left_to_suspect(mount):
     machine = mount.machine
     for name in ("tube_flexure", "refraction"):

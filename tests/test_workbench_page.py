@@ -160,10 +160,19 @@ def test_rows_are_brushed_away_and_back_and_what_was_done_is_kept(files):
         walker.types("Session", "kept.rodgen")
         await walker.press("Write: Session")
         await walker.sees("kept.rodgen is written.")
+        walker.named("As").set_value("cpp")
+        await walker.press("Write: Code, a folder")
+        await walker.sees("machine_cpp is written.")
+        await walker.sees("--lang cpp -o")
+        walker.named("As").set_value("linuxcnc")
+        await walker.press("Write: Code, a folder")
+        await walker.sees("no chain that moves a point")
         await walker.does("Undo", 1)
 
     walk(session, user)
     assert not list(folder.parent.glob("*.rodgen"))
+    assert [*(folder / "machine_cpp").glob("*.hpp")]
+    assert not (folder / "machine_linuxcnc").exists()
     again = Session.load(folder / "kept.rodgen")
     assert (again.at, len(again.states)) == (1, 3)
     assert again.state.action.why.startswith("clouds <script>")
@@ -173,6 +182,12 @@ def test_a_formula_is_checked_where_it_is_typed(files):
     session = Session.open(*files)
 
     async def user(walker):
+        walker.types("Formula", "2*A")
+        assert walker.named("Formula").props["_autocomplete"] == ["2*AZ"]
+        walker.types("Parameters and units", "k: arcs")
+        assert walker.named("Parameters and units").props["_autocomplete"] == ["k: arcsec"]
+        walker.types("Formula", "k*co")
+        assert walker.named("Formula").props["_autocomplete"] == ["k*cos("]
         walker.named("At").set_value("EL")
         walker.types("Parameters and units", "k: arcsec")
         walker.types("Formula", "k*cos(q")

@@ -426,6 +426,8 @@ _EVERYDAY: dict[str, tuple[Dimension, Fraction]] = {
     "kN": (FORCE, Fraction(1000)),
     "kg": (FORCE * TIME**2 / LENGTH, Fraction(1)),
 }
+UNITS = (*_EVERYDAY, *_PI_PARTS)
+"""Names of units, for completion; every unit that Pint knows can be read."""
 _ZEROS = {
     **dict.fromkeys(("degC", "°C", "celsius", "degree_Celsius"), Fraction(0)),
     **dict.fromkeys(("degF", "°F", "fahrenheit", "degree_Fahrenheit"), Fraction(-160, 9)),

@@ -5,13 +5,16 @@ from __future__ import annotations
 import asyncio
 import os
 import re
+import shlex
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
 from rodgen.errors import InputFileError, shown
+from rodgen.machines.emit import FORMS
 from rodgen.workbench.parts import button
 from rodgen.workbench.session import ENDING
 
@@ -54,15 +57,23 @@ class Keeping:
         with ui.dialog() as self.dialog, ui.card().style("width:560px;max-width:95vw"):
             ui.label(f"In {self.folder}").classes("soft")
             self.said = ui.label().props('role="status"')
+            self.same = ui.label().classes("code")
+            self.same.bind_visibility_from(self.same, "text", backward=bool)
+            self.fields: dict[str, ui.input] = {}
             for what, name, ending, writes in (
                 ("Machine file", f"{stem}_better.toml", ".toml", session.save_machine),
                 ("Session", f"{stem}{ENDING}", ENDING, session.save),
                 ("Report", f"{stem}.html", ".html", self._report),
-                ("C code, a folder", f"{stem}_c", "", partial(self._emit, "c")),
-                ("Python code, a folder", f"{stem}_numpy", "", partial(self._emit, "numpy")),
+                ("Code, a folder", f"{stem}_c", "", self._emit),
             ):
                 with ui.element("div").classes("line"):
-                    field = ui.input(what, value=name).props("dense outlined maxlength=120").style("flex:1")
+                    field = self.fields[what] = ui.input(what, value=name).style("flex:1")
+                    field.props("dense outlined maxlength=120")
+                    if writes == self._emit:
+                        self.form = ui.select(FORMS, value="c", label="As").props(
+                            "dense options-dense outlined"
+                        )
+                        self.form.style("width:200px").on_value_change(partial(self._named, field, stem))
                     button("Write", partial(self._write, field, ending, writes), label=f"Write: {what}")
             with ui.element("div").classes("line"):
                 button("Download the machine file", self._machine)
@@ -71,20 +82,36 @@ class Keeping:
     async def open(self) -> None:
         """Show the dialog."""
         self.said.set_text("")
+        self.same.set_text("")
         self.dialog.open()
 
     async def _write(self, field: Any, ending: str, writes: Callable[[str], object]) -> None:
         path = file_in(self.folder, str(field.value or ""), ending)
         self.said.set_text("Writing …")
+        self.same.set_text("")
         try:
             await asyncio.to_thread(writes, path)
         except Exception:
             self.said.set_text("")
             raise
         self.said.set_text(f"{path} is written.")
+        self.same.set_text(self._command(writes, path))
+
+    def _command(self, writes: Callable[[str], object], path: str) -> str:
+        """Return the command that writes the same of the machine file; empty of a file of the page's own."""
+        if writes not in (self._report, self._emit):
+            return ""
+        options = ["report"] if writes == self._report else ["emit", "--lang", self.form.value]
+        machine = os.path.join(self.folder, str(self.fields["Machine file"].value))
+        data = self.page.desk.session.data_file
+        return shlex.join(["rodgen", options[0], machine, data, *options[1:], "-o", path])
+
+    def _named(self, field: Any, stem: str, event: Any) -> None:
+        field.set_value(f"{stem}_{event.value}")
 
     def _report(self, path: str) -> None:
         from rodgen.calibration.diagnose import diagnose
+        from rodgen.calibration.plan import PlanError, plan
         from rodgen.output.report import write_report
 
         desk, state = self.page.desk, self.page.state
@@ -93,10 +120,14 @@ class Keeping:
         else:
             kept = state.observations.take(~state.aside) if state.aside.any() else state.observations
             found = diagnose(state.machine, kept)
-        write_report(found, path)
+        planned = desk.plan[1] if desk.plan is not None and desk.plan[0] is state else None
+        if planned is None:
+            with suppress(PlanError):
+                planned = plan(found)
+        write_report(found, path, planned)
 
-    def _emit(self, lang: str, path: str) -> None:
-        self.page.state.fit.emit(lang, path)
+    def _emit(self, path: str) -> None:
+        self.page.state.fit.emit(self.form.value, path)
 
     async def _machine(self) -> None:
         name = os.path.basename(self.page.state.file)

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
+from rodgen.data.units import UNITS
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.custom import OWN_COMPONENTS, WORDS
+from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.ties import parameters_to_tie
 from rodgen.workbench.actions import Add, Known, Remove, Tie, Written
-from rodgen.workbench.parts import anew, button, card
+from rodgen.workbench.parts import anew, button, card, completing
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate
@@ -103,7 +105,7 @@ class Model:
             ui.label(f"{estimate.key} is")
             to = ui.input("A sum of multiples of other parameters", placeholder=f"2 * {others[0]}")
             to.props("dense outlined maxlength=2000").classes("w-full")
-            to.set_autocomplete(others)
+            completing(to, lambda: others)
             ui.label(f"Others: {', '.join(others)}.").classes("soft")
 
             async def done() -> None:
@@ -187,15 +189,25 @@ class _Own:
             self.formula = (
                 self._input("Formula", "", LONGEST).props('placeholder="k*cos(q)"').classes("w-full")
             )
-            self.formula.set_autocomplete(sorted({*WORDS, *(j.name for j in machine.joints)}))
             self.parameters = self._input("Parameters and units", "", LONGEST).classes("w-full")
             self.parameters.props('placeholder="k: arcsec, m: arcsec/deg"')
-            names = [j.name for j in machine.joints] + [*page.state.observations.covariates]
+            names = [*machine.quantities, *page.state.observations.covariates]
             words = f"Words: {', '.join(sorted(WORDS))}; {', '.join(dict.fromkeys(names))}."
+            functions = [f"{word}(" for word in FUNCTION_NAMES]
+            completing(self.formula, lambda: {*WORDS - FUNCTION_NAMES, *functions, *names, *self._named()})
+            completing(self.parameters, lambda: UNITS)
             ui.label(words).classes("soft")
             self.fault = ui.label().props('role="alert"').style("color:#c04d00")
             self.add = button("Add the formula", self._add)
             self.add.set_enabled(False)
+
+    def _named(self) -> dict[str, str]:
+        """Return the parameters that were typed, with their units."""
+        given = {}
+        for each in filter(str.strip, str(self.parameters.value or "").split(",")):
+            parameter, _, unit = each.replace("=", ":").partition(":")
+            given[parameter.strip()] = unit.strip() or "1"
+        return given
 
     def _input(self, label: str, value: str, longest: int) -> ui.input:
         made = ui.input(label, value=value, on_change=self.check)
@@ -213,17 +225,13 @@ class _Own:
         texts = [str(each.value or "") for each in (self.name, self.formula, self.parameters)]
         if max(map(len, texts)) > LONGEST:
             raise RodgenError(f"{max(map(len, texts))} characters; expected {LONGEST} at most")
-        name, formula, given = texts
-        parameters = {}
-        for each in filter(str.strip, given.split(",")):
-            parameter, _, unit = each.replace("=", ":").partition(":")
-            parameters[parameter.strip()] = unit.strip() or "1"
+        name, formula, _ = texts
         block: dict[str, Any] = {"name": name, "component": self.component.value, "formula": formula}
         machine = self.page.state.machine
         if place := self.place.value:
             kind = "target" if machine.kind_of(place) == "target" else "joint"
             block = {"name": name, kind: place} | block
-        return Add(block | {"parameters": parameters})
+        return Add(block | {"parameters": self._named()})
 
     def check(self, _: Any = None) -> None:
         """Say where it is wrong, at the place where that was typed."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Awaitable, Callable, Iterator
+import re
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import contextmanager
 from inspect import signature
 from typing import Any
@@ -12,7 +13,7 @@ from nicegui import ui
 
 from rodgen.errors import RodgenError
 
-__all__ = ["STYLE", "Handler", "anew", "button", "card", "copied", "guarded", "heading"]
+__all__ = ["STYLE", "Handler", "anew", "button", "card", "completing", "copied", "guarded", "heading"]
 
 STYLE = """
 :root{--paper:#fff;--wash:#f6f7f9;--ink:#1b1f24;--soft:#57606a;--mid:#8c959f;--line:#dfe3e8}
@@ -99,6 +100,18 @@ def anew(place: ui.element, title: str = "") -> Iterator[None]:
         if title:
             heading(title)
         yield
+
+
+def completing(field: ui.input, words: Callable[[], Iterable[str]]) -> None:
+    """Let Tab complete the word that is typed in a field, of names and of what they are joined to by points."""
+
+    def offer() -> None:
+        text = str(field.value or "")
+        begun = re.search(r"[^\W\d][\w.]*$", text)
+        known = sorted(word for word in words() if begun and word.startswith(begun[0]) and word != begun[0])
+        field.set_autocomplete([text[: begun.start()] + word for word in known] if begun else [])
+
+    field.on_value_change(offer)
 
 
 async def copied(text: str) -> None:

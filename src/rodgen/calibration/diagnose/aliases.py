@@ -33,7 +33,7 @@ from rodgen.statistics.thresholds import SELECTION
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Equal", "equals_of", "imitation"]
+__all__ = ["Equal", "equals_of", "imitation", "why_alike"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -139,7 +139,7 @@ def equals_of(
             selection.is_needed([*others, *(c for c in rivals if c is not rival)], rival) for rival in rivals
         ):
             continue
-        why, part = _why(selection, sensitivities, own, others, rivals)
+        why, part = why_alike(selection, sensitivities, own, others, rivals)
         if part > SELECTION.in_part and cost > SELECTION.unlikely:
             continue
         odds, with_data = (float(np.exp(-x / 2)) for x in (prior, cost))
@@ -297,7 +297,7 @@ def _sampling_factor(sensitivities: Sensitivities) -> float:
     return float((~sensitivities.fit.outliers).sum() / len(sensitivities.rows))
 
 
-def _why(
+def why_alike(
     selection: Selection,
     sensitivities: Sensitivities,
     own: Candidate,

@@ -1,8 +1,8 @@
 """Every effect that a fit may lack, as a user looks for it: how much it would explain, and how likely it is.
 
 The list is that from which a diagnosis chooses, at one fit: what its selection takes stands first, each followed by
-what these data cannot tell from it. Full fits confirm nothing here, so that it takes a fraction of a second, and is
-made anew after every change of the model.
+what these data cannot tell from it; then the others by evidence and odds, last what chance explains as well. Full fits
+confirm nothing here, so that it takes a fraction of a second, and is made anew after every change of the model.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.aliases import Equal, equals_of
+from rodgen.calibration.diagnose.aliases import Equal, equals_of, why_alike
 from rodgen.calibration.diagnose.candidate_space import Score
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.evidence import Evidence, Screening, gather_evidence
@@ -55,7 +55,7 @@ class Suspect:
     like : Effect or None
         The effect that stands before it in the list and from which these data cannot tell it.
     why : str
-        Why they cannot: a sentence; empty without `like`, or where nothing more is known than what both explain.
+        Why they cannot: a sentence; empty without `like`.
     """
 
     effect: Effect
@@ -163,7 +163,14 @@ def _groups(
             group += [(waiting.pop(equal.candidates[0].key), equal.alias.why) for equal in equals(k)]
             groups.append(group)
     log10_tests, level = np.log10(selection.tests(())), np.log10(selection.level)
-    rest = sorted(waiting.values(), key=lambda s: s.log_p - s.candidate.prior.log_odds)
+    rest = sorted(
+        waiting.values(),
+        key=lambda s: (  # last what the model does already, before it what chance explains as well
+            not s.dof,
+            s.log_p / np.log(10) + log10_tests >= 0,
+            s.log_p - s.candidate.prior.log_odds,
+        ),
+    )
     while rest:
         first = rest.pop(0)
         variance = first.left / max(first.residual_dof, 1)
@@ -175,7 +182,11 @@ def _groups(
             and max(first.log_p, other.log_p) / np.log(10) + log10_tests < level
         ]
         rest = [other for other in rest if other not in like]
-        groups.append([(score, "") for score in (first, *like)])
+        whys = [
+            why_alike(selection, evidence.sensitivities, first.candidate, kept, [other.candidate])[0]
+            for other in like
+        ]
+        groups.append(list(zip((first, *like), ("", *whys), strict=True)))
     return groups
 
 

@@ -20,8 +20,21 @@ if TYPE_CHECKING:
 __all__ = ["FORMS", "emit"]
 
 
-FORMS = ("c", "cpp", "matlab", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw", "map", "linuxcnc")
-"""What a machine is written as."""
+FORMS = {
+    "c": "C99",
+    "cpp": "C++17",
+    "matlab": "MATLAB and GNU Octave",
+    "numpy": "Python with NumPy",
+    "jax": "Python with JAX",
+    "urdf": "URDF",
+    "dh": "Denavit-Hartenberg tables",
+    "tpoint": "model of TPOINT",
+    "iso230": "error motions and location errors, ISO 230",
+    "screw": "errors of position, for SINUMERIK and LinuxCNC",
+    "map": "errors on a grid, CSV",
+    "linuxcnc": "kinematics component for LinuxCNC",
+}
+"""What a machine is written as, and what that is."""
 
 
 def emit(
