@@ -7,11 +7,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self, TypeAlias
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.checks.gross import GrossReading, gross_readings
 from rodgen.calibration.checks.held_out import HeldOut, held_out
 from rodgen.calibration.checks.lack_of_fit import LackOfFit, lack_of_fit
@@ -45,7 +46,6 @@ from rodgen.views import Records, html_of
 
 __all__ = ["LOSSES", "Estimate", "FittedModel"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 LOSSES = ("linear", "huber")
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import open_legs
 from rodgen.calibration.problem.attitudes import attitude_columns
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Prediction", "predict"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 ROUNDING = 1e-6
 """Part of what its parameters change one by one below which a combination of them changes nothing."""

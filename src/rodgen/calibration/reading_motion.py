@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.problem import Problem
 
 if TYPE_CHECKING:
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["directions_about", "error_of_reading", "motion_with_reading"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 STEP = 1e-5
 """Step of the central differences: radians, or a part of the range. They are good to six digits for any machine, far

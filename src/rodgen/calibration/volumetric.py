@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.data.observations import Observations
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["VolumetricError", "volumetric_error"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 SHARE, NEAR = 0.95, 0.01
 """Part of the positions whose errors are smaller, and of those to both sides that say how uncertain it is."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.units import ANGLE, FORCE, ONE, TEMPERATURE, TIME, Dimension, parse_unit, unit_factor
 from rodgen.statistics.monotone_curve import monotone_curve
 
@@ -34,7 +35,6 @@ __all__ = [
     "products",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
 Kind: TypeAlias = Literal[
     "joint",
     "period",

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.arrays import broadcast_shapes, real_array
 from rodgen.kinematics.rotation import matrix_from_rodrigues_vector
 from rodgen.views import html_of
 
 __all__ = ["DirectStatus", "Geometry", "by_newton", "direct", "least_singular_value", "legs"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 STAGES, STEPS = 8, 2
 """Parts of the way from the start to the legs, and Newton's steps at the end of each."""

@@ -15,8 +15,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ __all__ = [
     "carriers",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
 Vector: TypeAlias = tuple[float, float, float]
 
 NEWTON_STEPS = 8

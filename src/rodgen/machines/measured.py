@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.units import ANGLE, LENGTH, Dimension
 from rodgen.views import html_of
 
@@ -41,7 +41,6 @@ __all__ = [
     "Pose",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
 Vector: TypeAlias = tuple[float, float, float]
 
 TURNS = ("rx", "ry", "rz")

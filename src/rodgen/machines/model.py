@@ -6,11 +6,12 @@ import functools
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.codegen.rows import row_kernels
 from rodgen.data.units import ANGLE, LENGTH, Dimension, unit_factor
 from rodgen.machines.effects.plausibility import plausibility
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
 __all__ = ["Frame", "Model", "model_of"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

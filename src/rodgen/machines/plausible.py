@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.machines.effects.catalogue import SCALES
 from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Model
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_TARGETS", "implausible_numbers", "relative_corrections", "stated_deviations", "tolerances"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 MOST_TARGETS = 100
 """Targets that are compared with each other at most."""

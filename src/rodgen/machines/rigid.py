@@ -5,11 +5,10 @@ The formulas are proved in the derivation ``machine_model``, which the kernels a
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from rodgen.array_types import Array
 from rodgen.kinematics.backend import kernels
 
 __all__ = [
@@ -21,8 +20,6 @@ __all__ = [
     "rotation_vector",
     "tilted",
 ]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def complete_basis(axis: ArrayLike) -> tuple[Array, Array]:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["autocorrelation"]
+from rodgen.array_types import Array
 
-Array: TypeAlias = NDArray[np.float64]
+__all__ = ["autocorrelation"]
 
 
 def autocorrelation(values: Array, part: NDArray[np.intp], most: int) -> tuple[Array, NDArray[np.intp]]:

@@ -12,11 +12,12 @@ import os
 import sys
 from importlib import import_module
 from types import ModuleType
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
+
+from rodgen.array_types import Array
 
 __all__ = [
     "apply_reflectors",
@@ -27,8 +28,6 @@ __all__ = [
     "special",
     "syev",
 ]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def _compiled(package: str, module: str, public: str) -> Any:

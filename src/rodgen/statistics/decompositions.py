@@ -8,14 +8,12 @@ packages from here upwards decompose by these functions, so that no matrix of me
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rodgen.array_types import Array
 
 __all__ = ["eigh", "lstsq", "singular_values", "solve", "svd"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def svd(matrix: Array, *, full_matrices: bool = False) -> tuple[Array, Array, Array]:

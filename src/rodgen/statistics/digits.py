@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rodgen.array_types import Array
 
 __all__ = ["measured", "round_by", "second_decimal"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def second_decimal(u: Array) -> Array:

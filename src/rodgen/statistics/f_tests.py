@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
 
 from rodgen.statistics.thresholds import SMALLEST_P
 
 __all__ = ["f_tail", "log10_f_tail", "log10_p_of_fall", "log_p_of_fall", "p_of_log10"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 SERIES_BELOW = 1e-250
 """Probabilities below are summed up from the series, as logarithms; a double ends at 1e-308."""

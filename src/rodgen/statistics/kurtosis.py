@@ -7,16 +7,13 @@ the kurtosis is far too small (1.2 of 200 numbers, as of errors that are all abo
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.statistics.thresholds import ROBUST
 
 __all__ = ["has_heavy_tails", "kurtosis_of", "kurtosis_tail"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def has_heavy_tails(residuals: Array) -> bool:

@@ -16,16 +16,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.statistics.decompositions import eigh
 
 __all__ = ["ALONE", "LeaveOut", "deal", "group_slices", "undo_leverage"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 ALONE = 1e-6
 """A group whose removal leaves less than this part of the information on a direction is the only one to know it; the

@@ -10,13 +10,12 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.statistics.decompositions import eigh
 
 __all__ = ["climb"]
 
-Array: TypeAlias = NDArray[np.float64]
 Function: TypeAlias = Callable[[Array], tuple[float, Callable[[], tuple[Array, Array]]]]
 
 LONGEST = 1.0

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rodgen.array_types import Array
 
 __all__ = ["monotone_curve"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def monotone_curve(x: Array, y: Array) -> Callable[[Array], Array]:

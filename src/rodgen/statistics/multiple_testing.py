@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import deepcopy
 from functools import lru_cache
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rodgen.array_types import Array
 
 __all__ = ["effective_tests"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 SIMULATIONS = 2000
 RATE = 0.01

@@ -5,14 +5,12 @@ The size z of a row with m components, in units of its noise, is chi-distributed
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
+
+from rodgen.array_types import Array
 
 __all__ = ["HALF_OF_NORMAL", "HUBER", "huber_weight", "median_factor"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 HALF_OF_NORMAL = 0.6745
 """Standard deviations within which half of normal errors are."""

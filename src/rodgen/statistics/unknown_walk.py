@@ -14,18 +14,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import product
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.thresholds import VARIANCES, WALK
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
 
 __all__ = ["log_p_under_walks"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def log_p_under_walks(

@@ -14,11 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.statistics.columns import directions_above, orthonormal_basis, pair_falls, project_out
 from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.f_tests import log_p_of_fall
@@ -27,8 +26,6 @@ from rodgen.statistics.thresholds import SMALLEST_P, VARIANCES
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
 
 __all__ = ["RestrictedLikelihood", "VarianceComponents", "VarianceEstimator"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 class VarianceEstimator:

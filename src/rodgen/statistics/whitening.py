@@ -17,17 +17,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Index
 from rodgen.statistics.decompositions import eigh
 
 __all__ = ["Change", "InverseProducts", "Moments", "MotionDeviations", "Poses", "SharedMotion", "Whitener"]
 
-Array: TypeAlias = NDArray[np.float64]
-Index: TypeAlias = NDArray[np.intp]
 
 SHORTEST = 1e-3
 """Poses nearer in time than this part of the usual spacing are taken for so far apart: one time twice has no

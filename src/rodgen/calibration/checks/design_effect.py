@@ -7,11 +7,12 @@ residuals with the correction of Bell and McCaffrey (2002).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.checks.nested_models import further_combinations
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.statistics.columns import unit_columns
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["design_effect", "design_effect_of_fits"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def design_effect(directions: Array, residual: Array, pose: NDArray[np.integer], variance: float) -> float:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.words import capitalized, in_component, sized
 from rodgen.statistics.thresholds import GROSS
 from rodgen.views import html_of
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
 __all__ = ["GrossReading", "gross_readings", "on_gross_readings", "on_outliers"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import NEAR, NearFile, Solution, minimise, minimise_without, moved
@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 
 __all__ = ["HeldOut", "folds_of_rows", "held_out"]
 
-Array: TypeAlias = NDArray[np.float64]
-Ints: TypeAlias = NDArray[np.int_]
-Mask: TypeAlias = NDArray[np.bool_]
 
 ONE_AT_A_TIME = 100
 """Up to so many poses each is a fold of its own."""

@@ -7,11 +7,9 @@ the same kind: only then does no shape need to tell them apart.
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.checks.nested_models import NestedModels
 from rodgen.calibration.checks.positions import bases_by_rows, explained_within, rows_by_position
 from rodgen.calibration.noise.correlation import estimate_correlation
@@ -26,8 +24,6 @@ from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
 __all__ = ["log_p_of_kind"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def log_p_of_kind(models: NestedModels, joint: str) -> float:

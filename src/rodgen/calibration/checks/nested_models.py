@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.noise.correlation import FitRows
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import Solution, minimise
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["NestedModels", "further_combinations", "with_the_same_weights"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def with_the_same_weights(smaller: FittedModel, larger: FittedModel) -> tuple[FittedModel, FittedModel]:

@@ -8,11 +8,12 @@ positions), and needs as many positions beyond its freedoms as it has freedoms.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.statistics.columns import ColumnSpace, Whiten, orthonormal_basis, unit_columns
 from rodgen.statistics.f_tests import f_tail, log_p_of_fall
 from rodgen.statistics.thresholds import EVIDENCE, SELECTION, VERDICT
@@ -33,7 +34,6 @@ __all__ = [
     "rows_by_position",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
 
 COORDINATE = {"q", "zeta", *(f"P{k}" for k in range(1, 5))}
 FIXED = {"L", "N", "U", "V", "EX", "EY", "EZ", "pi"}

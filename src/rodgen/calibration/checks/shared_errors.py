@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.checks.design_effect import design_effect
 from rodgen.calibration.checks.nested_models import NestedModels
 from rodgen.calibration.noise.correlation import believed_readings, shared_motion
@@ -16,8 +14,6 @@ from rodgen.statistics.unknown_walk import log_p_under_walks
 from rodgen.statistics.whitening import MotionDeviations
 
 __all__ = ["generalised_f", "known_degrees_of_freedom", "log_p_where_it_wanders"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def generalised_f(models: NestedModels, further: int, residual_dof: int) -> tuple[float, float, float]:

@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.compare.drivers import Pair
 from rodgen.calibration.compare.explained import Explained, ProjectedResiduals
 from rodgen.calibration.compare.sample import Sample
@@ -38,7 +38,6 @@ from rodgen.statistics.thresholds import COMPARISON
 
 __all__ = ["Dependence", "Found", "Round", "Search", "Trial", "search"]
 
-Array: TypeAlias = NDArray[np.float64]
 Candidate: TypeAlias = Driver | Pair
 
 MOST_FOUND = 6

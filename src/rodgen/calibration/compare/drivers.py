@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver, drivers_of_place, products
 
 __all__ = ["Pair", "compared"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 SAME = 0.9999
 """Correlation from which two drivers are one: an altitude and the elevation axis that makes it."""

@@ -20,11 +20,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.poses import stretches
 from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, project_out, unit_columns
@@ -34,7 +34,6 @@ from rodgen.statistics.thresholds import COMPARISON
 
 __all__ = ["Explained", "ProjectedResiduals"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 WHITENED = 1e-5
 """Directions that whitening leaves less than this part of no longer belong to what the fit takes out."""

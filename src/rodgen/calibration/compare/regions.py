@@ -9,19 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Mask
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver
 from rodgen.statistics.thresholds import COMPARISON, SMALLEST_P
 
 __all__ = ["Region", "Worst", "quarters", "round_between", "worst_regions"]
 
-Array: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
 
 PIECES = 10
 CLOSEST = 1e-6

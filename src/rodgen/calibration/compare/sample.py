@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Index
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.reading_motion import motion_with_reading
 from rodgen.calibration.words import IN_UNCERTAINTIES
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Sample"]
 
-Array: TypeAlias = NDArray[np.float64]
-Index: TypeAlias = NDArray[np.intp]
 
 MOST_CELLS = 6_000
 """Cells that are looked at. What explains one percent of their variance lowers chi-square by 60, which chance does with

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.compare.dependence import Search
 from rodgen.calibration.compare.explained import ProjectedResiduals
 from rodgen.calibration.compare.regions import Region, quarters
@@ -26,7 +25,6 @@ from rodgen.statistics.thresholds import SMALLEST_P
 
 __all__ = ["Far", "Tails", "Uneven", "far", "tails", "uneven"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 LEAST_POSES = 20
 """Below this the p-value of a kurtosis is a guess."""

@@ -16,11 +16,10 @@ tridiagonal; within a pose nothing changes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.compare.explained import ProjectedResiduals
 from rodgen.calibration.compare.sample import Sample
 from rodgen.statistics.columns import directions_above, project_out
@@ -29,7 +28,6 @@ from rodgen.statistics.thresholds import SMALLEST_P
 
 __all__ = ["Drift", "RandomWalk", "SerialCorrelation", "drift", "random_walk", "serial_correlation"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 LEAST_POSES = 10
 """Degrees of freedom below which nothing is said of correlations."""

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.determinacy.undetermined import Direction, Elsewhere, Spectrum, describe, lacking
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.file_values import ASIDE, Pull
@@ -27,7 +27,6 @@ from rodgen.statistics.thresholds import DETERMINACY
 
 __all__ = ["Determinacy", "Direction", "determinacy"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 IN_CACHE = 1_000
 """Rows that are decomposed at once: a tall matrix takes six times as long outside the cache."""

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import within_reach
 from rodgen.machines.machine import Machine
@@ -20,7 +21,6 @@ from rodgen.machines.model import Frame, Model
 
 __all__ = ["Variation", "elsewhere", "variations"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 ROWS = 240
 """Least number of hypothetical readings: what none of them shows, none would."""

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.determinacy.hypothetical_readings import Variation, elsewhere, variations
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.words import some
@@ -24,7 +24,6 @@ from rodgen.statistics.thresholds import DETERMINACY
 
 __all__ = ["Direction", "Elsewhere", "Spectrum", "describe", "lacking", "sparse"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 SHARE = 0.02
 """Parts of a combination below this, measured by how they change the readings, are not named."""

@@ -8,11 +8,12 @@ as a part of 1.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
 
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["Whitened"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 class Whitened:

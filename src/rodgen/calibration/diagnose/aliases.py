@@ -12,10 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.acceptance import MORE, why_empty
 from rodgen.calibration.diagnose.candidates import Candidate
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Equal", "equals_of", "imitation", "why_alike"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 NAMED = 3
 """Most parameters of a combination that are named."""

@@ -15,11 +15,10 @@ from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.statistics.columns import (
     ColumnSpace,
@@ -34,8 +33,6 @@ from rodgen.statistics.multiple_testing import effective_tests
 from rodgen.statistics.thresholds import SELECTION
 
 __all__ = ["CandidateSpace", "Score"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.checks.positions import positions
 from rodgen.calibration.diagnose.sensitivities import MOMENTS, Place, Sensitivities, is_direct
 from rodgen.calibration.solve.starting_values import most_waves, wave_falls
@@ -23,7 +23,6 @@ from rodgen.statistics.thresholds import EVIDENCE, SELECTION
 
 __all__ = ["Candidate", "candidates", "without_imitated"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 TAUS = 12
 """Number of time constants tried, from the time between two poses to three times the whole duration."""

@@ -9,11 +9,10 @@ the correction of Bell and McCaffrey 2002, `undo_leverage`); what an effect expl
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.checks.positions import log_p_by_position
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.statistics.columns import ColumnSpace, Whiten, project_out, unit_columns
@@ -22,8 +21,6 @@ from rodgen.statistics.leave_out import undo_leverage
 from rodgen.statistics.thresholds import SELECTION, VARIANCES
 
 __all__ = ["Clusters"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 class Clusters:

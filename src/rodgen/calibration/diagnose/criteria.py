@@ -11,11 +11,10 @@ import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.checks.positions import position_of
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace, Score
 from rodgen.calibration.diagnose.candidates import Candidate
@@ -28,7 +27,6 @@ from rodgen.statistics.thresholds import SELECTION
 
 __all__ = ["SHARED", "Criteria", "Found"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 KEPT_SCORES = 512
 """Sets of candidates whose scores are kept."""

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.selection import Selection
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
 __all__ = ["Detectable", "detectable"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rodgen.calibration.fitted import Estimate
 from rodgen.data.units import unit_factor
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["EffectEstimates"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 class EffectEstimates:

@@ -7,11 +7,11 @@ is repeated.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.checks.held_out import folds_of_rows
 from rodgen.calibration.checks.positions import distinct_positions
 from rodgen.data.observations import Observations
@@ -20,8 +20,6 @@ from rodgen.statistics.leave_out import LeaveOut, deal, group_slices
 from rodgen.statistics.thresholds import EVIDENCE
 
 __all__ = ["Blocks", "stretches_of_time"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 class Blocks:

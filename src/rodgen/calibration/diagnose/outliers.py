@@ -8,11 +8,10 @@ all good rows exceeds in one of a hundred data sets.
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Mask
 from rodgen.statistics.columns import inverse_root, project_out, unit_columns
 from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.robust import huber_weight, median_factor
@@ -20,8 +19,6 @@ from rodgen.statistics.thresholds import OUTLIERS
 
 __all__ = ["are_neighbours", "gross_errors", "on_a_branch"]
 
-Array: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
 
 STEPS = 30
 """Reweighted fits at most."""

@@ -11,11 +11,11 @@ import math
 from collections.abc import Collection, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Mask
 from rodgen.calibration.checks.bounds import held_at_bounds
 from rodgen.calibration.diagnose.acceptance import (
     WRONG_SIGN,
@@ -53,8 +53,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
 __all__ = ["diagnose"]
-
-Mask: TypeAlias = NDArray[np.bool_]
 
 
 def diagnose(

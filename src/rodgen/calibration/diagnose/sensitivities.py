@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.noise.frame_motion import frame_motion
 from rodgen.calibration.noise.sampled_rows import sample_of
 from rodgen.calibration.possible_effects import bare_effects, bare_key, problem_with
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MOMENTS", "Place", "Sensitivities"]
 
-Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = str | None
 
 DIRECT = frozenset({"axis", "point", "target", "frame_shift", "factor", "axes", "lift", "sag"}) | CLOSED

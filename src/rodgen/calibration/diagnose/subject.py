@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from rodgen.array_types import Mask
 from rodgen.calibration.checks.bounds import are_wrong
 from rodgen.calibration.file_check import check
 from rodgen.data.observations import Observations
@@ -20,8 +18,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
 __all__ = ["Subject", "without_wrong_bounds"]
-
-Mask: TypeAlias = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.diagnose.aliases import Equal, equals_of, why_alike
 from rodgen.calibration.diagnose.candidate_space import Score
 from rodgen.calibration.diagnose.candidates import Candidate
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
 __all__ = ["Suspect", "Suspects", "suspects"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.criteria import Found
@@ -29,8 +28,6 @@ from rodgen.statistics.columns import ColumnSpace, Whiten
 from rodgen.statistics.thresholds import EFFECT_TEST, SELECTION, UNCATALOGUED, VERDICT
 
 __all__ = ["Contest", "Explanation"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.checks.positions import distinct_positions
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.diagnose.wrong_rows import displaced_rows
@@ -33,7 +34,6 @@ __all__ = [
     "unknown_approach",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
 
 NOTE_RUNS = "Note the set-ups in a column run, and diagnose again."
 MOST_ENDS = 120

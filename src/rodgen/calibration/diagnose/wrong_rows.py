@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Mask
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.evidence import Screening
 from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors, on_a_branch
@@ -17,9 +16,6 @@ from rodgen.stages import stage
 from rodgen.statistics.thresholds import VERDICT
 
 __all__ = ["displaced_rows", "gross_rows_of", "unless_neighbours"]
-
-Array: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
 
 
 @stage("looking for outliers")

@@ -14,11 +14,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.solve.starting_values import nearest_frames, with_attitudes
@@ -30,7 +29,6 @@ from rodgen.statistics.thresholds import CHECK
 
 __all__ = ["NearFit", "exchanged", "fit_near", "motion"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 ROUNDS, STEPS, LAST = 8, 3, 1e-3
 """Times that weights and scale are found anew, Gauss-Newton steps between, and the change of ln(scale) that ends it."""

@@ -19,7 +19,6 @@ from rodgen.machines.parts import BRANCHES, Joint, Vector
 
 __all__ = ["Repair", "Rows", "offsets", "repairs"]
 
-Array: TypeAlias = NDArray[np.float64]
 Rows: TypeAlias = Mapping[int, Observations]
 """Observations by row offset: at 2 each reading is given what else stands two rows later."""
 State: TypeAlias = tuple[Machine, Rows]

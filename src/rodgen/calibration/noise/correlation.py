@@ -11,11 +11,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.noise.frame_motion import frame_motion
 from rodgen.calibration.noise.sampled_rows import sample_of
 from rodgen.calibration.problem import one_thread_in_blas
@@ -42,7 +43,6 @@ __all__ = [
     "shared_motion",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
 
 NO_READING = 1e-30
 """Weights below this part of the largest are those of readings that the fit leaves out."""

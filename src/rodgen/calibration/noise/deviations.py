@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.drivers import Driver, Kind
 from rodgen.data.poses import stretches
 from rodgen.statistics.decompositions import svd
@@ -23,7 +24,6 @@ from rodgen.statistics.f_tests import f_tail
 
 __all__ = ["DRIFTS", "Deviations", "StandardDeviation", "independent_share"]
 
-Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.integer[Any]]
 
 DRIFTS: tuple[Kind, ...] = ("run", "time", "order", "temperature", "column")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 
 if TYPE_CHECKING:
@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from rodgen.machines.model import Frame, Model
 
 __all__ = ["frame_motion"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 def frame_motion(model: Model, o: Observations, theta: Array, frame: Frame, weight: Array) -> Array:

@@ -16,11 +16,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.noise.deviations import DRIFTS, Deviations, StandardDeviation
 from rodgen.calibration.words import sized
 from rodgen.data.poses import stretches
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 
 __all__ = ["NoiseFloor", "Replicates", "noise_floor", "replicates"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 MOST_PAIRS = 60
 """Distances between targets that are looked at in a pose: more add little."""

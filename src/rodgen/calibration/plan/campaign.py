@@ -9,11 +9,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.checks.positions import distinct_positions, position_of
 from rodgen.calibration.plan.chosen_places import brought_to, listed_readings
 from rodgen.calibration.plan.design import PARTS, Coordinates, Moves, Pair, Sharpen, Task, both_ways
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_READINGS", "Campaign"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 SMALL = 0.1
 """Where readings cover less than this part of what positions within the range of those measured make of them, the

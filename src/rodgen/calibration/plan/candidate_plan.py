@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.plan.campaign import MOST_READINGS, Campaign
 from rodgen.calibration.plan.design import SWEEPS, Linearized, Pair, Task, both_ways, chosen
 from rodgen.calibration.plan.goals import Gain
@@ -19,7 +18,6 @@ from rodgen.statistics.thresholds import PLAN
 
 __all__ = ["CandidatePlan", "PairGain", "plan_campaign", "rough_plan"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 FEWEST = 2
 """Readings that are planned at least: nothing would contradict a single one."""

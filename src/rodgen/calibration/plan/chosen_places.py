@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.plan.rows import Rows
 from rodgen.statistics.decompositions import svd
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["brought_to", "gone_back", "listed_readings"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 STEP = 1e-6
 """Of the derivative of places, as a part of a joint's travel."""

@@ -7,11 +7,11 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Mask
 from rodgen.calibration.plan.pace import Pace
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.units import (
@@ -47,8 +47,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Constraints", "Region", "load_constraints"]
 
-Array: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
 
 MOST_BLOCKS = 100
 """Boxes, regions and places in a file, at most."""

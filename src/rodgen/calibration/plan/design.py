@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
 
@@ -39,7 +39,6 @@ __all__ = [
     "chosen",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
 
 SEEN = 1e-13
 """Combinations that change all readings together by less than this part (of squares) change nothing."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.plan.variations import about_axis
 from rodgen.calibration.plan.words import column_unit, number, range_text, values_text
 from rodgen.errors import joined
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["differences"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 BEYOND = 0.05
 """Part of the travel by which positions lie beyond those measured, to be called new."""

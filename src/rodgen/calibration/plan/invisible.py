@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.determinacy.undetermined import Elsewhere
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["invisible_effects"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 NO_CHANGE = 1e-9
 """A parameter that changes readings by less than this part of what another one does is rounding."""

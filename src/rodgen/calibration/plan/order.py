@@ -7,18 +7,15 @@ above. Where that cannot be had for all, `as_moved` says what the order makes of
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Ints
 from rodgen.calibration.plan.rows import Rows
 from rodgen.data.poses import approach
 
 __all__ = ["ordered", "wrong_sides"]
 
-Array: TypeAlias = NDArray[np.float64]
-Ints: TypeAlias = NDArray[np.int_]
 
 WRONG = 100.0
 """What a wrong direction of approach counts, in ways through the whole travel."""

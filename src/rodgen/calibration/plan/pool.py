@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.plan.rows import Rows
 from rodgen.calibration.problem.assembly_modes import attainable
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["READINGS", "Levels", "levels", "positions", "readings", "rounding"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 READINGS = 2400
 """Readings that are considered at most."""

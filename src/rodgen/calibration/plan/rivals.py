@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.plan.design import Linearized
 from rodgen.calibration.problem import Problem, one_thread_in_blas
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from rodgen.machines.parts import EffectIdentity
 
 __all__ = ["Rival", "Rivals"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

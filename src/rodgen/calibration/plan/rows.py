@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Ints
 from rodgen.calibration.plan.pace import Pace
 from rodgen.calibration.problem.assembly_modes import with_commands
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach
 
 __all__ = ["Rows", "Surroundings", "usual_by_target"]
-
-Array: TypeAlias = NDArray[np.float64]
-Ints: TypeAlias = NDArray[np.int_]
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.plan.campaign import Campaign
 from rodgen.calibration.plan.candidate_plan import CandidatePlan, plan_campaign, rough_plan
 from rodgen.kinematics.axis_fit.moments import tangents
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["about_axis", "best_plan", "joints_without_travel", "plan_over_more_travel"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 WAITS = (2.0, -1.0)
 """For how many times the duration of the data to wait; negative: to begin when the machine is cold."""

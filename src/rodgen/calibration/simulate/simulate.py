@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.problem.attitudes import attitude_columns
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.simulate.simulator import Simulator, with_reading
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Simulation", "simulate"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 DIGITS = 3
 """Readings are written to so many decimals below the noise."""

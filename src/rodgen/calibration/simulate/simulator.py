@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import open_legs
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Hidden", "Simulator", "with_reading"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 TRIAL = 1e-6
 """Value of a parameter, internal units, at which its effect on the readings is measured."""

@@ -14,6 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Mask
 from rodgen.kinematics.axis_fit.moments import tangents
 from rodgen.kinematics.axis_fit.noise import Noise
 from rodgen.kinematics.axis_fit.pairs import Pairs
@@ -23,8 +24,6 @@ from rodgen.kinematics.axis_fit.vectors import shown
 
 __all__ = ["contradiction"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Share of the pairs whose contradiction leaves no answer safe.
 _MANY = 0.3
@@ -64,7 +63,7 @@ def contradiction(pairs: Pairs, loss: Loss, noise: Noise, line: Line) -> list[st
     ]
 
 
-def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Bools] | None:
+def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Mask] | None:
     """Return the line of the pairs that agree far better than the fit, and which pairs contradict it."""
     used = np.flatnonzero(noise.used)
     count = max(math.ceil(_CAMP * len(used)), 3)
@@ -82,7 +81,7 @@ def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Bools] | None:
     return (line, bad) if _is_axis(pairs, inside, line) else None
 
 
-def _axis_of(pairs: Pairs, bad: Bools, variance: float) -> Floats | None:
+def _axis_of(pairs: Pairs, bad: Mask, variance: float) -> Array | None:
     """Return the axis on which the contradicting pairs agree, to three times the noise of the others, or None."""
     chosen = np.flatnonzero(bad)
     if 3 * len(chosen) - pairs.parameters < 5:
@@ -93,7 +92,7 @@ def _axis_of(pairs: Pairs, bad: Bools, variance: float) -> Floats | None:
     return line.axis if _variance(pairs, bad, line) <= 9 * variance else None
 
 
-def _variance(pairs: Pairs, chosen: Bools, line: Line) -> float:
+def _variance(pairs: Pairs, chosen: Mask, line: Line) -> float:
     freedoms = max(3 * int(chosen.sum()) - pairs.parameters, 1)
     return max(float(pairs.half_squares(line)[chosen].sum()) / freedoms, (4 * pairs.rounding) ** 2)
 

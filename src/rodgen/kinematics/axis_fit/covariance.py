@@ -18,8 +18,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.spool import blocks
 from rodgen.kinematics.axis_fit.noise import Noise
 from rodgen.kinematics.axis_fit.pairs import Pairs
@@ -28,10 +28,8 @@ from rodgen.kinematics.axis_fit.robust import Loss
 
 __all__ = ["condition_number", "information_of", "joint_covariance", "parameter_covariance"]
 
-Floats = NDArray[np.float64]
 
-
-def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Floats) -> tuple[Floats, float]:
+def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Array) -> tuple[Array, float]:
     """Return the information H on axis and point along the basis, and the factor of the score's variance on it.
 
     Of a robust loss every good pair gets the mean slope and the mean square of all pairs: pair by pair
@@ -53,7 +51,7 @@ def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Fl
     return slope * H, square / slope * count / max(count - len(H), 1)
 
 
-def parameter_covariance(information: Floats, score: float, variance: float, versines: float) -> Floats:
+def parameter_covariance(information: Array, score: float, variance: float, versines: float) -> Array:
     """Return the covariance (4, 4) or (2, 2) of axis and point along the basis, by the formula above.
 
     `information` and `score` are those of :func:`information_of`, `versines` is Σ (1 - cos χ) of the pairs that count.
@@ -65,7 +63,7 @@ def parameter_covariance(information: Floats, score: float, variance: float, ver
     return (covariance + covariance.T) / 2
 
 
-def joint_covariance(covariance: Floats, line: Line, centroid: Floats, basis: Floats, scale: float) -> Floats:
+def joint_covariance(covariance: Array, line: Line, centroid: Array, basis: Array, scale: float) -> Array:
     """Return the covariance (6, 6) of the axis and of its point nearest to the centroid, lengths times `scale`."""
     size = len(covariance)
     jacobian = np.zeros((6, size))
@@ -76,13 +74,13 @@ def joint_covariance(covariance: Floats, line: Line, centroid: Floats, basis: Fl
         jacobian[3:, 2:] = basis
     units = np.array([1.0, 1.0, 1.0, scale, scale, scale])
     with np.errstate(over="ignore"):  # a length beyond 1e154 has no square; its covariance is infinite
-        whole: Floats = (jacobian @ covariance @ jacobian.T) * units * units[:, None]
+        whole: Array = (jacobian @ covariance @ jacobian.T) * units * units[:, None]
     if size == 2:
         whole[3:], whole[:, 3:] = 0.0, 0.0
     return whole
 
 
-def condition_number(information: Floats, arm: float) -> float:
+def condition_number(information: Array, arm: float) -> float:
     """Return the ratio of the extreme uncertainties of direction times arm, and point."""
     units = np.ones(len(information))
     units[:2] = 1 / arm

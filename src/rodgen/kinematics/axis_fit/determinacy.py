@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.axis_fit.pairs import ZERO_TURN, Pairs
 from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.kinematics.axis_fit.result import AxisFitStatus
@@ -32,7 +33,6 @@ __all__ = [
     "status_of",
 ]
 
-Floats = NDArray[np.float64]
 
 _EPS = float(np.finfo(float).eps)
 # Beyond this a turn does not stay in the range where the model is straight.
@@ -137,12 +137,12 @@ class PairFacts:
 class Freedoms:
     """Turns (3, F) of the axis that are free: exactly, or hidden in the noise with that uncertainty."""
 
-    exact: Floats
-    hidden: Floats
-    uncertainty: Floats
+    exact: Array
+    hidden: Array
+    uncertainty: Array
 
     @property
-    def directions(self) -> Floats:
+    def directions(self) -> Array:
         """All turns (F, 3)."""
         return np.concatenate([self.exact, self.hidden], axis=1).T
 
@@ -183,15 +183,15 @@ def choose(pairs: Pairs, solution: Solution) -> list[Line]:
     return [best, other] if ratio < _KEEP_BELOW + _KEEP_DEVIATIONS * chance else [best]
 
 
-def axis_information(information: Floats) -> Floats:
+def axis_information(information: Array) -> Array:
     """Return the information (2, 2) on the direction, with the point eliminated."""
     if len(information) == 2 or not information[2, 2] > 0:
         return information[:2, :2]
-    alone: Floats = information[:2, :2] - information[:2, 2:] @ information[2:, :2] / information[2, 2]
+    alone: Array = information[:2, :2] - information[:2, 2:] @ information[2:, :2] / information[2, 2]
     return alone
 
 
-def is_determined(information: Floats, reference: float, facts: PairFacts) -> bool:
+def is_determined(information: Array, reference: float, facts: PairFacts) -> bool:
     """Return whether every turn of the axis changes the residuals by more than rounding; see :func:`find_freedoms`."""
     if not facts.turns or not facts.arm > 0:
         return False
@@ -199,7 +199,7 @@ def is_determined(information: Floats, reference: float, facts: PairFacts) -> bo
 
 
 def find_freedoms(
-    information: Floats, reference: float, covariance: Floats, basis: Floats, facts: PairFacts
+    information: Array, reference: float, covariance: Array, basis: Array, facts: PairFacts
 ) -> Freedoms:
     """Return the turns that the pairs do not determine.
 

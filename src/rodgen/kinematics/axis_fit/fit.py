@@ -13,8 +13,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from rodgen.array_types import Array
 from rodgen.data.spool import blocks
 from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit.covariance import (
@@ -41,8 +42,6 @@ from rodgen.kinematics.axis_fit.robust import LOSSES, Loss
 from rodgen.kinematics.axis_fit.solve import Solution, solve
 
 __all__ = ["fit_axis"]
-
-Floats = NDArray[np.float64]
 
 
 def fit_axis(
@@ -152,7 +151,7 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
     if status in (AxisFitStatus.ONE_FREEDOM, AxisFitStatus.ANY_AXIS):
         lines = lines[:1]
 
-    def place(point: Floats) -> Floats:
+    def place(point: Array) -> Array:
         return pairs.origin + pairs.scale * point if free else pairs.origin.copy()
 
     residuals, rms = [], []

@@ -25,13 +25,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.axis_fit.vectors import cross, dot, skew
 
 __all__ = ["Moments", "tangents"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,18 +49,16 @@ class Moments:
         Whether the point is to be found.
     """
 
-    A: Floats
-    b: Floats
-    M: Floats
-    S: Floats
-    D: Floats
-    centre: Floats
+    A: Array
+    b: Array
+    M: Array
+    S: Array
+    D: Array
+    centre: Array
     free: bool
 
     @classmethod
-    def of(
-        cls, rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, point: Floats | None
-    ) -> Moments:
+    def of(cls, rho: Array, rho_prime: Array, angle: Array, weight: Array, point: Array | None) -> Moments:
         """Return the sums over the second last axis of points (…, N, 3); `point` is None where it is free."""
         by_versine = 2 * weight * np.sin(angle / 2) ** 2
         by_sine = weight * np.sin(angle)
@@ -99,7 +95,7 @@ class Moments:
             first = replace(first, **sums)
         return first
 
-    def quadratic(self) -> tuple[Floats, Floats]:
+    def quadratic(self) -> tuple[Array, Array]:
         """Return A and b of the quadratic in the axis, with a free point eliminated."""
         if not self.free:
             return self.A, self.b
@@ -107,7 +103,7 @@ class Moments:
         lost = self.M[..., :, None] * self.M[..., None, :] + self.S[..., :, None] * self.S[..., None, :]
         return self.A - lost / (2 * D[..., None]), self.b + cross(self.S, self.M) / D
 
-    def point(self, axis: Floats) -> Floats:
+    def point(self, axis: Array) -> Array:
         """Return the point on the axis: the known one, or the best one in the plane through `centre`."""
         if not self.free:
             return self.centre
@@ -115,7 +111,7 @@ class Moments:
         across = self.M - axis * dot(axis, self.M)[..., None]
         return self.centre + (across + cross(axis, self.S)) / D
 
-    def hessian(self, axis: Floats, point: Floats, basis: Floats) -> Floats:
+    def hessian(self, axis: Array, point: Array, basis: Array) -> Array:
         """Return the second derivatives (4, 4), or (2, 2) for a known point, of ½ Σ w |d|² by axis and point.
 
         They are along `basis` (3, 2), perpendicular to the axis, at a stationary axis and its point. This is not the
@@ -133,7 +129,7 @@ class Moments:
         return np.block([[by_axis, mixed.T], [mixed, self.D * np.eye(2)]])
 
 
-def tangents(axis: Floats) -> Floats:
+def tangents(axis: Array) -> Array:
     """Return two unit vectors (3, 2) that make a right-handed basis (u, v, axis)."""
     start = np.eye(3)[np.argmin(np.abs(axis))]
     u = cross(axis, start)
@@ -141,7 +137,7 @@ def tangents(axis: Floats) -> Floats:
     return np.stack([u, cross(axis, u)], axis=1)
 
 
-def _axial(T: Floats) -> Floats:
+def _axial(T: Array) -> Array:
     """Return Σ x × r from T = Σ x rᵀ."""
     return np.stack(
         [T[..., 1, 2] - T[..., 2, 1], T[..., 2, 0] - T[..., 0, 2], T[..., 0, 1] - T[..., 1, 0]], axis=-1

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.axis_fit.pairs import Pairs
 from rodgen.kinematics.axis_fit.robust import Loss, chi_cut, median_variance, trimmed_variance
 
 __all__ = ["Noise"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +39,7 @@ class Noise:
 
     variance: float
     sigma: float
-    squares: Floats
+    squares: Array
     unit: float
     used: NDArray[np.bool_]
     outliers: NDArray[np.bool_]
@@ -49,7 +48,7 @@ class Noise:
     chi_square: float | None
 
     @classmethod
-    def of(cls, pairs: Pairs, loss: Loss, squares: Floats) -> Noise:
+    def of(cls, pairs: Pairs, loss: Loss, squares: Array) -> Noise:
         """Judge by half the weighted squares of the residuals."""
         used = pairs.weight > 0
         count, parameters = int(used.sum()), pairs.parameters

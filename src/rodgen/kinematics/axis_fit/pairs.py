@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.spool import BLOCK, blocks, empty, release, take
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import refuse_masked
@@ -19,7 +20,6 @@ from rodgen.kinematics.axis_fit.sphere import global_maximum
 
 __all__ = ["ZERO_TURN", "Pairs"]
 
-Floats = NDArray[np.float64]
 
 _EPS = float(np.finfo(float).eps)
 # A half angle's sine at which a turn is rounding of the angle itself, and far below that of the points.
@@ -57,16 +57,16 @@ class Pairs:
         Largest coordinate before the origin was subtracted, scaled.
     """
 
-    rho: Floats
-    rho_prime: Floats
-    angle: Floats
-    weight: Floats
-    point: Floats | None
+    rho: Array
+    rho_prime: Array
+    angle: Array
+    weight: Array
+    point: Array | None
     variance: float | None
     sigma: float
     unit_weight: float
     scale: float
-    origin: Floats
+    origin: Array
     size: float
 
     @property
@@ -115,7 +115,7 @@ class Pairs:
         sums = Moments.total(block._moments_about(centre) for _, block in self.blocks())
         return replace(sums, free=self.point is None)
 
-    def _moments_about(self, centre: Floats | None) -> Moments:
+    def _moments_about(self, centre: Array | None) -> Moments:
         return Moments.of(self.rho, self.rho_prime, self.angle, self.weight, centre)
 
     def best_line(self) -> Line:
@@ -124,7 +124,7 @@ class Pairs:
         axis = global_maximum(*moments.quadratic())
         return Line(axis, moments.point(axis))
 
-    def residuals(self, line: Line) -> Floats:
+    def residuals(self, line: Line) -> Array:
         """Return the residuals (N, 3)."""
         if len(self.angle) <= BLOCK:
             return residual(self.rho, self.rho_prime, self.angle, line.axis, line.point)
@@ -134,7 +134,7 @@ class Pairs:
             release(d)
         return d
 
-    def half_squares(self, line: Line) -> Floats:
+    def half_squares(self, line: Line) -> Array:
         """Return w |d|²/2 of every pair: three times the variance of unit weight, in the mean."""
         squares = np.empty(len(self.angle))
         for rows, block in self.blocks():
@@ -207,7 +207,7 @@ class Pairs:
         )
 
 
-def _numbers(name: str, values: ArrayLike) -> Floats:
+def _numbers(name: str, values: ArrayLike) -> Array:
     refuse_masked(name, values)
     try:
         return np.asarray(values, dtype=np.float64)
@@ -215,14 +215,14 @@ def _numbers(name: str, values: ArrayLike) -> Floats:
         raise RodgenError(f"{name} is not an array of real numbers") from None
 
 
-def _points(name: str, values: ArrayLike) -> Floats:
+def _points(name: str, values: ArrayLike) -> Array:
     array = _numbers(name, values)
     if array.ndim == 0 or array.shape[-1] != 3:
         raise RodgenError(f"{name} has shape {array.shape}; expected (N, 3), one point a row")
     return array
 
 
-def _finite(name: str, values: Floats) -> None:
+def _finite(name: str, values: Array) -> None:
     parts = []
     for rows in blocks(values):
         good = np.isfinite(values[rows])
@@ -237,14 +237,14 @@ def _finite(name: str, values: Floats) -> None:
         )
 
 
-def _ends(points: Floats) -> Floats:
+def _ends(points: Array) -> Array:
     """Return the least and the largest coordinates, (2, 3)."""
     parts = [(points[rows].min(axis=0), points[rows].max(axis=0)) for rows in blocks(points)]
     low, high = zip(*parts, strict=True)
     return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
 
-def _median(points: Floats, exponent: int) -> Floats:
+def _median(points: Array, exponent: int) -> Array:
     """Return the median of each coordinate, (3,), divided by a power of two."""
     found, column = np.empty(3), np.empty(len(points))
     for k in range(3):
@@ -254,14 +254,14 @@ def _median(points: Floats, exponent: int) -> Floats:
     return found
 
 
-def _scaled(points: Floats, exponent: int, middle: Floats, second: int) -> Floats:
+def _scaled(points: Array, exponent: int, middle: Array, second: int) -> Array:
     scaled = empty(points.shape)
     for rows in blocks(points, scaled):
         scaled[rows] = np.ldexp(np.ldexp(points[rows], -exponent) - middle, -second)
     return scaled
 
 
-def _known_point(point: Any) -> Floats | None:
+def _known_point(point: Any) -> Array | None:
     if isinstance(point, str):
         if point == "free":
             return None
@@ -280,7 +280,7 @@ def _known_point(point: Any) -> Floats | None:
 
 def _weights(
     sigma: ArrayLike | None, weights: ArrayLike | None, shape: tuple[int, ...], exponent: int
-) -> tuple[Floats, float | None, float, float]:
+) -> tuple[Array, float | None, float, float]:
     """Relative inverse variances (N,), variance at weight 1 if known, weight of a user's 1, rms sigma."""
     if weights is None and (sigma is None or np.ndim(sigma) == 0):
         # One weight for all, which needs no array of them.
@@ -310,7 +310,7 @@ def _weights(
     return ((smallest / reach) ** 2).ravel(), smallest**2, float("nan"), float(np.ldexp(rms, exponent))
 
 
-def _broadcast(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
+def _broadcast(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     array = _numbers(name, values)
     try:
         array = np.broadcast_to(array, shape)
@@ -322,11 +322,11 @@ def _broadcast(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
     return array
 
 
-def _exponent(sizes: Floats) -> int:
+def _exponent(sizes: Array) -> int:
     """Exponent of two that brings the largest size to between 1/2 and 1; 0 for all zero."""
     largest = float(sizes.max(initial=0.0))
     return int(np.frexp(largest)[1]) if np.isfinite(largest) else 0
 
 
-def _shown(value: Floats) -> str:
+def _shown(value: Array) -> str:
     return np.array2string(np.asarray(value), separator=", ")

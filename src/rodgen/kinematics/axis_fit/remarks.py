@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rodgen.kinematics.axis_fit.contradiction import contradiction
 from rodgen.kinematics.axis_fit.noise import Noise
@@ -17,7 +16,6 @@ from rodgen.kinematics.axis_fit.solve import MOST_REWEIGHTINGS, Solution
 
 __all__ = ["remarks_on"]
 
-Floats = NDArray[np.float64]
 
 # Probability below which a better fit is not taken for luck.
 _CHANCE = 1e-5

@@ -11,13 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.backend import kernels
 
 __all__ = ["Line", "residual", "residual_and_jacobian", "residual_gradient"]
 
-Floats = NDArray[np.float64]
 
 # Pairs at a time: the derivatives, eighteen numbers a pair, stay in the cache.
 _BLOCK = 4096
@@ -27,17 +26,17 @@ _BLOCK = 4096
 class Line:
     """An axis and a point on it, scaled lengths; with batch axes, many of them."""
 
-    axis: Floats
-    point: Floats
+    axis: Array
+    point: Array
 
-    def nearest(self, to: Floats) -> Line:
+    def nearest(self, to: Array) -> Line:
         """Return the same line with its point nearest to `to`."""
         return Line(self.axis, self.point + self.axis * (self.axis @ (to - self.point)))
 
 
 def residual_and_jacobian(
-    rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point: Floats
-) -> tuple[Floats, Floats]:
+    rho: Array, rho_prime: Array, angle: Array, axis: Array, point: Array
+) -> tuple[Array, Array]:
     """Return the residuals (N, 3) of pairs against one axis, and their derivatives (N, 3, 6) by axis and point.
 
     Of the derivatives by the axis only those perpendicular to it mean anything.
@@ -46,7 +45,7 @@ def residual_and_jacobian(
     return d, jacobian
 
 
-def residual(rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point: Floats) -> Floats:
+def residual(rho: Array, rho_prime: Array, angle: Array, axis: Array, point: Array) -> Array:
     """Return the residuals (N, 3) alone; arguments as :func:`residual_and_jacobian`."""
     d = np.empty_like(rho)
     for first in range(0, len(d), _BLOCK):
@@ -56,8 +55,8 @@ def residual(rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point:
 
 
 def residual_gradient(
-    rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, axis: Floats, point: Floats
-) -> tuple[Floats, Floats]:
+    rho: Array, rho_prime: Array, angle: Array, weight: Array, axis: Array, point: Array
+) -> tuple[Array, Array]:
     """Return the derivatives of ½ Σ w |d|² by axis (3,) and point (3,); arguments as :func:`residual_and_jacobian`."""
     gradient = np.zeros(6)
     for first in range(0, len(rho), _BLOCK):

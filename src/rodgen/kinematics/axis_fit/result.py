@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.units import ARCSEC
 from rodgen.views import html_of
 
 __all__ = ["AxisFit", "AxisFitStatus"]
-
-Floats = NDArray[np.float64]
 
 
 class AxisFitStatus(IntEnum):
@@ -98,26 +97,26 @@ class AxisFit:
         Solutions computed with reduced weights; 0 for ``loss="linear"``, which needs one.
     """
 
-    axis: Floats
-    point: Floats
-    covariance: Floats
+    axis: Array
+    point: Array
+    covariance: Array
     sigma: float
     sigma_given: bool
     dof: int
     chi_square: float | None
     rms: float
-    residuals: Floats
-    weights: Floats
+    residuals: Array
+    weights: Array
     outliers: NDArray[np.bool_]
-    centroid: Floats
+    centroid: Array
     condition: float
     status: AxisFitStatus
     undetermined: tuple[str, ...]
     remarks: tuple[str, ...]
-    candidate_axes: Floats
-    candidate_points: Floats
-    candidate_rms: Floats
-    free_directions: Floats
+    candidate_axes: Array
+    candidate_points: Array
+    candidate_rms: Array
+    free_directions: Array
     point_known: bool
     loss: str
     iterations: int
@@ -130,26 +129,26 @@ class AxisFit:
         return len(self.outliers)
 
     @property
-    def axis_covariance(self) -> Floats:
+    def axis_covariance(self) -> Array:
         """Covariance (3, 3) of `axis`, of rank 2: a unit vector does not change along itself."""
         return self.covariance[:3, :3]
 
     @property
-    def point_covariance(self) -> Floats:
+    def point_covariance(self) -> Array:
         """Covariance (3, 3) of `point`; zero where it is known."""
         return self.covariance[3:, 3:]
 
     @property
-    def axis_uncertainty(self) -> Floats:
+    def axis_uncertainty(self) -> Array:
         """Standard uncertainties (2,) of the direction in rad: the largest, and that at right angles to it."""
         return _sizes(self.axis_covariance)[:2]
 
     @property
-    def point_uncertainty(self) -> Floats:
+    def point_uncertainty(self) -> Array:
         """Standard uncertainties (3,) of the coordinates of `point`."""
         return np.sqrt(np.maximum(np.diag(self.point_covariance), 0))
 
-    def nearest_point(self, to: ArrayLike) -> tuple[Floats, Floats]:
+    def nearest_point(self, to: ArrayLike) -> tuple[Array, Array]:
         """Return the point of the axis nearest to a given one, and its covariance.
 
         Parameters
@@ -253,11 +252,11 @@ class AxisFit:
         return {key: _plain_value(value) for key, value in everything.items()}
 
 
-def _sizes(covariance: Floats) -> Floats:
+def _sizes(covariance: Array) -> Array:
     """Return standard uncertainties along the principal directions, largest first; NaN where unknown."""
     if not np.isfinite(covariance).all():
         return np.full(len(covariance), np.nan)
-    sizes: Floats = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[::-1], 0))
+    sizes: Array = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[::-1], 0))
     return sizes
 
 
@@ -271,7 +270,7 @@ def _plain_value(value: Any) -> Any:
     return value
 
 
-def _vector(value: Floats, uncertainty: float) -> str:
+def _vector(value: Array, uncertainty: float) -> str:
     """Return coordinates to two digits of their uncertainty, as far as double precision has them."""
     size = float(np.abs(value).max())
     if size == 0:
@@ -284,7 +283,7 @@ def _vector(value: Floats, uncertainty: float) -> str:
     return "(" + ", ".join(f"{c:z.{figures - 1}e}" for c in value) + ")"
 
 
-def _plain(values: Floats) -> str:
+def _plain(values: Array) -> str:
     return "(" + ", ".join("unknown" if math.isnan(v) else f"{v:.2g}" for v in values) + ")"
 
 

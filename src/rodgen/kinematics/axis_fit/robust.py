@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.axis_fit.pairs import Pairs
 from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
@@ -34,7 +35,6 @@ __all__ = [
     "trimmed_variance",
 ]
 
-Floats = NDArray[np.float64]
 
 _HUBER = HUBER[3]
 
@@ -59,13 +59,13 @@ class Loss:
 
     name: str
 
-    def weight(self, z: Floats) -> Floats:
+    def weight(self, z: Array) -> Array:
         """Return ψ(z)/z: 1 for small z."""
         if self.name == "huber":
             return huber_weight(z, _HUBER)
         return np.ones_like(z)
 
-    def slope(self, z: Floats) -> Floats:
+    def slope(self, z: Array) -> Array:
         """Return ψ′(z)."""
         if self.name == "huber":
             return np.where(z < _HUBER, 1.0, 0.0)
@@ -80,7 +80,7 @@ def chi_cut(pairs: int) -> float:
     return chi3_quantile(ROBUST.false_alarm / max(pairs, 1))
 
 
-def median_variance(squares: Floats, freedoms_used: int) -> float:
+def median_variance(squares: Array, freedoms_used: int) -> float:
     """Return the variance of unit weight from the median, rather too large; arguments as :func:`trimmed_variance`.
 
     A fit that makes the median small makes it too small in a small sample, and a trim that begins there
@@ -89,7 +89,7 @@ def median_variance(squares: Floats, freedoms_used: int) -> float:
     return float(np.median(squares)) / _CHI_MEDIAN**2 * median_factor(len(squares) - freedoms_used / 3) ** 2
 
 
-def trimmed_variance(squares: Floats, freedoms_used: int, start: float) -> float:
+def trimmed_variance(squares: Array, freedoms_used: int, start: float) -> float:
     """Return the variance of unit weight from the pairs within the trim, corrected for what the trim cuts off.
 
     `squares` (N,) are w |d|²/2, `freedoms_used` counts the parameters fitted, and `start` decides first who is within.
@@ -133,7 +133,7 @@ def best_agreement(pairs: Pairs, share: float) -> Line:
     return _concentrated(some, lines, farthest, count)
 
 
-def _concentrated(pairs: Pairs, lines: list[Line], rank: Floats, count: int) -> Line:
+def _concentrated(pairs: Pairs, lines: list[Line], rank: Array, count: int) -> Line:
     """Return the best of the lines that rank first, each improved on the `count` pairs that are nearest to it."""
     lines = [lines[k] for k in np.argsort(rank, kind="stable")[:_BEST_SETS]]
     for _ in range(_CONCENTRATIONS):
@@ -148,7 +148,7 @@ def _lines(pairs: Pairs, sets: NDArray[Any]) -> list[Line]:
     return [Line(axis, point) for axis, point in zip(best.axis, best.point, strict=True)]
 
 
-def _half_squares(pairs: Pairs, lines: list[Line]) -> Floats:
+def _half_squares(pairs: Pairs, lines: list[Line]) -> Array:
     """Return half the weighted squares (S, N) of all pairs against each line."""
     return np.array([pairs.half_squares(line) for line in lines])
 

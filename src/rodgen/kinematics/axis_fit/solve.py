@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit.moments import Moments, tangents
 from rodgen.kinematics.axis_fit.pairs import Pairs
@@ -23,7 +23,6 @@ from rodgen.kinematics.axis_fit.sphere import global_maximum, maximise_on_sphere
 
 __all__ = ["MOST_REWEIGHTINGS", "Solution", "solve"]
 
-Floats = NDArray[np.float64]
 
 # Reweighting converges by a factor of three to ten a solution; a fit that has not converged by then gets a remark.
 MOST_REWEIGHTINGS = 100
@@ -45,7 +44,7 @@ class Solution:
 
     best: Line
     other: Line | None
-    share: Floats
+    share: Array
     """(N,) factor of the loss on each pair's weight; 0 for pairs that are left out."""
     iterations: int
     converged: bool
@@ -95,7 +94,7 @@ def _optima(pairs: Pairs, near: Line | None) -> tuple[Line, Line | None]:
     return best, _polish(pairs, moments, second)
 
 
-def _reweight(pairs: Pairs, loss: Loss, line: Line, variance: float) -> tuple[Line, Floats, int, bool]:
+def _reweight(pairs: Pairs, loss: Loss, line: Line, variance: float) -> tuple[Line, Array, int, bool]:
     """Solve with the loss's weights until they stay; each solution is a global one.
 
     The noise, where it is not given, follows the solutions until it stays too. Which pairs it is taken from
@@ -124,7 +123,7 @@ def _reweight(pairs: Pairs, loss: Loss, line: Line, variance: float) -> tuple[Li
     return line, share, MOST_REWEIGHTINGS, False
 
 
-def _gradient(pairs: Pairs, line: Line) -> tuple[Floats, Floats]:
+def _gradient(pairs: Pairs, line: Line) -> tuple[Array, Array]:
     parts = [
         residual_gradient(block.rho, block.rho_prime, block.angle, block.weight, line.axis, line.point)
         for _, block in pairs.blocks()
@@ -133,7 +132,7 @@ def _gradient(pairs: Pairs, line: Line) -> tuple[Floats, Floats]:
     return np.sum(by_axis, axis=0), np.sum(by_point, axis=0)
 
 
-def _polish(pairs: Pairs, moments: Moments, axis: Floats) -> Line:
+def _polish(pairs: Pairs, moments: Moments, axis: Array) -> Line:
     """Return the line after Newton steps on the residuals, in the turns and shifts that are determined."""
     point = moments.point(axis)
     squares = sum(float(((block.rho - point) ** 2).sum()) for _, block in pairs.blocks())

@@ -20,11 +20,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rodgen.array_types import Array
 
 __all__ = ["Maxima", "global_maximum", "maximise_on_sphere"]
 
-Floats = NDArray[np.float64]
 
 # Both iterations converge quadratically after a few steps; the bound only ends them for certain.
 _MOST_STEPS = 80
@@ -33,13 +33,13 @@ _MOST_STEPS = 80
 class Maxima(NamedTuple):
     """The maxima of a batch of quadratics on the sphere."""
 
-    best: Floats
+    best: Array
     """(…, 3) the global maximum."""
-    other: Floats
+    other: Array
     """(…, 3) the other local maximum; NaN where there is none."""
 
 
-def maximise_on_sphere(A: Floats, b: Floats) -> Maxima:
+def maximise_on_sphere(A: Array, b: Array) -> Maxima:
     """Return every local maximum of eᵀA e + b·e on the unit sphere, for symmetric A (…, 3, 3) and b (…, 3).
 
     In the hard case the two are equally good, and `best` is the one along the eigenvector as LAPACK signs it.
@@ -49,14 +49,14 @@ def maximise_on_sphere(A: Floats, b: Floats) -> Maxima:
     return Maxima((vectors @ best[..., None])[..., 0], (vectors @ other[..., None])[..., 0])
 
 
-def global_maximum(A: Floats, b: Floats) -> Floats:
+def global_maximum(A: Array, b: Array) -> Array:
     """Return `best` of :func:`maximise_on_sphere` alone, in half the time."""
     gap, gamma, vectors = _in_eigenbasis(A, b)
-    best: Floats = (vectors @ _global_root(gap, gamma)[..., None])[..., 0]
+    best: Array = (vectors @ _global_root(gap, gamma)[..., None])[..., 0]
     return best
 
 
-def _in_eigenbasis(A: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
+def _in_eigenbasis(A: Array, b: Array) -> tuple[Array, Array, Array]:
     """Return λ₁ - λ_k and γ_k, scaled alike, and the eigenvectors; the largest eigenvalue first."""
     eigenvalues, vectors = np.linalg.eigh(A)
     vectors = vectors[..., ::-1]
@@ -67,7 +67,7 @@ def _in_eigenbasis(A: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
     return gap / scale, gamma / scale, vectors
 
 
-def _quotient(a: Floats, b: Floats) -> Floats:
+def _quotient(a: Array, b: Array) -> Array:
     """Return a / b; 0 where b is 0: there a is 0 too, or the caller replaces the value."""
     good = b != 0
     if good.all():
@@ -75,18 +75,18 @@ def _quotient(a: Floats, b: Floats) -> Floats:
     return np.divide(a, b, out=np.zeros(np.broadcast_shapes(a.shape, b.shape)), where=good)
 
 
-def _unit_with_first(first_sign: Floats, t: Floats, components: Floats) -> Floats:
+def _unit_with_first(first_sign: Array, t: Array, components: Array) -> Array:
     """Return unit vectors; in the hard case (t = 0) the first component makes up the length."""
     rest = (components[..., 1:] ** 2).sum(axis=-1)
     hard = np.sqrt(np.maximum(1 - rest, 0))
     first = np.where(t > 0, np.abs(components[..., 0]), hard) * first_sign
     e = np.concatenate([first[..., None], components[..., 1:]], axis=-1)
-    length: Floats = np.sqrt((e**2).sum(axis=-1, keepdims=True))
-    unit: Floats = e / length
+    length: Array = np.sqrt((e**2).sum(axis=-1, keepdims=True))
+    unit: Array = e / length
     return unit
 
 
-def _global_root(gap: Floats, gamma: Floats) -> Floats:
+def _global_root(gap: Array, gamma: Array) -> Array:
     """Return the maximum for the root t = μ - λ₁ ≥ 0 of Σ (γ_k/(t + gap_k))² = 1."""
     size = np.abs(gamma)
     t = np.maximum((size - gap).max(axis=-1), 0)  # each term alone is at most 1
@@ -104,7 +104,7 @@ def _global_root(gap: Floats, gamma: Floats) -> Floats:
     return _unit_with_first(sign, t, _quotient(gamma, t[..., None] + gap))
 
 
-def _local_root(gap: Floats, gamma: Floats) -> Floats:
+def _local_root(gap: Array, gamma: Array) -> Array:
     """Return the maximum for the root t = λ₁ - μ of γ₁²/t² + Σ_{k>1} γ_k²/(gap_k - t)² = 1, least in (0, gap₂)."""
     first = np.abs(gamma[..., 0])
     t = first.copy()

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rodgen.array_types import Array
 
 __all__ = ["cross", "dot", "shown", "skew"]
 
-Floats = NDArray[np.float64]
 
-
-def dot(a: Floats, b: Floats) -> Floats:
+def dot(a: Array, b: Array) -> Array:
     """Return scalar products (…)."""
-    product: Floats = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    product: Array = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
     return product
 
 
-def cross(a: Floats, b: Floats) -> Floats:
+def cross(a: Array, b: Array) -> Array:
     """Return cross products; numpy.cross takes several times as long on (N, 3)."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -24,7 +23,7 @@ def cross(a: Floats, b: Floats) -> Floats:
     return out
 
 
-def skew(a: Floats) -> Floats:
+def skew(a: Array) -> Array:
     """Return the matrices (…, 3, 3) with skew(a) @ b = a × b."""
     out = np.zeros((*a.shape, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -33,6 +32,6 @@ def skew(a: Floats) -> Floats:
     return out
 
 
-def shown(vector: Floats) -> str:
+def shown(vector: Array) -> str:
     """Return a unit vector as a message shows it, with 0 for rounding."""
     return "(" + ", ".join(f"{c:z.4g}" if abs(c) > 1e-12 else "0" for c in vector) + ")"

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.tricept._covariance import check_covariance
@@ -26,7 +27,6 @@ from rodgen.views import html_of
 
 __all__ = ["ELEMENTS", "Bounds", "bounds", "rod_bounds"]
 
-Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 ELEMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
@@ -57,25 +57,25 @@ class Bounds:
         Whether the wanted gap was reached everywhere; if not, the bounds are right and wider.
     """
 
-    low: Floats
-    high: Floats
-    outer: Floats
-    inner: Floats
-    points: Floats
-    base_outer: Floats
-    base_inner: Floats
+    low: Array
+    high: Array
+    outer: Array
+    inner: Array
+    points: Array
+    base_outer: Array
+    base_inner: Array
     boxes: int
     complete: bool
 
     _repr_html_ = html_of
 
     @property
-    def gap(self) -> Floats:
+    def gap(self) -> Array:
         """Differences (6, 2) of certified and reached values."""
         return np.abs(self.outer - self.inner)
 
     @property
-    def excess(self) -> Floats:
+    def excess(self) -> Array:
         """Ratios (6,) of the widths of the paper's intervals and of the range: lower bounds, by certified numbers."""
         return np.diff(self.base_inner, axis=1)[:, 0] / np.diff(self.outer, axis=1)[:, 0]
 
@@ -99,7 +99,7 @@ class Bounds:
         }
 
 
-def _box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
+def _box(low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
     corners = real_array("low", low), real_array("high", high)
     for name, corner in zip(("low", "high"), corners, strict=True):
         if corner.shape != (3,):
@@ -163,7 +163,7 @@ def bounds(
     sample = enclose(points, points, geometry, False).A.value[0]
     scale = np.abs(np.stack([_element(sample, U, k, m) for k, m in pairs])).max(axis=1)
 
-    def elements(lower: Floats, upper: Floats, slopes: bool, which: Indices | None = None) -> Jet:
+    def elements(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
         A = enclose(lower, upper, geometry, slopes).A
         return _taken(stack([_sum(A, U, k, m) for k, m in pairs]), which)
 
@@ -174,7 +174,7 @@ def bounds(
     if base:
         members = [(k, m, i, j) for k, m in pairs for i, j in base]
 
-        def influences(lower: Floats, upper: Floats, slopes: bool, which: Indices | None = None) -> Jet:
+        def influences(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
             A = enclose(lower, upper, geometry, slopes).A
             if which is None:
                 return stack([influence(A, *member) for member in members])
@@ -225,7 +225,7 @@ def rod_bounds(low: ArrayLike, high: ArrayLike, geometry: Geometry, *, gap: floa
     low, high = _box(low, high)
     _check_regular(low, high, geometry)
 
-    def rods(lower: Floats, upper: Floats, slopes: bool, which: Indices | None = None) -> Jet:
+    def rods(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
         return _taken(enclose(lower, upper, geometry, slopes).rods, which)
 
     return certified_extremes(rods, low, high, gap=np.full(3, float(gap)), parts=_parts(low, high))
@@ -240,7 +240,7 @@ def influence(A: Jet, k: int, m: int, i: int, j: int) -> Jet:
     return A[k, i] * A[m, j] + A[k, j] * A[m, i]
 
 
-def _parts(low: Floats, high: Floats) -> int:
+def _parts(low: Array, high: Array) -> int:
     """Return the number of parts of each side: of a sixty-fourth of the distance, where derivatives become useful."""
     away = float(np.linalg.norm((low + high) / 2))
     return int(np.clip(np.ceil(64 * (high - low).max() / max(away, 1e-300)), 1, 16))
@@ -268,7 +268,7 @@ def _each_influence(A: Jet, members: Indices) -> Jet:
     return Jet(value, slope)  # type: ignore[arg-type]
 
 
-def _sum(A: Jet, U: Floats, k: int, m: int) -> Jet:
+def _sum(A: Jet, U: Array, k: int, m: int) -> Jet:
     total: Jet | None = None
     for i in range(5):
         for j in range(i, 5):
@@ -278,23 +278,23 @@ def _sum(A: Jet, U: Floats, k: int, m: int) -> Jet:
     return A[0, 0] * 0.0 if total is None else total
 
 
-def _element(A: Floats, U: Floats, k: int, m: int) -> Floats:
-    values: Floats = np.einsum("in,ij,jn->n", A[k], U, A[m])
+def _element(A: Array, U: Array, k: int, m: int) -> Array:
+    values: Array = np.einsum("in,ij,jn->n", A[k], U, A[m])
     return values
 
 
-def _weighted(ends: Floats, weights: Floats, away: bool) -> Floats:
+def _weighted(ends: Array, weights: Array, away: bool) -> Array:
     """Return sums of intervals, rounded outwards (`away`) or as they are."""
     products = ends * weights[None, :, None]
     products.sort(axis=-1)
-    total: Floats = products.sum(axis=1)
+    total: Array = products.sum(axis=1)
     if away:  # one rounding for a product, one for each sum
         room = (len(weights) + 1) * 2.0**-52 * np.abs(products).sum(axis=1)
         total = total + room * [-1.0, 1.0]
     return total
 
 
-def _check_regular(low: Floats, high: Floats, geometry: Geometry) -> None:
+def _check_regular(low: Array, high: Array, geometry: Geometry) -> None:
     """Raise an error for boxes in which A35 is not bounded: they reach a singularity or a place without a pose."""
     lower, upper = (corner[:, None] for corner in (low, high))
     for _ in range(6):

@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from rodgen.array_types import Array
 from rodgen.kinematics.tricept._covariance import parameter_covariance
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._parameters import ANGLES, PARAMETERS
@@ -20,7 +21,6 @@ from rodgen.views import html_of
 
 __all__ = ["Budget", "BudgetLine", "budget"]
 
-Floats = NDArray[np.float64]
 
 # Sensitivities this small relative to the greatest of their unit are rounding, as those that vanish by symmetry.
 _ROUNDING = 64 * 2.0**-52
@@ -76,10 +76,10 @@ class Budget(NamedTuple):
     """
 
     names: tuple[str, ...]
-    sensitivity: Floats
-    u: Floats
-    parts: Floats
-    U_y: Floats
+    sensitivity: Array
+    u: Array
+    parts: Array
+    U_y: Array
     correlated: bool
 
     def _repr_html_(self) -> str:
@@ -179,7 +179,7 @@ def budget(point: ArrayLike, geometry: Geometry, U: ArrayLike) -> Budget:
     )
 
 
-def _without_rounding(S: Floats) -> Floats:
+def _without_rounding(S: Array) -> Array:
     """Return sensitivities with those set to 0 that are rounding relative to the greatest, of lengths and of angles."""
     angle = np.array([name in ANGLES for name in PARAMETERS[: S.shape[1]]])
     greatest = np.where(angle, np.abs(S[:, angle]).max(initial=0.0), np.abs(S[:, ~angle]).max(initial=0.0))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.arrays import broadcast_shapes, real_array
 from rodgen.kinematics.backend import kernels
@@ -21,7 +22,6 @@ from rodgen.kinematics.tricept._parameters import FIXED, GUIDE, MOVING, PARAMETE
 
 __all__ = ["disturbed_point"]
 
-Floats = NDArray[np.float64]
 
 _COLUMNS = {
     name: [PARAMETERS.index(member) for member in members]
@@ -80,7 +80,7 @@ def disturbed_point(pose: ArrayLike, geometry: Geometry, errors: ArrayLike) -> t
     return points.reshape(*shape, 3), status.reshape(shape)[()]
 
 
-def _solved(pose: Floats, geometry: Geometry, errors: Floats) -> tuple[Floats, NDArray[np.int8]]:
+def _solved(pose: Array, geometry: Geometry, errors: Array) -> tuple[Array, NDArray[np.int8]]:
     fixed, moving = joints(geometry)
     n = len(errors)
     rods = np.asarray(legs(pose, geometry)) + errors[:, _COLUMNS["rods"]] + errors[:, _COLUMNS["zeros"]]
@@ -121,11 +121,11 @@ def _solved(pose: Floats, geometry: Geometry, errors: Floats) -> tuple[Floats, N
     return np.where((bad | invalid)[:, None], np.nan, points), status.astype(np.int8)
 
 
-def _solve(matrix: Floats, right: Floats) -> Floats:
+def _solve(matrix: Array, right: Array) -> Array:
     """Return solutions of three equations by cross products: a singular matrix gives infinite steps."""
     a, b, c = matrix[:, 0], matrix[:, 1], matrix[:, 2]
     columns = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-1)
-    solved: Floats = (columns @ right[..., None])[..., 0] / (a * columns[..., 0]).sum(axis=-1)[:, None]
+    solved: Array = (columns @ right[..., None])[..., 0] / (a * columns[..., 0]).sum(axis=-1)[:, None]
     return solved
 
 

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.tricept._bounds import rod_bounds
@@ -25,7 +26,6 @@ from rodgen.views import html_of
 
 __all__ = ["Cube", "largest_cube"]
 
-Floats = NDArray[np.float64]
 
 # Corners, middles of edges and of faces: where rods have their extremes, or nearly.
 _SPOTS = grid_points(*[np.array([-0.5, 0.0, 0.5])] * 3).T
@@ -47,20 +47,20 @@ class Cube:
         Which rods keep it from being larger: name, ``"least"`` or ``"greatest"``, and the point.
     """
 
-    centre: Floats
+    centre: Array
     edge: float
     rods: Extremes
-    limiting: tuple[tuple[str, str, Floats], ...]
+    limiting: tuple[tuple[str, str, Array], ...]
 
     _repr_html_ = html_of
 
     @property
-    def low(self) -> Floats:
+    def low(self) -> Array:
         """Its lower corner."""
         return self.centre - self.edge / 2
 
     @property
-    def high(self) -> Floats:
+    def high(self) -> Array:
         """Its upper corner."""
         return self.centre + self.edge / 2
 
@@ -134,7 +134,7 @@ def largest_cube(
     raise RodgenError("no cube could be certified; expected limits that are farther apart")
 
 
-def _limiting(found: Extremes, low: float, high: float) -> tuple[tuple[str, str, Floats], ...]:
+def _limiting(found: Extremes, low: float, high: float) -> tuple[tuple[str, str, Array], ...]:
     near = 1e-6 * high
     made = []
     for n, name in enumerate(("A0", "A1", "A-1")):
@@ -145,7 +145,7 @@ def _limiting(found: Extremes, low: float, high: float) -> tuple[tuple[str, str,
     return tuple(made)
 
 
-def _inside(centres: Floats, edges: Floats, geometry: Geometry, low: float, high: float) -> NDArray[np.bool_]:
+def _inside(centres: Array, edges: Array, geometry: Geometry, low: float, high: float) -> NDArray[np.bool_]:
     points = centres[:, None, :] + edges[:, None, None] * _SPOTS
     rods = np.asarray(inverse(points, geometry)[1])[:, :, 0]
     ahead = points[..., 2] > 0  # behind the base the machine is not assembled
@@ -153,7 +153,7 @@ def _inside(centres: Floats, edges: Floats, geometry: Geometry, low: float, high
         return np.asarray(((rods >= low) & (rods <= high)).all(axis=(1, 2)) & ahead.all(axis=1))
 
 
-def _edges(centres: Floats, geometry: Geometry, low: float, high: float) -> Floats:
+def _edges(centres: Array, geometry: Geometry, low: float, high: float) -> Array:
     """Return the largest edge about each centre, by its spots; 0 where there is none."""
     small, large = np.zeros(len(centres)), np.full(len(centres), 2 * high)
     possible = _inside(centres, small, geometry, low, high)
@@ -164,7 +164,7 @@ def _edges(centres: Floats, geometry: Geometry, low: float, high: float) -> Floa
     return np.where(possible, small, 0.0)
 
 
-def _searched(geometry: Geometry, low: float, high: float, *, free: bool) -> tuple[Floats, float]:
+def _searched(geometry: Geometry, low: float, high: float, *, free: bool) -> tuple[Array, float]:
     """Return the best centre and its edge: a grid about the best one moves there, or shrinks if none is better."""
     start = np.zeros((400, 3))
     start[:, 2] = np.linspace(0, high + abs(geometry.q[2]), 402)[1:-1]

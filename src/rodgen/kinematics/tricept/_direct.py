@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.polynomials import Polynomials, roots
 from rodgen.kinematics.tricept._geometry import Geometry
 
 __all__ = ["MOST_POSES", "direct_all"]
 
-Numbers = NDArray[np.float64]
 
 MOST_POSES = 28
 """Complex solutions of the three equations."""
@@ -111,7 +111,7 @@ def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
 class _Rods:
     """The three equations of many rows, in a unit of each row's size."""
 
-    def __init__(self, rods: Numbers, geometry: Geometry, unit: Numbers) -> None:
+    def __init__(self, rods: Array, geometry: Geometry, unit: Array) -> None:
         self.unit = unit
         self.R, self.r = geometry.R / unit, geometry.r / unit
         s0, s1, sm = (rods / unit[:, None]).T ** 2
@@ -130,7 +130,7 @@ class _Rods:
         return some
 
 
-def _solved(rods: _Rods) -> tuple[Numbers, NDArray[np.int64]]:
+def _solved(rods: _Rods) -> tuple[Array, NDArray[np.int64]]:
     row, start = _candidates(rods)
     some = rods.take(row)
     pose, good = _polished(some, start)
@@ -140,7 +140,7 @@ def _solved(rods: _Rods) -> tuple[Numbers, NDArray[np.int64]]:
 # candidates --------------------------------------------------------------------------------------------
 
 
-def _candidates(rods: _Rods) -> tuple[NDArray[np.int64], Numbers]:
+def _candidates(rods: _Rods) -> tuple[NDArray[np.int64], Array]:
     """Return starts near every real solution with z > 0, and the row of each.
 
     With h the greatest possible z, w = h² ω and p = r − h s: then ω and s are numbers up to 1, however low the
@@ -176,7 +176,7 @@ def _candidates(rods: _Rods) -> tuple[NDArray[np.int64], Numbers]:
     off_circle = np.abs(np.hypot(cos_alpha, sin_alpha) - 1)
     starts = []
 
-    def add(keep: NDArray[np.bool_], sine: Numbers, cosine: Numbers, cosine_beta: Numbers) -> None:
+    def add(keep: NDArray[np.bool_], sine: Array, cosine: Array, cosine_beta: Array) -> None:
         angles = np.arctan2(sine, cosine), np.arctan2(sin_beta, cosine_beta)
         pose = np.stack([*angles, h * root_of_omega], axis=1)
         keep = keep & np.isfinite(pose).all(axis=1)
@@ -211,10 +211,10 @@ def _circle_of_beta(omega: Any, m: Any, e: Any, r: Any, h: Any) -> tuple[Any, ..
     )
 
 
-def _eigenvalues(rods: _Rods, top: Numbers, middle: Numbers, half: Numbers) -> NDArray[np.complex128]:
+def _eigenvalues(rods: _Rods, top: Array, middle: Array, half: Array) -> NDArray[np.complex128]:
     """Return where the Sylvester matrix is singular: values of t in ω = middle + half t."""
 
-    def constant(values: Numbers) -> Polynomials:
+    def constant(values: Array) -> Polynomials:
         return Polynomials(values[:, None])
 
     r, h = constant(rods.r), constant(top)
@@ -247,7 +247,7 @@ def _eigenvalues(rods: _Rods, top: Numbers, middle: Numbers, half: Numbers) -> N
 # polish ------------------------------------------------------------------------------------------------
 
 
-def _equations(rods: _Rods, pose: Numbers) -> tuple[Numbers, Numbers]:
+def _equations(rods: _Rods, pose: Array) -> tuple[Array, Array]:
     """Return the left sides of (7) to (9), and their derivatives W33."""
     R, r = rods.R, rods.r
     (sa, sb), (ca, cb), z = np.sin(pose[:, :2]).T, np.cos(pose[:, :2]).T, pose[:, 2]
@@ -264,7 +264,7 @@ def _equations(rods: _Rods, pose: Numbers) -> tuple[Numbers, Numbers]:
     return np.stack(left, axis=1), np.moveaxis(np.array(rows), -1, 0)
 
 
-def _polished(rods: _Rods, start: Numbers) -> tuple[Numbers, NDArray[np.bool_]]:
+def _polished(rods: _Rods, start: Array) -> tuple[Array, NDArray[np.bool_]]:
     pose = start.copy()
     active = np.arange(len(pose))
     for _ in range(_NEWTON_STEPS):
@@ -289,9 +289,7 @@ def _polished(rods: _Rods, start: Numbers) -> tuple[Numbers, NDArray[np.bool_]]:
 # answer ------------------------------------------------------------------------------------------------
 
 
-def _distinct(
-    rows: int, row: NDArray[np.int64], pose: Numbers, rods: _Rods
-) -> tuple[Numbers, NDArray[np.int64]]:
+def _distinct(rows: int, row: NDArray[np.int64], pose: Array, rods: _Rods) -> tuple[Array, NDArray[np.int64]]:
     """Return solutions above the base in one table, each once and in order, with their mirror images."""
     poses = np.full((rows, MOST_POSES, 3), np.nan)
     pose = pose * np.where(pose[:, 2:] < 0, -1.0, 1.0)

@@ -5,19 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 
 __all__ = ["around", "coordinates_of", "grid_points", "plane_points"]
 
-Floats = NDArray[np.float64]
 
-
-def grid_points(*axes: Floats) -> Floats:
+def grid_points(*axes: Array) -> Array:
     """Return the points (k, n) of a grid, given the values of each of its k coordinates; the last one runs fastest."""
     return np.stack(np.meshgrid(*axes, indexing="ij")).reshape(len(axes), -1)
 
 
-def around(grid: Floats, inside: NDArray[np.bool_], count: int) -> Floats:
+def around(grid: Array, inside: NDArray[np.bool_], count: int) -> Array:
     """Return `count` values over the part of a grid that is inside, and one step of the grid more on both sides."""
     some = np.flatnonzero(inside)
     return np.linspace(grid[max(some[0] - 1, 0)], grid[min(some[-1] + 1, len(grid) - 1)], count)
@@ -32,7 +31,7 @@ def coordinates_of(plane: str) -> tuple[int, int, int]:
     return held, first, second
 
 
-def plane_points(plane: str, value: float, one: Floats, other: Floats) -> Floats:
+def plane_points(plane: str, value: float, one: Array, other: Array) -> Array:
     """Return the points (n, m, 3) of a plane at n values of its first coordinate and m of its second one."""
     held, first, second = coordinates_of(plane)
     points = np.empty((len(one), len(other), 3))

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.tricept._closure import disturbed_point
 from rodgen.kinematics.tricept._covariance import correlation_of, parameter_covariance
@@ -26,7 +27,6 @@ from rodgen.views import html_of
 
 __all__ = ["MonteCarlo", "coverage_intervals", "monte_carlo", "numerical_tolerance"]
 
-Floats = NDArray[np.float64]
 
 _BATCHES = 20
 _BLOCK = 20_000
@@ -66,20 +66,20 @@ class MonteCarlo:
         Whether there are as many draws as clause 8.2 requires: twice `end_uncertainty` is at most delta/5.
     """
 
-    point: Floats
+    point: Array
     draws: int
     failed: int
     probability: float
-    mean: Floats
-    covariance: Floats
-    linear_covariance: Floats
-    symmetric: Floats
-    shortest: Floats
-    linear: Floats
-    end_uncertainty: Floats
+    mean: Array
+    covariance: Array
+    linear_covariance: Array
+    symmetric: Array
+    shortest: Array
+    linear: Array
+    end_uncertainty: Array
     digits: int
-    delta: Floats
-    difference: Floats
+    delta: Array
+    difference: Array
     validated: NDArray[np.bool_]
     enough: NDArray[np.bool_]
 
@@ -212,7 +212,7 @@ def monte_carlo(
     )
 
 
-def _uniform(matrix: Floats, names: Collection[str]) -> NDArray[np.bool_]:
+def _uniform(matrix: Array, names: Collection[str]) -> NDArray[np.bool_]:
     chosen = np.zeros(len(PARAMETERS), bool)
     for name in names:
         if name not in PARAMETERS:
@@ -229,13 +229,13 @@ def _uniform(matrix: Floats, names: Collection[str]) -> NDArray[np.bool_]:
 
 
 def _drawn(
-    pose: Floats,
+    pose: Array,
     geometry: Geometry,
-    matrix: Floats,
+    matrix: Array,
     uniform: NDArray[np.bool_],
     draws: int,
     random: np.random.Generator,
-) -> Floats:
+) -> Array:
     """Return drawn places, made in blocks: a million draws of 43 parameters would fill the memory."""
     correlation, sizes = correlation_of(matrix)
     values, vectors = np.linalg.eigh(np.where(uniform | uniform[:, None], 0.0, correlation))
@@ -252,7 +252,7 @@ def _drawn(
     return np.concatenate(parts)
 
 
-def coverage_intervals(values: ArrayLike, probability: float) -> tuple[Floats, Floats]:
+def coverage_intervals(values: ArrayLike, probability: float) -> tuple[Array, Array]:
     """Return the coverage intervals of drawn values.
 
     Parameters

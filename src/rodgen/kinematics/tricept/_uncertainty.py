@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.arrays import broadcast_shapes, real_array
@@ -34,7 +35,6 @@ __all__ = [
     "regular_place",
 ]
 
-Floats = NDArray[np.float64]
 
 # Below this the rows of the closures are dependent to rounding.
 _SINGULAR = 64 * 2.0**-52
@@ -82,7 +82,7 @@ def parameter_sensitivity(pose: ArrayLike, geometry: Geometry) -> tuple[Any, Any
     return np.where(good[..., None, None], found, np.nan), status.astype(np.int8)
 
 
-def regular_place(point: ArrayLike, geometry: Geometry) -> tuple[Floats, Floats, Floats]:
+def regular_place(point: ArrayLike, geometry: Geometry) -> tuple[Array, Array, Array]:
     """Return one point as an array (3,), the pose of the assembled machine, and the sensitivity to all ``PARAMETERS``.
 
     Raises

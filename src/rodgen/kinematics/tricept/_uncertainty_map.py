@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.tricept._geometry import Geometry
@@ -16,8 +17,6 @@ from rodgen.kinematics.tricept._uncertainty import ellipsoid, place_covariance
 from rodgen.views import html_of
 
 __all__ = ["UncertaintyMap", "uncertainty_map"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -40,12 +39,12 @@ class UncertaintyMap:
         Codes of :class:`TriceptStatus`.
     """
 
-    across: Floats
-    up: Floats
+    across: Array
+    up: Array
     names: tuple[str, str, str]
     value: float
-    u: Floats
-    largest: Floats
+    u: Array
+    largest: Array
     status: NDArray[np.int8]
 
     _repr_html_ = html_of

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.dimensions import length_limits
@@ -25,8 +26,7 @@ from rodgen.views import html_of
 
 __all__ = ["Beams", "Slice", "Workspace", "beams", "reachable", "workspace", "workspace_slice"]
 
-Numbers = NDArray[np.float64]
-Value = Callable[[Numbers, Numbers, Numbers], Numbers]
+Value = Callable[[Array, Array, Array], Array]
 """A function of α, β and z."""
 
 _COARSE = 181  # beams in each direction of the first pass over all tilts: one per degree
@@ -46,7 +46,7 @@ class Beams:
         Whether they allow what is between an end and the next.
     """
 
-    ends: Numbers
+    ends: Array
     inside: NDArray[np.bool_]
 
     _repr_html_ = html_of
@@ -75,10 +75,10 @@ class Workspace:
 
     volume: float
     volume_error: float
-    extents: Numbers
-    pose_extents: Numbers
+    extents: Array
+    pose_extents: Array
     tilt: float
-    ratio: Numbers
+    ratio: Array
     limits: tuple[float, float]
 
     _repr_html_ = html_of
@@ -114,9 +114,9 @@ class Slice:
         det W33 / (8 R² z³) there, NaN where there is no pose.
     """
 
-    points: Numbers
+    points: Array
     status: NDArray[np.int8]
-    ratio: Numbers
+    ratio: Array
 
     _repr_html_ = html_of
 
@@ -264,7 +264,7 @@ def workspace(geometry: Geometry, limits: Sequence[float], samples: int = 400) -
     qx, qy, qz = geometry.q
 
     def place(component: int) -> Value:
-        def value(alpha: Numbers, beta: Numbers, z: Numbers) -> Numbers:
+        def value(alpha: Array, beta: Array, z: Array) -> Array:
             sa, ca, sb, cb = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
             across, along = ca * qy + sa * (qz + z), ca * (qz + z) - sa * qy
             return (cb * qx + sb * along, across, cb * along - sb * qx)[component]
@@ -331,7 +331,7 @@ def workspace_slice(
     return Slice(points, status.astype(np.int8), singularity(poses, geometry).ratio)
 
 
-def _tilts(geometry: Geometry, limits: tuple[float, float]) -> Numbers:
+def _tilts(geometry: Geometry, limits: tuple[float, float]) -> Array:
     """Return bounds of α and β around all beams that have a pose."""
     angles = np.linspace(-np.pi / 2, np.pi / 2, _COARSE + 2)[1:-1]
     has = np.any(beams(angles[:, None], angles[None, :], geometry, limits).inside, axis=-1)
@@ -341,11 +341,11 @@ def _tilts(geometry: Geometry, limits: tuple[float, float]) -> Numbers:
         )
     step = angles[1] - angles[0]
     found = [angles[np.flatnonzero(np.any(has, axis=other))] for other in (1, 0)]
-    ends: Numbers = np.array([[x[0] - step, x[-1] + step] for x in found])
+    ends: Array = np.array([[x[0] - step, x[-1] + step] for x in found])
     return np.clip(ends, -np.pi / 2, np.pi / 2)
 
 
-def _volume(geometry: Geometry, limits: tuple[float, float], box: Numbers, samples: int) -> float:
+def _volume(geometry: Geometry, limits: tuple[float, float], box: Array, samples: int) -> float:
     """Return the integral of |det M33| over the poses: exactly along z, by the midpoint rule over α and β."""
     (a_low, a_high), (b_low, b_high) = box
     a_step, b_step = (a_high - a_low) / samples, (b_high - b_low) / samples
@@ -360,7 +360,7 @@ def _volume(geometry: Geometry, limits: tuple[float, float], box: Numbers, sampl
     return total * float(a_step * b_step)
 
 
-def _ratio_terms(geometry: Geometry, alpha: Numbers, beta: Numbers) -> tuple[Numbers, ...]:
+def _ratio_terms(geometry: Geometry, alpha: Array, beta: Array) -> tuple[Array, ...]:
     """Return the coefficients of det W33 / (8 R² z³) in 1/z."""
     R, r = geometry.R, geometry.r
     sa, ca, sb, cb = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
@@ -372,14 +372,14 @@ def _ratio_terms(geometry: Geometry, alpha: Numbers, beta: Numbers) -> tuple[Num
     )
 
 
-def _ratio(geometry: Geometry, alpha: Numbers, beta: Numbers, z: Numbers) -> Numbers:
+def _ratio(geometry: Geometry, alpha: Array, beta: Array, z: Array) -> Array:
     y = 1 / z
     c0, c1, c2, c3 = _ratio_terms(geometry, alpha, beta)
     return np.asarray(c0 + y * (c1 + y * (c2 + y * c3)))
 
 
 def _greatest(
-    value: Value, geometry: Geometry, limits: tuple[float, float], box: Numbers, *, turning: bool
+    value: Value, geometry: Geometry, limits: tuple[float, float], box: Array, *, turning: bool
 ) -> float:
     """Return the greatest value at the ends of beams; with `turning` also where the ratio turns between them."""
     window, best, at = box, -np.inf, None
@@ -405,7 +405,7 @@ def _greatest(
     return best
 
 
-def _turns(geometry: Geometry, alpha: Numbers, beta: Numbers, found: Beams) -> list[Numbers]:
+def _turns(geometry: Geometry, alpha: Array, beta: Array, found: Beams) -> list[Array]:
     """Return the z inside the beams where the ratio is stationary along them; an end where it is not."""
     _, c1, c2, c3 = _ratio_terms(geometry, alpha, beta)
     with np.errstate(all="ignore"):

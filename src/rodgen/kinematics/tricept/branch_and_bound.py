@@ -13,12 +13,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.tricept._grids import grid_points
 from rodgen.kinematics.tricept.interval import Jet, outward
 
 __all__ = ["Extremes", "Functions", "certified_extremes", "halved", "lattice"]
 
-Floats = NDArray[np.float64]
 
 # As many boxes as keep most arrays in the processor's cache; fewer where all functions are wanted of each.
 _BLOCK, _FEW = 2048, 512
@@ -28,7 +28,7 @@ class Functions(Protocol):
     """Enclosures of m functions over n boxes."""
 
     def __call__(
-        self, lower: Floats, upper: Floats, slopes: bool, which: NDArray[np.int64] | None = None
+        self, lower: Array, upper: Array, slopes: bool, which: NDArray[np.int64] | None = None
     ) -> Jet:
         """Return a `Jet` of shape (m, n), or of shape (n,): of each box the function `which`."""
 
@@ -51,19 +51,19 @@ class Extremes:
         Whether the wanted gap was reached everywhere.
     """
 
-    outer: Floats
-    inner: Floats
-    points: Floats
+    outer: Array
+    inner: Array
+    points: Array
     boxes: int
     complete: bool
 
 
 def certified_extremes(
     function: Functions,
-    low: Floats,
-    high: Floats,
+    low: Array,
+    high: Array,
     *,
-    gap: Floats,
+    gap: Array,
     parts: int = 16,
     most_boxes: int = 1_000_000,
 ) -> Extremes:
@@ -130,13 +130,13 @@ def certified_extremes(
     return Extremes(outer, inner, places.reshape(2, m, 3).transpose(1, 0, 2), looked, complete)
 
 
-def lattice(low: Floats, high: Floats) -> Floats:
+def lattice(low: Array, high: Array) -> Array:
     """Return points of a box, its corners among them."""
     unit = grid_points(*[np.linspace(0.0, 1.0, 7)] * 3)
     return np.clip(low[:, None] + (high - low)[:, None] * unit, low[:, None], high[:, None])
 
 
-def _divided(low: Floats, high: Floats, parts: int) -> tuple[Floats, Floats]:
+def _divided(low: Array, high: Array, parts: int) -> tuple[Array, Array]:
     """Return a box cut into equal ones; the cuts are shared, so that nothing is between two boxes."""
     cuts = [
         np.linspace(a, b, parts + 1) if b > a else np.array([a, b]) for a, b in zip(low, high, strict=True)
@@ -146,7 +146,7 @@ def _divided(low: Floats, high: Floats, parts: int) -> tuple[Floats, Floats]:
     return grid_points(*(cut[:-1] for cut in cuts)), grid_points(*(cut[1:] for cut in cuts))
 
 
-def _signed(ends: tuple[Floats, Floats], sign: Floats) -> tuple[Floats, Floats]:
+def _signed(ends: tuple[Array, Array], sign: Array) -> tuple[Array, Array]:
     """Return the ends with the signs of their problems; NaN becomes an infinite bound."""
     low, high = np.where(sign > 0, ends[0], -ends[1]), np.where(sign > 0, ends[1], -ends[0])
     return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)
@@ -154,13 +154,13 @@ def _signed(ends: tuple[Floats, Floats], sign: Floats) -> tuple[Floats, Floats]:
 
 def _first(
     function: Functions,
-    boxes: tuple[Floats, Floats],
-    signs: Floats,
-    best: Floats,
-    places: Floats,
-    bound: Floats,
-    gap: Floats,
-) -> tuple[Floats, Floats, NDArray[np.int64], int]:
+    boxes: tuple[Array, Array],
+    signs: Array,
+    best: Array,
+    places: Array,
+    bound: Array,
+    gap: Array,
+) -> tuple[Array, Array, NDArray[np.int64], int]:
     """Return which boxes of a grid remain for which problem, after one pass over all problems."""
     lower, upper = boxes
     count, m = lower.shape[1], len(gap)
@@ -185,7 +185,7 @@ def _first(
     return lower[:, box], upper[:, box], problem, count
 
 
-def _linear(top: Floats, slope: Floats, lower: Floats, upper: Floats, centre: Floats) -> Floats:
+def _linear(top: Array, slope: Array, lower: Array, upper: Array, centre: Array) -> Array:
     """Return upper bounds of functions by the value at the centre and the derivatives, rounded up."""
     reach = outward(upper - centre, np.maximum(upper - centre, centre - lower))[1]
     reach = np.where(upper > lower, reach, 0.0)
@@ -198,11 +198,11 @@ def _linear(top: Floats, slope: Floats, lower: Floats, upper: Floats, centre: Fl
 
 def _bounded(
     function: Functions,
-    lower: Floats,
-    upper: Floats,
-    sign: Floats,
+    lower: Array,
+    upper: Array,
+    sign: Array,
     which: NDArray[np.int64],
-) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats], Floats]:
+) -> tuple[Array, Array, Array, tuple[Array, Array], Array]:
     """Return boxes shrunk to faces, and upper bounds of the problems' functions on them.
 
     With them come the largest possible |derivative| in the remaining directions and the value at one point.
@@ -219,7 +219,7 @@ def _bounded(
     return lower, upper, slope, value, np.minimum(_linear(value[1], slope, lower, upper, centre), whole)
 
 
-def _keep_greatest(values: Floats, points: Floats, best: Floats, places: Floats) -> None:
+def _keep_greatest(values: Array, points: Array, best: Array, places: Array) -> None:
     """Keep the greatest of the values (2, m, n) at points (3, n) of each problem where it is better."""
     for p, row in enumerate(values.reshape(len(best), -1)):
         n = int(row.argmax())
@@ -228,12 +228,12 @@ def _keep_greatest(values: Floats, points: Floats, best: Floats, places: Floats)
 
 
 def _keep_best(
-    value: Floats,
-    lower: Floats,
-    upper: Floats,
+    value: Array,
+    lower: Array,
+    upper: Array,
     problem: NDArray[np.int64],
-    best: Floats,
-    places: Floats,
+    best: Array,
+    places: Array,
 ) -> None:
     """Keep the best values that the centres of boxes, each of one problem, have reached."""
     centre = _centres(lower, upper)
@@ -246,7 +246,7 @@ def _keep_best(
             best[p], places[p] = value[n], centre[:, n]
 
 
-def _widest_change(lower: Floats, upper: Floats, slope: Floats) -> NDArray[np.int64]:
+def _widest_change(lower: Array, upper: Array, slope: Array) -> NDArray[np.int64]:
     """Return the side of each box over which the function can change most."""
     width = upper - lower
     with np.errstate(invalid="ignore"):
@@ -255,7 +255,7 @@ def _widest_change(lower: Floats, upper: Floats, slope: Floats) -> NDArray[np.in
     return side
 
 
-def halved(lower: Floats, upper: Floats, side: NDArray[np.int64] | int) -> tuple[Floats, Floats]:
+def halved(lower: Array, upper: Array, side: NDArray[np.int64] | int) -> tuple[Array, Array]:
     """Return boxes (3, n) halved across a side, of each or of all: first the lower halves, then the upper ones."""
     columns = np.arange(lower.shape[1])
     middle = lower[side, columns] + (upper[side, columns] - lower[side, columns]) / 2
@@ -264,6 +264,6 @@ def halved(lower: Floats, upper: Floats, side: NDArray[np.int64] | int) -> tuple
     return np.concatenate([lower, second], axis=1), np.concatenate([first, upper], axis=1)
 
 
-def _centres(lower: Floats, upper: Floats) -> Floats:
+def _centres(lower: Array, upper: Array) -> Array:
     """Return the middles of boxes, never outside of them by rounding."""
     return np.clip(lower + (upper - lower) / 2, lower, upper)

@@ -10,14 +10,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept.interval import Jet, cross, dot, matmul, stack
 
 __all__ = ["Enclosed", "enclose"]
 
-Floats = NDArray[np.float64]
 
 _ROOT = float(np.sqrt(3.0))
 
@@ -43,7 +42,7 @@ def _constant(value: float, like: Jet) -> Jet:
     return Jet((np.full_like(low, value), np.full_like(high, value)), slope)
 
 
-def enclose(low: Floats, high: Floats, geometry: Geometry, slopes: bool) -> Enclosed:
+def enclose(low: Array, high: Array, geometry: Geometry, slopes: bool) -> Enclosed:
     """Return enclosures of A35 and the rods over boxes.
 
     Parameters

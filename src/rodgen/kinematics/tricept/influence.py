@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.dimensions import length_limits
@@ -27,7 +28,6 @@ from rodgen.views import html_of
 
 __all__ = ["Influence", "influence_map", "influence_region"]
 
-Floats = NDArray[np.float64]
 Box = tuple[ArrayLike, ArrayLike]
 
 # On the beam, scaled to -1…1, coefficients below this are rounding.
@@ -60,12 +60,12 @@ class Influence:
         The element of U_y.
     """
 
-    alpha: Floats
-    beta: Floats
-    least: Floats
-    greatest: Floats
-    z_least: Floats
-    z_greatest: Floats
+    alpha: Array
+    beta: Array
+    least: Array
+    greatest: Array
+    z_least: Array
+    z_greatest: Array
     pair: tuple[str, str]
     element: str
 
@@ -191,7 +191,7 @@ def influence_region(
     (9, 9)
     """
 
-    def on(alpha: Floats, beta: Floats) -> tuple[Influence, NDArray[np.bool_]]:
+    def on(alpha: Array, beta: Array) -> tuple[Influence, NDArray[np.bool_]]:
         made = influence_map(alpha[:, None], beta, geometry, pair, element, limits=limits, box=box)
         known = np.asarray(np.isfinite(made.least))
         if not known.any():
@@ -205,7 +205,7 @@ def influence_region(
     return on(around(alpha, of_alpha, beams), around(beta, of_beta, beams))[0]
 
 
-def _search_angles(geometry: Geometry, box: Box | None) -> tuple[Floats, Floats]:
+def _search_angles(geometry: Geometry, box: Box | None) -> tuple[Array, Array]:
     """Return values of α and β, rad, that span the beams of a box, or of any machine if there is no box."""
     if box is None:
         every = np.linspace(-_WIDEST, _WIDEST, _BEAMS)
@@ -236,7 +236,7 @@ def _parameters(pair: Sequence[str]) -> tuple[int, int]:
 
 
 def _parts(
-    numerator: Floats, squares: Floats, i: int, j: int, k: int, m: int
+    numerator: Array, squares: Array, i: int, j: int, k: int, m: int
 ) -> tuple[Polynomials, Polynomials]:
     """Return S and P of the influence of (i, j) on (k, m)."""
 
@@ -254,7 +254,7 @@ def _parts(
     return S, entry(k, i) * entry(m, j) + entry(k, j) * entry(m, i)
 
 
-def _line(a: Floats, b: Floats, geometry: Geometry) -> tuple[Floats, Floats]:
+def _line(a: Array, b: Array, geometry: Geometry) -> tuple[Array, Array]:
     """Return point and direction of the beams: Q = point + z direction."""
     zero = np.zeros_like(a)
     start = np.asarray(point(np.stack([a, b, zero], axis=-1), geometry))
@@ -262,13 +262,13 @@ def _line(a: Floats, b: Floats, geometry: Geometry) -> tuple[Floats, Floats]:
 
 
 def _pieces(
-    a: Floats,
-    b: Floats,
+    a: Array,
+    b: Array,
     geometry: Geometry,
-    squares: Floats,
+    squares: Array,
     limits: Sequence[float] | None,
     box: Box | None,
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Array, Array, Array]:
     """Return the least and the greatest place in the region, and where its parts may begin and end (else NaN)."""
     marks = []
     with np.errstate(all="ignore"):
@@ -293,11 +293,11 @@ def _pieces(
 
 
 def _allowed(
-    z: Floats,
-    a: Floats,
-    b: Floats,
+    z: Array,
+    a: Array,
+    b: Array,
     geometry: Geometry,
-    squares: Floats,
+    squares: Array,
     limits: Sequence[float] | None,
     box: Box | None,
 ) -> NDArray[np.bool_]:
@@ -318,7 +318,7 @@ def _allowed(
     return np.asarray(good)
 
 
-def _roots_on_beam(p: Floats) -> Floats:
+def _roots_on_beam(p: Array) -> Array:
     """Return the real roots between -1 and 1, NaN for the others; as many columns as the greatest degree."""
     found = np.full((len(p), max(p.shape[1] - 1, 1)), np.nan)
     size = np.abs(p).max(axis=1, keepdims=True)

@@ -10,18 +10,18 @@ from __future__ import annotations
 from typing import Any, Union
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rodgen.array_types import Array
 
 __all__ = ["Jet", "cross", "dot", "matmul", "outward", "stack"]
 
-Floats = NDArray[np.float64]
 
 _RELATIVE = 2.0**-51
 # Far above the rounding of results that are not normal numbers, 2^-1075.
 _ABSOLUTE = 1e-300
 
 
-def outward(low: Floats, high: Floats) -> tuple[Floats, Floats]:
+def outward(low: Array, high: Array) -> tuple[Array, Array]:
     """Return both ends moved outwards by more than what rounding to nearest can have moved them inwards.
 
     A result v of one operation is off by at most 2^-53 |v| + 2^-1075; 2^-51 |v| + 1e-300 is taken off, and the rounding
@@ -30,7 +30,7 @@ def outward(low: Floats, high: Floats) -> tuple[Floats, Floats]:
     return low - (np.abs(low) * _RELATIVE + _ABSOLUTE), high + (np.abs(high) * _RELATIVE + _ABSOLUTE)
 
 
-def _times(a: tuple[Floats, Floats], b: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+def _times(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array]:
     one, two, three, four = a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
     return outward(
         np.minimum(np.minimum(one, two), np.minimum(three, four)),
@@ -38,7 +38,7 @@ def _times(a: tuple[Floats, Floats], b: tuple[Floats, Floats]) -> tuple[Floats, 
     )
 
 
-def _plus(a: tuple[Floats, Floats], b: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+def _plus(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array]:
     return outward(a[0] + b[0], a[1] + b[1])
 
 
@@ -58,7 +58,7 @@ class Jet:
 
     __slots__ = ("slope", "value")
 
-    def __init__(self, value: tuple[Floats, Floats], slope: tuple[Floats, Floats] | None = None) -> None:
+    def __init__(self, value: tuple[Array, Array], slope: tuple[Array, Array] | None = None) -> None:
         self.value = value
         self.slope = slope
 

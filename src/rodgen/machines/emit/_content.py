@@ -8,11 +8,11 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.printers import CPP_WORDS, MATLAB_WORDS
 from rodgen.codegen.source_text import in_comment
@@ -47,7 +47,6 @@ __all__ = [
     "named",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
 
 SAMPLES = 16
 TRIES = 40 * SAMPLES

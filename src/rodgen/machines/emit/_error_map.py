@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError, joined
 from rodgen.machines.emit._content import content_of, ideal_of, title_of
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 __all__ = ["map_texts"]
 
-Array = NDArray[np.float64]
 
 GOOD = 0.02
 """Part of the largest error that interpolation may be off."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError, joined
 from rodgen.machines.emit._content import title_of
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 __all__ = ["iso_texts", "screw_texts"]
 
-Array = NDArray[np.float64]
 
 POINTS = range(25, 42)
 """Positions of a table over a travel, where no more are needed: as many of these as make the step a round number."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import InputFileError
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.fixed import fixed_machine
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = ["CONSTANT", "Geometry", "geometry_of", "located", "of_couplings"]
 
-Array = NDArray[np.float64]
 
 CONSTANT = {"axis_tilt", "squareness", "axis_offset", "zero_offset", "target_offset"}
 """Effects that are constants of the geometry."""

@@ -16,8 +16,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError, joined, listed
 from rodgen.files import decoded, read_input
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["CORRECTED", "corrected_urdf"]
 
-Array = NDArray[np.float64]
 
 CORRECTED = "Origins corrected by rodgen"
 _LARGEST_TILT, _LARGEST_SHIFT = 0.1, 0.1

@@ -16,12 +16,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.codegen import Assignment, Kernel, KernelBuilder, Port, port_symbols
 from rodgen.machines.algebra import solved
 from rodgen.machines.closed_chain_derivation import pose_from_afar
@@ -34,7 +34,6 @@ from rodgen.symbolic import select
 
 __all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "numbers_of", "step_kernel"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 SOURCE = "product of exponentials with error motions"
 TINY = sp.Rational(1, 10**300)

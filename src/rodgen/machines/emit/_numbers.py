@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.units import parse_unit
 from rodgen.statistics.digits import measured
 
@@ -28,7 +28,6 @@ __all__ = [
     "varied",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
 
 K = 2.0
 """Coverage factor of expanded uncertainties, as certificates have it."""

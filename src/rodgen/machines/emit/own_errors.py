@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.units import parse_unit
 from rodgen.machines.emit._error_motions import _along_machine_axis, _locations
 from rodgen.machines.emit._numbers import Covariance, K, standard, varied
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["LocationError", "is_of_set_up", "location_errors", "with_uncertainty"]
 
-Array = NDArray[np.float64]
 
 CHOICE, ROUNDING = 1e-3, 1e-10
 """When parameters move in a way that the data leave open, the part of the largest change by which an error moves that

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.data.tables.foreign import ForeignColumn, ForeignTable
 from rodgen.data.units import Quantity, UnitError, conversion_factor
 from rodgen.errors import InputFileError, listed, shown
@@ -22,7 +22,6 @@ from rodgen.machines.mechanism import to_mechanism
 
 __all__ = ["as_distances", "of_ballbar"]
 
-Array = NDArray[np.float64]
 
 _POSITION = ("position", "target position", "target", "nominal", "nominal position", "sollposition")
 _DEVIATION = ("deviation", "error", "dev", "r-dev", "dr", "radial deviation", "radius deviation")

@@ -25,8 +25,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import InputFileError, joined, shown
 from rodgen.files import decoded, read_input
 from rodgen.machines.imports.imported import one_line
@@ -34,7 +34,6 @@ from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL, Mount
 
 __all__ = ["Pointings", "Site", "is_pointing_run", "read_pointings"]
 
-Array = NDArray[np.float64]
 
 _EXPECTED = "a pointing run of TPOINT"
 _OPTIONS = {"EQUAT": EQUATORIAL, "ALTAZ": ALTAZ}

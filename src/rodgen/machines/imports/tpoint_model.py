@@ -20,7 +20,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError, RodgenError, nearest_name, shown
@@ -36,7 +35,6 @@ from rodgen.machines.rigid import complete_basis
 
 __all__ = ["TpointModel", "is_model", "model_text", "read_model", "terms_of", "with_terms"]
 
-Array = NDArray[np.float64]
 
 _EXPECTED = "a model of TPOINT"
 _LINE = re.compile(r"(?P<flags>[=&]*)\s*(?P<name>[A-Z][A-Z0-9]*)\s+(?P<value>[-+.\dEe]+)(?:\s+[-+.\dEe]+)*")

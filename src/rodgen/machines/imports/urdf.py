@@ -13,8 +13,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import InputFileError, listed, shown, suggestion
 from rodgen.files import read_input
 from rodgen.machines.coupling import CouplingError
@@ -27,7 +27,6 @@ from rodgen.machines.rigid import matrix_from_roll_pitch_yaw
 
 __all__ = ["MOVING", "UrdfJoint", "is_urdf", "joints_of", "machine_from_urdf"]
 
-Array = NDArray[np.float64]
 
 _EXPECTED = "a robot in URDF"
 MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
+from rodgen.array_types import Array, Index
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
@@ -16,8 +17,6 @@ from rodgen.output.figures.style import (
     ORANGE,
     PURPLE,
     SOFT,
-    Array,
-    Index,
     Panel,
     add_trace,
     axes,

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
+from rodgen.array_types import Array, Index
 from rodgen.calibration.reading_motion import error_of_reading
 from rodgen.data.units import ARCSEC
 from rodgen.output.figures.distributions import distribution_of_residuals
 from rodgen.output.figures.drawn_rows import DrawnRows
 from rodgen.output.figures.maps import residual_map
 from rodgen.output.figures.residuals import MEAN, MOST_RUNS, components_of, reading_of, residuals_over
-from rodgen.output.figures.style import INK, Array, Index, add_trace, label
+from rodgen.output.figures.style import INK, add_trace, label
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare.comparison import Comparison

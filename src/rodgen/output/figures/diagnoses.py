@@ -11,6 +11,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.diagnose.diagnosis import Unexplained
 from rodgen.calibration.words import plain
 from rodgen.data.measurements import Measurements
@@ -21,7 +22,7 @@ from rodgen.output.figures.ladders import error_ladder
 from rodgen.output.figures.maps import map_of
 from rodgen.output.figures.polar import joints_that_go_round, polar_of
 from rodgen.output.figures.residuals import components_of, file_name, reading_of, residuals_over
-from rodgen.output.figures.style import BLUE, GREY, Array, Panel, column, describe, evenly, label
+from rodgen.output.figures.style import BLUE, GREY, Panel, column, describe, evenly, label
 from rodgen.output.numbers import Shown, percent, shown_unit
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
+from rodgen.array_types import Array, Index
 from rodgen.calibration.words import three_digits
 from rodgen.data.poses import stretches
 from rodgen.output.figures.drawn_rows import MOST_MARKS, DrawnRows
@@ -17,8 +18,6 @@ from rodgen.output.figures.style import (
     LINE,
     SELECTED,
     SOFT,
-    Array,
-    Index,
     Panel,
     add_trace,
     column,

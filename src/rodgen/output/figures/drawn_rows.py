@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Index
 from rodgen.calibration.plan.words import column_unit
 from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
 from rodgen.calibration.words import plain, three_digits
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DEVIATIONS", "DrawnRows", "coordinate", "taken"]
 
-Array: TypeAlias = NDArray[np.float64]
-Index: TypeAlias = NDArray[np.intp]
 
 MOST_MARKS = 4000
 """In one figure: its data stay below 2 MB with them, and it says no more with more."""

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.machines.model import Frame, Model
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 __all__ = ["residual_vectors", "skeleton"]
 
-Array = NDArray[np.float64]
 
 HEIGHT = 560
 MOST_READINGS, MOST_VECTORS = 200, 300

@@ -11,6 +11,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Index
 from rodgen.data.drivers import horizontal
 from rodgen.output.figures.drawn_rows import DrawnRows
 from rodgen.output.figures.style import (
@@ -20,8 +21,6 @@ from rodgen.output.figures.style import (
     ORANGE,
     SELECTED,
     SOFT,
-    Array,
-    Index,
     Panel,
     add_arrows,
     add_trace,

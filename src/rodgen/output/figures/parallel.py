@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import plotly.graph_objects as go
 
+from rodgen.array_types import Array
 from rodgen.kinematics.three_sps_s import OrientationStatus
 from rodgen.output.figures.style import (
     GREY,
     INK,
     LINE,
     SOFT,
-    Array,
     Panel,
     axes,
     column,

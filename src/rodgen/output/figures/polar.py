@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
+from rodgen.array_types import Array
 from rodgen.calibration.reading_motion import directions_about
 from rodgen.calibration.words import plain
 from rodgen.data.drivers import goes_round
@@ -19,7 +20,6 @@ from rodgen.output.figures.style import (
     LINE,
     PAPER,
     SOFT,
-    Array,
     Panel,
     column,
     describe,

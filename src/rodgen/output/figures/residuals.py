@@ -16,6 +16,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Index
 from rodgen.calibration.words import plain
 from rodgen.output.figures.drawn_rows import DEVIATIONS, MOST_MARKS, DrawnRows
 from rodgen.output.figures.style import (
@@ -27,8 +28,6 @@ from rodgen.output.figures.style import (
     PURPLE,
     SELECTED,
     SOFT,
-    Array,
-    Index,
     Panel,
     add_trace,
     axes,

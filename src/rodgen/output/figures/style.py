@@ -11,12 +11,13 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 import plotly.io as pio
-from numpy.typing import NDArray
+
+from rodgen.array_types import Array, Index
 
 __all__ = [
     "BLUE",
@@ -45,8 +46,6 @@ __all__ = [
     "ring",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
-Index: TypeAlias = NDArray[np.intp]
 
 # After Okabe and Ito (2008): distinguishable with every common colour vision, and by lightness in grey; the orange is
 # darker than theirs, so that it is legible as text.

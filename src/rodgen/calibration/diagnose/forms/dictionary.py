@@ -14,11 +14,11 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.solve.starting_values import most_waves
 from rodgen.data.drivers import Driver, Kind
 from rodgen.data.observations import Observations
@@ -41,7 +41,6 @@ __all__ = [
     "written",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
 
 HARMONICS = 12
 """Waves of a whole turn."""

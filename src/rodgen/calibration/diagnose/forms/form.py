@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
+from rodgen.array_types import Array
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.definition import EffectDefinition
@@ -16,8 +13,6 @@ from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.f_tests import p_of_log10
 
 __all__ = ["Form"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,11 +16,11 @@ functions at a sensitivity share.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.diagnose.forms.dictionary import Term
 from rodgen.calibration.diagnose.forms.formula import Piece
 from rodgen.statistics.columns import (
@@ -38,7 +38,6 @@ from rodgen.statistics.thresholds import EVIDENCE, FORMS
 
 __all__ = ["PosesLeftOut", "ProjectedRows", "folds_of"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 KEPT_NUMBERS = 2_000_000
 """Number of terms, times rows, whose functions are kept between calls at most."""

@@ -9,11 +9,10 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.diagnose.forms.dictionary import (
     DECAYS,
     HARMONICS,
@@ -28,7 +27,6 @@ from rodgen.statistics.thresholds import FORMS
 
 __all__ = ["refined", "short"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 ROUNDS, LAST_ROUNDS = 10, 5
 ROUNDING = 1e-9

@@ -16,13 +16,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.diagnose.forms.dictionary import Term, in_rows
 from rodgen.calibration.diagnose.forms.projected_rows import ProjectedRows
 from rodgen.statistics.columns import unit_columns
 
 __all__ = ["Functions", "Screen"]
 
-Array: TypeAlias = NDArray[np.float64]
 Single: TypeAlias = NDArray[np.float32]
 
 VISIBLE = 1e-4

@@ -14,12 +14,13 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.diagnose.forms.catalogued import is_catalogued
 from rodgen.calibration.diagnose.forms.dictionary import (
     MOST_FACTORS,
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
 
 __all__ = ["find_forms"]
 
-Array: TypeAlias = NDArray[np.float64]
 
 ROUGH_ROWS = 1500
 """All terms are scored on so many rows; a form that lowers the error by a percent shows on them, too."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.spatial.links.forward import jacobian
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
@@ -30,8 +31,6 @@ LENGTH = 1e-12
 
 SINGULAR = 1e-12
 """Singular values of a Jacobian, lengths over the reach, that are rounding. Robots have 1e-3 to 1 there."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

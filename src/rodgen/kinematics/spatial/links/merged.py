@@ -15,14 +15,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import rx, rz
 
 __all__ = ["Link", "Merged", "merge"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.generated.numpy.spatial_loops import RCCCStatus
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
@@ -15,7 +16,6 @@ from rodgen.kinematics.spatial.status import PairStatus
 
 __all__ = ["closed_form"]
 
-Array = NDArray[np.float64]
 
 PLAIN = 1e-3
 """Least sine of a twist for the closed forms, which divide by it. For smaller ones the general method is used, which

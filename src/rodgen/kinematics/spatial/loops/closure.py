@@ -10,14 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.spatial.links.merged import Link
 from rodgen.kinematics.spatial.links.transforms import rz
 
 __all__ = ["closure", "offsets", "polish"]
 
-Array = NDArray[np.float64]
 
 STEPS = 4
 """Newton steps: the error is squared by each, and elimination leaves half of the digits at least, except where two

@@ -13,13 +13,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.angles import apart
 from rodgen.kinematics.spatial.links.merged import Link
 from rodgen.kinematics.spatial.loops.closure import closure, offsets, polish
 
 __all__ = ["different", "moves", "repeated", "search"]
 
-Array = NDArray[np.float64]
 
 STEP = 1e-2
 """How far along the free direction: two solutions that meet come back to their meeting point from there by halves."""

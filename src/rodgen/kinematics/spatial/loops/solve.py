@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.kinematics.angles import angle_between
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
@@ -29,7 +30,6 @@ from rodgen.kinematics.spatial.status import PairStatus, ReverseStatus
 
 __all__ = ["solve_merged"]
 
-Array = NDArray[np.float64]
 
 CLOSES = 1e-11
 """Largest error of a loop that is closed, in rad and in the loop's size. Newton's steps leave a few epsilons."""

@@ -12,8 +12,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.spatial.links.forward import link_transform
@@ -28,8 +29,6 @@ __all__ = [
     "to_denavit_hartenberg",
     "to_modified_denavit_hartenberg",
 ]
-
-Array = NDArray[np.float64]
 
 
 class DenavitHartenberg(NamedTuple):
