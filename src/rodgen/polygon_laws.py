@@ -56,16 +56,11 @@ class Law:
 
 @dataclass(frozen=True)
 class HalfTangent:
-    """Tangent of half a joint's angle: x = X / (Y + s) = (s - Y) / X, with X = s sin θ and Y = s cos θ.
-
-    Attributes
-    ----------
-    sine, sine_cosine : Law
-        The two fundamental laws of one row of subscripts.
-    """
+    """Tangent of half a joint's angle: x = X / (Y + s) = (s - Y) / X, with X = s sin θ and Y = s cos θ."""
 
     sine: Law
     sine_cosine: Law
+    """The two fundamental laws of one row of subscripts."""
 
     family = "half tangent"
     kind = "half tangent"

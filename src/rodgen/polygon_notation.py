@@ -75,19 +75,6 @@ class Entry:
 class Term:
     """A name of the notation in a closed n-gon (or in an open chain of n joints).
 
-    Attributes
-    ----------
-    letter : str
-        X, Y or Z, or of the polar polygon U, V or W.
-    subscripts : tuple of int
-        Neighbouring joints, 1 to n, that rise or fall by one, with n and 1 as neighbours.
-    n : int
-        Number of joints.
-    bar : bool
-        Whether a single X, Y or Z has a bar. Two and more subscripts tell by their order.
-    star : bool
-        Whether it is X* or U*, with a sine for each cosine of the last rotation.
-
     Raises
     ------
     ValueError
@@ -95,10 +82,15 @@ class Term:
     """
 
     letter: str
+    """X, Y or Z, or of the polar polygon U, V or W."""
     subscripts: tuple[int, ...]
+    """Neighbouring joints, 1 to n, that rise or fall by one, with n and 1 as neighbours."""
     n: int
+    """Number of joints."""
     bar: bool = False
+    """Whether a single X, Y or Z has a bar. Two and more subscripts tell by their order."""
     star: bool = False
+    """Whether it is X* or U*, with a sine for each cosine of the last rotation."""
 
     def __post_init__(self) -> None:
         """Refuse what means nothing."""
@@ -184,18 +176,12 @@ class Term:
 
 @dataclass(frozen=True)
 class Monomial:
-    """A cosine or a sine, or the product of two for an angle and the next one, as on the right side of a law.
-
-    Attributes
-    ----------
-    factors : tuple of (str, Angle)
-        ``"c"`` or ``"s"`` with the angle; the twist before the joint's angle.
-    n : int
-        Number of joints.
-    """
+    """A cosine or a sine, or the product of two for an angle and the next one, as on the right side of a law."""
 
     factors: tuple[tuple[str, Angle], ...]
+    """``"c"`` or ``"s"`` with the angle; the twist before the joint's angle."""
     n: int
+    """Number of joints."""
 
     def value(self, angles: Mapping[Angle, tuple[Any, Any]]) -> Any:
         """Evaluate with the cosine and the sine of each angle, numbers of any kind."""

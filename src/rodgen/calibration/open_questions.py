@@ -14,31 +14,21 @@ __all__ = ["HasOpenQuestions", "OpenQuestions"]
 
 @dataclass(frozen=True)
 class OpenQuestions:
-    """What a fit or a diagnosis leaves open.
-
-    Attributes
-    ----------
-    base, final : FittedModel
-        Of the model as it was, and of the model with all effects and forms that were found.
-    found : tuple of Effect or None
-        Effects and forms that were found; None where none were looked for.
-    alternatives : tuple of tuple of Effect
-        An effect that was found, and those that the data cannot tell from it.
-    invisible : tuple of Effect
-        Effects that the data would not show.
-    dependent : bool
-        Whether readings were found to depend on each other.
-    wanders : bool
-        Whether the set-up was found to wander from pose to pose.
-    """
+    """What a fit or a diagnosis leaves open."""
 
     base: FittedModel
     final: FittedModel
+    """Of the model as it was, and of the model with all effects and forms that were found."""
     found: tuple[Effect, ...] | None = None
+    """Effects and forms that were found; None where none were looked for."""
     alternatives: tuple[tuple[Effect, ...], ...] = ()
+    """An effect that was found, and those that the data cannot tell from it."""
     invisible: tuple[Effect, ...] = ()
+    """Effects that the data would not show."""
     dependent: bool = False
+    """Whether readings were found to depend on each other."""
     wanders: bool = False
+    """Whether the set-up was found to wander from pose to pose."""
 
 
 class HasOpenQuestions(Protocol):

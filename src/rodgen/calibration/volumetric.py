@@ -44,40 +44,27 @@ CHOICE = 0.05
 
 @dataclass(frozen=True)
 class VolumetricError:
-    """Errors over a workspace, in `unit`, with expanded uncertainties (k = 2); None where the noise is not known.
-
-    Attributes
-    ----------
-    largest, largest_u : float
-        The largest error.
-    most, most_u : float
-        The error that 95 % of the positions stay below.
-    unit : str
-    at : ndarray, shape (J,)
-        Commanded coordinates of the largest, internal units.
-    positions : int
-        How many positions were looked at, each approached from both sides.
-    ranges : ndarray, shape (J, 2)
-        Of the coordinates, internal units.
-    measured_only : bool
-        Whether the positions are those that were measured: the legs of a closed chain cannot have any lengths.
-    free : tuple of str
-        What was set up anew, so that both come nearest to each other: ``"target"``, ``"instrument"``.
-    by_choice : bool
-        Whether the errors rest on a choice among geometries that the data cannot distinguish.
-    """
+    """Errors over a workspace, in `unit`, with expanded uncertainties (k = 2); None where the noise is not known."""
 
     largest: float
     largest_u: float | None
+    """The largest error."""
     most: float
     most_u: float | None
+    """The error that 95 % of the positions stay below."""
     unit: str
     at: Array
+    """Commanded coordinates of the largest, internal units, (J,)."""
     positions: int
+    """How many positions were looked at, each approached from both sides."""
     ranges: Array
+    """Of the coordinates, internal units, (J, 2)."""
     measured_only: bool
+    """Whether the positions are those that were measured: the legs of a closed chain cannot have any lengths."""
     free: tuple[str, ...]
+    """What was set up anew, so that both come nearest to each other: ``"target"``, ``"instrument"``."""
     by_choice: bool
+    """Whether the errors rest on a choice among geometries that the data cannot distinguish."""
 
 
 def volumetric_error(fit: FittedModel) -> VolumetricError | None:

@@ -46,20 +46,12 @@ def number(expected: str, holds: Callable[[float], bool]) -> Callable[[str], flo
 
 @dataclass(frozen=True)
 class Quantity:
-    """Numbers with one unit, as they were typed.
-
-    Attributes
-    ----------
-    numbers : tuple of float
-    unit : str
-    option : str
-        Where they were given, for error messages.
-    dimension : {"length", "angle"}
-    """
+    """Numbers with one unit, as they were typed."""
 
     numbers: tuple[float, ...]
     unit: str
     option: str
+    """Where they were given, for error messages."""
     dimension: Literal["length", "angle"] = "length"
 
     def to(self, unit: str) -> tuple[float, ...]:

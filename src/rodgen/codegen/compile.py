@@ -39,17 +39,12 @@ class CompiledKernel:
 
     It is called like the generated NumPy function: the inputs in order, broadcast against each other, and ``out``,
     an array or a tuple of arrays to fill. With float32 inputs it computes in float32, else in float64.
-
-    Attributes
-    ----------
-    kernel : Kernel
-        What it evaluates.
-    target : str
-        ``"c"`` or ``"numpy"``.
     """
 
     kernel: Kernel
+    """What it evaluates."""
     target: str
+    """``"c"`` or ``"numpy"``."""
     _run: Callable[..., Any] = field(repr=False)
 
     def __call__(self, *arguments: Any, out: Any = None) -> Any:

@@ -100,19 +100,13 @@ class Assignment(NamedTuple):
 
 @dataclass(frozen=True)
 class UsualCase:
-    """Where a kernel needs none of its case distinctions.
-
-    Attributes
-    ----------
-    guard : sympy boolean
-        Condition in inputs and named steps; false where there is any doubt.
-    values : dict of str to sympy number or boolean
-        Named steps that have these values wherever `guard` holds. A scale may be given as 1 where scaling by a
-        power of two changes no bit of the result.
-    """
+    """Where a kernel needs none of its case distinctions."""
 
     guard: Boolean
+    """Condition in inputs and named steps; false where there is any doubt."""
     values: Mapping[str, sp.Basic]
+    """Named steps that have these values wherever `guard` holds. A scale may be given as 1 where scaling by a power of
+    two changes no bit of the result."""
 
     def __hash__(self) -> int:
         return hash((self.guard, tuple(sorted(self.values))))
@@ -120,32 +114,22 @@ class UsualCase:
 
 @dataclass(frozen=True)
 class Equations:
-    """The implicit equations that outputs of a kernel solve; see :meth:`KernelBuilder.solves`.
-
-    Attributes
-    ----------
-    residuals : Kernel
-        Outputs ``residual`` and ``size``, one component an equation: left minus right side, and the sum of the
-        magnitudes of its terms. Its inputs are those of the kernel, then the unknowns.
-    unknowns : tuple of str
-        Names of the outputs that are the unknowns.
-    solutions : int or None
-        How many solutions the first axis of each unknown holds; None for one without such an axis.
-    where, nowhere : tuple of IntEnum
-        Statuses with which the outputs are solutions, and with which there is none; empty for always, and never.
-    complete : bool
-        Whether the outputs are all solutions there are.
-    tolerance : float
-        Largest residual of a solution, relative to its size.
-    """
+    """The implicit equations that outputs of a kernel solve; see :meth:`KernelBuilder.solves`."""
 
     residuals: Kernel = field(repr=False)
+    """Outputs ``residual`` and ``size``, one component an equation: left minus right side, and the sum of the
+    magnitudes of its terms. Its inputs are those of the kernel, then the unknowns."""
     unknowns: tuple[str, ...]
+    """Names of the outputs that are the unknowns."""
     solutions: int | None
+    """How many solutions the first axis of each unknown holds; None for one without such an axis."""
     where: tuple[IntEnum, ...]
     nowhere: tuple[IntEnum, ...]
+    """Statuses with which the outputs are solutions, and with which there is none; empty for always, and never."""
     complete: bool
+    """Whether the outputs are all solutions there are."""
     tolerance: float
+    """Largest residual of a solution, relative to its size."""
 
 
 @dataclass(frozen=True)

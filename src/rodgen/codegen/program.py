@@ -20,25 +20,17 @@ GIVEN = frozenset({"input", "seed"})
 
 @dataclass(frozen=True)
 class Program:
-    """A straight-line program over rows.
-
-    Attributes
-    ----------
-    name : str
-    inputs, outputs : dict of str to tuple of int
-        The shapes of the ports; the first input is that of the rows, the others are the same for all rows.
-    operations : list of sequences
-        The name of each and its operands; ``("input", port, component)`` for a number of an input, and ``("seed", i)``
-        for one that is 1 in row i of a Jacobian and 0 in its other rows.
-    results : dict of str to list of operands
-        The components of each output; of a Jacobian that depends on seeds those of one row.
-    """
+    """A straight-line program over rows."""
 
     name: str
     inputs: dict[str, tuple[int, ...]]
     outputs: dict[str, tuple[int, ...]]
+    """The shapes of the ports; the first input is that of the rows, the others are the same for all rows."""
     operations: list[Sequence[Any]]
+    """The name of each and its operands; ``("input", port, component)`` for a number of an input, and ``("seed", i)``
+    for one that is 1 in row i of a Jacobian and 0 in its other rows."""
     results: dict[str, list[Operand]]
+    """The components of each output; of a Jacobian that depends on seeds those of one row."""
 
     @cached_property
     def shared(self) -> list[bool]:

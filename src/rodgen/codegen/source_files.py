@@ -81,22 +81,14 @@ ARRAY_CALL = (
 
 @dataclass(frozen=True)
 class KernelModule:
-    """Kernels that are emitted into one file a language.
-
-    Attributes
-    ----------
-    name : str
-        File name without its ending, and prefix of the C functions.
-    summary : str
-        First line of each file.
-    source : str
-        The paper.
-    kernels : tuple of Kernel
-    """
+    """Kernels that are emitted into one file a language."""
 
     name: str
+    """File name without its ending, and prefix of the C functions."""
     summary: str
+    """First line of each file."""
     source: str
+    """The paper."""
     kernels: tuple[Kernel, ...]
 
     @property

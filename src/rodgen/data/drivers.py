@@ -63,54 +63,36 @@ of the highest harmonic, which nothing would hold in a wider gap."""
 
 @dataclass(frozen=True, eq=False)
 class Driver:
-    """Something that an error may depend on.
-
-    Attributes
-    ----------
-    kind : Kind
-    name : str
-        The joint or the column; ``"dir_C"``, ``"order"``, ``"run"`` also where there is no such column.
-    values : ndarray, shape (n,)
-        Of each row, in internal units; temperatures in kelvins from the machine's reference; or the number of a
-        category.
-    noted : ndarray, shape (n,)
-        The same as the table states it, in `unit`.
-    unit : str
-        Unit of the table; empty where there is none.
-    scale : float
-        Internal value of one unit of a coordinate.
-    text : str
-        What a sentence calls it.
-    dimension : Dimension
-    joint : str or None
-        The joint that it belongs to.
-    number : int or None
-        Number of that joint, from 0.
-    coordinate : Driver or None
-        That joint's coordinate, except for a coordinate itself: lost motion of a table shows in x at one angle and in y
-        at another.
-    period : float or None
-        What a whole turn is, internal units, of what may close on itself.
-    categories : tuple of str
-        Names of the categories; empty for numbers.
-    same : tuple of str
-        Other names of drivers with the same values.
-    """
+    """Something that an error may depend on."""
 
     kind: Kind
     name: str
+    """The joint or the column; ``"dir_C"``, ``"order"``, ``"run"`` also where there is no such column."""
     values: NDArray[Any] = field(repr=False)
+    """Of each row, in internal units; temperatures in kelvins from the machine's reference; or the number of a
+    category, (n,)."""
     noted: NDArray[Any] = field(repr=False)
+    """The same as the table states it, in `unit`, (n,)."""
     unit: str = ""
+    """Unit of the table; empty where there is none."""
     text: str = ""
+    """What a sentence calls it."""
     scale: float = 1.0
+    """Internal value of one unit of a coordinate."""
     dimension: Dimension = ONE
     joint: str | None = None
+    """The joint that it belongs to."""
     number: int | None = None
+    """Number of that joint, from 0."""
     coordinate: Driver | None = field(default=None, repr=False)
+    """That joint's coordinate, except for a coordinate itself: lost motion of a table shows in x at one angle and in y
+    at another."""
     period: float | None = None
+    """What a whole turn is, internal units, of what may close on itself."""
     categories: tuple[str, ...] = ()
+    """Names of the categories; empty for numbers."""
     same: tuple[str, ...] = ()
+    """Other names of drivers with the same values."""
 
     @property
     def label(self) -> str:

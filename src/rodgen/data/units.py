@@ -71,11 +71,6 @@ class UnitError(UnexpectedError):
 class Dimension:
     """A product of powers of length, angle, time, temperature, force, and other base quantities.
 
-    Attributes
-    ----------
-    powers : tuple of (str, Fraction)
-        Names with their exponents, sorted; none is zero.
-
     Examples
     --------
     >>> (ANGLE / (FORCE * LENGTH)).powers
@@ -85,6 +80,7 @@ class Dimension:
     """
 
     powers: tuple[tuple[str, Fraction], ...] = ()
+    """Names with their exponents, sorted; none is zero."""
 
     @classmethod
     def of(cls, powers: Iterable[tuple[str, int | Fraction]]) -> Dimension:
@@ -132,27 +128,18 @@ LENGTH, ANGLE, TIME, TEMPERATURE, FORCE = (
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of measurement.
-
-    Attributes
-    ----------
-    text : str
-        The unit as written.
-    dimension : Dimension
-    scale : Fraction
-        Its size in metres, radians, seconds, kelvins and newtons, over the `turns`-th power of pi.
-    turns : int
-        The power of pi in its size: a degree is exactly pi/180.
-    zero : Fraction or None
-        Zero of a temperature scale (degC, degF), in degrees Celsius; None for every other unit. The factor of such a
-        unit is that of a difference.
-    """
+    """A unit of measurement."""
 
     text: str
+    """The unit as written."""
     dimension: Dimension
     scale: Fraction = Fraction(1)
+    """Its size in metres, radians, seconds, kelvins and newtons, over the `turns`-th power of pi."""
     turns: int = 0
+    """The power of pi in its size: a degree is exactly pi/180."""
     zero: Fraction | None = None
+    """Zero of a temperature scale (degC, degF), in degrees Celsius; None for every other unit. The factor of such a
+    unit is that of a difference."""
 
     def factor(self, length_unit: str = "mm") -> float:
         """Return the factor from this unit to internal units.

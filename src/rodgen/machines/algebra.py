@@ -20,40 +20,27 @@ __all__ = ["Algebra", "TapeBuilder", "on_tape", "solved", "with_sympy"]
 
 @dataclass(frozen=True)
 class Algebra:
-    """How values are computed.
-
-    Attributes
-    ----------
-    matrix : type
-        As SymPy's ``Matrix``: a column of a list, or of rows, columns and components; ``zeros``, ``eye``, ``hstack``.
-    functions : mapping of str to callable
-        Those of formulas, by name.
-    atan2 : callable
-        The angle of a point, of its coordinates y and x.
-    select : callable
-        Takes one of two values.
-    nan, pi : object
-        Not a number; the ratio of a circle to its diameter.
-    number : callable
-        What a Fraction becomes.
-    circle : callable
-        Cosine and sine of an angle in degrees.
-    is_real : callable
-        Whether a value may be a real number.
-    builder : callable
-        Makes the builder of a kernel of a name.
-    """
+    """How values are computed."""
 
     matrix: Any
+    """As SymPy's ``Matrix``: a column of a list, or of rows, columns and components; ``zeros``, ``eye``, ``hstack``."""
     functions: Mapping[str, Callable[[Any], Any]]
+    """Those of formulas, by name."""
     atan2: Callable[[Any, Any], Any]
+    """The angle of a point, of its coordinates y and x."""
     select: Callable[[Any, Any, Any], Any]
+    """Takes one of two values."""
     nan: Any
     pi: Any
+    """Not a number; the ratio of a circle to its diameter."""
     number: Callable[[Fraction], Any]
+    """What a Fraction becomes."""
     circle: Callable[[Any], tuple[Any, Any]]
+    """Cosine and sine of an angle in degrees."""
     is_real: Callable[[Any], bool]
+    """Whether a value may be a real number."""
     builder: Callable[[str], Any]
+    """Makes the builder of a kernel of a name."""
 
 
 def with_sympy(summary: str, source: str) -> Algebra:

@@ -36,24 +36,16 @@ left is its square, which is below rounding."""
 
 @dataclass(frozen=True)
 class _Pose:
-    """A pose of the platform.
-
-    Attributes
-    ----------
-    turn : Matrix
-        Rotation matrix.
-    shift : Matrix
-        Where the middle of the platform is in base axes, shifted and not turned.
-    joints : list of Matrix
-        Where the platform's joints are.
-    by : list of Matrix
-        Derivative (3, 3) of each of them with respect to the unknowns.
-    """
+    """A pose of the platform."""
 
     turn: Vector
+    """Rotation matrix."""
     shift: Vector
+    """Where the middle of the platform is in base axes, shifted and not turned."""
     joints: list[Vector]
+    """Where the platform's joints are."""
     by: list[Vector]
+    """Derivative (3, 3) of each of them with respect to the unknowns."""
 
 
 class _OnLegs:

@@ -49,33 +49,21 @@ class CouplingError(UnexpectedError):
 
 @dataclass(frozen=True)
 class Coupling:
-    """A coordinate as a combination of readings, internal units.
-
-    Attributes
-    ----------
-    factors : tuple of (int, Fraction)
-        Numbers of the joints whose readings they are, in rising order, and the factors, none of them zero.
-    constant : Fraction
-    """
+    """A coordinate as a combination of readings, internal units."""
 
     factors: tuple[tuple[int, Fraction], ...]
+    """Numbers of the joints whose readings they are, in rising order, and the factors, none of them zero."""
     constant: Fraction
 
 
 @dataclass(frozen=True)
 class Couplings:
-    """How the coordinates of a machine's joints follow from its readings.
-
-    Attributes
-    ----------
-    of : tuple of Coupling or None
-        Of each joint; None where the coordinate is the reading.
-    stated : tuple of Combination or None
-        As the machine file says it, by names of readings and joints.
-    """
+    """How the coordinates of a machine's joints follow from its readings."""
 
     of: tuple[Coupling | None, ...]
+    """Of each joint; None where the coordinate is the reading."""
     stated: tuple[Combination | None, ...] = ()
+    """As the machine file says it, by names of readings and joints."""
 
     def coordinates(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the coordinates that belong to readings, (..., J) each; those of joints without one do not count."""

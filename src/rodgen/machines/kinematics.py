@@ -146,15 +146,10 @@ def beyond(j: int, inner: int, joints: int) -> range:
 
 @dataclass(frozen=True)
 class OnLegs(Kinematics):
-    """A platform on legs; lengths in the machine file's unit.
-
-    Attributes
-    ----------
-    begin_of : tuple of str
-        What the numbers of a pose to begin with are.
-    """
+    """A platform on legs; lengths in the machine file's unit."""
 
     begin_of: ClassVar[tuple[str, ...]] = ()
+    """What the numbers of a pose to begin with are."""
     is_closed = True
 
     @property
@@ -234,16 +229,11 @@ class OnLegs(Kinematics):
 
 @dataclass(frozen=True)
 class OnThreeLegs(OnLegs):
-    """A platform on three legs, whose joints are on circles.
-
-    Attributes
-    ----------
-    R, r : float
-        Radii of the circles of the joints on the base and on the platform.
-    """
+    """A platform on three legs, whose joints are on circles."""
 
     R: float
     r: float
+    """Radii of the circles of the joints on the base and on the platform."""
 
     @property
     def size(self) -> float:
@@ -258,15 +248,10 @@ class OnThreeLegs(OnLegs):
 
 @dataclass(frozen=True)
 class Tricept(OnThreeLegs):
-    """Three legs, and a passive one that turns about the origin and slides; its pose is alpha, beta, z.
-
-    Attributes
-    ----------
-    q : tuple of float, length 3
-        From the middle of the platform's joints to its centre, in platform axes.
-    """
+    """Three legs, and a passive one that turns about the origin and slides; its pose is alpha, beta, z."""
 
     q: Vector = (0.0, 0.0, 0.0)
+    """From the middle of the platform's joints to its centre, in platform axes."""
 
     family = "tricept"
     words = "Tricept: three legs, and a passive one that turns about the origin and slides"
@@ -315,22 +300,15 @@ class Tricept(OnThreeLegs):
 
 @dataclass(frozen=True)
 class ThreeSpsS(OnThreeLegs):
-    """Three legs, and a pivot about which the platform turns; its pose is a rotation matrix, row by row.
-
-    Attributes
-    ----------
-    h : float
-        Height of the pivot above the base.
-    start : tuple of float, length 3, or None
-        Rotation vector in radians; the assembly mode is the one nearest to it, else the one nearest to the readings.
-    seen : tuple of tuple of float
-        Of a machine that was measured: further rotation vectors of that mode, from which all that were measured are
-        found; for code that finds poses by itself. They stand in no file.
-    """
+    """Three legs, and a pivot about which the platform turns; its pose is a rotation matrix, row by row."""
 
     h: float = 0.0
+    """Height of the pivot above the base."""
     start: Vector | None = None
+    """Rotation vector in radians; the assembly mode is the one nearest to it, else the one nearest to the readings."""
     seen: tuple[Vector, ...] = field(default=(), compare=False, repr=False)
+    """Of a machine that was measured: further rotation vectors of that mode, from which all that were measured are
+    found; for code that finds poses by itself. They stand in no file."""
 
     family = "3-sps-s"
     words = "3-SPS-S: three legs, and a pivot about which the platform turns"

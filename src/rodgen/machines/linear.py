@@ -26,16 +26,10 @@ _LINEAR = "sums of multiples, such as 'a - 2*b + 10 deg'"
 
 @dataclass(frozen=True)
 class Combination:
-    """A linear combination, internal units.
-
-    Attributes
-    ----------
-    factors : tuple of (str, Fraction)
-        Each name once, with its factor, none of them zero.
-    constant : Fraction
-    """
+    """A linear combination, internal units."""
 
     factors: tuple[tuple[str, Fraction], ...]
+    """Each name once, with its factor, none of them zero."""
     constant: Fraction
 
 

@@ -58,73 +58,49 @@ NOTATIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Measurand:
-    """What the readings of a machine are.
-
-    Attributes
-    ----------
-    kind : str
-        Its name in machine files.
-    words : str
-        What its readings are called in a sentence.
-    columns : tuple of str
-        The columns of a reading in a measurement file.
-    components : tuple of str
-        Names of the components of a residual.
-    labels : tuple of str
-        What these are called in a figure.
-    inputs : int
-        Numbers of a reading in the rows of a kernel; of a direction those of the vectors across it, too.
-    dimension : Dimension
-        Of noise and residuals.
-    moving : bool
-        Whether a translation changes a reading; a direction is only turned.
-    is_direction : bool
-        Whether a reading is a unit vector.
-    is_place : bool
-        Whether a reading is where the target is seen; else a function of it.
-    freedoms : tuple of str
-        Components in which a target may be off.
-    rigid : tuple of str
-        Components of the motion of a frame that a reading depends on.
-    has_origin : bool
-        Whether it is measured from a point.
-    has_attitude : bool
-        Whether the attitude of a body is read, too. Its residual is a rotation vector about the axes of the measuring
-        frame, times a lever arm (`Observations.arm`): a length, as those of the place.
-    has_axes : bool
-        Whether a residual depends on how a body is turned, not on a vector in it alone.
-    place_numbers : int
-        Numbers that a kernel predicts: a point or a direction, the matrix of an attitude, or both.
-    has_zero : bool
-        Whether it is an angle from a zero of the instrument, which is a freedom of a target.
-    line : str
-        What an angle is read about or against, as the keys of its two freedoms have it: an axis or the vertical.
-    is_pose : bool
-        Whether place and attitude are read together; attitudes alone have no lever arm.
-    unchanged_by : mapping of str to str
-        Components of effects that do not change a reading, and why.
-    """
+    """What the readings of a machine are."""
 
     kind: ClassVar[str]
+    """Its name in machine files."""
     words: ClassVar[str]
+    """What its readings are called in a sentence."""
     columns: ClassVar[tuple[str, ...]]
+    """The columns of a reading in a measurement file."""
     components: ClassVar[tuple[str, ...]]
+    """Names of the components of a residual."""
     labels: ClassVar[tuple[str, ...]]
+    """What these are called in a figure."""
     inputs: ClassVar[int]
+    """Numbers of a reading in the rows of a kernel; of a direction those of the vectors across it, too."""
     dimension: ClassVar[Dimension] = LENGTH
+    """Of noise and residuals."""
     moving: ClassVar[bool] = True
+    """Whether a translation changes a reading; a direction is only turned."""
     is_direction: ClassVar[bool] = False
+    """Whether a reading is a unit vector."""
     is_place: ClassVar[bool] = True
+    """Whether a reading is where the target is seen; else a function of it."""
     freedoms: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    """Components in which a target may be off."""
     rigid: ClassVar[tuple[str, ...]] = ("x", "y", "z", *TURNS)
+    """Components of the motion of a frame that a reading depends on."""
     has_origin: ClassVar[bool] = False
+    """Whether it is measured from a point."""
     has_attitude: ClassVar[bool] = False
+    """Whether the attitude of a body is read, too. Its residual is a rotation vector about the axes of the measuring
+    frame, times a lever arm (`Observations.arm`): a length, as those of the place."""
     is_pose: ClassVar[bool] = False
+    """Whether place and attitude are read together; attitudes alone have no lever arm."""
     has_axes: ClassVar[bool] = False
+    """Whether a residual depends on how a body is turned, not on a vector in it alone."""
     place_numbers: ClassVar[int] = 3
+    """Numbers that a kernel predicts: a point or a direction, the matrix of an attitude, or both."""
     has_zero: ClassVar[bool] = False
+    """Whether it is an angle from a zero of the instrument, which is a freedom of a target."""
     line: ClassVar[str] = ""
+    """What an angle is read about or against, as the keys of its two freedoms have it: an axis or the vertical."""
     unchanged_by: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Components of effects that do not change a reading, and why."""
 
     @property
     def read_columns(self) -> frozenset[str]:

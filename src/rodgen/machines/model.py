@@ -29,17 +29,12 @@ __all__ = ["Frame", "Model", "model_of"]
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the measuring frame is: a reading is ``rotation @ x + position`` of a point x in machine axes.
-
-    Attributes
-    ----------
-    rotation : ndarray, shape (3, 3)
-    position : ndarray, shape (3,)
-        Length unit of the machine.
-    """
+    """Where the measuring frame is: a reading is ``rotation @ x + position`` of a point x in machine axes."""
 
     rotation: Array
+    """Shape (3, 3)."""
     position: Array
+    """Length unit of the machine, (3,)."""
 
     @classmethod
     def identity(cls) -> Frame:

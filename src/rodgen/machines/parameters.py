@@ -21,42 +21,29 @@ __all__ = ["Parameter", "parameters_of"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of the model.
-
-    Attributes
-    ----------
-    key : str
-        Its name in every output, such as ``"C.encoder_eccentricity.a"``.
-    unit : str
-        What it is shown in; :attr:`factor` brings it from there to internal units.
-    factor : float
-        Internal value of one `unit`.
-    hold : float or None
-        Internal value when it is not estimated.
-    slot : tuple
-        Where it enters: (slot, joint number), ("target", target number, component), ("shift", run number, component),
-        ("frame", component) or ("e", term number, name).
-    place, effect : str or None
-        Joint or target, and the effect that it belongs to; no effect for what a base fit adjusts.
-    searched : StartSearch or None
-        What search its start comes from.
-    optional : bool
-        Whether it is taken in only where the data call for it.
-    prior, bounds : tuple of (float, float), or None
-        What is known of it; see :class:`rodgen.machines.parts.Known`.
-    """
+    """One number of the model."""
 
     key: str
+    """Its name in every output, such as ``"C.encoder_eccentricity.a"``."""
     unit: str
+    """What it is shown in; :attr:`factor` brings it from there to internal units."""
     factor: float
+    """Internal value of one `unit`."""
     hold: float | None
+    """Internal value when it is not estimated."""
     slot: tuple[object, ...]
+    """Where it enters: (slot, joint number), ("target", target number, component), ("shift", run number, component),
+    ("frame", component) or ("e", term number, name)."""
     place: str | None = None
     effect: str | None = None
+    """Joint or target, and the effect that it belongs to; no effect for what a base fit adjusts."""
     searched: StartSearch | None = None
+    """What search its start comes from."""
     optional: bool = False
+    """Whether it is taken in only where the data call for it."""
     prior: tuple[float, float] | None = None
     bounds: tuple[float, float] | None = None
+    """What is known of it; see :class:`rodgen.machines.parts.Known`."""
 
 
 def parameters_of(machine: Machine, structure: Structure, runs: Sequence[str]) -> tuple[Parameter, ...]:

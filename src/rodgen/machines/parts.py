@@ -308,55 +308,36 @@ class Effect:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of a parameter, internal units.
-
-    Attributes
-    ----------
-    prior : tuple of (float, float), or None
-        Mean and standard deviation.
-    bounds : tuple of (float, float), or None
-        Lowest and highest value; one of them may be infinite.
-    """
+    """What is known of a parameter, internal units."""
 
     prior: tuple[float, float] | None = None
+    """Mean and standard deviation."""
     bounds: tuple[float, float] | None = None
+    """Lowest and highest value; one of them may be infinite."""
 
 
 @dataclass(frozen=True)
 class Tie:
-    """A parameter as a combination of others, internal units.
-
-    Attributes
-    ----------
-    text : str
-        As it was stated.
-    factors : tuple of (str, Fraction)
-        The others by their keys, with the factors.
-    constant : Fraction
-    """
+    """A parameter as a combination of others, internal units."""
 
     text: str
+    """As it was stated."""
     factors: tuple[tuple[str, Fraction], ...]
+    """The others by their keys, with the factors."""
     constant: Fraction
 
 
 @dataclass(frozen=True)
 class StatedPlausibility:
-    """What a machine file says of the plausibility of an effect; None and empty: what is usual on such machines.
-
-    Attributes
-    ----------
-    odds : float or None
-        Compared with the commonest effects.
-    usual, largest : tuple of str
-        Sizes with units, such as ``"20 arcsec"``.
-    sign : {"any", "positive"} or None
-    """
+    """What a machine file says of the plausibility of an effect; None and empty: what is usual on such machines."""
 
     odds: float | None = None
+    """Compared with the commonest effects."""
     usual: tuple[str, ...] = ()
     largest: tuple[str, ...] = ()
+    """Sizes with units, such as ``"20 arcsec"``."""
     sign: str | None = None
+    """"any" or "positive"."""
 
 
 def known_of(known: Mapping[str, Known], key: str) -> Known:

@@ -54,59 +54,40 @@ TENSION = "leg_tension"
 
 @dataclass(frozen=True)
 class JointStructure:
-    """One joint.
-
-    Attributes
-    ----------
-    revolute : bool
-        Whether it turns; else it slides.
-    axis, point : bool
-        Whether the two freedoms of its axis, and of its point, are slots.
-    """
+    """One joint."""
 
     revolute: bool
+    """Whether it turns; else it slides."""
     axis: bool
     point: bool
+    """Whether the two freedoms of its axis, and of its point, are slots."""
 
 
 @dataclass(frozen=True)
 class Term:
-    """An effect as a kernel sees it.
-
-    Attributes
-    ----------
-    joint : int or None
-        Where it acts; None for the whole machine, or for a target.
-    target : bool
-        Whether it acts on one target only.
-    component, formula, slope : str
-        As in the catalogue; `slope` is empty but for a beam.
-    parameters : tuple of str
-        In the order in which they stand in ``e``.
-    columns : tuple of (str, tuple)
-        The column that each such name of the formula is, as in :attr:`Structure.columns`; ``("c", joint)`` is a
-        coordinate that is no column, as it follows from readings.
-    own : bool
-        Whether a user wrote it: then the catalogue's names have no special meaning.
-    others : tuple of (str, str)
-        Further components that it changes, with their formulas.
-    sky : bool
-        Whether a user's formula has the zenith angle or the azimuth of the line of sight.
-    weights : tuple of str
-        The last of the parameters: the weights that the joint carries.
-    """
+    """An effect as a kernel sees it."""
 
     joint: int | None
+    """Where it acts; None for the whole machine, or for a target."""
     target: bool
+    """Whether it acts on one target only."""
     component: str
     formula: str
     slope: str
+    """As in the catalogue; `slope` is empty but for a beam."""
     parameters: tuple[str, ...]
+    """In the order in which they stand in ``e``."""
     columns: tuple[tuple[str, tuple[str, int | str]], ...]
+    """The column that each such name of the formula is, as in :attr:`Structure.columns`; ``("c", joint)`` is a
+    coordinate that is no column, as it follows from readings."""
     own: bool
+    """Whether a user wrote it: then the catalogue's names have no special meaning."""
     others: tuple[tuple[str, str], ...] = ()
+    """Further components that it changes, with their formulas."""
     sky: bool = False
+    """Whether a user's formula has the zenith angle or the azimuth of the line of sight."""
     weights: tuple[str, ...] = ()
+    """The last of the parameters: the weights that the joint carries."""
 
     @cached_property
     def names(self) -> frozenset[str]:
@@ -150,45 +131,29 @@ class Term:
 
 @dataclass(frozen=True)
 class Structure:
-    """What the kernels depend on.
-
-    Attributes
-    ----------
-    measurand : Measurand
-    joints : tuple of JointStructure
-    target : bool
-        Whether the freedoms of the target are slots.
-    frame : bool
-        Whether the frame of the measurements is free.
-    shift : bool
-        Whether there is a frame shift.
-    terms : tuple of Term
-    kinematics : type of Kinematics
-    numbers : tuple of str
-        Those numbers of a closed chain's geometry that are slots.
-    correlated : bool
-        Whether the errors of the components of a reading are correlated.
-    line : bool
-        Whether the axis about which angles are read, or the vertical, is free.
-    inner : int
-        How many joints, the first ones, carry the instrument. The chain runs from it to the bed, and from there to the
-        target; so these are passed backwards.
-    couplings : tuple of Coupling or None
-        How the coordinate of each joint follows from readings, None where it is the reading; empty where all are.
-    """
+    """What the kernels depend on."""
 
     measurand: Measurand
     joints: tuple[JointStructure, ...]
     target: bool
+    """Whether the freedoms of the target are slots."""
     frame: bool
+    """Whether the frame of the measurements is free."""
     shift: bool
+    """Whether there is a frame shift."""
     terms: tuple[Term, ...]
     kinematics: type[Kinematics] = Chain
     numbers: tuple[str, ...] = ()
+    """Those numbers of a closed chain's geometry that are slots."""
     correlated: bool = False
+    """Whether the errors of the components of a reading are correlated."""
     line: bool = False
+    """Whether the axis about which angles are read, or the vertical, is free."""
     inner: int = 0
+    """How many joints, the first ones, carry the instrument. The chain runs from it to the bed, and from there to the
+    target; so these are passed backwards."""
     couplings: tuple[Coupling | None, ...] = ()
+    """How the coordinate of each joint follows from readings, None where it is the reading; empty where all are."""
 
     def carriers(self, j: int) -> range:
         """Return the numbers of the joints that carry joint j, the bed's first."""

@@ -24,23 +24,15 @@ TIED = {"axis", "point", "geometry", "e"}
 
 @dataclass(frozen=True)
 class Tied:
-    """A parameter that others determine.
-
-    Attributes
-    ----------
-    parameter : Parameter
-    text : str
-        The combination as it was stated.
-    factors : tuple of (int, float)
-        Numbers of the others, among the parameters that are not tied, and their factors; internal units.
-    constant : float
-        Internal units.
-    """
+    """A parameter that others determine."""
 
     parameter: Parameter
     text: str
+    """The combination as it was stated."""
     factors: tuple[tuple[int, float], ...]
+    """Numbers of the others, among the parameters that are not tied, and their factors; internal units."""
     constant: float
+    """Internal units."""
 
 
 def tied_parameters(

@@ -14,20 +14,13 @@ _SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm", "arcsec": "arcsec
 
 @dataclass(frozen=True)
 class Shown:
-    """The unit of errors.
-
-    Attributes
-    ----------
-    unit : str
-    factor : float
-        What an error in the diagnosis' unit is multiplied by.
-    smallest : float
-        Of the errors that are shown together, in `unit`: it says how many decimals all of them have.
-    """
+    """The unit of errors."""
 
     unit: str
     factor: float
+    """What an error in the diagnosis' unit is multiplied by."""
     smallest: float
+    """Of the errors that are shown together, in `unit`: it says how many decimals all of them have."""
 
     def __call__(self, value: float | None) -> str:
         """Write an error of the diagnosis, without its unit."""

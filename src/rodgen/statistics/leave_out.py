@@ -105,21 +105,14 @@ class LeaveOut:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A group's readings of the basis, along the eigenvectors of its share of the information.
-
-    Attributes
-    ----------
-    known : ndarray, shape (b, q)
-        Along those that others determine, too.
-    left : ndarray, shape (q,)
-        What remains of the information there without the group.
-    alone : ndarray, shape (r, r - q)
-        The other eigenvectors.
-    """
+    """A group's readings of the basis, along the eigenvectors of its share of the information."""
 
     known: Array
+    """Along those that others determine, too, (b, q)."""
     left: Array
+    """What remains of the information there without the group, (q,)."""
     alone: Array
+    """The other eigenvectors, (r, r - q)."""
 
     @classmethod
     def of(cls, basis: Array) -> _Part:

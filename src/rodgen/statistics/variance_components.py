@@ -281,30 +281,20 @@ def _log_p(part: float, k: int, residual_dof: int) -> float:
 
 @dataclass(frozen=True)
 class VarianceComponents:
-    """Variance components where the restricted likelihood is largest.
-
-    Attributes
-    ----------
-    names : tuple of str
-        ``"pose t"``, ``"wander r"``, ...: kind of component, and group of degrees of freedom that share it.
-    sizes : tuple of float
-        Standard deviation of each, in those of a reading's own error.
-    time : float
-        Correlation time of the wander.
-    likelihood : float
-        Logarithm of the restricted likelihood.
-    variance : float
-        Of a reading's own error.
-    gain : float
-        By how much twice the logarithm exceeds that of independent readings.
-    """
+    """Variance components where the restricted likelihood is largest."""
 
     names: tuple[str, ...]
+    """``"pose t"``, ``"wander r"``, ...: kind of component, and group of degrees of freedom that share it."""
     sizes: tuple[float, ...]
+    """Standard deviation of each, in those of a reading's own error."""
     time: float
+    """Correlation time of the wander."""
     likelihood: float
+    """Logarithm of the restricted likelihood."""
     variance: float
+    """Of a reading's own error."""
     gain: float = 0.0
+    """By how much twice the logarithm exceeds that of independent readings."""
 
 
 def _deviations_of(

@@ -37,25 +37,17 @@ AT_ONCE = 1 << 23
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Which rows are a pose, and when it was measured; poses are sorted by run, then by time.
-
-    Attributes
-    ----------
-    of : ndarray of int, shape (n,)
-        Number of each row's pose, from 0.
-    gap : ndarray, shape (P,)
-        Time since the pose before; infinite for the first of a run.
-    spacing, duration : float
-        Median of the gaps, and the longest that a run takes; seconds, or poses where there are no times.
-    timed : bool
-        Whether there are times.
-    """
+    """Which rows are a pose, and when it was measured; poses are sorted by run, then by time."""
 
     of: Index
+    """Number of each row's pose, from 0, (n,)."""
     gap: Array
+    """Time since the pose before; infinite for the first of a run, (P,)."""
     spacing: float
     duration: float
+    """Median of the gaps, and the longest that a run takes; seconds, or poses where there are no times."""
     timed: bool
+    """Whether there are times."""
 
     @classmethod
     def among(cls, pose: NDArray[Any], run: NDArray[Any], t: Array | None) -> Poses:
@@ -134,19 +126,13 @@ class Poses:
 
 @dataclass(frozen=True)
 class MotionDeviations:
-    """Standard deviations of a motion that readings share, relative to readings of variance 1.
-
-    Attributes
-    ----------
-    shared, wander : ndarray, shape (k,)
-        Standard deviations of u and x along each degree of freedom.
-    time : float
-        After which x has forgotten 63 % of what it was.
-    """
+    """Standard deviations of a motion that readings share, relative to readings of variance 1."""
 
     shared: Array
     wander: Array
+    """Standard deviations of u and x along each degree of freedom, (k,)."""
     time: float
+    """After which x has forgotten 63 % of what it was."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,17 +148,11 @@ class _Filter:
 
 @dataclass(frozen=True, eq=False)
 class SharedMotion:
-    """A small motion that the readings of poses share.
-
-    Attributes
-    ----------
-    poses : Poses
-    columns : ndarray, shape (n, m, k)
-        H: what each degree of freedom does to the weighted readings.
-    """
+    """A small motion that the readings of poses share."""
 
     poses: Poses
     columns: Array
+    """H: what each degree of freedom does to the weighted readings, (n, m, k)."""
 
     @property
     def dof(self) -> int:
@@ -341,22 +321,16 @@ class Moments:
 
 @dataclass(frozen=True, eq=False)
 class InverseProducts:
-    """Products of columns C with the inverse of V, and how they change with the deviations.
-
-    Attributes
-    ----------
-    products : ndarray, shape (K, K)
-        Cᵀ V⁻¹ C.
-    log_determinant : float
-        log |V|.
-    """
+    """Products of columns C with the inverse of V, and how they change with the deviations."""
 
     _poses: Poses
     _deviations: MotionDeviations
     _gram: Array  # (P, k, k), G = Hᵀ R⁻¹ H, R = I + H cov(u) Hᵀ
     _onto: Array  # (P, k, K), Hᵀ R⁻¹ C
     products: Array
+    """Cᵀ V⁻¹ C, (K, K)."""
     log_determinant: float
+    """log |V|."""
     _free: Index  # degrees of freedom that wander
     _solved: tuple[Array, Array, Array] | None = None  # band of M, its triangle T, and T⁻¹ side
 
@@ -417,19 +391,13 @@ class InverseProducts:
 
 
 class Change(NamedTuple):
-    """How a likelihood changes with p parameters.
-
-    Attributes
-    ----------
-    slope : ndarray, shape (p,)
-        Derivatives.
-    products, square : ndarray, shape (K, p) and (p, p)
-        Cᵀ V⁻¹ d and dᵀ V⁻¹ d, d the derivatives of V times V⁻¹ of the residuals.
-    """
+    """How a likelihood changes with p parameters."""
 
     slope: Array
+    """Derivatives, (p,)."""
     products: Array
     square: Array
+    """Cᵀ V⁻¹ d and dᵀ V⁻¹ d, d the derivatives of V times V⁻¹ of the residuals, (K, p) and (p, p)."""
 
 
 class _Shared:

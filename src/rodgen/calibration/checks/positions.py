@@ -172,22 +172,15 @@ def rows_by_position(o: Observations, driver: str) -> list[NDArray[np.bool_]] | 
 
 
 class ExplainedWithin(NamedTuple):
-    """What columns explain of what a larger set does.
-
-    Attributes
-    ----------
-    log_p : float
-        Logarithm of the probability that chance does.
-    by_noise : bool
-        Whether chance is noise, as the rest of what the larger set explains is no more than that.
-    few, freedoms : int
-        Further freedoms of the larger set, and those of the columns.
-    """
+    """What columns explain of what a larger set does."""
 
     log_p: float
+    """Logarithm of the probability that chance does."""
     by_noise: bool
+    """Whether chance is noise, as the rest of what the larger set explains is no more than that."""
     few: int
     freedoms: int
+    """Further freedoms of the larger set, and those of the columns."""
 
 
 def explained_within(

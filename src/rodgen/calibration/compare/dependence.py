@@ -46,20 +46,13 @@ MOST_FOUND = 6
 
 @dataclass(frozen=True)
 class Trial:
-    """One test of a driver: of a curve in one component, or along the motion that a joint causes.
-
-    Attributes
-    ----------
-    driver : Driver or Pair
-    component : int or None
-        The component.
-    joint : int or None
-        Else the joint along whose motion it acts.
-    """
+    """One test of a driver: of a curve in one component, or along the motion that a joint causes."""
 
     driver: Candidate
     component: int | None = None
+    """The component."""
     joint: int | None = None
+    """Else the joint along whose motion it acts."""
 
     def columns(self, sample: Sample) -> Array:
         """Return its columns, (N, m, k)."""
@@ -89,22 +82,14 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Dependence:
-    """What one driver explains.
-
-    Attributes
-    ----------
-    driver : Driver or Pair
-    trials : tuple of Trial
-    evidence : tuple of Explained or None
-        Of each; None where it cannot be tested.
-    total : ndarray, shape (m,)
-        Sum of the squares of the residuals.
-    """
+    """What one driver explains."""
 
     driver: Candidate
     trials: tuple[Trial, ...]
     evidence: tuple[Explained | None, ...]
+    """Of each; None where it cannot be tested."""
     total: Array
+    """Sum of the squares of the residuals, (m,)."""
 
     def share(self, number: int) -> float:
         """Return what a trial explains: of its component's variance, or, along a motion, of that of all."""
@@ -143,29 +128,19 @@ class Dependence:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A dependence that is beyond chance, given those found before.
-
-    Attributes
-    ----------
-    dependence : Dependence
-    trials : tuple of Trial
-        That describe it: one along a joint's motion, where that explains about as much as one for each component.
-    motions : tuple of int
-        The joints along whose motion one curve explains about as much; of a pair there may be two.
-    explained : float
-        Part of the variance of all components; of a pair, with what each of the two explains alone.
-    falls : ndarray, shape (m,)
-        The same by component, as the fall of the sum of squares.
-    along : tuple of Driver or Pair
-        What would have been beyond chance without it, but is not with it taken out.
-    """
+    """A dependence that is beyond chance, given those found before."""
 
     dependence: Dependence
     trials: tuple[Trial, ...]
+    """That describe it: one along a joint's motion, where that explains about as much as one for each component."""
     motions: tuple[int, ...]
+    """The joints along whose motion one curve explains about as much; of a pair there may be two."""
     explained: float
+    """Part of the variance of all components; of a pair, with what each of the two explains alone."""
     falls: Array
+    """The same by component, as the fall of the sum of squares, (m,)."""
     along: tuple[Candidate, ...] = ()
+    """What would have been beyond chance without it, but is not with it taken out."""
 
     @property
     def described(self) -> tuple[Trial, ...]:
@@ -175,53 +150,35 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """The tests of all drivers, given what was found before.
-
-    Attributes
-    ----------
-    space : ProjectedResiduals
-        Residuals less what the fit takes out and what was found; not whitened.
-    filtered : ProjectedResiduals
-        The same, whitened where something wanders.
-    correlations : tuple of SerialCorrelation or None
-        Of these residuals, by component.
-    walks : tuple of RandomWalk or None
-        What the p-values allow for, by component.
-    suspects : frozenset of int
-        Components that may wander.
-    table : tuple of Dependence
-        Each driver alone.
-    """
+    """The tests of all drivers, given what was found before."""
 
     space: ProjectedResiduals
+    """Residuals less what the fit takes out and what was found; not whitened."""
     filtered: ProjectedResiduals
+    """The same, whitened where something wanders."""
     correlations: tuple[SerialCorrelation | None, ...]
+    """Of these residuals, by component."""
     walks: tuple[RandomWalk | None, ...]
+    """What the p-values allow for, by component."""
     suspects: frozenset[int]
+    """Components that may wander."""
     table: tuple[Dependence, ...] = ()
+    """Each driver alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Every test of the residuals, and what was found.
-
-    Attributes
-    ----------
-    first, last : Round
-        The tests of the residuals as they are, and given all that was found.
-    found : tuple of Found
-        In the order of what they explain, each given those before.
-    tests : int
-        Number of tests of the first round.
-    either : Found or None
-        What explains about as much as all that was found, or more, but no better than a wander in time does.
-    """
+    """Every test of the residuals, and what was found."""
 
     first: Round
     last: Round
+    """The tests of the residuals as they are, and given all that was found."""
     found: tuple[Found, ...]
+    """In the order of what they explain, each given those before."""
     tests: int
+    """Number of tests of the first round."""
     either: Found | None
+    """What explains about as much as all that was found, or more, but no better than a wander in time does."""
 
     @property
     def table(self) -> tuple[Dependence, ...]:

@@ -21,12 +21,7 @@ SAME = 0.9999
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two drivers together: what neither explains alone.
-
-    Attributes
-    ----------
-    first, second : Driver
-    """
+    """Two drivers together: what neither explains alone."""
 
     first: Driver
     second: Driver

@@ -49,22 +49,15 @@ LARGEST_LEVERAGE = 0.99
 
 @dataclass(frozen=True)
 class Explained:
-    """What columns explain.
-
-    Attributes
-    ----------
-    log10_p : float
-        Logarithm of the p-value.
-    falls : ndarray, shape (m,)
-        By how much the sum of the squares of the rows' weighted residuals falls in each component, less what chance
-        makes of it.
-    alone : float or None
-        The p-value's logarithm if successive poses were independent, where it allows for their correlation.
-    """
+    """What columns explain."""
 
     log10_p: float
+    """Logarithm of the p-value."""
     falls: Array
+    """By how much the sum of the squares of the rows' weighted residuals falls in each component, less what chance
+    makes of it, (m,)."""
     alone: float | None = None
+    """The p-value's logarithm if successive poses were independent, where it allows for their correlation."""
 
 
 class ProjectedResiduals:

@@ -29,19 +29,12 @@ LEAST_POSES = 5
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """A range of a covariate, or one of its categories.
-
-    Attributes
-    ----------
-    covariate : Driver
-    low, high : float or None
-        In the covariate's unit; None: open. Of what goes round, `low` may be above `high`.
-    category : str or None
-    """
+    """A range of a covariate, or one of its categories."""
 
     covariate: Driver
     low: float | None = None
     high: float | None = None
+    """In the covariate's unit; None: open. Of what goes round, `low` may be above `high`."""
     category: str | None = None
 
     @property
@@ -63,23 +56,14 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class Worst:
-    """The region of a covariate where the model is worst.
-
-    Attributes
-    ----------
-    region : Region
-    rms : float
-        There, in the fit's unit.
-    poses : int
-    log10_p : float
-        Times the number of all regions that were looked at.
-    t : float
-    """
+    """The region of a covariate where the model is worst."""
 
     region: Region
     rms: float
+    """There, in the fit's unit."""
     poses: int
     log10_p: float
+    """Times the number of all regions that were looked at."""
     t: float
 
 

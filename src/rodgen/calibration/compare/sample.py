@@ -38,42 +38,28 @@ STRETCH = 50
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Residuals of the poses that are looked at; N cells in P poses, m components.
-
-    Attributes
-    ----------
-    fit : FittedModel
-    rows : ndarray of int
-        Rows of the data that are looked at.
-    cell : ndarray of int, like `rows`
-        The cell of each.
-    y : ndarray, shape (N, m)
-        Weighted residuals, means of cells.
-    taken : ndarray, shape (N m, r)
-        Orthonormal basis of what the fit may have taken out of them; components run fastest.
-    scale : ndarray, shape (N, m)
-        What a weighted residual of 1 is in the unit that the fit is shown in.
-    count : ndarray, shape (N,)
-        Rows of each cell.
-    pose : ndarray of int, shape (N,)
-        From 0, in the order of measurement; cells are sorted by it.
-    number, run : ndarray of int, shape (P,)
-        Of each pose the number that it has in the data, and its run.
-    by_row : ndarray, shape (rows, m)
-        Weighted residuals of `rows`.
-    """
+    """Residuals of the poses that are looked at; N cells in P poses, m components."""
 
     fit: FittedModel
     rows: Index
+    """Rows of the data that are looked at."""
     cell: Index
+    """The cell of each, like `rows`."""
     y: Array
+    """Weighted residuals, means of cells, (N, m)."""
     taken: Array
+    """Orthonormal basis of what the fit may have taken out of them; components run fastest, (N m, r)."""
     scale: Array
+    """What a weighted residual of 1 is in the unit that the fit is shown in, (N, m)."""
     count: Array
+    """Rows of each cell, (N,)."""
     pose: Index
+    """From 0, in the order of measurement; cells are sorted by it, (N,)."""
     number: Index
     run: Index
+    """Of each pose the number that it has in the data, and its run, (P,)."""
     by_row: Array
+    """Weighted residuals of `rows`, (rows, m)."""
 
     @classmethod
     def of(cls, fit: FittedModel) -> Sample:

@@ -32,21 +32,14 @@ LEAST_POSES = 20
 
 @dataclass(frozen=True, eq=False)
 class Uneven:
-    """How the scatter follows a covariate.
-
-    Attributes
-    ----------
-    covariate : Driver
-    log10_p : float
-        Not yet times the number of covariates.
-    low, high : tuple of (Region, float)
-        The quarter, or category, with the least and the largest scatter, and its rms in the fit's unit.
-    """
+    """How the scatter follows a covariate."""
 
     covariate: Driver
     log10_p: float
+    """Not yet times the number of covariates."""
     low: tuple[Region, float]
     high: tuple[Region, float]
+    """The quarter, or category, with the least and the largest scatter, and its rms in the fit's unit."""
 
 
 @dataclass(frozen=True)
@@ -60,21 +53,14 @@ class Tails:
 
 @dataclass(frozen=True)
 class Far:
-    """A residual that is farther out than the others allow.
-
-    Attributes
-    ----------
-    row, component : int
-    sigmas : float
-        Its size in standard deviations of the component's other residuals.
-    log10_p : float
-        Of any residual as far out.
-    """
+    """A residual that is farther out than the others allow."""
 
     row: int
     component: int
     sigmas: float
+    """Its size in standard deviations of the component's other residuals."""
     log10_p: float
+    """Of any residual as far out."""
 
 
 def _errors(sample: Sample, search: Search) -> Array:

@@ -37,18 +37,12 @@ RATIOS = np.concatenate([[0.0], np.geomspace(1e-4, 1e2, 19)])
 
 @dataclass(frozen=True)
 class SerialCorrelation:
-    """How alike the residuals of successive poses are.
-
-    Attributes
-    ----------
-    lag_1 : float
-        Correlation of successive poses.
-    log10_p : float
-        Of one as high by chance.
-    """
+    """How alike the residuals of successive poses are."""
 
     lag_1: float
+    """Correlation of successive poses."""
     log10_p: float
+    """Of one as high by chance."""
 
 
 def _taken(space: ProjectedResiduals, c: int) -> Array:
@@ -102,18 +96,12 @@ def serial_correlation(space: ProjectedResiduals, c: int) -> SerialCorrelation |
 
 @dataclass(frozen=True)
 class Drift:
-    """A component's linear trend.
-
-    Attributes
-    ----------
-    change : float
-        From the first to the last, in the fit's unit.
-    log10_p : float
-        Of one as large by chance, where nothing else goes on in time.
-    """
+    """A component's linear trend."""
 
     change: float
+    """From the first to the last, in the fit's unit."""
     log10_p: float
+    """Of one as large by chance, where nothing else goes on in time."""
 
 
 def drift(space: ProjectedResiduals, time: Array, c: int) -> Drift | None:

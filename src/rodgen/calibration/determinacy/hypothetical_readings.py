@@ -30,26 +30,17 @@ FAR = 2.0
 
 @dataclass(frozen=True)
 class Variation:
-    """Readings that differ from those taken in one thing.
-
-    Attributes
-    ----------
-    problem : Problem
-    hint : str
-        What to do to take them: "measure ...".
-    wanting : bool
-        Whether the data hold one value only of what is varied: then this is what they lack.
-    fresh : tuple of int
-        Numbers of the parameters that have another value in these readings, which is not known either.
-    still : str or None
-        The joint that moves in these readings only.
-    """
+    """Readings that differ from those taken in one thing."""
 
     problem: Problem
     hint: str
+    """What to do to take them: "measure ..."."""
     wanting: bool
+    """Whether the data hold one value only of what is varied: then this is what they lack."""
     fresh: tuple[int, ...] = ()
+    """Numbers of the parameters that have another value in these readings, which is not known either."""
     still: str | None = None
+    """The joint that moves in these readings only."""
 
 
 class _Generator:

@@ -64,28 +64,19 @@ class Direction:
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """The directions in which a fit's readings change not at all, or hardly.
-
-    Attributes
-    ----------
-    problem : Problem
-    theta, frame : ndarray, Frame
-        The end of the fit.
-    index : ndarray of int, shape (p,)
-        Numbers of the parameters that are adjusted.
-    scale : ndarray, shape (p,)
-        By how much each parameter changes all readings together.
-    null, weak : ndarray, shape (k, p)
-        Bases of both kinds of directions, in parameters times `scale`.
-    """
+    """The directions in which a fit's readings change not at all, or hardly."""
 
     problem: Problem
     theta: Array
     frame: Frame
+    """The end of the fit."""
     index: NDArray[np.int_]
+    """Numbers of the parameters that are adjusted, (p,)."""
     scale: Array
+    """By how much each parameter changes all readings together, (p,)."""
     null: Array
     weak: Array
+    """Bases of both kinds of directions, in parameters times `scale`, (k, p)."""
 
     @cached_property
     def describer(self) -> _Describer:
@@ -95,24 +86,16 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Elsewhere:
-    """The derivative of hypothetical readings of every kind.
-
-    Attributes
-    ----------
-    jacobian : ndarray, shape (readings, p)
-        Of the machine's targets.
-    of_others : ndarray, shape (readings, p)
-        Of targets at other places on the body.
-    fresh : ndarray of bool, shape (p,)
-        Parameters that differ for these.
-    size : ndarray, shape (p,)
-        By how much each parameter usually changes a reading: root mean square, of either.
-    """
+    """The derivative of hypothetical readings of every kind."""
 
     jacobian: Array
+    """Of the machine's targets, (readings, p)."""
     of_others: Array
+    """Of targets at other places on the body, (readings, p)."""
     fresh: NDArray[np.bool_]
+    """Parameters that differ for these, (p,)."""
     size: Array
+    """By how much each parameter usually changes a reading: root mean square, of either, (p,)."""
 
     @classmethod
     def of(cls, problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]) -> Elsewhere:

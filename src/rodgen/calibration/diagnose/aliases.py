@@ -53,25 +53,16 @@ class _Alternative:
 
 @dataclass(frozen=True)
 class Equal:
-    """A candidate, or two, that the data cannot distinguish from an effect that was found.
-
-    Attributes
-    ----------
-    candidates : tuple of Candidate
-    alias : Alias
-    cost : float
-        How much dearer it is in units of chi-square: negative where it is the likelier one, all considered.
-    before : float
-        The same before the data.
-    part : float
-        What part of the effect they do not do.
-    """
+    """A candidate, or two, that the data cannot distinguish from an effect that was found."""
 
     candidates: tuple[Candidate, ...]
     alias: Alias
     cost: float
+    """How much dearer it is in units of chi-square: negative where it is the likelier one, all considered."""
     before: float
+    """The same before the data."""
     part: float
+    """What part of the effect they do not do."""
 
     @property
     def likelier(self) -> bool:

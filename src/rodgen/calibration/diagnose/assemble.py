@@ -52,23 +52,15 @@ __all__ = ["Confirmed", "assemble_diagnosis", "undecided"]
 
 @dataclass(frozen=True, eq=False)
 class Confirmed:
-    """What full fits confirm.
-
-    Attributes
-    ----------
-    found : FittedExplanation
-    held_out : sequence of HeldOut
-        Errors on poses left out of all its fits.
-    equals : sequence of sequence of Equal
-        What the data cannot distinguish from each effect.
-    tests : sequence of EffectTest or None
-        Of each effect, then of each form.
-    """
+    """What full fits confirm."""
 
     found: FittedExplanation
     held_out: Sequence[HeldOut]
+    """Errors on poses left out of all its fits."""
     equals: Sequence[Sequence[Equal]]
+    """What the data cannot distinguish from each effect."""
     tests: Sequence[EffectTest | None]
+    """Of each effect, then of each form."""
 
     def effects(self, estimates: EffectEstimates) -> list[DiagnosedEffect]:
         """Return the effects, each with the errors of the fit that adds it."""

@@ -37,35 +37,23 @@ __all__ = ["CandidateSpace", "Score"]
 
 @dataclass(frozen=True)
 class Score:
-    """The score test of a candidate.
-
-    Attributes
-    ----------
-    candidate : Candidate
-    fall : float
-        Of the sum of squares.
-    dof : int
-        Combinations of its parameters that are seen.
-    log_p : float
-        Natural logarithm of the probability that chance explains as much for it alone, all values of a searched
-        parameter counted.
-    statistic : float
-    residual_dof : int
-        Degrees of freedom that remain.
-    visible : float
-        Part of the columns that the model cannot imitate.
-    left : float
-        Residual sum of squares with it.
-    """
+    """The score test of a candidate."""
 
     candidate: Candidate
     fall: float
+    """Of the sum of squares."""
     dof: int
+    """Combinations of its parameters that are seen."""
     log_p: float
+    """Natural logarithm of the probability that chance explains as much for it alone, all values of a searched
+    parameter counted."""
     statistic: float
     residual_dof: int
+    """Degrees of freedom that remain."""
     visible: float
+    """Part of the columns that the model cannot imitate."""
     left: float
+    """Residual sum of squares with it."""
 
     @property
     def parameters(self) -> int:

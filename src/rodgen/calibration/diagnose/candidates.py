@@ -42,29 +42,19 @@ FUNCTIONS = {
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect and its columns.
-
-    Attributes
-    ----------
-    effect : Effect
-    names : tuple of str
-        Keys of the parameters.
-    columns : ndarray, shape (n, m, k)
-        Derivative of the weighted residuals by each.
-    searched : mapping of str to float
-        Values of the parameters that are searched, at which the columns are taken; internal units.
-    tries : float
-        Number of independent tests that the values tried for the effect amount to.
-    prior : Plausibility
-        What is known of the effect before these data.
-    """
+    """An effect and its columns."""
 
     effect: Effect
     names: tuple[str, ...]
+    """Keys of the parameters."""
     columns: Array
+    """Derivative of the weighted residuals by each, (n, m, k)."""
     searched: Mapping[str, float]
+    """Values of the parameters that are searched, at which the columns are taken; internal units."""
     tries: float = 1.0
+    """Number of independent tests that the values tried for the effect amount to."""
     prior: Plausibility = field(default_factory=Plausibility)
+    """What is known of the effect before these data."""
 
     @cached_property
     def short_names(self) -> list[str]:

@@ -36,26 +36,18 @@ SHARED = OFFSETS | SCALES | WINDUPS | {"squareness"}
 
 @dataclass(frozen=True)
 class Found:
-    """What was found of sets of candidates: rounds of exchanges ask for the same again.
-
-    Attributes
-    ----------
-    tests : dict
-        Numbers of independent tests, by the keys of what is included.
-    scores : dict
-        Scores of all others, by what is included; those asked for last.
-    logs : dict
-        Logarithms of the probability of each candidate by chance, by the others and itself.
-    estimates : dict
-        Linear estimates, by the variance of a reading and what is included.
-    """
+    """What was found of sets of candidates: rounds of exchanges ask for the same again."""
 
     tests: dict[frozenset[tuple[str, str | None]], float] = field(default_factory=dict)
+    """Numbers of independent tests, by the keys of what is included."""
     scores: dict[tuple[Candidate, ...], list[Score]] = field(default_factory=dict)
+    """Scores of all others, by what is included; those asked for last."""
     logs: dict[tuple[frozenset[Candidate], Candidate], float] = field(default_factory=dict)
+    """Logarithms of the probability of each candidate by chance, by the others and itself."""
     estimates: dict[tuple[float, tuple[Candidate, ...]], list[tuple[Array, Array]]] = field(
         default_factory=dict
     )
+    """Linear estimates, by the variance of a reading and what is included."""
 
     def for_other_candidates(self) -> Found:
         """Return what holds whichever other candidates there are."""
@@ -64,31 +56,20 @@ class Found:
 
 @dataclass(frozen=True)
 class Criteria:
-    """Tests and costs of sets of candidates.
-
-    Attributes
-    ----------
-    space : CandidateSpace
-    blocks : Blocks
-        Of poses, for the error on poses left out.
-    rows : int
-    clusters : Clusters
-        Of readings of one pose.
-    stretches : Blocks or None
-        Of time, where the set-up wanders: what follows the time must predict stretches of it that it did not see.
-    level : float
-        Rate of false alarms.
-    balanced : bool
-        Whether weight may turn any joint upwards, as a counterweight or a spring makes it do.
-    """
+    """Tests and costs of sets of candidates."""
 
     space: CandidateSpace
     blocks: Blocks
+    """Of poses, for the error on poses left out."""
     rows: int
     clusters: Clusters
+    """Of readings of one pose."""
     stretches: Blocks | None = None
+    """Of time, where the set-up wanders: what follows the time must predict stretches of it that it did not see."""
     level: float = SELECTION.family_wise
+    """Rate of false alarms."""
     balanced: bool = False
+    """Whether weight may turn any joint upwards, as a counterweight or a spring makes it do."""
     _found: Found = field(default_factory=Found, repr=False)
 
     # what candidates explain -------------------------------------------------------------------------------

@@ -120,21 +120,14 @@ class Alias:
 
 @dataclass(frozen=True)
 class SetAlias:
-    """What the data cannot distinguish from two of the effects that were found, taken together.
-
-    Attributes
-    ----------
-    named : tuple of Effect
-        The two.
-    effects : tuple of Effect
-        One or two that may be there instead of both.
-    odds_with_data : float
-        How much likelier than the two they are with these data, by the columns of all.
-    """
+    """What the data cannot distinguish from two of the effects that were found, taken together."""
 
     named: tuple[Effect, ...]
+    """The two."""
     effects: tuple[Effect, ...]
+    """One or two that may be there instead of both."""
     odds_with_data: float
+    """How much likelier than the two they are with these data, by the columns of all."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""

@@ -26,13 +26,7 @@ __all__ = ["Evidence", "Screening", "gather_evidence"]
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """The sensitivities of a fit, and the columns of all candidates there.
-
-    Attributes
-    ----------
-    sensitivities : Sensitivities
-    candidates : list of Candidate
-    """
+    """The sensitivities of a fit, and the columns of all candidates there."""
 
     sensitivities: Sensitivities
     candidates: list[Candidate]
@@ -49,27 +43,17 @@ class Screening:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The fit without outliers, and the space of all columns with its residual.
-
-    Attributes
-    ----------
-    base : Fit
-    sensitivities : Sensitivities
-    correlation : Correlation
-    space : CandidateSpace
-        Of all candidates.
-    selection : Selection
-        Among those that full fits did not refuse.
-    undecided : tuple of Candidate
-        Those refused of which more positions of a joint would tell.
-    """
+    """The fit without outliers, and the space of all columns with its residual."""
 
     base: Fit
     sensitivities: Sensitivities
     correlation: Correlation
     space: CandidateSpace
+    """Of all candidates."""
     selection: Selection
+    """Among those that full fits did not refuse."""
     undecided: tuple[Candidate, ...] = ()
+    """Those refused of which more positions of a joint would tell."""
 
     @property
     def contest(self) -> Contest:

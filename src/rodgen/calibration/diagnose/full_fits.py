@@ -23,20 +23,13 @@ __all__ = ["FittedExplanation", "with_effects", "with_forms"]
 
 @dataclass(frozen=True, eq=False)
 class FittedExplanation:
-    """What explains the residuals, with full fits.
-
-    Attributes
-    ----------
-    explanation : Explanation
-    fits : list of Fit
-        Of the model as it was, and with one effect after the other.
-    formed : list of Fit
-        With one form after the other in addition.
-    """
+    """What explains the residuals, with full fits."""
 
     explanation: Explanation
     fits: list[Fit]
+    """Of the model as it was, and with one effect after the other."""
     formed: list[Fit]
+    """With one form after the other in addition."""
 
     @classmethod
     def of(cls, subject: Subject, base: Fit, explanation: Explanation) -> FittedExplanation:

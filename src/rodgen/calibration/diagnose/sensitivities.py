@@ -41,34 +41,23 @@ MOMENTS = frozenset({"M", "M_perp", "M_across", "M_guide"})
 
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
-    """A fit's residuals and their derivatives with respect to everything that an effect may change.
-
-    Attributes
-    ----------
-    fit : FittedModel
-        At whose parameters the derivatives are taken.
-    rows : ndarray of int, shape (n,)
-        Rows of the fit's observations that decisions are made on; no outliers.
-    observations : Observations
-        These rows.
-    weight, residual : ndarray, shape (n, m)
-        Weights, and weighted residuals.
-    columns : ndarray, shape (n, m, parameters)
-        Derivatives of the weighted residuals.
-    index : mapping of str to int
-        Number of each parameter's column, by its key.
-    words : dict
-        What formulas may use at each place, once it was asked for.
-    """
+    """A fit's residuals and their derivatives with respect to everything that an effect may change."""
 
     fit: FittedModel
+    """At whose parameters the derivatives are taken."""
     rows: NDArray[np.int_]
+    """Rows of the fit's observations that decisions are made on; no outliers, (n,)."""
     observations: Observations
+    """These rows."""
     weight: Array
     residual: Array
+    """Weights, and weighted residuals, (n, m)."""
     columns: Array
+    """Derivatives of the weighted residuals, (n, m, parameters)."""
     index: Mapping[str, int]
+    """Number of each parameter's column, by its key."""
     words: dict[Place, dict[str, Any]] = field(default_factory=dict, repr=False)
+    """What formulas may use at each place, once it was asked for."""
 
     @classmethod
     def of(cls, fit: FittedModel, effects: Sequence[Effect] = ()) -> Sensitivities:

@@ -22,26 +22,17 @@ __all__ = ["Subject", "without_wrong_bounds"]
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A fit to be diagnosed.
-
-    Attributes
-    ----------
-    fitted : Fit
-    others : Observations or None
-        Further measurements, of which the error is reported.
-    prefer : collection of (name, place)
-        As of :func:`diagnose`.
-    doubted : bool
-        Whether bounds of the machine file that the readings contradict are left out.
-    made : dict of (bytes, tuple) to Fit
-        Fits by the outliers and by effects and forms; see `once`.
-    """
+    """A fit to be diagnosed."""
 
     fitted: Fit
     others: Observations | None
+    """Further measurements, of which the error is reported."""
     prefer: Collection[tuple[str, str | None]]
+    """As of :func:`diagnose`."""
     doubted: bool
+    """Whether bounds of the machine file that the readings contradict are left out."""
     made: dict[tuple[bytes, tuple[object, ...]], Fit] = field(default_factory=dict, repr=False)
+    """Fits by the outliers and by effects and forms; see `once`."""
 
     @classmethod
     def of(

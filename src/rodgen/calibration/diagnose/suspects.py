@@ -34,56 +34,36 @@ __all__ = ["Suspect", "Suspects", "suspects"]
 
 @dataclass(frozen=True)
 class Suspect:
-    """An effect that may be missing.
-
-    Attributes
-    ----------
-    effect : Effect
-    p_value, log10_p : float
-        Probability that chance explains as much for any of the suspects.
-    statistic : float
-        F.
-    odds : float
-        How likely it is before any data, compared with the commonest effects.
-    possible : bool
-        Whether it would be of a size and a sign that a machine may have; asked of those beyond chance only.
-    rms : float
-        Error that a fit with it would leave, to first order, in the fit's unit.
-    visible : float
-        Part of its change of the readings, 0 to 1, that the model cannot imitate.
-    like : Effect or None
-        The effect that stands before it in the list and from which these data cannot tell it.
-    why : str
-        Why they cannot: a sentence; empty without `like`.
-    """
+    """An effect that may be missing."""
 
     effect: Effect
     p_value: float
     log10_p: float
+    """Probability that chance explains as much for any of the suspects."""
     statistic: float
+    """F."""
     odds: float
+    """How likely it is before any data, compared with the commonest effects."""
     possible: bool
+    """Whether it would be of a size and a sign that a machine may have; asked of those beyond chance only."""
     rms: float
+    """Error that a fit with it would leave, to first order, in the fit's unit."""
     visible: float
+    """Part of its change of the readings, 0 to 1, that the model cannot imitate."""
     like: Effect | None = None
+    """The effect that stands before it in the list and from which these data cannot tell it."""
     why: str = ""
+    """Why they cannot: a sentence; empty without `like`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Suspects:
-    """The suspects of a fit, likeliest first; those that these data cannot tell apart follow each other.
-
-    Attributes
-    ----------
-    fit : Fit
-    listed : tuple of Suspect
-    rows : ndarray of int
-        Rows of the fit's observations that this is based on.
-    """
+    """The suspects of a fit, likeliest first; those that these data cannot tell apart follow each other."""
 
     fit: Fit
     listed: tuple[Suspect, ...]
     rows: NDArray[np.int_]
+    """Rows of the fit's observations that this is based on."""
     _evidence: Evidence
     _scores: Sequence[Score]
 

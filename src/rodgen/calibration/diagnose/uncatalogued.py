@@ -32,27 +32,18 @@ __all__ = ["Contest", "Explanation"]
 
 @dataclass(frozen=True)
 class Explanation:
-    """Effects of the catalogue, and forms for what they leave, that together explain the residuals.
-
-    Attributes
-    ----------
-    kept : tuple of Candidate
-        Effects of the catalogue.
-    forms : tuple of Form
-        For what these leave unexplained.
-    selection : Selection
-        In a space where the forms belong to the model.
-    small : tuple of Form
-        Forms so small, compared with an effect at the same place, that they may be imperfections of its formula.
-    complete : bool
-        Whether effects leave nothing, not even what further ones of the catalogue would explain.
-    """
+    """Effects of the catalogue, and forms for what they leave, that together explain the residuals."""
 
     kept: tuple[Candidate, ...]
+    """Effects of the catalogue."""
     forms: tuple[Form, ...]
+    """For what these leave unexplained."""
     selection: Selection = field(repr=False)
+    """In a space where the forms belong to the model."""
     small: tuple[Form, ...] = ()
+    """Forms so small, compared with an effect at the same place, that they may be imperfections of its formula."""
     complete: bool = False
+    """Whether effects leave nothing, not even what further ones of the catalogue would explain."""
 
     @property
     def size(self) -> int:
@@ -70,24 +61,16 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Contest:
-    """The explanations that compete, and what each costs.
-
-    Attributes
-    ----------
-    sensitivities : Sensitivities
-        Of the model as it was.
-    whiten : callable
-        From columns (n, m, k) to columns whose errors are independent and alike.
-    selection : Selection
-        In the space of the model and all candidates.
-    undecided : tuple of Candidate
-        Effects that were refused because the data have too few positions of a joint: what these do is no form.
-    """
+    """The explanations that compete, and what each costs."""
 
     sensitivities: Sensitivities
+    """Of the model as it was."""
     whiten: Whiten
+    """From columns (n, m, k) to columns whose errors are independent and alike."""
     selection: Selection
+    """In the space of the model and all candidates."""
     undecided: tuple[Candidate, ...] = ()
+    """Effects that were refused because the data have too few positions of a joint: what these do is no form."""
 
     def by_columns(self, chosen: Sequence[Candidate], left: Array) -> Explanation:
         """Return the explanation of the residuals that costs less by its columns: effects first, or forms first.

@@ -100,29 +100,19 @@ class _NearProblem(Problem):
 
 @dataclass(frozen=True)
 class NearFit:
-    """A fit near the file.
-
-    Attributes
-    ----------
-    problem : Problem
-    theta, frame : ndarray, Frame
-    misfit : float
-        Minus the logarithm of the likelihood, with the cost of the corrections.
-    scale : float
-        Of the residuals of most rows, internal units.
-    rms : float
-        Of the rows that are not far out, internal units.
-    motion : float
-        How much what is measured moves, rms.
-    """
+    """A fit near the file."""
 
     problem: _NearProblem
     theta: Array
     frame: Frame
     misfit: float
+    """Minus the logarithm of the likelihood, with the cost of the corrections."""
     scale: float
+    """Of the residuals of most rows, internal units."""
     rms: float
+    """Of the rows that are not far out, internal units."""
     motion: float
+    """How much what is measured moves, rms."""
 
     @property
     def corrections(self) -> float:

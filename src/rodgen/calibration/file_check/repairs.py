@@ -38,39 +38,26 @@ ALONG = 0.9
 
 @dataclass(frozen=True)
 class Repair:
-    """A change of the machine file, or of the data, that may put right what is wrong.
-
-    Attributes
-    ----------
-    words : str
-        What is wrong, and how to write it: ``"A turns the other way: axis = [-1, 0, 0]"``.
-    kind : str
-        Repairs of one kind are alternatives to each other; those of two kinds can be made together.
-    effort : int
-        How much is changed; of repairs that do the same the one with the least is named first.
-    of_data : bool
-        Whether the data are changed, not the machine file.
-    machine : callable
-        The change of the machine.
-    rows : callable
-        The change of the observations.
-    offset : int
-        Rows by which the readings are moved to earlier commands.
-    commands_only : bool
-        Whether targets and other columns stay with the readings then.
-    enlarges : float
-        By which the readings are multiplied.
-    """
+    """A change of the machine file, or of the data, that may put right what is wrong."""
 
     words: str
+    """What is wrong, and how to write it: ``"A turns the other way: axis = [-1, 0, 0]"``."""
     kind: str
+    """Repairs of one kind are alternatives to each other; those of two kinds can be made together."""
     effort: int
+    """How much is changed; of repairs that do the same the one with the least is named first."""
     of_data: bool = False
+    """Whether the data are changed, not the machine file."""
     machine: Callable[[Machine], Machine] = lambda machine: machine
+    """The change of the machine."""
     rows: Callable[[Observations], Observations] = lambda observations: observations
+    """The change of the observations."""
     offset: int = 0
+    """Rows by which the readings are moved to earlier commands."""
     commands_only: bool = False
+    """Whether targets and other columns stay with the readings then."""
     enlarges: float = 1.0
+    """By which the readings are multiplied."""
 
     def __call__(self, state: State) -> State:
         """Return the machine and the observations with the change; the latter are of the new machine.

@@ -54,38 +54,27 @@ NO_RESIDUAL = 1e-13
 
 @dataclass(frozen=True)
 class Correlation:
-    """How errors of readings depend on each other.
-
-    Attributes
-    ----------
-    white : float
-        Standard deviation of a reading's independent error, in units of a weighted residual: 1 where it is the
-        stated noise.
-    pose_t, pose_r : float
-        Standard deviation of what the readings of a pose share, at the mean reading and in the same units: from a
-        translation, and from a turn, of the frame.
-    wander_t, wander_r : float
-        The same of what changes slowly from pose to pose.
-    time : float
-        Correlation time of the wander (to 1/e); seconds, or poses where there are no times.
-    text : str
-        The same as a sentence; empty where readings are independent, or their dependence is too slight to be claimed.
-    gain : float
-        By how much twice the log restricted likelihood exceeds that of independent readings.
-    deviations : MotionDeviations or None
-        Standard deviations of what readings share, relative to `white`; None where they are independent.
-    """
+    """How errors of readings depend on each other."""
 
     white: float
+    """Standard deviation of a reading's independent error, in units of a weighted residual: 1 where it is the stated
+    noise."""
     pose_t: float
     pose_r: float
+    """Standard deviation of what the readings of a pose share, at the mean reading and in the same units: from a
+    translation, and from a turn, of the frame."""
     wander_t: float
     wander_r: float
+    """The same of what changes slowly from pose to pose."""
     time: float
+    """Correlation time of the wander (to 1/e); seconds, or poses where there are no times."""
     text: str
+    """The same as a sentence; empty where readings are independent, or their dependence is too slight to be claimed."""
     gain: float = 0.0
+    """By how much twice the log restricted likelihood exceeds that of independent readings."""
     _motion: SharedMotion | None = field(default=None, repr=False, compare=False)
     deviations: MotionDeviations | None = field(default=None, repr=False, compare=False)
+    """Standard deviations of what readings share, relative to `white`; None where they are independent."""
     _within_error: Sequence[tuple[MotionDeviations, MotionDeviations]] = field(
         default=(), repr=False, compare=False
     )

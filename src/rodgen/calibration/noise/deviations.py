@@ -42,21 +42,14 @@ FEW_POSES = 5
 
 @dataclass(frozen=True)
 class StandardDeviation:
-    """An estimated standard deviation.
-
-    Attributes
-    ----------
-    value : float
-    degrees_of_freedom : float
-        Of independent normal values with as much information.
-    low, high : float
-        It is between them with 95 % probability.
-    """
+    """An estimated standard deviation."""
 
     value: float
     degrees_of_freedom: float
+    """Of independent normal values with as much information."""
     low: float
     high: float
+    """It is between them with 95 % probability."""
 
     @classmethod
     def of(cls, variance: float, degrees_of_freedom: float, factor: float = 1.0) -> StandardDeviation:
@@ -75,33 +68,25 @@ class Deviations:
     """Values less the mean of their group.
 
     Each has c components; its standard deviation is √variance · √(left / weight).
-
-    Attributes
-    ----------
-    value : ndarray, shape (n, c)
-    weight : ndarray, shape (n, c)
-    left : ndarray, shape (n, c)
-        Part of the variance that the mean of the group leaves: 1 - weight / (sum of the group's weights).
-    group, pose, column : ndarray of int, shape (n,)
-        `column` numbers what is looked at in a pose, such as targets.
-    row : ndarray of int, shape (n,)
-        A row of the data that it comes from.
-    lever : ndarray, shape (n,)
-        By how much the value changes when a driver does: 1 but for distances, which have a common scale. The same
-        within a group, or a lever times a constant driver would itself be the deviation.
-    lost : float
-        Degrees of freedom that something fitted has taken away.
     """
 
     value: Array
+    """Shape (n, c)."""
     weight: Array
+    """Shape (n, c)."""
     left: Array
+    """Part of the variance that the mean of the group leaves: 1 - weight / (sum of the group's weights), (n, c)."""
     group: Ints
     pose: Ints
     column: Ints
+    """`column` numbers what is looked at in a pose, such as targets, (n,)."""
     row: Ints
+    """A row of the data that it comes from, (n,)."""
     lever: Array
+    """By how much the value changes when a driver does: 1 but for distances, which have a common scale, (n,). The same
+    within a group, or a lever times a constant driver would itself be the deviation."""
     lost: float = 0.0
+    """Degrees of freedom that something fitted has taken away."""
 
     @classmethod
     def of(

@@ -31,46 +31,29 @@ FAR, MANY = 5, (60, 120)
 
 @dataclass(frozen=True)
 class PairGain:
-    """What a plan brings for a pair of models.
-
-    Attributes
-    ----------
-    pair : Pair
-    after : float
-        Expected chi-square.
-    probability : float
-        That it exceeds the threshold.
-    reached : bool
-        Whether that is likely enough.
-    """
+    """What a plan brings for a pair of models."""
 
     pair: Pair
     after: float
+    """Expected chi-square."""
     probability: float
+    """That it exceeds the threshold."""
     reached: bool
+    """Whether that is likely enough."""
 
 
 @dataclass(frozen=True, eq=False)
 class CandidatePlan:
-    """Readings to take in one campaign, as yet without words.
-
-    Attributes
-    ----------
-    campaign : Campaign
-    rows : Rows
-        In order.
-    gains : list of PairGain
-    parameters : list of Gain
-        Standard deviations of all parameters in question.
-    needed : int or None
-        How many readings would be enough, where these are not.
-    """
+    """Readings to take in one campaign, as yet without words."""
 
     campaign: Campaign
     rows: Rows
+    """In order."""
     gains: list[PairGain]
     parameters: list[Gain]
+    """Standard deviations of all parameters in question."""
     needed: int | None
+    """How many readings would be enough, where these are not."""
 
     @property
     def reached(self) -> bool:

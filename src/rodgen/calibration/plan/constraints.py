@@ -57,22 +57,14 @@ _NUMPY = {name: getattr(np, name) for name in FUNCTION_NAMES}
 
 @dataclass(frozen=True)
 class Region:
-    """A formula that must stay below or above a bound, such as ``altitude > 20 deg``.
-
-    Attributes
-    ----------
-    text : str
-    formula : Formula
-        Of joints' coordinates, of the target's place x, y, z in machine axes, or of the altitude of a direction.
-    above : bool
-    bound : float
-        Internal units.
-    """
+    """A formula that must stay below or above a bound, such as ``altitude > 20 deg``."""
 
     text: str
     formula: Formula
+    """Of joints' coordinates, of the target's place x, y, z in machine axes, or of the altitude of a direction."""
     above: bool
     bound: float
+    """Internal units."""
 
     def holds(self, names: Mapping[str, Array]) -> Mask:
         """Return where it holds; where the formula is not finite it does not."""

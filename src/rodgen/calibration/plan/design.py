@@ -66,18 +66,12 @@ one that is near, as a part of what the readings that are considered differ by."
 
 @dataclass(frozen=True)
 class Linearized:
-    """A model at its fitted parameters, linearized for some readings, in standard deviations of a reading.
-
-    Attributes
-    ----------
-    residual : ndarray, shape (n, m)
-        Of readings as the first model predicts them.
-    jacobian : ndarray, shape (n, m, p)
-        Of its free parameters.
-    """
+    """A model at its fitted parameters, linearized for some readings, in standard deviations of a reading."""
 
     residual: Array
+    """Of readings as the first model predicts them, (n, m)."""
     jacobian: Array
+    """Of its free parameters, (n, m, p)."""
 
     def take(self, index: NDArray[np.bool_]) -> Linearized:
         """Return it for some of the readings."""
@@ -86,37 +80,25 @@ class Linearized:
 
 @dataclass(frozen=True)
 class Pair:
-    """A true and a wrong model that a plan is to distinguish.
-
-    Attributes
-    ----------
-    true, wrong : int
-        Numbers of the models.
-    now : float
-        By how much the wrong one fits the data worse, in chi-square.
-    needed : float
-        By how much it should for the threshold to be exceeded with the probability that is planned for.
-    threshold : float
-        Chi-square from which they count as distinguished.
-    group : int
-        Number of the alternatives that they belong to.
-    possible : bool
-        Whether all readings considered together would do, in whichever of the two is true.
-    tiny : bool
-        Where not: whether the two differ, but by less than the noise.
-    weight : float
-        How much it counts that the true one is the true one; 0 where that is improbable.
-    """
+    """A true and a wrong model that a plan is to distinguish."""
 
     true: int
     wrong: int
+    """Numbers of the models."""
     now: float
+    """By how much the wrong one fits the data worse, in chi-square."""
     needed: float
+    """By how much it should for the threshold to be exceeded with the probability that is planned for."""
     threshold: float
+    """Chi-square from which they count as distinguished."""
     group: int
+    """Number of the alternatives that they belong to."""
     possible: bool = True
+    """Whether all readings considered together would do, in whichever of the two is true."""
     tiny: bool = False
+    """Where not: whether the two differ, but by less than the noise."""
     weight: float = 1.0
+    """How much it counts that the true one is the true one; 0 where that is improbable."""
 
     @property
     def planned(self) -> bool:
@@ -142,17 +124,11 @@ def both_ways(pairs: Iterable[Pair]) -> list[Pair]:
 
 @dataclass(frozen=True)
 class Sharpen:
-    """A parameter whose variance is to fall.
-
-    Attributes
-    ----------
-    model, parameter : int
-        Numbers of the model, and of the parameter among its free ones.
-    key : str
-    """
+    """A parameter whose variance is to fall."""
 
     model: int
     parameter: int
+    """Numbers of the model, and of the parameter among its free ones."""
     key: str
 
 
@@ -259,21 +235,14 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class Moves:
-    """What it costs to take a reading in addition to others.
-
-    Attributes
-    ----------
-    poses : ndarray of int, shape (N,)
-        Equal where readings can be taken in one pose.
-    position : ndarray, shape (N, J), or None
-        In longest moves of each joint; None where moves are not said to cost time.
-    parts : ndarray of int, shape (N, K), or None
-        In which part of the travel joints are whose effects in question are seen at distinct positions only.
-    """
+    """What it costs to take a reading in addition to others."""
 
     poses: NDArray[np.int_]
+    """Equal where readings can be taken in one pose, (N,)."""
     position: Array | None = None
+    """In longest moves of each joint; None where moves are not said to cost time, (N, J)."""
     parts: NDArray[np.int_] | None = None
+    """In which part of the travel joints are whose effects in question are seen at distinct positions only, (N, K)."""
 
     def allowed(self, picked: list[int], n: int) -> NDArray[np.bool_]:
         """Return which readings may follow others, (N,), if n are to come from at least `FEWEST_PARTS` of each travel.

@@ -13,20 +13,13 @@ __all__ = ["Pace"]
 
 @dataclass(frozen=True, eq=False)
 class Pace:
-    """Times of moves and readings, in seconds.
-
-    Attributes
-    ----------
-    settle : float
-        From the end of a move to the reading.
-    reading : float
-    speed : ndarray, shape (J,)
-        Of each joint, internal units per second; infinite where its move takes no time.
-    """
+    """Times of moves and readings, in seconds."""
 
     settle: float
+    """From the end of a move to the reading."""
     reading: float
     speed: Array
+    """Of each joint, internal units per second; infinite where its move takes no time, (J,)."""
 
     def move(self, start: Array, end: Array) -> Array:
         """Return how long moves between positions (..., J) take, all joints at once."""

@@ -95,24 +95,15 @@ def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
 
 @dataclass(frozen=True)
 class Levels:
-    """What else may be chosen.
-
-    Attributes
-    ----------
-    sides : tuple of int
-        Joints that are considered from both sides.
-    speeds : mapping of int to tuple of float
-        Speeds of a joint, without sign.
-    loads : tuple of float
-    states : tuple of int
-        Rows of the data whose temperatures are to be met again.
-    targets : int
-    """
+    """What else may be chosen."""
 
     sides: tuple[int, ...]
+    """Joints that are considered from both sides."""
     speeds: dict[int, tuple[float, ...]]
+    """Speeds of a joint, without sign."""
     loads: tuple[float, ...]
     states: tuple[int, ...]
+    """Rows of the data whose temperatures are to be met again."""
     targets: int
 
     @property

@@ -36,39 +36,25 @@ class PlanError(UnexpectedError):
 
 @dataclass(frozen=True)
 class Question:
-    """What measurements are to settle.
-
-    Attributes
-    ----------
-    machine : Machine
-        Without the effects in question.
-    alternatives : tuple of tuple of Effect
-        Of each tuple, one effect is there.
-    keys : tuple of str
-        Parameters that are to be determined or sharpened.
-    further : tuple of Effect
-        Effects that these parameters belong to and the machine does not have yet.
-    kind : {"show", "sharpen"}
-        Of the goal for the parameters.
-    by_default : bool
-        Whether the parameters were chosen here, because none were asked for.
-    asked : bool
-        Whether a user asked for these parameters: then readings are planned even where they sharpen little.
-    trusted : bool
-        Whether a diagnosis, which knows how readings depend on each other, says that the alternatives cannot be told
-        apart: where they differ by more in independent readings, the readings are not independent.
-    notes : list of str
-    constraints : Constraints
-    """
+    """What measurements are to settle."""
 
     machine: Machine
+    """Without the effects in question."""
     alternatives: tuple[tuple[Effect, ...], ...]
+    """Of each tuple, one effect is there."""
     keys: tuple[str, ...]
+    """Parameters that are to be determined or sharpened."""
     further: tuple[Effect, ...]
+    """Effects that these parameters belong to and the machine does not have yet."""
     kind: str
+    """Of the goal for the parameters, "show" or "sharpen"."""
     by_default: bool = False
+    """Whether the parameters were chosen here, because none were asked for."""
     asked: bool = False
+    """Whether a user asked for these parameters: then readings are planned even where they sharpen little."""
     trusted: bool = False
+    """Whether a diagnosis, which knows how readings depend on each other, says that the alternatives cannot be told
+    apart: where they differ by more in independent readings, the readings are not independent."""
     notes: list[str] = field(default_factory=list)
     constraints: Constraints = field(default_factory=Constraints)
 

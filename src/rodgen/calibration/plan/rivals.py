@@ -34,20 +34,13 @@ __all__ = ["Rival", "Rivals"]
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """A model that may be the true one.
-
-    Attributes
-    ----------
-    effects : tuple of Effect
-        Those in question that it has.
-    fit : FittedModel
-    own : int
-        Number of its free parameters that belong to these effects.
-    """
+    """A model that may be the true one."""
 
     effects: tuple[Effect, ...]
+    """Those in question that it has."""
     fit: FittedModel
     own: int
+    """Number of its free parameters that belong to these effects."""
 
     @cached_property
     def prior_cost(self) -> float:

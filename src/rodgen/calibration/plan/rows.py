@@ -20,27 +20,20 @@ __all__ = ["Rows", "Surroundings", "usual_by_target"]
 
 @dataclass(frozen=True)
 class Rows:
-    """Readings that may be taken, in internal units.
-
-    Attributes
-    ----------
-    q : ndarray, shape (n, J)
-    s : ndarray of int8, shape (n, J)
-        Direction of approach.
-    v : ndarray, shape (n, J)
-    target : ndarray of int, shape (n,)
-    load : ndarray, shape (n,)
-        Zero where the data have no such column.
-    state : ndarray of int, shape (n,)
-        The row of the data in which temperatures and further columns were as they are to be now.
-    """
+    """Readings that may be taken, in internal units."""
 
     q: Array
+    """Shape (n, J)."""
     s: NDArray[np.int8]
+    """Direction of approach, (n, J)."""
     v: Array
+    """Shape (n, J)."""
     target: Ints
+    """Shape (n,)."""
     load: Array
+    """Zero where the data have no such column, (n,)."""
     state: Ints
+    """The row of the data in which temperatures and further columns were as they are to be now, (n,)."""
 
     @property
     def n(self) -> int:

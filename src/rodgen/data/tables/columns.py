@@ -34,19 +34,13 @@ _TARGETS = {"angle": "rad", "rate": "rad/s"}
 
 @dataclass(frozen=True)
 class Column:
-    """A column that a table must have.
-
-    Attributes
-    ----------
-    name : str
-        Its name, without the unit.
-    quantity : {"length", "angle", "rate", "number"}
-        What its numbers measure. A length is read in the unit of the table's first length column, an
-        angle in radians, its rate of change in radians a second; a plain number has no unit.
-    """
+    """A column that a table must have."""
 
     name: str
+    """Its name, without the unit."""
     quantity: Quantity | Literal["number"]
+    """What its numbers measure. A length is read in the unit of the table's first length column, an angle in radians,
+    its rate of change in radians a second; a plain number has no unit."""
 
 
 @dataclass(frozen=True)
@@ -55,17 +49,12 @@ class EveryColumn:
 
     A column without a unit that begins with a word holds words, such as an operator's name; all others but `text`
     hold numbers.
-
-    Attributes
-    ----------
-    text : tuple of str
-        The names of columns that hold a name in every row; a table need not have them.
-    example : str
-        A header, for the error messages.
     """
 
     text: tuple[str, ...]
+    """The names of columns that hold a name in every row; a table need not have them."""
     example: str
+    """A header, for the error messages."""
 
 
 MEASUREMENTS = EveryColumn(("target", "run"), "X [mm],C [deg],x [mm],y [mm],z [mm]")

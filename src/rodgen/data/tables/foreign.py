@@ -43,42 +43,27 @@ MOST_PREAMBLE = 60
 
 @dataclass(frozen=True)
 class ForeignColumn:
-    """A column.
-
-    Attributes
-    ----------
-    header : str
-        As it stands in the file.
-    name, unit : str
-        Its parts; the unit may be empty.
-    cells : tuple
-        Text, number, time, or None where blank.
-    """
+    """A column."""
 
     header: str
+    """As it stands in the file."""
     name: str
     unit: str
+    """Its parts; the unit may be empty."""
     cells: tuple[Any, ...]
+    """Text, number, time, or None where blank."""
 
 
 @dataclass(frozen=True)
 class ForeignTable:
-    """A table as it was written.
-
-    Attributes
-    ----------
-    file : str
-    columns : tuple of ForeignColumn
-    places : tuple of str
-        Of each row, such as ``"line 17"``.
-    notes : tuple of str
-        How it was read.
-    """
+    """A table as it was written."""
 
     file: str
     columns: tuple[ForeignColumn, ...]
     places: tuple[str, ...]
+    """Of each row, such as ``"line 17"``."""
     notes: tuple[str, ...]
+    """How it was read."""
 
     def numbers(self, column: ForeignColumn) -> list[float]:
         """Return a column as numbers, NaN where it is blank.

@@ -33,35 +33,23 @@ Answer: TypeAlias = tuple[Sequence[NDArray[Any]], NDArray[np.int64] | None]
 
 @dataclass(frozen=True)
 class Result:
-    """A column that is added.
-
-    Attributes
-    ----------
-    name : str
-        Its name; the unit is added.
-    quantity : {"length", "area", "angle", "rate", "number", "count"} or IntEnum class
-        What it holds: numbers with the table's unit of length or its square, angles in radians, their rates in radians
-        a second, plain numbers, whole ones, or codes that are written as the names of the enumeration in lower case.
-    """
+    """A column that is added."""
 
     name: str
+    """Its name; the unit is added."""
     quantity: Literal["length", "area", "angle", "rate", "number", "count"] | type[IntEnum]
+    """What it holds: numbers with the table's unit of length or its square, angles in radians, their rates in radians a
+    second, plain numbers, whole ones, or codes that are written as the names of the enumeration in lower case."""
 
 
 @dataclass
 class MapSummary:
-    """Counts of a `map_table`.
-
-    Attributes
-    ----------
-    rows : int
-        Rows written.
-    counts : dict
-        Rows with each code of the first status column, by its name in lower case; only those that occur.
-    """
+    """Counts of a `map_table`."""
 
     rows: int = 0
+    """Rows written."""
     counts: dict[str, int] = field(default_factory=dict)
+    """Rows with each code of the first status column, by its name in lower case; only those that occur."""
 
 
 def map_table(

@@ -30,30 +30,20 @@ PAIR_COLUMNS = (
 
 @dataclass(frozen=True)
 class Pairs:
-    """Measured pairs; the arrays of many are in temporary files.
-
-    Attributes
-    ----------
-    rho, rho_prime : ndarray, shape (n, 3)
-        The points before and after, in `unit`.
-    angle : ndarray, shape (n,)
-        The rotations in radians.
-    unit : str
-        The unit of the table's first length column.
-    file : str
-    counted : str
-        What `numbers` are: ``"line"`` of a CSV file, or ``"row"``.
-    numbers : ndarray of int, shape (n,)
-        Of each pair: its line, from 1, or its row, from 0.
-    """
+    """Measured pairs; the arrays of many are in temporary files."""
 
     rho: NDArray[np.float64]
     rho_prime: NDArray[np.float64]
+    """The points before and after, in `unit`, (n, 3)."""
     angle: NDArray[np.float64]
+    """The rotations in radians, (n,)."""
     unit: str
+    """The unit of the table's first length column."""
     file: str
     counted: str
+    """What `numbers` are: ``"line"`` of a CSV file, or ``"row"``."""
     numbers: NDArray[np.int64]
+    """Of each pair: its line, from 1, or its row, from 0, (n,)."""
 
     def places(self, chosen: Sequence[int] | NDArray[np.int_]) -> str:
         """Return the places of some pairs, one at least, such as ``"lines 4 and 9 of pairs.csv"``."""

@@ -38,25 +38,17 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows of one block.
-
-    Attributes
-    ----------
-    values : tuple of ndarray
-        Each wanted column of numbers, float64 and finite: lengths in the unit of the first length column,
-        angles in radians; with `EveryColumn` unconverted.
-    text : tuple of pyarrow.StringArray
-        Each wanted column of text, no cell of it blank, without the blanks around it.
-    numbers : ndarray of int
-        Of each row: its line (CSV, from 1) or its place in the file (Parquet, from 0).
-    batch : pyarrow.RecordBatch
-        Every column of the file, unchanged; see `open_table` for a CSV file.
-    """
+    """The rows of one block."""
 
     values: tuple[NDArray[np.float64], ...]
+    """Each wanted column of numbers, float64 and finite: lengths in the unit of the first length column, angles in
+    radians; with `EveryColumn` unconverted."""
     text: tuple[pa.StringArray, ...]
+    """Each wanted column of text, no cell of it blank, without the blanks around it."""
     numbers: NDArray[np.int64]
+    """Of each row: its line (CSV, from 1) or its place in the file (Parquet, from 0)."""
     batch: pa.RecordBatch
+    """Every column of the file, unchanged; see `open_table` for a CSV file."""
 
 
 @dataclass(frozen=True)

@@ -48,43 +48,29 @@ _OPPOSITE = -0.99
 
 @dataclass(frozen=True)
 class PairFacts:
-    """Facts about the pairs on which statuses and messages depend.
-
-    Attributes
-    ----------
-    count : int
-        Pairs that are used and no outliers.
-    free : bool
-        Whether the point is free.
-    largest_half_sine : float
-        Of the angles.
-    half_turns : bool
-        Whether all angles are half turns.
-    moved, missed : float
-        Root mean square lengths of displacements and of residuals, in the user's unit.
-    displaced : bool
-        Whether the points move by more than twice as much as the residuals, and than rounding.
-    exact : bool
-        Whether the residuals are no more than rounding.
-    arm : float
-        Root mean square distance of the points from their mean, or from the known point.
-    size : float
-        Largest coordinate as given, before any origin was subtracted: its rounding is in every arm.
-    versines : float
-        Σ 2 w (1 - cos χ).
-    """
+    """Facts about the pairs on which statuses and messages depend."""
 
     count: int
+    """Pairs that are used and no outliers."""
     free: bool
+    """Whether the point is free."""
     largest_half_sine: float
+    """Of the angles."""
     half_turns: bool
+    """Whether all angles are half turns."""
     moved: float
     missed: float
+    """Root mean square lengths of displacements and of residuals, in the user's unit."""
     displaced: bool
+    """Whether the points move by more than twice as much as the residuals, and than rounding."""
     exact: bool
+    """Whether the residuals are no more than rounding."""
     arm: float
+    """Root mean square distance of the points from their mean, or from the known point."""
     size: float
+    """Largest coordinate as given, before any origin was subtracted: its rounding is in every arm."""
     versines: float
+    """Σ 2 w (1 - cos χ)."""
 
     @classmethod
     def of(cls, pairs: Pairs, good: NDArray[np.bool_], line: Line) -> PairFacts:

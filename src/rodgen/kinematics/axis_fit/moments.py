@@ -34,28 +34,20 @@ __all__ = ["Moments", "tangents"]
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Sums over weighted pairs; every field may have leading batch axes.
-
-    Attributes
-    ----------
-    A, b : (…, 3, 3) and (…, 3) arrays
-        The quadratic for the point `centre`.
-    M, S : (…, 3) arrays
-    D : (…) array
-        As in the module's docstring, about `centre`.
-    centre : (…, 3) array
-        The known point, or the mean of the points weighted by w κ.
-    free : bool
-        Whether the point is to be found.
-    """
+    """Sums over weighted pairs; every field may have leading batch axes."""
 
     A: Array
     b: Array
+    """The quadratic for the point `centre`, (…, 3, 3) and (…, 3)."""
     M: Array
     S: Array
+    """Shape (…, 3)."""
     D: Array
+    """As in the module's docstring, about `centre`, (…)."""
     centre: Array
+    """The known point, or the mean of the points weighted by w κ, (…, 3)."""
     free: bool
+    """Whether the point is to be found."""
 
     @classmethod
     def of(cls, rho: Array, rho_prime: Array, angle: Array, weight: Array, point: Array | None) -> Moments:

@@ -17,35 +17,24 @@ __all__ = ["Noise"]
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Noise and outliers at a solution.
-
-    Attributes
-    ----------
-    variance : float
-        Of a coordinate at weight 1, scaled lengths; NaN where unknown.
-    sigma : float
-        Standard uncertainty in the user's unit; NaN where unknown.
-    squares : (N,) array
-        w |d|²/2 of the residuals.
-    unit : float
-        What `squares` are compared with: the variance or that of rounding, infinite where unknown.
-    used, outliers, good : (N,) bool arrays
-        Pairs with a weight, those too far off, and the others.
-    dof : int
-        Degrees of freedom of the good pairs.
-    chi_square : float or None
-        Of the good pairs, where sigma was given.
-    """
+    """Noise and outliers at a solution."""
 
     variance: float
+    """Of a coordinate at weight 1, scaled lengths; NaN where unknown."""
     sigma: float
+    """Standard uncertainty in the user's unit; NaN where unknown."""
     squares: Array
+    """w |d|²/2 of the residuals, (N,)."""
     unit: float
+    """What `squares` are compared with: the variance or that of rounding, infinite where unknown."""
     used: NDArray[np.bool_]
     outliers: NDArray[np.bool_]
     good: NDArray[np.bool_]
+    """Pairs with a weight, those too far off, and the others, (N,)."""
     dof: int
+    """Degrees of freedom of the good pairs."""
     chi_square: float | None
+    """Of the good pairs, where sigma was given."""
 
     @classmethod
     def of(cls, pairs: Pairs, loss: Loss, squares: Array) -> Noise:

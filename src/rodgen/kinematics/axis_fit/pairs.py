@@ -33,41 +33,29 @@ class Pairs:
     """Pairs in scaled lengths: true length = `origin` + `scale` · length here.
 
     The arrays of many pairs are in temporary files, and all sums go over them a block at a time.
-
-    Attributes
-    ----------
-    rho, rho_prime : (N, 3) arrays
-    angle : (N,) array
-        All zero where no pair turns by more than rounding.
-    weight : (N,) array
-        Relative inverse variances, at most 1; 0 for pairs that are left out.
-    point : (3,) array or None
-        The known point (then the origin), or None where it is free.
-    variance : float or None
-        Variance of a coordinate of a reading of weight 1, where sigma was given.
-    sigma : float
-        Root mean square of the sigma given, in the user's unit; NaN where none was.
-    unit_weight : float
-        Weight here of a pair to which the user gave weight 1.
-    scale : float
-        A power of two.
-    origin : (3,) array
-        In the user's unit.
-    size : float
-        Largest coordinate before the origin was subtracted, scaled.
     """
 
     rho: Array
     rho_prime: Array
+    """Shape (N, 3)."""
     angle: Array
+    """All zero where no pair turns by more than rounding, (N,)."""
     weight: Array
+    """Relative inverse variances, at most 1; 0 for pairs that are left out, (N,)."""
     point: Array | None
+    """The known point (then the origin), or None where it is free, (3,)."""
     variance: float | None
+    """Variance of a coordinate of a reading of weight 1, where sigma was given."""
     sigma: float
+    """Root mean square of the sigma given, in the user's unit; NaN where none was."""
     unit_weight: float
+    """Weight here of a pair to which the user gave weight 1."""
     scale: float
+    """A power of two."""
     origin: Array
+    """In the user's unit, (3,)."""
     size: float
+    """Largest coordinate before the origin was subtracted, scaled."""
 
     @property
     def rounding(self) -> float:

@@ -25,24 +25,16 @@ SEQUENCES = ("XYX", "XYZ", "XZX", "XZY", "YXY", "YXZ", "YZX", "YZY", "ZXY", "ZXZ
 
 
 class Sequence(NamedTuple):
-    """A sequence as its base sequence, Z-Y-X or Z-Y-Z, with renamed axes.
-
-    Attributes
-    ----------
-    like : str
-        The base sequence, ``"zyx"`` or ``"zyz"``.
-    sign : int
-        Of the angles of the base sequence, -1 where the renaming is a reflection.
-    axes : tuple of int
-        Names here of x, y and z of the base sequence: 0, 1, 2 for x, y, z.
-    backwards : bool
-        Whether the angles come backwards, as extrinsic ones do.
-    """
+    """A sequence as its base sequence, Z-Y-X or Z-Y-Z, with renamed axes."""
 
     like: str
+    """The base sequence, ``"zyx"`` or ``"zyz"``."""
     sign: int
+    """Of the angles of the base sequence, -1 where the renaming is a reflection."""
     axes: tuple[int, int, int]
+    """Names here of x, y and z of the base sequence: 0, 1, 2 for x, y, z."""
     backwards: bool
+    """Whether the angles come backwards, as extrinsic ones do."""
 
     def angles(self, angles: ArrayLike) -> NDArray[Any]:
         """Return the angles, or rates, of the base sequence from those of this one; the inverse is the same."""

@@ -35,27 +35,18 @@ class Functions(Protocol):
 
 @dataclass(frozen=True)
 class Extremes:
-    """Certified bounds of the least and the greatest values of m functions over a box.
-
-    Attributes
-    ----------
-    outer : ndarray, shape (m, 2)
-        No value is below the first or above the second.
-    inner : ndarray, shape (m, 2)
-        Values that are reached: the least is at most the first, the greatest at least the second.
-    points : ndarray, shape (m, 2, 3)
-        Where.
-    boxes : int
-        How many boxes were looked at.
-    complete : bool
-        Whether the wanted gap was reached everywhere.
-    """
+    """Certified bounds of the least and the greatest values of m functions over a box."""
 
     outer: Array
+    """No value is below the first or above the second, (m, 2)."""
     inner: Array
+    """Values that are reached: the least is at most the first, the greatest at least the second, (m, 2)."""
     points: Array
+    """Where, (m, 2, 3)."""
     boxes: int
+    """How many boxes were looked at."""
     complete: bool
+    """Whether the wanted gap was reached everywhere."""
 
 
 def certified_extremes(

@@ -22,18 +22,12 @@ _ROOT = float(np.sqrt(3.0))
 
 
 class Enclosed(NamedTuple):
-    """Enclosures over n boxes, of `enclose`.
-
-    Attributes
-    ----------
-    A : Jet (3, 5, n)
-        The sensitivities.
-    rods : Jet (3, n)
-        A0, A1, A-1.
-    """
+    """Enclosures over n boxes, of `enclose`."""
 
     A: Jet
+    """The sensitivities, (3, 5, n)."""
     rods: Jet
+    """A0, A1, A-1, (3, n)."""
 
 
 def _constant(value: float, like: Jet) -> Jet:

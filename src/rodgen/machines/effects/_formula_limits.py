@@ -43,27 +43,18 @@ _ZERO = 1e-15  # what is this small has been rounded: sin(pi) in floating point 
 
 @dataclass(frozen=True)
 class _Size:
-    """Bounds on the cost of an evaluation.
-
-    Attributes
-    ----------
-    value : Fraction or float or None
-        Of a constant: exact, or rounded where a function or a root is in it. None for what varies.
-    degree : float
-        As a polynomial, of what varies.
-    reach : float
-        Largest numerator or denominator that it could come to if everything with a name canceled.
-    roots : float
-        Product of the roots that are taken of numbers in it.
-    logarithm : bool
-        Whether there is one in it: the exponential of a logarithm is a power.
-    """
+    """Bounds on the cost of an evaluation."""
 
     value: Fraction | float | None
+    """Of a constant: exact, or rounded where a function or a root is in it. None for what varies."""
     degree: float = 0.0
+    """As a polynomial, of what varies."""
     reach: float = 1.0
+    """Largest numerator or denominator that it could come to if everything with a name canceled."""
     roots: float = 1.0
+    """Product of the roots that are taken of numbers in it."""
     logarithm: bool = False
+    """Whether there is one in it: the exponential of a logarithm is a power."""
 
 
 def check_limits(node: ast.expr) -> None:

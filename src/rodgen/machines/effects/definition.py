@@ -73,79 +73,55 @@ class StartSearch(Enum):
 
 @dataclass(frozen=True)
 class EffectDefinition:
-    """An effect, of the catalogue or of a user.
-
-    Attributes
-    ----------
-    name : str
-    at : frozenset of str
-        Where it may stand: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"machine"``, ``"target"``.
-    component : str
-        What it changes, one of :data:`COMPONENTS`.
-    formula : Formula
-        By how much. In the catalogue a formula may be a vector, and has more names than users' formulas:
-        U V N (unit vectors that complete the axis, the axis), EX EY EZ (machine axes), M M_perp M_across M_guide
-        (moments of a unit force along gravity), bend (N × gravity), fork (the part along N of n × gravity, n the
-        axis before, upwards), zeta (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials of 2 zeta - 1),
-        L (length of the travel), q_before (coordinate of the joint before), tan_zenith, sin_zenith, read_x, read_y,
-        read_z (components of the reading), leg_tension (force in the leg, tension positive, per unit load along gravity
-        at the target).
-    parameters : mapping of str to str
-        Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
-        directions are measured, and ``{move}`` that too, or arcsec where directions are measured.
-    meaning, usual_size, remedy, source : str
-        The physical cause and how it shows; its usual size; what to do about it; the reference.
-    iso : str
-        Symbols of ISO 230, where there are any.
-    tpoint : mapping of str to str
-        TPOINT's terms, each with what it is: ``{"TF": "a"}``. Signs are those of a mount whose azimuth turns about -z
-        and elevation about x, or whose hour angle turns about -z and declination about -y.
-    slope : Formula or None
-        A second formula: the slope of a sag, the rotation vector of a frame shift.
-    searched : mapping of str to StartSearch
-        Parameters whose start comes from a search.
-    given_by_joint : mapping of str to str
-        Parameters that a key of the joint's block may give, such as ``period``.
-    per_run : bool
-        Whether each set-up of the measurements has parameters of its own.
-    own : bool
-        Whether a user wrote it.
-    others : tuple of (str, Formula)
-        Of a user's effect that changes several components: the further ones, each with its formula.
-    later_joints : bool
-        Whether the weights of what the joint carries add parameters, angles over lengths; see :meth:`weights`.
-    of_directions : bool
-        Whether it is seen where directions are measured, only.
-    of_drive : bool
-        Whether the drive of a joint causes it, so that a passive joint has none.
-    directions : EffectDefinition or None
-        The same effect where directions are measured, if its parameters differ there; see :meth:`for_measurand`.
-    poses : EffectDefinition or None
-        The same where poses are.
-    """
+    """An effect, of the catalogue or of a user."""
 
     name: str
     at: frozenset[str]
+    """Where it may stand: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"machine"``, ``"target"``."""
     component: str
+    """What it changes, one of :data:`COMPONENTS`."""
     formula: Formula
+    """By how much. In the catalogue a formula may be a vector, and has more names than users' formulas: U V N (unit
+    vectors that complete the axis, the axis), EX EY EZ (machine axes), M M_perp M_across M_guide (moments of a unit
+    force along gravity), bend (N × gravity), fork (the part along N of n × gravity, n the axis before, upwards), zeta
+    (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials of 2 zeta - 1), L (length of the travel), q_before
+    (coordinate of the joint before), tan_zenith, sin_zenith, read_x, read_y, read_z (components of the reading),
+    leg_tension (force in the leg, tension positive, per unit load along gravity at the target)."""
     parameters: Mapping[str, str] = field(hash=False)
+    """Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
+    directions are measured, and ``{move}`` that too, or arcsec where directions are measured."""
     meaning: str = ""
     usual_size: str = ""
     remedy: str = ""
     source: str = ""
+    """The physical cause and how it shows; its usual size; what to do about it; the reference."""
     iso: str = ""
+    """Symbols of ISO 230, where there are any."""
     tpoint: Mapping[str, str] = field(default_factory=dict, hash=False)
+    """TPOINT's terms, each with what it is: ``{"TF": "a"}``. Signs are those of a mount whose azimuth turns about -z
+    and elevation about x, or whose hour angle turns about -z and declination about -y."""
     slope: Formula | None = None
+    """A second formula: the slope of a sag, the rotation vector of a frame shift."""
     searched: Mapping[str, StartSearch] = field(default_factory=dict, hash=False)
+    """Parameters whose start comes from a search."""
     given_by_joint: Mapping[str, str] = field(default_factory=dict, hash=False)
+    """Parameters that a key of the joint's block may give, such as ``period``."""
     per_run: bool = False
+    """Whether each set-up of the measurements has parameters of its own."""
     own: bool = False
+    """Whether a user wrote it."""
     others: tuple[tuple[str, Formula], ...] = ()
+    """Of a user's effect that changes several components: the further ones, each with its formula."""
     later_joints: bool = False
+    """Whether the weights of what the joint carries add parameters, angles over lengths; see :meth:`weights`."""
     of_directions: bool = False
+    """Whether it is seen where directions are measured, only."""
     of_drive: bool = False
+    """Whether the drive of a joint causes it, so that a passive joint has none."""
     directions: EffectDefinition | None = None
+    """The same effect where directions are measured, if its parameters differ there; see :meth:`for_measurand`."""
     poses: EffectDefinition | None = None
+    """The same where poses are."""
 
     @property
     def formulas(self) -> tuple[Formula, ...]:

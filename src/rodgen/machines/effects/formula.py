@@ -30,11 +30,6 @@ FUNCTION_NAMES = frozenset(FUNCTIONS)
 class Formula:
     """A formula; two are equal when their trees are.
 
-    Attributes
-    ----------
-    text : str
-        Written from its tree; it parses to an equal formula. Made by :meth:`parse`.
-
     Examples
     --------
     >>> import math
@@ -46,6 +41,7 @@ class Formula:
     """
 
     text: str
+    """Written from its tree; it parses to an equal formula. Made by :meth:`parse`."""
 
     @classmethod
     def parse(cls, text: str, *, file: str | os.PathLike[str], place: str) -> Formula:

@@ -40,37 +40,24 @@ BALANCED = frozenset({"gravity_windup"})
 
 
 class Size(NamedTuple):
-    """The sizes that a parameter may have, internal units.
-
-    Attributes
-    ----------
-    usual : float
-        Half of the machines that have the effect have more.
-    largest : float
-        That no machine exceeds.
-    positive : bool
-        Whether physics says that it is positive.
-    """
+    """The sizes that a parameter may have, internal units."""
 
     usual: float
+    """Half of the machines that have the effect have more."""
     largest: float
+    """That no machine exceeds."""
     positive: bool = False
+    """Whether physics says that it is positive."""
 
 
 @dataclass(frozen=True)
 class Plausibility:
-    """What is known of an effect at its place before any data.
-
-    Attributes
-    ----------
-    log_odds : float
-        Natural logarithm of its odds, compared with the commonest effects; -inf where it cannot be.
-    sizes : mapping of str to Size
-        By parameter.
-    """
+    """What is known of an effect at its place before any data."""
 
     log_odds: float = 0.0
+    """Natural logarithm of its odds, compared with the commonest effects; -inf where it cannot be."""
     sizes: Mapping[str, Size] = field(default_factory=dict, hash=False)
+    """By parameter."""
 
     @property
     def of_any_sign(self) -> Plausibility:

@@ -22,25 +22,16 @@ _ALONG, _ABOUT = "XYZ", "ABC"
 
 @dataclass(frozen=True)
 class Symbol:
-    """What a name of another system is in the catalogue.
-
-    Attributes
-    ----------
-    name : str
-    system : str
-        ``"TPOINT"`` or ``"ISO 230"``.
-    definition : EffectDefinition
-    relation : str
-        What it is of the effect's parameters, and where: ``"-a at the azimuth axis"``.
-    joint : str or None
-        The joint, where the name says it.
-    """
+    """What a name of another system is in the catalogue."""
 
     name: str
     system: str
+    """``"TPOINT"`` or ``"ISO 230"``."""
     definition: EffectDefinition
     relation: str
+    """What it is of the effect's parameters, and where: ``"-a at the azimuth axis"``."""
     joint: str | None = None
+    """The joint, where the name says it."""
 
     def __str__(self) -> str:
         return f"{self.name} of {self.system} is {self.relation} of {self.definition.name}."

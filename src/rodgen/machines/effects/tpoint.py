@@ -27,23 +27,15 @@ _OLD_HARMONIC = re.compile(r"(?P<result>[HDX])(?P<times>[1-9])(?P<of>[HD])(?P<fu
 
 @dataclass(frozen=True)
 class OwnTerm:
-    """A term of TPOINT as an effect of one's own.
-
-    Attributes
-    ----------
-    name : str
-    meaning : str
-        What it stands for.
-    joint : str or None
-        Where; None for the whole machine.
-    formulas : tuple of (str, str)
-        Each component with its formula of the parameter a.
-    """
+    """A term of TPOINT as an effect of one's own."""
 
     name: str
     meaning: str
+    """What it stands for."""
     joint: str | None
+    """Where; None for the whole machine."""
     formulas: tuple[tuple[str, str], ...]
+    """Each component with its formula of the parameter a."""
 
     @property
     def block(self) -> str:

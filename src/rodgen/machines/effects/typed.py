@@ -26,20 +26,13 @@ _EFFECT = re.compile(r"\s*(\w+)\s*(?:\[([^\[\]]*)\])?\s*(?:@\s*([^:@]*?)\s*)?(?:
 
 @dataclass(frozen=True)
 class TypedEffect:
-    """What was typed.
-
-    Attributes
-    ----------
-    name : str
-    place, run : str or None
-    numbers : mapping of str to str
-        Parameters with their numbers, as text.
-    """
+    """What was typed."""
 
     name: str
     place: str | None
     run: str | None
     numbers: Mapping[str, str]
+    """Parameters with their numbers, as text."""
 
 
 def typed_effect(text: str) -> TypedEffect:

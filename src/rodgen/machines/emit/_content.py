@@ -82,79 +82,50 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a row: a number, or an array.
-
-    Attributes
-    ----------
-    name : str
-    length : int
-        0 for a number.
-    doc : str
-    used : tuple of (str, int)
-        Input of a kernel, and where it stands in the field.
-    """
+    """A field of a row: a number, or an array."""
 
     name: str
     length: int
+    """0 for a number."""
     doc: str
     used: tuple[tuple[str, int], ...]
+    """Input of a kernel, and where it stands in the field."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A point at which the emitted code is tested.
-
-    Attributes
-    ----------
-    q : tuple of float
-    columns : dict of str to float
-        Values of the kernels' further inputs.
-    target : int
-    place, ideal : tuple of float
-        Where the machine is, fitted and nominal: computed with fifty digits.
-    """
+    """A point at which the emitted code is tested."""
 
     q: tuple[float, ...]
     columns: dict[str, float]
+    """Values of the kernels' further inputs."""
     target: int
     place: tuple[float, ...]
     ideal: tuple[float, ...]
+    """Where the machine is, fitted and nominal: computed with fifty digits."""
 
 
 @dataclass(frozen=True)
 class Content:
-    """The content of the files.
-
-    Attributes
-    ----------
-    name : str
-        Of the files, and prefix of what is in them.
-    machine : Machine
-        As it was given.
-    scope : Scope
-    fitted, ideal : MachineKernels
-    aim, step : Kernel
-    fields : tuple of Field
-        Of a row, without ``q``.
-    lowest, highest, weight : tuple of float
-        End of the travel of each joint, infinite where there is none; how freely it moves in a compensation.
-    size : float
-        Of the numbers that a place is made of.
-    samples : tuple of Sample
-    """
+    """The content of the files."""
 
     name: str
+    """Of the files, and prefix of what is in them."""
     machine: Machine
+    """As it was given."""
     scope: Scope
     fitted: MachineKernels
     ideal: MachineKernels
     aim: Kernel
     step: Kernel
     fields: tuple[Field, ...]
+    """Of a row, without ``q``."""
     lowest: tuple[float, ...]
     highest: tuple[float, ...]
     weight: tuple[float, ...]
+    """End of the travel of each joint, infinite where there is none; how freely it moves in a compensation."""
     size: float
+    """Of the numbers that a place is made of."""
     samples: tuple[Sample, ...]
 
     @property

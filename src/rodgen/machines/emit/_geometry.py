@@ -32,18 +32,12 @@ CONSTANT = {"axis_tilt", "squareness", "axis_offset", "zero_offset", "target_off
 
 @dataclass(frozen=True)
 class Geometry:
-    """A machine without effects, and what it lacks of the fitted one.
-
-    Attributes
-    ----------
-    machine : Machine
-        A chain: of two branches that from the body of the instrument to the targets.
-    left_out : tuple of str
-        A sentence for each part of the model that is not in it.
-    """
+    """A machine without effects, and what it lacks of the fitted one."""
 
     machine: Machine
+    """A chain: of two branches that from the body of the instrument to the targets."""
     left_out: tuple[str, ...]
+    """A sentence for each part of the model that is not in it."""
 
 
 def geometry_of(machine: Machine, travel: Any = None) -> Geometry:

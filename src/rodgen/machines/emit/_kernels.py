@@ -56,48 +56,31 @@ joints and many effects, 1.6 of them with 6."""
 
 @dataclass(frozen=True)
 class Constant:
-    """A number of the machine that the emitted code names.
-
-    Attributes
-    ----------
-    name : str
-        Identifier in the code, made of fixed words and numbers.
-    value : float
-    of : tuple of (str, int, str)
-        What it is: part of the geometry or ``"effect"``, number of the joint or term, component or parameter.
-    """
+    """A number of the machine that the emitted code names."""
 
     name: str
+    """Identifier in the code, made of fixed words and numbers."""
     value: float
     of: tuple[str, int, str]
+    """What it is: part of the geometry or ``"effect"``, number of the joint or term, component or parameter."""
 
 
 @dataclass(frozen=True)
 class MachineKernels:
-    """Forward kernels of a machine, with its numbers.
-
-    Attributes
-    ----------
-    forward : Kernel
-        Inputs: ``q``, ``start`` of a closed chain, the columns (``s0``, ``t``, ...), ``seen`` where targets differ, the
-        constants. Its derivative does not run through ``start``, on which a solved pose does not depend.
-    pose : Kernel or None
-        What finds ``start`` of ``q`` and the constants.
-    columns : tuple of (str, (str, int or str))
-        Names of the inputs that differ from row to row, other than ``q``, and the column of each.
-    constants : tuple of Constant
-    seen : ndarray, shape (targets, n)
-        The input ``seen`` of each target.
-    seen_of : tuple of str
-        What its components are.
-    """
+    """Forward kernels of a machine, with its numbers."""
 
     forward: Kernel
+    """Inputs: ``q``, ``start`` of a closed chain, the columns (``s0``, ``t``, ...), ``seen`` where targets differ, the
+    constants. Its derivative does not run through ``start``, on which a solved pose does not depend."""
     pose: Kernel | None
+    """What finds ``start`` of ``q`` and the constants."""
     columns: tuple[tuple[str, tuple[str, int | str]], ...]
+    """Names of the inputs that differ from row to row, other than ``q``, and the column of each."""
     constants: tuple[Constant, ...]
     seen: Array
+    """The input ``seen`` of each target, (targets, n)."""
     seen_of: tuple[str, ...]
+    """What its components are."""
 
     @cached_property
     def place(self) -> Kernel:

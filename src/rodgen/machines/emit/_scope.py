@@ -22,21 +22,14 @@ __all__ = ["Scope", "scope_of"]
 
 @dataclass(frozen=True)
 class Scope:
-    """The part of a model that is emitted.
-
-    Attributes
-    ----------
-    machine : Machine
-        In machine axes, with the effects that are its own.
-    model : Model
-        Of this machine.
-    left_out : tuple of (str, str)
-        Parts of the fitted model that are not emitted, and why.
-    """
+    """The part of a model that is emitted."""
 
     machine: Machine
+    """In machine axes, with the effects that are its own."""
     model: Model
+    """Of this machine."""
     left_out: tuple[tuple[str, str], ...]
+    """Parts of the fitted model that are not emitted, and why."""
 
 
 def scope_of(machine: Machine, travel: Any = None) -> Scope:

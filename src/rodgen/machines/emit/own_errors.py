@@ -29,31 +29,20 @@ NAMES = {"A": "x", "B": "y", "C": "z", "X": "x", "Y": "y", "Z": "z"}
 
 @dataclass(frozen=True)
 class LocationError:
-    """An error of the position or the orientation of an axis, which is constant over its travel.
-
-    Attributes
-    ----------
-    symbol : str
-        Of ISO 230-1 and ISO 230-7, such as ``"EA0C"``: the tilt of C about x.
-    joint : str
-    meaning : str
-    value : float
-        Real less nominal, in `unit`.
-    u : float
-        Expanded uncertainty, k = 2; 0 where it is not estimated.
-    unit : str
-        ``"um"`` or ``"arcsec"``.
-    by_choice : bool
-        Whether the value rests on a choice among geometries that the data cannot distinguish.
-    """
+    """An error of the position or the orientation of an axis, which is constant over its travel."""
 
     symbol: str
+    """Of ISO 230-1 and ISO 230-7, such as ``"EA0C"``: the tilt of C about x."""
     joint: str
     meaning: str
     value: float
+    """Real less nominal, in `unit`."""
     u: float
+    """Expanded uncertainty, k = 2; 0 where it is not estimated."""
     unit: str
+    """``"um"`` or ``"arcsec"``."""
     by_choice: bool
+    """Whether the value rests on a choice among geometries that the data cannot distinguish."""
 
 
 def location_errors(

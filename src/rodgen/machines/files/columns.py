@@ -21,23 +21,15 @@ EXAMPLE = '"-A_axis [deg] + 90"'
 
 @dataclass(frozen=True)
 class ColumnSource:
-    """Where a column of measurements comes from: sign times theirs, and an offset.
-
-    Attributes
-    ----------
-    name : str
-        Of their column, without its unit.
-    unit : str
-        Where theirs has none, or another; empty: as it says itself.
-    sign : float
-    offset : float
-        In that unit.
-    """
+    """Where a column of measurements comes from: sign times theirs, and an offset."""
 
     name: str
+    """Of their column, without its unit."""
     unit: str = ""
+    """Where theirs has none, or another; empty: as it says itself."""
     sign: float = 1.0
     offset: float = 0.0
+    """In that unit."""
 
 
 def column_source(text: str) -> ColumnSource:

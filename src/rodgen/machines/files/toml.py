@@ -114,18 +114,12 @@ class UnfitError(Exception):
 
 @dataclass(frozen=True)
 class Kind(Generic[_T]):
-    """What a key may hold.
-
-    Attributes
-    ----------
-    expected : str
-        For the error message.
-    read : callable
-        From the value as TOML has it; raises `UnfitError`.
-    """
+    """What a key may hold."""
 
     expected: str
+    """For the error message."""
     read: Callable[[Any], _T]
+    """From the value as TOML has it; raises `UnfitError`."""
 
     def then(self, step: Callable[[_T], Any], expected: str | None = None) -> Kind[Any]:
         """Return this kind with one more step after reading."""

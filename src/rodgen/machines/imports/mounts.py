@@ -21,26 +21,17 @@ __all__ = ["ALTAZ", "EQUATORIAL", "MOUNTS", "Mount"]
 
 @dataclass(frozen=True)
 class Mount:
-    """A mount with two axes.
-
-    Attributes
-    ----------
-    name, words : str
-    joints : tuple of str
-        The axis that stands on the ground first.
-    axes : tuple of tuple of float
-    boresight : tuple of float
-        With both axes at zero.
-    frame : str
-        What x, y and z are.
-    """
+    """A mount with two axes."""
 
     name: str
     words: str
     joints: tuple[str, str]
+    """The axis that stands on the ground first."""
     axes: tuple[Vector, Vector]
     boresight: Vector
+    """With both axes at zero."""
     frame: str
+    """What x, y and z are."""
 
     def gravity(self, latitude: float) -> Vector:
         """Return the direction of gravity at a latitude, rad."""

@@ -54,61 +54,39 @@ _DIURNAL = 1.5497e-6
 
 @dataclass(frozen=True)
 class Site:
-    """What a pointing run says of the place and the air.
-
-    Attributes
-    ----------
-    latitude : float
-        rad.
-    date : tuple of int
-        Year, month and day.
-    temperature : float or None
-        Degrees Celsius.
-    pressure : float or None
-        hPa.
-    height : float or None
-        m.
-    humidity : float
-        From 0 to 1.
-    wavelength : float
-        µm.
-    """
+    """What a pointing run says of the place and the air."""
 
     latitude: float
+    """rad."""
     date: tuple[int, int, int]
+    """Year, month and day."""
     temperature: float | None = None
+    """Degrees Celsius."""
     pressure: float | None = None
+    """hPa."""
     height: float | None = None
+    """m."""
     humidity: float = 0.5
+    """From 0 to 1."""
     wavelength: float = 0.55
+    """µm."""
 
 
 @dataclass(frozen=True)
 class Pointings:
-    """A pointing run.
-
-    Attributes
-    ----------
-    caption : str
-    mount : Mount
-    site : Site or None
-    commanded : ndarray (n, 2)
-        Of the mount's axes, rad.
-    seen : ndarray (n, 3)
-        Unit vectors of the stars, in the mount's frame.
-    time : ndarray (n,) or None
-        Seconds from the first observation, by the sidereal times.
-    auxiliary : ndarray (n, m)
-    notes : tuple of str
-    """
+    """A pointing run."""
 
     caption: str
     mount: Mount
     site: Site | None
     commanded: Array
+    """Of the mount's axes, rad, (n, 2)."""
     seen: Array
+    """Unit vectors of the stars, in the mount's frame, (n, 3)."""
     time: Array | None
+    """Seconds from the first observation, by the sidereal times, (n,)."""
     auxiliary: Array
+    """Shape (n, m)."""
     notes: tuple[str, ...]
 
 

@@ -57,20 +57,13 @@ _SUMS = {"NRX": {"ECES": 1.0, "IA": 1.0}, "NRY": {"ECEC": 1.0, "NPAE": -1.0}}
 
 @dataclass(frozen=True)
 class TpointModel:
-    """A model of TPOINT.
-
-    Attributes
-    ----------
-    caption : str
-    terms : dict of str to float
-        Values in arcsec.
-    lines : dict of str to int
-        Where each term stands.
-    """
+    """A model of TPOINT."""
 
     caption: str
     terms: dict[str, float]
+    """Values in arcsec."""
     lines: dict[str, int]
+    """Where each term stands."""
 
     @property
     def mount(self) -> Mount | None:

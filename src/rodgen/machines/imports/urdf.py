@@ -83,32 +83,23 @@ def machine_from_urdf(
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint as it stands in the file: metres and radians, in the frame of its parent.
-
-    Attributes
-    ----------
-    name, type, parent, child : str
-    turn : ndarray (3, 3)
-    origin : ndarray (3,)
-    axis : ndarray (3,)
-        A unit vector in its own frame.
-    travel : tuple of (float, float) or None
-    mimic : tuple of (str, float, float) or None
-        The joint that it follows, with the factor and the offset; None where it follows none.
-    near : str
-        Angles of its origin that are written as nearly a multiple of 15 deg, and taken as that.
-    """
+    """A joint as it stands in the file: metres and radians, in the frame of its parent."""
 
     name: str
     type: str
     parent: str
     child: str
     turn: Array
+    """Shape (3, 3)."""
     origin: Array
+    """Shape (3,)."""
     axis: Array
+    """A unit vector in its own frame, (3,)."""
     travel: tuple[float, float] | None
     mimic: tuple[str, float, float] | None
+    """The joint that it follows, with the factor and the offset; None where it follows none."""
     near: str = ""
+    """Angles of its origin that are written as nearly a multiple of 15 deg, and taken as that."""
 
 
 def _root(file: str) -> ElementTree.Element:

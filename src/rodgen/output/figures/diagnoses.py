@@ -184,21 +184,14 @@ def _measured(diagnosis: Diagnosis, rows: DrawnRows) -> str:
 
 @dataclass(frozen=True)
 class Against:
-    """A driver that residuals are drawn against.
-
-    Attributes
-    ----------
-    driver : Driver
-        Of the rows that are drawn.
-    joint : int or None
-        The joint whose reading is wrong, where an effect says so.
-    approach : ndarray of int, shape (n,), or None
-        Direction of approach, where the effect depends on it.
-    """
+    """A driver that residuals are drawn against."""
 
     driver: Driver
+    """Of the rows that are drawn."""
     joint: int | None = None
+    """The joint whose reading is wrong, where an effect says so."""
     approach: NDArray[np.int8] | None = None
+    """Direction of approach, where the effect depends on it, (n,)."""
 
 
 def drivers(diagnosis: Diagnosis, rows: DrawnRows, most: int = 2) -> list[Against]:

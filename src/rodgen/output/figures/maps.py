@@ -128,20 +128,13 @@ def map_of(
 
 @dataclass(frozen=True)
 class Marks:
-    """What belongs to the rows of a map.
-
-    Attributes
-    ----------
-    hover : sequence of str
-    row : ndarray of int, shape (n,)
-        Their numbers.
-    chosen : ndarray of bool, shape (n,)
-        Which are selected.
-    """
+    """What belongs to the rows of a map."""
 
     hover: Sequence[str]
     row: Index
+    """Their numbers, (n,)."""
     chosen: NDArray[np.bool_]
+    """Which are selected, (n,)."""
 
 
 def in_machine_axes(fit: FittedModel, residuals: Array) -> Array:

@@ -146,21 +146,14 @@ def residual_plot(
 
 @dataclass(frozen=True)
 class ResidualPanel:
-    """What one panel shows.
-
-    Attributes
-    ----------
-    title, unit : str
-    values : tuple of ndarray, shape (chosen,)
-        Before and after, or of the one model.
-    size : bool
-        Whether values are sizes, never negative.
-    """
+    """What one panel shows."""
 
     title: str
     unit: str
     values: tuple[Array, ...]
+    """Before and after, or of the one model, (chosen,)."""
     size: bool = False
+    """Whether values are sizes, never negative."""
 
     @property
     def heading(self) -> str:

@@ -121,24 +121,16 @@ _LAYOUT: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes in a column.
-
-    Attributes
-    ----------
-    title : str
-        Above it, at the left: what its y axis shows, with the unit.
-    height : int
-        In pixels.
-    x : str
-        What its x axis shows; empty where the next panel below says so for both.
-    equal : bool
-        Whether a unit is as long along both axes.
-    """
+    """One pair of axes in a column."""
 
     title: str
+    """Above it, at the left: what its y axis shows, with the unit."""
     height: int
+    """In pixels."""
     x: str = ""
+    """What its x axis shows; empty where the next panel below says so for both."""
     equal: bool = False
+    """Whether a unit is as long along both axes."""
 
 
 def column(panels: Sequence[Panel], *, legend: bool = True, width: int = 760) -> go.Figure:

@@ -144,29 +144,20 @@ def _origin(driver: Driver) -> float:
 
 @dataclass(frozen=True)
 class Factor:
-    """A family of functions of one driver, whose coefficients are estimated.
-
-    Attributes
-    ----------
-    driver : int
-        Its number.
-    kind : str
-        ``power`` (order: the exponent), ``series`` (all powers up to the order), ``polynomial`` (with a constant; in
-        products), ``harmonic`` (sine and cosine of so many times the angle), ``wave`` (of any angular frequency),
-        ``step``, ``kink``, ``bump``, ``decay``, ``sign``, ``abs``, ``signed`` (x·|x|).
-    order : int
-    values : tuple of float
-        What was searched for, internal units: the frequency of a wave; the place of a step or a kink; place and width
-        of a bump; the time constant of a decay.
-    origin : float
-        From where a decay counts the time, and a power counts a column that is never near zero.
-    """
+    """A family of functions of one driver, whose coefficients are estimated."""
 
     driver: int
+    """Its number."""
     kind: str
+    """``power`` (order: the exponent), ``series`` (all powers up to the order), ``polynomial`` (with a constant; in
+    products), ``harmonic`` (sine and cosine of so many times the angle), ``wave`` (of any angular frequency), ``step``,
+    ``kink``, ``bump``, ``decay``, ``sign``, ``abs``, ``signed`` (x·|x|)."""
     order: int = 1
     values: tuple[float, ...] = ()
+    """What was searched for, internal units: the frequency of a wave; the place of a step or a kink; place and width of
+    a bump; the time constant of a decay."""
     origin: float = 0.0
+    """From where a decay counts the time, and a power counts a column that is never near zero."""
 
     @property
     def count(self) -> int:
@@ -277,17 +268,11 @@ def written(value: float) -> str:
 
 @dataclass(frozen=True)
 class Term:
-    """A product of factors: every function of one times every function of the others.
-
-    Attributes
-    ----------
-    factors : tuple of Factor
-    at : str or None
-        The joint where alone it can stand, because a formula has no word for one of its drivers elsewhere.
-    """
+    """A product of factors: every function of one times every function of the others."""
 
     factors: tuple[Factor, ...]
     at: str | None = None
+    """The joint where alone it can stand, because a formula has no word for one of its drivers elsewhere."""
 
     @cached_property
     def count(self) -> int:

@@ -17,51 +17,34 @@ __all__ = ["Form"]
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """A form of what no effect of the catalogue explains.
-
-    Attributes
-    ----------
-    place : str or None
-        The joint; None for the whole machine.
-    component : str
-        ``reading``, or one of ``tx ty tz rx ry rz``.
-    driver : str
-        The joint or column that it follows; several with "and" between them.
-    formula : str
-    parameters : mapping of str to (float, str)
-        Values with units, of what was searched for too.
-    log10_p : float
-        Logarithm of the probability that chance does as much for any of the terms tried.
-    explains : float
-        Part of the whitened sum of squares that it takes away.
-    columns : ndarray, shape (n, m, k)
-        Derivatives of the weighted residuals with respect to its coefficients.
-    units : mapping of str to str
-        Of all parameters.
-    hold : mapping of str to float
-        What was searched for and has a unit, internal units: it is not estimated by a fit.
-    name : str
-        Of the effect.
-    in_catalogue : bool
-        Whether an effect of the catalogue has the same form.
-    terms, searched : int
-        Number of its terms, and of the values that were searched for.
-    """
+    """A form of what no effect of the catalogue explains."""
 
     place: str | None
+    """The joint; None for the whole machine."""
     component: str
+    """``reading``, or one of ``tx ty tz rx ry rz``."""
     driver: str
+    """The joint or column that it follows; several with "and" between them."""
     formula: str
     parameters: Mapping[str, tuple[float, str]]
+    """Values with units, of what was searched for too."""
     log10_p: float
+    """Logarithm of the probability that chance does as much for any of the terms tried."""
     explains: float
+    """Part of the whitened sum of squares that it takes away."""
     columns: Array = field(repr=False)
+    """Derivatives of the weighted residuals with respect to its coefficients, (n, m, k)."""
     units: Mapping[str, str] = field(repr=False)
+    """Of all parameters."""
     hold: Mapping[str, float] = field(repr=False)
+    """What was searched for and has a unit, internal units: it is not estimated by a fit."""
     name: str = ""
+    """Of the effect."""
     in_catalogue: bool = False
+    """Whether an effect of the catalogue has the same form."""
     terms: int = 1
     searched: int = 0
+    """Number of its terms, and of the values that were searched for."""
 
     @property
     def p_value(self) -> float:

@@ -26,19 +26,12 @@ _LETTERS = "abcghkmnpuwABCDEGHKLMNQRSUVXYZ"
 
 @dataclass(frozen=True)
 class Piece:
-    """A term at a sensitivity, or some of its functions.
-
-    Attributes
-    ----------
-    term : Term
-    sensitivity : int
-    kept : tuple of int
-        Numbers of the functions.
-    """
+    """A term at a sensitivity, or some of its functions."""
 
     term: Term
     sensitivity: int
     kept: tuple[int, ...]
+    """Numbers of the functions."""
 
     @classmethod
     def whole(cls, term: Term, sensitivity: int) -> Piece:

@@ -40,33 +40,22 @@ FIRST = 4096
 
 @dataclass(frozen=True, eq=False)
 class Functions:
-    """Terms that may stand at the same sensitivities, as numbers.
-
-    Attributes
-    ----------
-    at : str or None
-        The joint where alone they stand.
-    terms : list of Term
-    parameters : ndarray of int, shape (terms, 1)
-        Their numbers of parameters.
-    starts : ndarray of int, shape (terms,)
-        The first function of each term.
-    sizes : tuple of (ndarray of int, ndarray of int, ndarray of int)
-        For each number k of functions that some terms have: these terms, (t,), their functions, (t, k), and the
-        pairs of these, (t, k (k - 1) / 2).
-    values : ndarray, shape (b, n)
-        Functions of length 1.
-    pairs : ndarray of int, shape (2, x)
-        Functions of one term.
-    """
+    """Terms that may stand at the same sensitivities, as numbers."""
 
     at: str | None
+    """The joint where alone they stand."""
     terms: list[Term]
     parameters: NDArray[np.int_]
+    """Their numbers of parameters, (terms, 1)."""
     starts: NDArray[np.int_]
+    """The first function of each term, (terms,)."""
     sizes: tuple[tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.int_]], ...]
+    """For each number k of functions that some terms have: these terms, (t,), their functions, (t, k), and the pairs of
+    these, (t, k (k - 1) / 2)."""
     values: Single
+    """Functions of length 1, (b, n)."""
     pairs: NDArray[np.int_]
+    """Functions of one term, (2, x)."""
 
     @classmethod
     def of(cls, terms: Sequence[Term], drivers: Sequence[Array]) -> list[Functions]:

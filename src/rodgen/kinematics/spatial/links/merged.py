@@ -25,21 +25,14 @@ __all__ = ["Link", "Merged", "merge"]
 
 @dataclass(frozen=True)
 class Link:
-    """A link between two rotary joints, in the frame at its first one.
-
-    Attributes
-    ----------
-    R : array (..., 3, 3)
-        From the frame at its second joint, before that joint's rotation, to the frame at its first.
-    v : array (..., 3)
-        From the first origin to the second, without the slides.
-    slides : tuple of (int, array (..., 3))
-        Index of each unknown length among the mechanism's variables, and its direction.
-    """
+    """A link between two rotary joints, in the frame at its first one."""
 
     R: Array
+    """From the frame at its second joint, before that joint's rotation, to the frame at its first, (..., 3, 3)."""
     v: Array
+    """From the first origin to the second, without the slides, (..., 3)."""
     slides: tuple[tuple[int, Array], ...]
+    """Index of each unknown length among the mechanism's variables, and its direction."""
 
     def each(self, change: Callable[[Array], Array]) -> Link:
         """Return the link with every array changed."""
@@ -48,21 +41,14 @@ class Link:
 
 @dataclass(frozen=True)
 class Merged:
-    """Rotary joints and the links after them.
-
-    Attributes
-    ----------
-    rotary : tuple of int
-        Index of each unknown angle among the mechanism's variables.
-    joints : tuple of int
-        The joint of each.
-    links : tuple of Link
-        The link after each; the last leads back to the first joint.
-    """
+    """Rotary joints and the links after them."""
 
     rotary: tuple[int, ...]
+    """Index of each unknown angle among the mechanism's variables."""
     joints: tuple[int, ...]
+    """The joint of each."""
     links: tuple[Link, ...]
+    """The link after each; the last leads back to the first joint."""
 
     @property
     def slides(self) -> tuple[int, ...]:
