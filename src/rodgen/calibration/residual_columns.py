@@ -20,10 +20,6 @@ __all__ = ["residual_columns"]
 def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
     """Return predictions and residuals as columns for the measurement file.
 
-    Parameters
-    ----------
-    fit : FittedModel
-
     Returns
     -------
     dict of str to ndarray

@@ -34,10 +34,6 @@ def eliminate_common_subexpressions(steps: Sequence[Pair], taken: Iterable[str])
         Each value uses inputs and earlier symbols. Named steps keep their names.
     taken : iterable of str
         Names that the new symbols ``x0``, ``x1``, ... must not take.
-
-    Returns
-    -------
-    list of (Symbol, value)
     """
     conditions: dict[Boolean, sp.Symbol] = {}
     bare = [_hide_conditions(value, conditions) for _, value in steps]

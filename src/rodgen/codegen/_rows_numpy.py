@@ -59,12 +59,7 @@ def _function(xp: Any, op: str) -> Callable[..., Any]:
 
 
 class NumPyProgram:
-    """A program that is evaluated on arrays.
-
-    Parameters
-    ----------
-    program : Program
-    """
+    """A program that is evaluated on arrays."""
 
     def __init__(self, program: Program) -> None:
         shared, seeded = program.shared, program.seeded

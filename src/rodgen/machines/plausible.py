@@ -24,12 +24,7 @@ MOST_TARGETS = 100
 
 
 def implausible_numbers(machine: Machine) -> Iterator[str]:
-    """Yield the numbers that a machine carries, held or fitted, and that no machine has.
-
-    Parameters
-    ----------
-    machine : Machine
-    """
+    """Yield the numbers that a machine carries, held or fitted, and that no machine has."""
     model = Model(machine, compiled=False)
     theta = model.start()
     points = np.array([*(j.point for j in machine.joints), *(t.point for t in machine.targets)])
@@ -103,10 +98,6 @@ def relative_corrections(model: Model, theta: Array, moved: float) -> Array:
 
 def stated_deviations(model: Model) -> Array:
     """Return the standard deviation that the file states of each parameter: of its prior, or of all within its bounds.
-
-    Parameters
-    ----------
-    model : Model
 
     Returns
     -------

@@ -217,13 +217,7 @@ class SharedMotion:
 
 
 class Whitener:
-    """L⁻¹, L Lᵀ = V, ready for any columns.
-
-    Parameters
-    ----------
-    motion : SharedMotion
-    deviations : MotionDeviations
-    """
+    """L⁻¹, L Lᵀ = V, ready for any columns."""
 
     def __init__(self, motion: SharedMotion, deviations: MotionDeviations) -> None:
         self.motion = motion

@@ -155,12 +155,7 @@ def on_outliers(fit: FittedModel, rows: NDArray[np.bool_]) -> str:
 
 
 def on_gross_readings(fit: FittedModel) -> str:
-    """Return a sentence on the readings that are grossly wrong; empty where there are none.
-
-    Parameters
-    ----------
-    fit : FittedModel
-    """
+    """Return a sentence on the readings that are grossly wrong; empty where there are none."""
     gross = fit.gross_readings
     if not gross:
         return ""

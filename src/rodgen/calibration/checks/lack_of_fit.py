@@ -84,10 +84,6 @@ class LackOfFit:
 def lack_of_fit(fit: FittedModel) -> LackOfFit | None:
     """Return the test of the residuals against the noise.
 
-    Parameters
-    ----------
-    fit : FittedModel
-
     Returns
     -------
     LackOfFit or None

@@ -97,11 +97,6 @@ def position_of(effect: Effect, observations: Observations) -> str | None:
 def few_positions(effect: Effect, observations: Observations) -> tuple[str, int] | None:
     """Return the joint of whose coordinate alone an effect is a function, and its distinct positions if these are few.
 
-    Parameters
-    ----------
-    effect : Effect
-    observations : Observations
-
     Returns
     -------
     (str, int) or None

@@ -26,10 +26,6 @@ __all__ = ["Whitened"]
 class Whitened:
     """Coordinates x of the parameters of a fit.
 
-    Parameters
-    ----------
-    fit : FittedModel
-
     Attributes
     ----------
     root : ndarray, shape (parameters, r)

@@ -64,13 +64,7 @@ def may_be_there(why: str) -> bool:
 
 @stage("further fits")
 def worths(subject: Subject, found: FittedExplanation) -> list[EffectTest | None]:
-    """Return the test of each effect, then of each form, given all others, as `rodgen add` makes it.
-
-    Parameters
-    ----------
-    subject : Subject
-    found : FittedExplanation
-    """
+    """Return the test of each effect, then of each form, given all others, as `rodgen add` makes it."""
     fits, last = [*found.fits, *found.formed], found.last
     tests = [effect_test(found.without(subject, c), last) for c in found.explanation.kept]
     tests += [

@@ -24,13 +24,7 @@ __all__ = ["Clusters"]
 
 
 class Clusters:
-    """Poses as clusters of readings.
-
-    Parameters
-    ----------
-    sensitivities : Sensitivities
-    whiten : callable
-    """
+    """Poses as clusters of readings."""
 
     def __init__(self, sensitivities: Sensitivities, whiten: Whiten) -> None:
         self.model, self.residual, self.whiten = sensitivities.model, sensitivities.residual, whiten

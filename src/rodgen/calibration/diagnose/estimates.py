@@ -19,12 +19,7 @@ __all__ = ["EffectEstimates"]
 
 
 class EffectEstimates:
-    """The estimates of a fit's parameters, with standard deviations that allow for correlated readings.
-
-    Parameters
-    ----------
-    final : FittedModel
-    """
+    """The estimates of a fit's parameters, with standard deviations that allow for correlated readings."""
 
     def __init__(self, final: FittedModel) -> None:
         self.final = final

@@ -86,12 +86,7 @@ class Suspects:
 
 
 def suspects(fit: Fit) -> Suspects:
-    """Return every effect of the catalogue that a fit may lack, scored at the fit.
-
-    Parameters
-    ----------
-    fit : Fit
-    """
+    """Return every effect of the catalogue that a fit may lack, scored at the fit."""
     with one_thread_in_blas():
         evidence, chosen = gather_evidence(fit, Screening.at(fit))
         selection = evidence.selection

@@ -86,13 +86,7 @@ class Repair:
 
 
 def repairs(machine: Machine, observations: Observations) -> list[Repair]:
-    """Return the changes that may put right what is wrong with a machine file or its data, the smallest first.
-
-    Parameters
-    ----------
-    machine : Machine
-    observations : Observations
-    """
+    """Return the changes that may put right what is wrong with a machine file or its data, the smallest first."""
     moves = np.ptp(observations.q, axis=0) > 0
     read = np.array([joint.is_read for joint in machine.joints])
     made = [

@@ -16,12 +16,7 @@ __all__ = ["suspicions"]
 
 
 def suspicions(fit: FittedModel) -> Iterator[str]:
-    """Yield what a right file hardly ever shows: no convergence, large corrections, errors that no physics makes.
-
-    Parameters
-    ----------
-    fit : FittedModel
-    """
+    """Yield what a right file hardly ever shows: no convergence, large corrections, errors that no physics makes."""
     if mode := other_mode(fit.observations, fit.problem.model.machine):
         yield mode
     if not fit.solution.converged:

@@ -255,10 +255,6 @@ class Dependence:
 def dependence(fit: FittedModel) -> Dependence:
     """Return how the errors of a fit's readings depend on each other.
 
-    Parameters
-    ----------
-    fit : FittedModel
-
     Notes
     -----
     The fit weighs readings as if they were independent, so that its estimates have the covariance C JᵀVJ C, C that of

@@ -73,10 +73,6 @@ def certified_extremes(
         anything, and one pass over all functions is cheaper than one for each.
     most_boxes : int, optional
         After so many boxes the bounds stay as wide as they are.
-
-    Returns
-    -------
-    Extremes
     """
     start = function(low[:, None], high[:, None], False)
     m = len(start.value[0])

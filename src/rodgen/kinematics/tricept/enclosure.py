@@ -47,10 +47,6 @@ def enclose(low: Array, high: Array, geometry: Geometry, slopes: bool) -> Enclos
         The machine.
     slopes : bool
         Whether to enclose the derivatives by Q, too.
-
-    Returns
-    -------
-    Enclosed
     """
     R, r, (qx, qy, qz) = geometry.R, geometry.r, geometry.q
     unit = np.zeros((3, 3, low.shape[1])) + np.eye(3)[:, :, None]

@@ -38,10 +38,6 @@ class TypedEffect:
 def typed_effect(text: str) -> TypedEffect:
     """Return the parts of a typed effect.
 
-    Parameters
-    ----------
-    text : str
-
     Raises
     ------
     UnfitEffectError

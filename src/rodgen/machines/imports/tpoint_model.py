@@ -101,10 +101,6 @@ def is_model(start: bytes) -> bool:
 def read_model(path: str | os.PathLike[str]) -> TpointModel:
     """Return a model of TPOINT.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-
     Raises
     ------
     InputFileError

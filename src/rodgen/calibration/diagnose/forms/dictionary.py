@@ -423,14 +423,7 @@ def _further(i: int, driver: Driver) -> list[Factor]:
 
 
 def multiplied(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[Term]:
-    """Return the products of a term with a low function of each driver that it does not follow.
-
-    Parameters
-    ----------
-    term : Term
-    drivers : sequence of Driver
-    machine : Machine
-    """
+    """Return the products of a term with a low function of each driver that it does not follow."""
     writer = _Writer(drivers, machine)
     own = [drivers[factor.driver] for factor in term.factors]
     for i in _multipliable(drivers) if len(own) < MOST_FACTORS else ():
@@ -445,14 +438,7 @@ def multiplied(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[
 
 
 def exchanged(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[Term]:
-    """Return the products that have any function of a joint in the place of the one that a product has.
-
-    Parameters
-    ----------
-    term : Term
-    drivers : sequence of Driver
-    machine : Machine
-    """
+    """Return the products that have any function of a joint in the place of the one that a product has."""
     writer = _Writer(drivers, machine)
     for place, factor in enumerate(term.factors if len(term.factors) > 1 else ()):
         others = (*term.factors[:place], *term.factors[place + 1 :])
@@ -468,14 +454,7 @@ def exchanged(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[T
 
 
 def reduced(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[Term]:
-    """Return a product without one of its factors, each in turn.
-
-    Parameters
-    ----------
-    term : Term
-    drivers : sequence of Driver
-    machine : Machine
-    """
+    """Return a product without one of its factors, each in turn."""
     writer = _Writer(drivers, machine)
     for place in range(len(term.factors) if len(term.factors) > 1 else 0):
         rest = (*term.factors[:place], *term.factors[place + 1 :])

@@ -154,10 +154,6 @@ def find_forms(
         Terms at most.
     family_wise : float
         Probability of a form where there is none.
-
-    Returns
-    -------
-    list of Form
     """
     with one_thread_in_blas():
         search = _Search.of(sensitivities, whiten, model, model[:, :, :0] if further is None else further)
