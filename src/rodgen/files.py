@@ -23,23 +23,6 @@ if TYPE_CHECKING:
 if sys.platform != "win32":
     import fcntl
 
-__all__ = [
-    "AtomicFile",
-    "check_unpacked",
-    "commit_all",
-    "decoded",
-    "is_device",
-    "noting_completed",
-    "open_input",
-    "read_input",
-    "read_start",
-    "temporary_folder",
-    "unreadable",
-    "unwritable",
-    "write_file",
-    "write_files",
-]
-
 
 # reading -----------------------------------------------------------------------------------------------
 

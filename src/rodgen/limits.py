@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 from rodgen.errors import InputFileError, listed, shown
 
-__all__ = ["LIMITS", "VARIABLE", "Limit", "check_cells", "hint", "limit"]
-
 VARIABLE = "RODGEN_LIMITS"
 
 

@@ -19,8 +19,6 @@ from typing import TypeAlias
 
 from rodgen.polygon_notation import Angle, Monomial, Name, Term
 
-__all__ = ["FAMILIES", "POLYGONS", "HalfTangent", "Law", "laws"]
-
 POLYGONS = {3: "triangle", 4: "quadrilateral", 5: "pentagon", 6: "hexagon", 7: "heptagon"}
 FAMILIES = ("fundamental", "subsidiary", "polar", "polar subsidiary", "half tangent")
 _KINDS = {"X": "sine", "Y": "sine-cosine", "Z": "cosine", "U": "sine", "V": "sine-cosine", "W": "cosine"}

@@ -19,8 +19,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
-__all__ = ["Entry", "Monomial", "Name", "Term", "chain_value"]
-
 Angle: TypeAlias = tuple[Literal["alpha", "theta"], int]
 """An angle of the polygon: ``("alpha", i)`` is the twist from joint i to the next one, ``("theta", j)`` the joint's."""
 

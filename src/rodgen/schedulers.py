@@ -20,8 +20,6 @@ from typing import Any, TypeVar
 from rodgen.errors import RodgenError, shown
 from rodgen.stages import stage, step
 
-__all__ = ["SchedulerError", "Workers", "workers"]
-
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 

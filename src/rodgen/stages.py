@@ -11,8 +11,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Protocol, TypeVar
 
-__all__ = ["Listener", "each", "listening", "stage", "step"]
-
 Item = TypeVar("Item")
 
 

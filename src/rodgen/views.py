@@ -11,8 +11,6 @@ import numpy as np
 
 from rodgen.errors import RodgenError
 
-__all__ = ["Records", "Tabular", "data_frame", "html_of", "html_of_table", "html_of_text"]
-
 FEW = 12
 """Numbers of an array that are shown; of a larger one the shape is."""
 ROWS = 60

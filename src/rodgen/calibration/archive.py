@@ -39,8 +39,6 @@ from rodgen.machines.model import Frame, model_of
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["ENDINGS", "load", "save"]
-
 ENDINGS = (".csv", ".csv.gz", ".parquet")
 FORMAT = 1
 AGREE = 1e-6

@@ -44,9 +44,6 @@ from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.digits import measured
 from rodgen.views import Records, html_of
 
-__all__ = ["LOSSES", "Estimate", "FittedModel"]
-
-
 LOSSES = ("linear", "huber")
 
 UNEQUAL = 1.5

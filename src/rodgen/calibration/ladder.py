@@ -33,8 +33,6 @@ from rodgen.views import html_of
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
 
-__all__ = ["Ladder", "Rung", "first_rung", "fit_after", "ladder", "ladder_of", "next_rung"]
-
 
 DIGITS = 3
 """Of the smallest error; the others have as many decimals, so that they read as a column."""

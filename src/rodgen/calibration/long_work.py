@@ -5,8 +5,6 @@ from __future__ import annotations
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 
-__all__ = ["why_long"]
-
 MULTIPLICATIONS = 5e9
 """Of the normal equations; a fit does as many some ten times, a diagnosis a hundred times: half a minute and more."""
 IN_A_DIAGNOSIS = MULTIPLICATIONS / 10

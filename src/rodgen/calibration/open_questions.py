@@ -9,8 +9,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.machines.machine import Effect
 
-__all__ = ["HasOpenQuestions", "OpenQuestions"]
-
 
 @dataclass(frozen=True)
 class OpenQuestions:

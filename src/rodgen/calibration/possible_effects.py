@@ -23,8 +23,6 @@ from rodgen.statistics.thresholds import SELECTION
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["MOTIONS", "bare_effects", "bare_key", "catalogue_effects", "problem_with"]
-
 BARE = "bare_"
 """Prefix of the names of the bare parameters."""
 TURNS = ("rx", "ry", "rz")

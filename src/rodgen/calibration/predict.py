@@ -29,8 +29,6 @@ from rodgen.views import Tabular
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["Prediction", "predict"]
-
 
 ROUNDING = 1e-6
 """Part of what its parameters change one by one below which a combination of them changes nothing."""

@@ -8,8 +8,6 @@ from typing import TypeAlias
 
 from rodgen.stages import listening
 
-__all__ = ["Progress", "reporting"]
-
 Progress: TypeAlias = Callable[[str, int, int | None], object]
 """Called with the stage, how many of its steps are done, and of how many, None where that is not known."""
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["directions_about", "error_of_reading", "motion_with_reading"]
-
 
 STEP = 1e-5
 """Step of the central differences: radians, or a part of the range. They are good to six digits for any machine, far

@@ -14,8 +14,6 @@ from rodgen.machines.measured import TURNS
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["residual_columns"]
-
 
 def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
     """Return predictions and residuals as columns for the measurement file.

@@ -12,8 +12,6 @@ from rodgen.views import Tabular
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["Residuals"]
-
 
 class Residuals(Tabular, np.ndarray[Any, np.dtype[np.float64]]):
     """Measured less predicted, (n, m); what is computed from it is an ordinary array."""

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate, Fit
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["as_dict", "as_text", "contradictions", "geometry"]
-
 LATE = 0.05
 """Part of the measurement's duration by which its time may begin before or after 0 without a remark."""
 CONVENTION = (

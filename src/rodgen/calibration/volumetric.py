@@ -27,8 +27,6 @@ from rodgen.statistics.decompositions import lstsq
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["VolumetricError", "volumetric_error"]
-
 
 SHARE, NEAR = 0.95, 0.01
 """Part of the positions whose errors are smaller, and of those to both sides that say how uncertain it is."""

@@ -9,22 +9,6 @@ from rodgen.data.units import readable
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import SMALLEST_P
 
-__all__ = [
-    "IN_UNCERTAINTIES",
-    "NOTHING_LEFT",
-    "capitalized",
-    "chance",
-    "fall",
-    "in_component",
-    "plain",
-    "probability",
-    "sized",
-    "some",
-    "three_digits",
-    "two_digits",
-    "uncapitalized",
-]
-
 SMALL_FALL = 0.1
 """Part of an error: a smaller fall is given in percent, too, and in digits that show it."""
 DIGITS_OF_P = 1e-4

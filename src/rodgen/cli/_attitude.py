@@ -10,8 +10,6 @@ import numpy as np
 from rodgen.cli._tables import Columns, named
 from rodgen.errors import UnexpectedError, shown
 
-__all__ = ["ATTITUDE_TEXT", "QUATERNION", "add_form", "columns_of", "matrices", "quaternions"]
-
 QUATERNION = named("number", "q0 qx qy qz")
 """The columns of an attitude as a quaternion."""
 

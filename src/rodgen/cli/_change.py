@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.ladder import Ladder, Rung
     from rodgen.machines.machine import Effect, Machine
 
-__all__ = ["Change", "Written", "carry_out"]
-
 
 @dataclass(frozen=True)
 class Change:

@@ -9,8 +9,6 @@ from typing import Any
 from rodgen.cli._values import Quantity
 from rodgen.errors import InputFileError
 
-__all__ = ["ordered_limits", "take_machine"]
-
 
 def take_machine(options: argparse.Namespace, family: str, names: Sequence[str]) -> Any:
     """Read the file `options.machine`, if any, as if its dimensions had been given by the options of their names.

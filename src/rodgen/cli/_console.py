@@ -14,31 +14,6 @@ from rodgen.errors import InputFileError, RodgenError, nearest_hint
 from rodgen.files import unwritable
 from rodgen.stages import stage, step
 
-__all__ = [
-    "BAD_INPUT",
-    "EXIT_CODES",
-    "EXTRAS",
-    "FAILED",
-    "INTERNAL",
-    "INTERRUPTED",
-    "NOT_CONVERGED",
-    "OK",
-    "READER_GONE",
-    "TERMINATED",
-    "Command",
-    "Parser",
-    "UsageError",
-    "adder",
-    "after_fits",
-    "group",
-    "located",
-    "notify",
-    "reading_progress",
-    "show",
-    "show_json",
-    "show_result",
-]
-
 OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERNAL = 0, 1, 2, 3, 70
 INTERRUPTED, READER_GONE, TERMINATED = 130, 141, 143
 

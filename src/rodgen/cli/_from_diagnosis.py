@@ -13,8 +13,6 @@ from rodgen.files import read_input
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
 
-__all__ = ["ReadDiagnosis", "read_diagnosis"]
-
 LARGEST = 50_000_000
 _EXPECTED = "a diagnosis, as 'rodgen diagnose --json' writes it"
 _NONE = {

@@ -19,23 +19,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
-__all__ = [
-    "FILES",
-    "add_files",
-    "add_json",
-    "add_loss",
-    "add_place",
-    "add_scheduler",
-    "add_test",
-    "add_timings",
-    "diagnosed",
-    "fitted",
-    "load_data",
-    "remark_on_copies",
-    "remark_on_readings",
-    "wrong_file",
-]
-
 FILES = """\
 MACHINE is a machine file (TOML), DATA a measurement file, CSV (gzip or not) or Parquet, one row a measurement, with a
 unit in brackets after each column's name:

@@ -10,8 +10,6 @@ from typing import Any
 from rodgen.errors import InputFileError
 from rodgen.files import AtomicFile, commit_all
 
-__all__ = ["Outputs", "add_plot", "figures_for"]
-
 
 def add_plot(parser: argparse.ArgumentParser, what: str) -> None:
     """Add ``--plot``, the file in which `what` is drawn."""

@@ -10,8 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TextIO
 
-__all__ = ["Display", "display"]
-
 DRAWN_EVERY, TICK = 0.1, 0.5
 """Seconds between two pictures at least where something happens, and where nothing does."""
 PATIENCE = 2.0

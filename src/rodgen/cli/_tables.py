@@ -15,18 +15,6 @@ from rodgen.cli._console import OK, notify, reading_progress
 if TYPE_CHECKING:
     from rodgen.data.tables import Answer, MapSummary
 
-__all__ = [
-    "Columns",
-    "add_output",
-    "add_table",
-    "counted",
-    "map_rows",
-    "named",
-    "rows_of",
-    "status_names",
-    "write_columns",
-]
-
 Columns: TypeAlias = list[tuple[str, Any]]
 """Columns of a table: the name of each, and its quantity or, of a status, the `IntEnum`."""
 

@@ -12,8 +12,6 @@ from typing import Literal
 
 from rodgen.errors import InputFileError, shown
 
-__all__ = ["Quantity", "number", "plane", "quantity", "whole"]
-
 _NUMBERS = r"\s*([-+.,\deE\s]*\d\.?)\s*([^\d\s,.+-].*?)\s*"
 
 

@@ -17,8 +17,6 @@ from rodgen.errors import InputFileError, RodgenError, shown
 if TYPE_CHECKING:
     from rodgen.data.tables import MapSummary
 
-__all__ = ["add_to", "solve_table"]
-
 _PAIRS = """\
 The table, CSV (gzip or not) or Parquet, has one row a pair of points, seen before and after a rotation by a
 known angle, with a unit in brackets after each column's name; it may have further columns:

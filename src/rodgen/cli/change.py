@@ -10,8 +10,6 @@ from rodgen.cli._machine import FILES, add_json, add_loss, add_place
 from rodgen.cli._values import whole
 from rodgen.errors import InputFileError
 
-__all__ = ["add_to"]
-
 _ADD = f"""\
 Copy a machine file and add an effect of the catalogue, or the effects and forms that a diagnosis found; the rest of the
 file, including comments, is unchanged. With DATA the machine is fitted without and with each effect: the error on the

@@ -16,8 +16,6 @@ from rodgen.stages import stage
 if TYPE_CHECKING:
     from rodgen.calibration.file_check import Mend
 
-__all__ = ["add_to"]
-
 _CHECK = f"""\
 Check whether a machine file and its measurements can belong together, before anything is explained by them. Where they
 cannot, what people get wrong is tried: signs and directions of axes, the order of joints and of columns, the

@@ -8,8 +8,6 @@ from rodgen.cli._console import Command, after_fits, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted, wrong_file
 from rodgen.stages import stage
 
-__all__ = ["add_to"]
-
 _COMPARE = f"""\
 Fit a machine, and compare the residuals with everything that was recorded: each joint, direction of approach, time,
 run, temperatures, load, further columns, and the position in the workspace. Shows where the model is worst, and how

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 
 from rodgen.cli._console import OK, Command, show
 
-__all__ = ["add_to"]
-
 _COMPLETION = """\
 Print a script that lets the shell complete the commands of rodgen, their options, and file names.
 

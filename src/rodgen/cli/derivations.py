@@ -12,8 +12,6 @@ from rodgen.stages import each, stage
 if TYPE_CHECKING:
     from rodgen.symbolic import Derivation
 
-__all__ = ["add_to"]
-
 _DERIVE = """\
 Run a derivation, prove every statement in it, and print what was proved, what was found wrong in the source, and the
 time taken.

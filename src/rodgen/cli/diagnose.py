@@ -8,8 +8,6 @@ from rodgen.cli._console import Command, after_fits, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_test, add_timings, diagnosed
 from rodgen.cli._outputs import Outputs
 
-__all__ = ["add_to"]
-
 _DIAGNOSE = f"""\
 Fit a machine, and find the physical effect that its model lacks. Every effect of the catalogue is tested at every
 joint; those that the data support are added one at a time, each with the effects that these data cannot distinguish

@@ -16,8 +16,6 @@ from typing import Any
 from rodgen.cli._console import EXTRAS, FAILED, OK, Command, show_result
 from rodgen.cli._machine import add_json
 
-__all__ = ["add_to"]
-
 _DOCTOR = """\
 Show what this installation runs on: versions, the kernels and their instruction set, the C compiler for models that
 are made at run time, the cache in which these are kept, threads, and the browser that draws images. Attach the output

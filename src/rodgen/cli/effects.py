@@ -11,8 +11,6 @@ from rodgen.cli._console import OK, Command, show, show_json
 from rodgen.cli._machine import add_json
 from rodgen.errors import InputFileError
 
-__all__ = ["add_to"]
-
 _EFFECTS = """\
 List the effects that a machine may have: what each changes by which formula, its parameters with their units, its
 symbols in ISO 230. With a name: also its physical cause, typical size, remedy, and source. The name may also be a term

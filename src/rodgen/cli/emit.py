@@ -9,8 +9,6 @@ from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
 from rodgen.errors import InputFileError
 from rodgen.machines.emit import FORMS
 
-__all__ = ["add_to"]
-
 _EMIT = f"""\
 Write a fitted machine as standalone code: its actual positions, their derivatives, the compensated commands, and a
 test. C99 or a C++17 header without allocation, MATLAB, NumPy, or JAX. Or write it in a form that others read:

@@ -9,8 +9,6 @@ from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timing
 from rodgen.cli._outputs import Outputs
 from rodgen.stages import stage
 
-__all__ = ["add_to"]
-
 _FIT = f"""\
 Fit a machine's parameters to measurements: values with uncertainties, the remaining error compared with the noise, and
 what the measurements do not determine.

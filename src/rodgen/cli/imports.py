@@ -18,8 +18,6 @@ from rodgen.files import read_start
 if TYPE_CHECKING:
     from rodgen.machines.imports.imported import Imported
 
-__all__ = ["add_to"]
-
 _IMPORT = """\
 Make a machine file of a file in another form, and measurements where it has readings; say what was taken for what, and
 check the two files.

@@ -10,8 +10,6 @@ from rodgen.cli._outputs import Outputs
 from rodgen.cli._values import quantity, whole
 from rodgen.errors import InputFileError
 
-__all__ = ["add_to"]
-
 _NEW = """\
 Write a machine file with comments, to be changed to your machine.
 

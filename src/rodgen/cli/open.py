@@ -9,8 +9,6 @@ from rodgen.cli._machine import FILES
 from rodgen.cli._values import whole
 from rodgen.errors import InputFileError
 
-__all__ = ["add_to"]
-
 _OPEN = f"""\
 Open a machine and its measurements on a page in the browser: see the residuals, suspect, add an effect, watch the error
 fall, undo. Nothing leaves this computer: the page is at 127.0.0.1, under an address with a random token, until

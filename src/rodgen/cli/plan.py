@@ -15,8 +15,6 @@ from rodgen.stages import stage
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose import Diagnosis
 
-__all__ = ["add_to"]
-
 _PLAN = f"""\
 Plan what to measure next: readings within the machine's travel that distinguish the effects which the data cannot tell
 apart, or that determine what is undetermined; with --for, those that sharpen chosen parameters. The expected gain of

@@ -10,8 +10,6 @@ from rodgen.cli._outputs import Outputs
 from rodgen.cli._tables import add_output
 from rodgen.cli._values import number
 
-__all__ = ["add_to"]
-
 _PREDICT = """\
 Fit a machine to measurements, and predict its positions at other commands, with their standard uncertainty from the
 fit: U_y = J U_x J^T, with the covariance U_x of the fitted parameters. Where successive poses, or the readings of one

@@ -11,8 +11,6 @@ from rodgen.cli._machine import FILES, add_files, add_test, diagnosed
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.stages import stage
 
-__all__ = ["add_to"]
-
 _REPORT = f"""\
 Diagnose a machine, plan what to measure next, and write both as one HTML page: the verdict, the error from model to
 model, the residuals before and after, the candidates, what the numbers mean in hardware. The page needs no network; its

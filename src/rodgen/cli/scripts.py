@@ -22,15 +22,6 @@ from rodgen.errors import InputFileError, RodgenError, shown
 if TYPE_CHECKING:
     from rodgen.symbolic import Derivation
 
-__all__ = [
-    "UnprovedError",
-    "check_notebook",
-    "load_derivation",
-    "packaged_derivations",
-    "run_notebook",
-    "script_path",
-]
-
 _OBJECT = "a module-level name 'derivation', a rodgen.symbolic.Derivation"
 
 

@@ -13,8 +13,6 @@ from rodgen.cli._outputs import Outputs
 from rodgen.cli._values import whole
 from rodgen.errors import InputFileError
 
-__all__ = ["add_to"]
-
 _SIMULATE = """\
 Simulate measurements of a machine with effects that its file does not have, to test the tools:
 

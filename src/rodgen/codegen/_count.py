@@ -9,8 +9,6 @@ import sympy as sp
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean
 
-__all__ = ["called_functions", "count_operations"]
-
 
 def count_operations(values: Iterable[sp.Basic]) -> dict[str, int]:
     """Return the number of operations by kind, in a fixed order, zeros left out."""

@@ -13,8 +13,6 @@ import sympy as sp
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean
 
-__all__ = ["eliminate_common_subexpressions"]
-
 Pair = tuple[sp.Symbol, sp.Basic]
 
 

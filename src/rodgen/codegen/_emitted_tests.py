@@ -8,8 +8,6 @@ from rodgen.codegen._equations import periods
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.printers import ArrayPrinter
 
-__all__ = ["data_of_tests"]
-
 
 def data_of_tests(kernels: tuple[Kernel, ...]) -> dict[str, Any]:
     """Return what test.py.j2 needs of the kernels whose inputs all have a domain; empty if no kernel has."""

@@ -12,8 +12,6 @@ from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.kernel_parts import Assignment, Equations, KernelError, Port, port_symbols, shortened
 from rodgen.symbolic import explicit
 
-__all__ = ["equations_of", "periods"]
-
 _SMOOTH = (sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh, sp.exp, sp.atan)
 
 

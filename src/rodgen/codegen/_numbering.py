@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
     from rodgen.codegen.kernel_parts import Port
 
-__all__ = ["Numbering", "joined", "numbered", "slope_of"]
-
 Pair = tuple[sp.Symbol, sp.Basic]
 
 

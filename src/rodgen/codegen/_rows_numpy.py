@@ -10,8 +10,6 @@ import numpy as np
 from rodgen.codegen._array_call import _Functions, _is_foreign, _power_of_two_scale
 from rodgen.codegen.program import GIVEN, Program
 
-__all__ = ["NumPyProgram", "arrays_on", "gram_on", "outputs_on"]
-
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 WORK_BYTES = 1 << 22

@@ -14,8 +14,6 @@ from typing import Any
 from rodgen.codegen.program import GIVEN, Operand, Program
 from rodgen.codegen.source_text import DO_NOT_EDIT, ENVIRONMENT, operations_text, scale_functions
 
-__all__ = ["c_source"]
-
 OPERATORS = {
     "add": "{} + {}",
     "sub": "{} - {}",

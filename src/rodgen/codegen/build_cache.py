@@ -33,20 +33,6 @@ from rodgen.files import temporary_folder
 from rodgen.limits import VARIABLE, limit
 from rodgen.stages import stage
 
-__all__ = [
-    "CompilerError",
-    "cache_folder",
-    "cache_problem",
-    "cached_text",
-    "check_compiler",
-    "compiler",
-    "compiler_version",
-    "native_flag",
-    "notice",
-    "one_row",
-    "shared_library",
-]
-
 Command = tuple[str, ...]
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

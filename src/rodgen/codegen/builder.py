@@ -28,8 +28,6 @@ from rodgen.codegen.kernel_parts import (
 from rodgen.codegen.printers import ArrayPrinter, CPrinter
 from rodgen.symbolic import EPS, LARGEST
 
-__all__ = ["KernelBuilder"]
-
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _WORDS_OF_C = """
 auto bool case char const default do double enum extern false float goto inline int long register restrict

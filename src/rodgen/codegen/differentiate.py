@@ -21,8 +21,6 @@ from rodgen.codegen.reverse import gradients
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
 
-__all__ = ["derivatives"]
-
 
 def derivatives(
     kernel: Kernel, inputs: Sequence[str], outputs: Sequence[str], mode: str

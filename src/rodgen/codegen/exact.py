@@ -22,8 +22,6 @@ from rodgen.symbolic import EPS, LARGEST, power_of_two_scale
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
 
-__all__ = ["evaluate", "translated"]
-
 Real: TypeAlias = Any
 """An mpf, or a bool for a condition."""
 

@@ -19,8 +19,6 @@ from rodgen.codegen.program import Program
 from rodgen.codegen.tape import Tape, absolute, select
 from rodgen.symbolic import EPS, LARGEST
 
-__all__ = ["programs_of"]
-
 _NAMES = {"power_of_two_scale": "scale"}
 _COMPARISONS: dict[str, tuple[str, bool]] = {
     "<": ("lt", False),

@@ -32,8 +32,6 @@ from rodgen.codegen.kernel_parts import (
     shortened,
 )
 
-__all__ = ["Kernel"]
-
 Value: TypeAlias = Any
 """A SymPy expression, or a matrix or array of them."""
 

@@ -20,19 +20,6 @@ from rodgen.codegen._numbering import joined
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
 
-__all__ = [
-    "Assignment",
-    "Derivative",
-    "Equations",
-    "KernelError",
-    "Port",
-    "UsualCase",
-    "live_steps",
-    "packed",
-    "port_symbols",
-    "shortened",
-]
-
 Step = TypeVar("Step", bound=tuple[sp.Symbol, sp.Basic])
 
 

@@ -11,14 +11,6 @@ from rodgen.codegen.printers import ArrayPrinter, CPrinter
 from rodgen.codegen.source_text import operations_text
 from rodgen.symbolic import EPS, LARGEST
 
-__all__ = [
-    "c_lines",
-    "numpy_lines",
-    "operation_counts",
-    "released",
-    "symbols_read",
-]
-
 
 def symbols_read(kernel: Kernel) -> set[sp.Symbol]:
     """Return the symbols on the right side of the assignments."""

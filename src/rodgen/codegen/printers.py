@@ -17,19 +17,6 @@ from sympy.printing.precedence import PRECEDENCE, precedence
 from rodgen.codegen.kernel_parts import KernelError, Port
 from rodgen.symbolic import EPS, LARGEST
 
-__all__ = [
-    "CPP_WORDS",
-    "C_MACROS",
-    "MATLAB_WORDS",
-    "ArrayPrinter",
-    "CPrinter",
-    "CppPrinter",
-    "KernelPrinter",
-    "MatlabPrinter",
-    "RealCPrinter",
-    "VectorCPrinter",
-]
-
 ELEMENTARY = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log")
 
 CPP_WORDS = """

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
-__all__ = ["Operand", "Program", "programs_from", "text_of"]
-
 Operand: TypeAlias = int | float
 """The number of an operation, or a float: a constant."""
 

@@ -23,8 +23,6 @@ import sympy as sp
 
 from rodgen.codegen._numbering import Numbering, slope_of
 
-__all__ = ["gradients"]
-
 Guard: TypeAlias = frozenset[tuple[sp.Basic, bool]]
 """Conditions, and whether each holds; empty for always."""
 

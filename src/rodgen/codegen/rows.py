@@ -42,8 +42,6 @@ from rodgen.stages import stage
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
 
-__all__ = ["RowKernel", "row_kernels"]
-
 FLAGS = ("-std=c11", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fPIC", "-shared")
 """A product and a sum may be rounded as one. No -ffast-math: it deletes NaN tests. No -O3: it gains nothing."""
 

@@ -51,16 +51,6 @@ from rodgen.codegen.source_text import (
 from rodgen.files import write_file
 from rodgen.symbolic import Derivation
 
-__all__ = [
-    "TARGETS",
-    "USUAL_TARGETS",
-    "KernelModule",
-    "check_kernels",
-    "render",
-    "render_extension",
-    "write_kernels",
-]
-
 USUAL_TARGETS = ("numpy", "c")
 """Languages that are written when none is asked for."""
 

@@ -16,24 +16,6 @@ from typing import Any, TypeAlias
 
 from rodgen.codegen.program import GIVEN, Operand, Program
 
-__all__ = [
-    "Number",
-    "Tape",
-    "Value",
-    "absolute",
-    "atan2",
-    "cos",
-    "exp",
-    "log",
-    "needed",
-    "select",
-    "sign",
-    "sin",
-    "sqrt",
-    "tan",
-    "with_known",
-]
-
 
 class Number:
     """A number of a program: an operation on earlier ones, or an input."""

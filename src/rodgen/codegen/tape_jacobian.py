@@ -22,8 +22,6 @@ from typing import Any, TypeAlias
 from rodgen.codegen.program import GIVEN
 from rodgen.codegen.tape import Number, Value, cos, log, needed, select, sign, sin
 
-__all__ = ["jacobian_row"]
-
 Edges: TypeAlias = dict[Number, list[tuple[Number, Any]]]
 """The operands of each number that depend on a variable, with its slope: a value, or a function of the adjoint."""
 

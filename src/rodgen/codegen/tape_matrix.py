@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-__all__ = ["Matrix"]
-
 
 class Matrix:
     """A matrix of values; made of a list of components, or of rows, columns and components, row by row."""

@@ -24,17 +24,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
-__all__ = [
-    "Driver",
-    "Kind",
-    "drivers",
-    "drivers_of_place",
-    "goes_round",
-    "horizontal",
-    "order_of_rows",
-    "products",
-]
-
 Kind: TypeAlias = Literal[
     "joint",
     "period",

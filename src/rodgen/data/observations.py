@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
     from rodgen.machines.machine import Machine
 
-__all__ = ["Observations"]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Observations:

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from rodgen.statistics.thresholds import EVIDENCE, VERDICT
 
-__all__ = ["approach", "groups", "moved_one_way", "originals", "poses", "stretches"]
-
 
 def approach(coordinate: NDArray[np.float64]) -> NDArray[np.int8]:
     """Return the direction from which a joint approached its position in each row.

@@ -18,8 +18,6 @@ from numpy.typing import DTypeLike, NDArray
 
 from rodgen.errors import InputFileError
 
-__all__ = ["BLOCK", "GrowingArray", "blocks", "empty", "release", "take"]
-
 IN_MEMORY = 16 << 20
 """Bytes up to which an array stays in memory: above that a file costs no noticeable time."""
 BLOCK = 1 << 16

@@ -21,29 +21,6 @@ from typing import Any, Literal, TypeAlias
 
 from rodgen.errors import UnexpectedError, shown
 
-__all__ = [
-    "ANGLE",
-    "FEW_MICROMETRES",
-    "FORCE",
-    "LENGTH",
-    "MICROMETRES",
-    "ONE",
-    "TEMPERATURE",
-    "TIME",
-    "Dimension",
-    "Quantity",
-    "Unit",
-    "UnitError",
-    "conversion_factor",
-    "display_unit",
-    "is_unit",
-    "number_and_unit",
-    "parse_unit",
-    "readable",
-    "typed_quantity",
-    "unit_factor",
-]
-
 Quantity: TypeAlias = Literal["length", "angle", "rate"]
 """What a table's column measures; a rate is an angle per time."""
 

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["angle_between", "apart", "principal"]
-
 
 def principal(angles: Any) -> Any:
     """Return angles in (-π, π]; those that are there already come back as they are, to the last bit."""

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError, joined
 
-__all__ = ["NotRealError", "broadcast_shapes", "has_masked", "not_broadcast", "real_array", "refuse_masked"]
-
 _FLOAT64 = np.dtype(np.float64)
 
 

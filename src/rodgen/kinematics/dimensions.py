@@ -9,8 +9,6 @@ import numpy as np
 
 from rodgen.errors import RodgenError
 
-__all__ = ["finite_number", "length_limits", "positive_length"]
-
 
 def finite_number(name: str, value: object) -> float:
     """Return a dimension as a float.

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["gains_and_condition"]
-
 
 def gains_and_condition(jacobian: Any) -> tuple[Any, Any]:
     """Return singular values (..., 3), largest first, and the condition (...) of square matrices (..., 3, 3).

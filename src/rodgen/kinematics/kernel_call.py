@@ -15,8 +15,6 @@ import numpy as np
 
 from rodgen.kinematics.arrays import has_masked, not_broadcast, refuse_masked
 
-__all__ = ["call_kernel"]
-
 
 def call_kernel(kernel: Any, arguments: tuple[Any, ...], out: Any = None) -> Any:
     """Return the results of a kernel.

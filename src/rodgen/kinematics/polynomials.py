@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Polynomials", "roots"]
-
 
 class Polynomials:
     """Polynomials of n rows (or one for all rows), coefficients along the last axis, the constant first."""

@@ -15,8 +15,6 @@ from typing import Any
 from rodgen.codegen import tape
 from rodgen.codegen.tape_matrix import Matrix
 
-__all__ = ["Algebra", "TapeBuilder", "on_tape", "solved", "with_sympy"]
-
 
 @dataclass(frozen=True)
 class Algebra:

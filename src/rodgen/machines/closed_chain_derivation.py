@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rodgen.machines.derivation import ModelSteps
     from rodgen.machines.structure import Term
 
-__all__ = ["closed_chain", "pose_from_afar", "pose_of"]
-
 Vector: TypeAlias = Any
 """A matrix of values."""
 

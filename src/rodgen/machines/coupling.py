@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import Joint
 
-__all__ = ["Coupling", "CouplingError", "Couplings", "couplings_of"]
-
 _ROUNDING = 1e-12
 """Factors below this are rounding of an inverse matrix."""
 

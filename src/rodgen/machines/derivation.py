@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from rodgen.codegen.program import Program
     from rodgen.machines.coupling import Coupling
 
-__all__ = ["ModelSteps", "derive_kernels", "derive_programs"]
-
 Vector: TypeAlias = Any
 """A column of values."""
 SUMMARY = "A machine's model against its measurements."

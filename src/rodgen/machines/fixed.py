@@ -16,8 +16,6 @@ from rodgen.machines.structure import row_effects
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["fixed_machine", "values_to_hold"]
-
 
 def fixed_machine(machine: Machine) -> Machine:
     """Return the machine with its fitted numbers in place, and nothing to estimate.

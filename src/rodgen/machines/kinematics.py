@@ -22,19 +22,6 @@ from rodgen.machines.rigid import rotation_matrix, rotation_vector
 if TYPE_CHECKING:
     from rodgen.kinematics import hexapod, three_sps_s, tricept
 
-__all__ = [
-    "FAMILIES",
-    "NEWTON_STEPS",
-    "Chain",
-    "Hexapod",
-    "Kinematics",
-    "OnLegs",
-    "ThreeSpsS",
-    "Tricept",
-    "beyond",
-    "carriers",
-]
-
 Vector: TypeAlias = tuple[float, float, float]
 
 NEWTON_STEPS = 8

@@ -16,8 +16,6 @@ from rodgen.machines.parts import Known, belongs
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["read_known", "unit_of"]
-
 _PRIOR = re.compile(r"\s*(?P<mean>[^±]+?)\s*(?:±|\+/?-)\s*(?P<std>.+?)\s*")
 
 NONE = 1e-100

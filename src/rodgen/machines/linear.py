@@ -13,8 +13,6 @@ from rodgen.data.units import ONE, Dimension, parse_unit
 from rodgen.errors import InputFileError, UnexpectedError, shown, suggestion
 from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula
 
-__all__ = ["Combination", "combination"]
-
 _QUANTITY = re.compile(
     r"(?<![\w.])(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![eE][+-]?\d)\s*(?P<unit>(?:[^\W\d_]|°)[^\s()*+-]*)"
 )

@@ -19,28 +19,6 @@ from rodgen.views import html_of
 if TYPE_CHECKING:
     from rodgen.machines.derivation import ModelSteps
 
-__all__ = [
-    "ANGLE_ABOUT",
-    "DIRECTION",
-    "DISTANCE",
-    "INCLINATION",
-    "MEASURANDS",
-    "NOTATIONS",
-    "ORIENTATION",
-    "POINT",
-    "POSE",
-    "READING_COLUMNS",
-    "Angle",
-    "Direction",
-    "Distance",
-    "Inclination",
-    "Measurand",
-    "Measured",
-    "Orientation",
-    "Point",
-    "Pose",
-]
-
 Vector: TypeAlias = tuple[float, float, float]
 
 TURNS = ("rx", "ry", "rz")

@@ -24,8 +24,6 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.measured import Measured
 from rodgen.machines.parts import Joint, Target
 
-__all__ = ["from_mechanism", "to_mechanism"]
-
 
 def to_mechanism(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
     """Return the mechanism of a rigid machine.

@@ -24,8 +24,6 @@ from rodgen.machines.ties import Tied, tied_parameters
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["Frame", "Model", "model_of"]
-
 
 @dataclass(frozen=True)
 class Frame:

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import Effect
 
-__all__ = ["Parameter", "parameters_of"]
-
 
 @dataclass(frozen=True)
 class Parameter:

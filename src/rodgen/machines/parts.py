@@ -16,26 +16,6 @@ if TYPE_CHECKING:
     from rodgen.machines.effects.definition import EffectDefinition
     from rodgen.machines.machine import Machine
 
-__all__ = [
-    "BRANCHES",
-    "DRIVES",
-    "ENCODERS",
-    "JOINT_TYPES",
-    "Effect",
-    "EffectIdentity",
-    "Joint",
-    "Known",
-    "StatedPlausibility",
-    "Target",
-    "Tie",
-    "Vector",
-    "belongs",
-    "coordinate_dimension",
-    "known_of",
-    "suggested_type",
-    "unit_vector",
-]
-
 Vector: TypeAlias = tuple[float, float, float]
 EffectIdentity: TypeAlias = tuple[str, str | None]
 """Name and place of an effect."""

@@ -16,8 +16,6 @@ from rodgen.statistics.thresholds import CHECK
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["MOST_TARGETS", "implausible_numbers", "relative_corrections", "stated_deviations", "tolerances"]
-
 
 MOST_TARGETS = 100
 """Targets that are compared with each other at most."""

@@ -11,16 +11,6 @@ from numpy.typing import ArrayLike
 from rodgen.array_types import Array
 from rodgen.kinematics.backend import kernels
 
-__all__ = [
-    "complete_basis",
-    "left_jacobian",
-    "matrix_from_roll_pitch_yaw",
-    "roll_pitch_yaw",
-    "rotation_matrix",
-    "rotation_vector",
-    "tilted",
-]
-
 
 def complete_basis(axis: ArrayLike) -> tuple[Array, Array]:
     """Return the unit vectors u, v that complete an axis n: for n = z they are x and y, and cyclically.

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import Effect
 
-__all__ = ["JointStructure", "Structure", "Term", "row_effects", "structure_of"]
-
 GEOMETRY = {"axis", "point", "target", "frame_shift"}
 """Components that change a fixed part of the machine: slots of the geometry, not terms of a row."""
 

@@ -16,8 +16,6 @@ from rodgen.machines.parts import Tie, belongs
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["Tied", "parameters_to_tie", "read_tie", "tied_parameters"]
-
 TIED = {"axis", "point", "geometry", "e"}
 """What may be tied: parts of the machine. Targets, frames and their shifts are of a set-up."""
 

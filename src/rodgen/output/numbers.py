@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from rodgen.data.units import readable
 
-__all__ = ["Shown", "minus", "noise_name", "percent", "shown_unit"]
-
 _SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm", "arcsec": "arcsec"}
 
 

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 
-__all__ = ["autocorrelation"]
-
 
 def autocorrelation(values: Array, part: NDArray[np.intp], most: int) -> tuple[Array, NDArray[np.intp]]:
     """Return the correlation of values k places apart in one part, and of how many pairs, for k = 1 … `most`.

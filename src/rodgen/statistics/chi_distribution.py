@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["chi3_quantile", "chi_share"]
-
 FARTHEST = 40.0
 """Beyond it the tail is less than the least positive number."""
 

@@ -19,16 +19,6 @@ import scipy
 
 from rodgen.array_types import Array
 
-__all__ = [
-    "apply_reflectors",
-    "cholesky_banded",
-    "gesvd",
-    "solve_triangular_band",
-    "solveh_banded",
-    "special",
-    "syev",
-]
-
 
 def _compiled(package: str, module: str, public: str) -> Any:
     """Import a compiled module without running the `__init__` of its package; the public one where that fails."""

@@ -13,8 +13,6 @@ import numpy as np
 
 from rodgen.array_types import Array
 
-__all__ = ["eigh", "lstsq", "singular_values", "solve", "svd"]
-
 
 def svd(matrix: Array, *, full_matrices: bool = False) -> tuple[Array, Array, Array]:
     """Return the singular value decomposition U, s, Vᵀ of matrices (..., m, n), as `numpy.linalg.svd` does.

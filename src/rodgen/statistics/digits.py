@@ -8,8 +8,6 @@ import numpy as np
 
 from rodgen.array_types import Array
 
-__all__ = ["measured", "round_by", "second_decimal"]
-
 
 def second_decimal(u: Array) -> Array:
     """Return the decimal of the second significant digit of uncertainties above 0; below 0 it is one of tens."""

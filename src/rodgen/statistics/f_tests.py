@@ -6,9 +6,6 @@ import numpy as np
 
 from rodgen.statistics.thresholds import SMALLEST_P
 
-__all__ = ["f_tail", "log10_f_tail", "log10_p_of_fall", "log_p_of_fall", "p_of_log10"]
-
-
 SERIES_BELOW = 1e-250
 """Probabilities below are summed up from the series, as logarithms; a double ends at 1e-308."""
 

@@ -13,8 +13,6 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.statistics.thresholds import ROBUST
 
-__all__ = ["has_heavy_tails", "kurtosis_of", "kurtosis_tail"]
-
 
 def has_heavy_tails(residuals: Array) -> bool:
     """Return whether residuals of any shape have a kurtosis that normal errors do not reach; of few never."""

@@ -23,9 +23,6 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array
 from rodgen.statistics.decompositions import eigh
 
-__all__ = ["ALONE", "LeaveOut", "deal", "group_slices", "undo_leverage"]
-
-
 ALONE = 1e-6
 """A group whose removal leaves less than this part of the information on a direction is the only one to know it; the
 others then predict nothing along it. Far above rounding (1e-13), far below what a pose of many leaves."""

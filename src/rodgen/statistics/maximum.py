@@ -14,8 +14,6 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.statistics.decompositions import eigh
 
-__all__ = ["climb"]
-
 Function: TypeAlias = Callable[[Array], tuple[float, Callable[[], tuple[Array, Array]]]]
 
 LONGEST = 1.0

@@ -13,8 +13,6 @@ import numpy as np
 
 from rodgen.array_types import Array
 
-__all__ = ["monotone_curve"]
-
 
 def monotone_curve(x: Array, y: Array) -> Callable[[Array], Array]:
     """Return a curve through points as a function, from the first x to the last.

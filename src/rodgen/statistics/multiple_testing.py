@@ -10,9 +10,6 @@ import numpy as np
 
 from rodgen.array_types import Array
 
-__all__ = ["effective_tests"]
-
-
 SIMULATIONS = 2000
 RATE = 0.01
 """Rate of false alarms at which the effective number is counted: that at which it is used."""

@@ -9,9 +9,6 @@ import numpy as np
 
 from rodgen.array_types import Array
 
-__all__ = ["HALF_OF_NORMAL", "HUBER", "huber_weight", "median_factor"]
-
-
 HALF_OF_NORMAL = 0.6745
 """Standard deviations within which half of normal errors are."""
 HUBER = {1: 1.3449975, 2: 1.5011411, 3: 1.6279879, 6: 1.8693377}

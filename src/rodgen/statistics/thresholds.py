@@ -13,27 +13,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-__all__ = [
-    "CHECK",
-    "COMPARISON",
-    "DETERMINACY",
-    "EFFECT_TEST",
-    "EVIDENCE",
-    "FORMS",
-    "LACK_OF_FIT",
-    "NEGLIGIBLE_WEIGHT",
-    "NOISE",
-    "OUTLIERS",
-    "PLAN",
-    "ROBUST",
-    "SELECTION",
-    "SMALLEST_P",
-    "UNCATALOGUED",
-    "VARIANCES",
-    "VERDICT",
-    "WALK",
-]
-
 NEGLIGIBLE_WEIGHT = 1e-100
 """Weight of a reading that is left out of a fit. Not zero, so that its residual follows from the weighted one; its
 square, 1e-200, vanishes in any sum with readings of weight 1."""

@@ -22,8 +22,6 @@ from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.thresholds import VARIANCES, WALK
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
 
-__all__ = ["log_p_under_walks"]
-
 
 def log_p_under_walks(
     motion: SharedMotion,

@@ -25,8 +25,6 @@ from rodgen.statistics.maximum import climb
 from rodgen.statistics.thresholds import SMALLEST_P, VARIANCES
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
 
-__all__ = ["RestrictedLikelihood", "VarianceComponents", "VarianceEstimator"]
-
 
 class VarianceEstimator:
     """Estimates variance components, with effects that the data call for, whatever wanders, as fixed effects.

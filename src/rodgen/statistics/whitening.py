@@ -25,9 +25,6 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array, Index
 from rodgen.statistics.decompositions import eigh
 
-__all__ = ["Change", "InverseProducts", "Moments", "MotionDeviations", "Poses", "SharedMotion", "Whitener"]
-
-
 SHORTEST = 1e-3
 """Poses nearer in time than this part of the usual spacing are taken for so far apart: one time twice has no
 inverse."""

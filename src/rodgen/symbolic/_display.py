@@ -15,8 +15,6 @@ from rodgen.symbolic.vectors import Letter
 if TYPE_CHECKING:
     from rodgen.symbolic.derivation import Computation, Derivation, Entry, Proof
 
-__all__ = ["markdown", "plain", "steps"]
-
 WIDTH = 90
 """Characters of a line; a statement that is wider is broken, a step of a proof is shortened."""
 LONG = 1200

@@ -10,8 +10,6 @@ import sympy as sp
 from rodgen.symbolic._display import plain
 from rodgen.symbolic.derivation import Derivation, Entry, Refutation
 
-__all__ = ["errata"]
-
 NOTHING = "Nothing is refuted."
 
 

@@ -11,8 +11,6 @@ from sympy.printing.latex import LatexPrinter, accepted_latex_functions
 
 from rodgen.symbolic.vectors import Letter, Vector
 
-__all__ = ["component_names", "latex", "latex_lines", "rendered_width"]
-
 _FUNCTIONS = {
     "asin": r"\arcsin",
     "acos": r"\arccos",

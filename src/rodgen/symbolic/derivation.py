@@ -32,17 +32,6 @@ from rodgen.symbolic._latex import component_names, latex, latex_lines
 from rodgen.symbolic.reduction import Reduction, reduction
 from rodgen.symbolic.vectors import Letter, Vector, explicit
 
-__all__ = [
-    "Computation",
-    "Derivation",
-    "DerivationError",
-    "Entry",
-    "Proof",
-    "Refutation",
-    "SymbolRow",
-    "equal",
-]
-
 Substitution = Mapping[Any, Any]
 """Values for symbols and vectors: expressions, numbers or triples of numbers."""
 

@@ -16,8 +16,6 @@ import sympy as sp
 
 from rodgen.symbolic.vectors import skew
 
-__all__ = ["Dual", "dual_matrix", "dual_rotation_x", "dual_rotation_z", "dual_value"]
-
 _ARGUMENT = sp.Dummy("argument", real=True)
 
 

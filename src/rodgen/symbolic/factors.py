@@ -7,8 +7,6 @@ from typing import Any
 import sympy as sp
 from sympy.core import random
 
-__all__ = ["factored"]
-
 
 def factored(expr: sp.Expr) -> Any:
     """Factor a polynomial.

@@ -12,8 +12,6 @@ from typing import Any, TypeVar
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
-__all__ = ["EPS", "LARGEST", "last_case", "power_of_two_scale", "select"]
-
 EPS = sp.Symbol("eps", positive=True)
 """Machine epsilon of the kernel's number type: 2**-52 in float64, 2**-23 in float32."""
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import sys
 
-__all__ = ["in_notebook"]
-
 
 def in_notebook() -> bool:
     """Return whether a Jupyter kernel runs this code; IPython is not imported to find out."""

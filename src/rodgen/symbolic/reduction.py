@@ -19,8 +19,6 @@ from typing import Any
 import sympy as sp
 from sympy.polys.fields import field as field_of_fractions
 
-__all__ = ["Division", "Reduction", "Relation", "reduction", "remainder"]
-
 KEPT_TERMS = 200
 """Number of terms up to which a reduction keeps a polynomial, so that its division can be shown."""
 

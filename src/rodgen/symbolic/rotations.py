@@ -12,16 +12,6 @@ import sympy as sp
 
 from rodgen.symbolic.vectors import cross, dot, norm, skew
 
-__all__ = [
-    "coordinate_rotation",
-    "inverse_transform",
-    "matrix_from_axis_angle",
-    "matrix_from_rodrigues_vector",
-    "rodrigues",
-    "rot",
-    "transform",
-]
-
 
 def rodrigues(rho: sp.Expr, theta: sp.Expr) -> sp.Expr:
     """Rotate a vector by Rodrigues' formula, ρ + θ × (ρ + θ × ρ / 2) / (1 + |θ|² / 4).

@@ -20,22 +20,6 @@ from rodgen.symbolic.factors import factored
 from rodgen.symbolic.reduction import remainder
 from rodgen.symbolic.vectors import cross, dot, skew
 
-__all__ = [
-    "DELTA",
-    "ReciprocalSystem",
-    "axis_point",
-    "couple",
-    "line_along",
-    "line_of_planes",
-    "line_through",
-    "pitch",
-    "reciprocal_product",
-    "reciprocal_system",
-    "screw",
-    "screw_transform",
-    "self_product",
-]
-
 DELTA = sp.ImmutableMatrix(sp.BlockMatrix([[sp.zeros(3), sp.eye(3)], [sp.eye(3), sp.zeros(3)]]).as_explicit())
 """Matrix of the reciprocal product: ``a.T * DELTA * b``. It swaps direction and moment."""
 

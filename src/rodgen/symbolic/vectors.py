@@ -15,8 +15,6 @@ from typing import Any
 import sympy as sp
 from sympy.matrices.expressions.matexpr import MatrixExpr
 
-__all__ = ["Letter", "Vector", "cross", "dot", "explicit", "formal_determinant", "norm", "skew"]
-
 
 # SymPy has no annotations: hence the marks on its subclasses.
 class Letter(sp.MatrixSymbol):  # type: ignore[misc]

@@ -11,8 +11,6 @@ from rodgen.errors import joined
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["are_wrong", "held_at_bounds"]
-
 
 def are_wrong(bounded: FittedModel, freed: FittedModel) -> bool:
     """Return whether the readings contradict bounds.

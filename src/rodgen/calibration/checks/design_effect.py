@@ -23,8 +23,6 @@ from rodgen.statistics.thresholds import EFFECT_TEST
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["design_effect", "design_effect_of_fits"]
-
 
 def design_effect(directions: Array, residual: Array, pose: NDArray[np.integer], variance: float) -> float:
     """Return the variance along directions from pose to pose, over that of independent readings; 1 or more.

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.machines.machine import Effect
 
-__all__ = ["EffectTest", "effect_test", "worth_of"]
-
 LN10 = float(np.log(10))
 
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["GrossReading", "gross_readings", "on_gross_readings", "on_outliers"]
-
 
 @dataclass(frozen=True)
 class GrossReading:

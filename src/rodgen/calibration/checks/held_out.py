@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.model import Frame
 
-__all__ = ["HeldOut", "folds_of_rows", "held_out"]
-
 
 ONE_AT_A_TIME = 100
 """Up to so many poses each is a fold of its own."""

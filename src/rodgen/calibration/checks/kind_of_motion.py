@@ -23,8 +23,6 @@ from rodgen.calibration.possible_effects import (
 from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["log_p_of_kind"]
-
 
 def log_p_of_kind(models: NestedModels, joint: str) -> float:
     """Return the logarithm of the probability that chance makes a joint move as an effect does, by whatever amounts.

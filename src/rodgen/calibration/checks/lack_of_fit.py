@@ -26,8 +26,6 @@ from rodgen.views import html_of
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["LackOfFit", "lack_of_fit"]
-
 MOST_COLUMNS = 60
 """Readings of a pose that are compared with each other; more count as repeating these."""
 

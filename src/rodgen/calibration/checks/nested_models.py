@@ -15,8 +15,6 @@ from rodgen.calibration.solve.least_squares import Solution, minimise
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["NestedModels", "further_combinations", "with_the_same_weights"]
-
 
 def with_the_same_weights(smaller: FittedModel, larger: FittedModel) -> tuple[FittedModel, FittedModel]:
     """Return both fits with the weights at later joints that either took in: one model is inside the other then.

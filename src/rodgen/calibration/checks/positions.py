@@ -22,18 +22,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect
 
-__all__ = [
-    "ExplainedWithin",
-    "bases_by_rows",
-    "distinct_positions",
-    "explained_within",
-    "few_positions",
-    "log_p_by_position",
-    "position_of",
-    "positions",
-    "rows_by_position",
-]
-
 
 COORDINATE = {"q", "zeta", *(f"P{k}" for k in range(1, 5))}
 FIXED = {"L", "N", "U", "V", "EX", "EY", "EZ", "pi"}

@@ -13,8 +13,6 @@ from rodgen.statistics.decompositions import singular_values, svd
 from rodgen.statistics.unknown_walk import log_p_under_walks
 from rodgen.statistics.whitening import MotionDeviations
 
-__all__ = ["generalised_f", "known_degrees_of_freedom", "log_p_where_it_wanders"]
-
 
 def generalised_f(models: NestedModels, further: int, residual_dof: int) -> tuple[float, float, float]:
     """Return the fall of the sum of squares, the variance of what remains, and the design effect."""

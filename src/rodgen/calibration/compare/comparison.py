@@ -23,8 +23,6 @@ from rodgen.views import Records, html_of
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Comparison", "compare"]
-
 Progress: TypeAlias = Callable[[str], object]
 
 ROUNDING = 64 * np.finfo(float).eps

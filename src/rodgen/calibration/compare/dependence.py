@@ -36,8 +36,6 @@ from rodgen.calibration.compare.serial_correlation import (
 from rodgen.data.drivers import Driver
 from rodgen.statistics.thresholds import COMPARISON
 
-__all__ = ["Dependence", "Found", "Round", "Search", "Trial", "search"]
-
 Candidate: TypeAlias = Driver | Pair
 
 MOST_FOUND = 6

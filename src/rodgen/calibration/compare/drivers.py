@@ -12,9 +12,6 @@ from rodgen.array_types import Array
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver, drivers_of_place, products
 
-__all__ = ["Pair", "compared"]
-
-
 SAME = 0.9999
 """Correlation from which two drivers are one: an altitude and the elevation axis that makes it."""
 

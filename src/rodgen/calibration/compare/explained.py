@@ -32,9 +32,6 @@ from rodgen.statistics.f_tests import log10_f_tail
 from rodgen.statistics.leave_out import undo_leverage
 from rodgen.statistics.thresholds import COMPARISON
 
-__all__ = ["Explained", "ProjectedResiduals"]
-
-
 WHITENED = 1e-5
 """Directions that whitening leaves less than this part of no longer belong to what the fit takes out."""
 CLOSER_LOOK = -2.0

@@ -17,9 +17,6 @@ from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver
 from rodgen.statistics.thresholds import COMPARISON, SMALLEST_P
 
-__all__ = ["Region", "Worst", "quarters", "round_between", "worst_regions"]
-
-
 PIECES = 10
 CLOSEST = 1e-6
 """Values that are closer than this part of the range are not cut apart."""

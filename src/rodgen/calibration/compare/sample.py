@@ -26,8 +26,6 @@ from rodgen.statistics.columns import orthonormal_basis
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["Sample"]
-
 
 MOST_CELLS = 6_000
 """Cells that are looked at. What explains one percent of their variance lowers chi-square by 60, which chance does with

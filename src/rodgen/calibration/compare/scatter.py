@@ -23,9 +23,6 @@ from rodgen.data.poses import stretches
 from rodgen.statistics.kurtosis import kurtosis_of, kurtosis_tail
 from rodgen.statistics.thresholds import SMALLEST_P
 
-__all__ = ["Far", "Tails", "Uneven", "far", "tails", "uneven"]
-
-
 LEAST_POSES = 20
 """Below this the p-value of a kurtosis is a guess."""
 

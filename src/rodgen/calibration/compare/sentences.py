@@ -30,8 +30,6 @@ from rodgen.statistics.thresholds import COMPARISON
 if TYPE_CHECKING:
     from rodgen.calibration.compare.comparison import Comparison
 
-__all__ = ["claims", "sentences", "text"]
-
 MOSTLY, NEARLY_ALL = 0.65, 0.9
 """Parts of the explained variance from which one component, or two, are named."""
 SHOWN_P = -1.3

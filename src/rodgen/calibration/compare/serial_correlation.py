@@ -26,9 +26,6 @@ from rodgen.statistics.columns import directions_above, project_out
 from rodgen.statistics.decompositions import singular_values
 from rodgen.statistics.thresholds import SMALLEST_P
 
-__all__ = ["Drift", "RandomWalk", "SerialCorrelation", "drift", "random_walk", "serial_correlation"]
-
-
 LEAST_POSES = 10
 """Degrees of freedom below which nothing is said of correlations."""
 RATIOS = np.concatenate([[0.0], np.geomspace(1e-4, 1e2, 19)])

@@ -19,9 +19,6 @@ from rodgen.calibration.problem.assembly_modes import within_reach
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 
-__all__ = ["Variation", "elsewhere", "variations"]
-
-
 ROWS = 240
 """Least number of hypothetical readings: what none of them shows, none would."""
 FAR = 2.0

@@ -22,9 +22,6 @@ from rodgen.machines.parameters import Parameter
 from rodgen.statistics.decompositions import lstsq, svd
 from rodgen.statistics.thresholds import DETERMINACY
 
-__all__ = ["Direction", "Elsewhere", "Spectrum", "describe", "lacking", "sparse"]
-
-
 SHARE = 0.02
 """Parts of a combination below this, measured by how they change the readings, are not named."""
 INVARIANT = 1e-3

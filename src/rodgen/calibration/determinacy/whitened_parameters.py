@@ -20,8 +20,6 @@ from rodgen.statistics.decompositions import eigh
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["Whitened"]
-
 
 class Whitened:
     """Coordinates x of the parameters of a fit.

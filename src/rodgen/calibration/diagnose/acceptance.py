@@ -39,19 +39,6 @@ from rodgen.statistics.thresholds import FORMS, VERDICT
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = [
-    "MORE",
-    "WRONG_SIGN",
-    "earned_forms",
-    "insignificant",
-    "may_be_there",
-    "unearned_effect",
-    "weakest_last",
-    "why_empty",
-    "why_not_earned",
-    "worths",
-]
-
 WRONG_SIGN = "no machine has it of this sign"
 FASTER = "It may be there all the same, and more readings in the same time would tell"
 MORE = "it may be there all the same, and more positions would tell"

@@ -32,8 +32,6 @@ from rodgen.statistics.thresholds import SELECTION
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Equal", "equals_of", "imitation", "why_alike"]
-
 
 NAMED = 3
 """Most parameters of a combination that are named."""

@@ -47,8 +47,6 @@ from rodgen.statistics.thresholds import DETERMINACY, SELECTION, VERDICT
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Confirmed", "assemble_diagnosis", "undecided"]
-
 
 @dataclass(frozen=True, eq=False)
 class Confirmed:

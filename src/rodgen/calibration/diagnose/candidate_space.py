@@ -32,8 +32,6 @@ from rodgen.statistics.columns import (
 from rodgen.statistics.multiple_testing import effective_tests
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["CandidateSpace", "Score"]
-
 
 @dataclass(frozen=True)
 class Score:

@@ -21,9 +21,6 @@ from rodgen.statistics.columns import DEPENDENT, orthonormal_basis, project_out
 from rodgen.statistics.decompositions import svd
 from rodgen.statistics.thresholds import EVIDENCE, SELECTION
 
-__all__ = ["Candidate", "candidates", "without_imitated"]
-
-
 TAUS = 12
 """Number of time constants tried, from the time between two poses to three times the whole duration."""
 WAVES_STEP = 0.5

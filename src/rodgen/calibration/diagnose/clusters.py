@@ -20,8 +20,6 @@ from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.leave_out import undo_leverage
 from rodgen.statistics.thresholds import SELECTION, VARIANCES
 
-__all__ = ["Clusters"]
-
 
 class Clusters:
     """Poses as clusters of readings."""

@@ -25,9 +25,6 @@ from rodgen.machines.effects.plausibility import BALANCED, Plausibility
 from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["SHARED", "Criteria", "Found"]
-
-
 KEPT_SCORES = 512
 """Sets of candidates whose scores are kept."""
 SHARED = OFFSETS | SCALES | WINDUPS | {"squareness"}

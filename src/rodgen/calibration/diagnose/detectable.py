@@ -25,8 +25,6 @@ from rodgen.views import html_of
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Detectable", "detectable"]
-
 
 @dataclass(frozen=True)
 class Detectable:

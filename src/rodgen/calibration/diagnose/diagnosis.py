@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.noise.correlation import Correlation
     from rodgen.calibration.plan import Plan
 
-__all__ = ["VERDICTS", "Alias", "DiagnosedEffect", "Diagnosis", "Ranked", "Rms", "SetAlias", "Unexplained"]
-
 VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
 
 

@@ -15,8 +15,6 @@ from rodgen.statistics.columns import inverse_root
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["EffectEstimates"]
-
 
 class EffectEstimates:
     """The estimates of a fit's parameters, with standard deviations that allow for correlated readings."""

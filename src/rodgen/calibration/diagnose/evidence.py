@@ -21,8 +21,6 @@ from rodgen.statistics.columns import unchanged
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Evidence", "Screening", "gather_evidence"]
-
 
 @dataclass(frozen=True, eq=False)
 class Screening:

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
     from rodgen.machines.machine import Machine
 
-__all__ = ["FittedExplanation", "with_effects", "with_forms"]
-
 
 @dataclass(frozen=True, eq=False)
 class FittedExplanation:

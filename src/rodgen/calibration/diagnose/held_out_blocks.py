@@ -19,8 +19,6 @@ from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.leave_out import LeaveOut, deal, group_slices
 from rodgen.statistics.thresholds import EVIDENCE
 
-__all__ = ["Blocks", "stretches_of_time"]
-
 
 class Blocks:
     """Blocks of poses, each of which is left out in turn.

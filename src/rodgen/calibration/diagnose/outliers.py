@@ -17,9 +17,6 @@ from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.robust import huber_weight, median_factor
 from rodgen.statistics.thresholds import OUTLIERS
 
-__all__ = ["are_neighbours", "gross_errors", "on_a_branch"]
-
-
 STEPS = 30
 """Reweighted fits at most."""
 HUBER = 1.345

@@ -52,8 +52,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
     from rodgen.data.observations import Observations
 
-__all__ = ["diagnose"]
-
 
 def diagnose(
     fitted: Fit | Machine,

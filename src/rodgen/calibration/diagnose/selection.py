@@ -21,8 +21,6 @@ from rodgen.calibration.diagnose.criteria import SHARED, Criteria
 from rodgen.machines.effects.plausibility import BALANCED
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["Selection", "of_one_leg"]
-
 
 @dataclass(frozen=True)
 class Selection(Criteria):

@@ -29,8 +29,6 @@ from rodgen.machines.structure import CLOSED, GRAVITY, TENSION
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["MOMENTS", "Place", "Sensitivities"]
-
 Place: TypeAlias = str | None
 
 DIRECT = frozenset({"axis", "point", "target", "frame_shift", "factor", "axes", "lift", "sag"}) | CLOSED

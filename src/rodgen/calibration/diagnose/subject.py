@@ -17,8 +17,6 @@ from rodgen.stages import stage
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Subject", "without_wrong_bounds"]
-
 
 @dataclass(frozen=True, eq=False)
 class Subject:

@@ -32,19 +32,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import Estimate
     from rodgen.machines.machine import Machine
 
-__all__ = [
-    "alias_lists",
-    "as_text",
-    "at_reach",
-    "drivers",
-    "far_from_usual",
-    "headline",
-    "in_uncertainties",
-    "odds",
-    "on_sets",
-    "only_together",
-]
-
 WIDTH = 100
 EQUAL_ODDS = 1.5
 """Odds, to 1, that are smaller are called equal."""

@@ -29,8 +29,6 @@ from rodgen.statistics.thresholds import SELECTION
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Suspect", "Suspects", "suspects"]
-
 
 @dataclass(frozen=True)
 class Suspect:

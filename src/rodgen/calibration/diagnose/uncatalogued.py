@@ -27,8 +27,6 @@ from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.statistics.columns import ColumnSpace, Whiten
 from rodgen.statistics.thresholds import EFFECT_TEST, SELECTION, UNCATALOGUED, VERDICT
 
-__all__ = ["Contest", "Explanation"]
-
 
 @dataclass(frozen=True)
 class Explanation:

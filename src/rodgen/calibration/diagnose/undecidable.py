@@ -14,8 +14,6 @@ from rodgen.statistics.thresholds import EVIDENCE
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["LEGS_OPEN", "on_unmoved_joints", "why_undecidable", "why_wrong_geometry"]
-
 LEGS_OPEN = "With a further effect the legs no longer close: the geometry, or the order of the legs, is far from right."
 
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Rms
     from rodgen.calibration.fit import Fit
 
-__all__ = ["bind_validation", "on_another_machine", "validation_error"]
-
 
 def bind_validation(machine: Machine, test: Any) -> Observations:
     """Bind further measurements to a machine, and refuse those on which its error cannot be computed.

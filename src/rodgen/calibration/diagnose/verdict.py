@@ -25,15 +25,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = [
-    "disagreement",
-    "displaced",
-    "jump",
-    "moved_one_way",
-    "uneven",
-    "unknown_approach",
-]
-
 
 NOTE_RUNS = "Note the set-ups in a column run, and diagnose again."
 MOST_ENDS = 120

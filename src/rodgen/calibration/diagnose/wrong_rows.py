@@ -15,8 +15,6 @@ from rodgen.data.observations import Observations
 from rodgen.stages import stage
 from rodgen.statistics.thresholds import VERDICT
 
-__all__ = ["displaced_rows", "gross_rows_of", "unless_neighbours"]
-
 
 @stage("looking for outliers")
 def gross_rows_of(fitted: FittedModel, screening: Screening) -> Mask:

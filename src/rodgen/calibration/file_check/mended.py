@@ -14,8 +14,6 @@ from rodgen.data.tables.writer import open_sink
 from rodgen.data.units import parse_unit
 from rodgen.machines.measured import TURNS
 
-__all__ = ["write_mended_data"]
-
 
 def write_mended_data(mended: Observations, observations: Observations, path: str | os.PathLike[str]) -> None:
     """Write the table of mended observations; what was not changed keeps its digits.

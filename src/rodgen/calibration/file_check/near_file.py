@@ -27,9 +27,6 @@ from rodgen.machines.model import Frame, Model
 from rodgen.machines.plausible import MOST_TARGETS, relative_corrections, stated_deviations, tolerances
 from rodgen.statistics.thresholds import CHECK
 
-__all__ = ["NearFit", "exchanged", "fit_near", "motion"]
-
-
 ROUNDS, STEPS, LAST = 8, 3, 1e-3
 """Times that weights and scale are found anew, Gauss-Newton steps between, and the change of ln(scale) that ends it."""
 SCALE_STEPS = 10

@@ -17,8 +17,6 @@ from rodgen.errors import joined
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import BRANCHES, Joint, Vector
 
-__all__ = ["Repair", "Rows", "offsets", "repairs"]
-
 Rows: TypeAlias = Mapping[int, Observations]
 """Observations by row offset: at 2 each reading is given what else stands two rows later."""
 State: TypeAlias = tuple[Machine, Rows]

@@ -31,8 +31,6 @@ from rodgen.stages import each
 from rodgen.statistics.thresholds import CHECK
 from rodgen.views import html_of
 
-__all__ = ["Check", "Mend", "check"]
-
 FIRST_ROUNDS = 2
 """Rounds of a fit after which most repairs are seen to lead nowhere."""
 

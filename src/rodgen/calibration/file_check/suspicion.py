@@ -12,8 +12,6 @@ from rodgen.calibration.problem.assembly_modes import other_mode
 from rodgen.machines.plausible import relative_corrections
 from rodgen.statistics.thresholds import CHECK
 
-__all__ = ["suspicions"]
-
 
 def suspicions(fit: FittedModel) -> Iterator[str]:
     """Yield what a right file hardly ever shows: no convergence, large corrections, errors that no physics makes."""

@@ -13,8 +13,6 @@ from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.thresholds import DETERMINACY
 
-__all__ = ["estimated_arm"]
-
 
 def estimated_arm(
     problem: Problem, solution: Solution, free: Sequence[int], kept: NDArray[np.bool_]

@@ -33,16 +33,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = [
-    "Correlation",
-    "Dependence",
-    "FitRows",
-    "LinearRows",
-    "dependence",
-    "estimate_correlation",
-    "shared_motion",
-]
-
 
 NO_READING = 1e-30
 """Weights below this part of the largest are those of readings that the fit leaves out."""

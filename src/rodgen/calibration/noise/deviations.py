@@ -22,8 +22,6 @@ from rodgen.data.poses import stretches
 from rodgen.statistics.decompositions import svd
 from rodgen.statistics.f_tests import f_tail
 
-__all__ = ["DRIFTS", "Deviations", "StandardDeviation", "independent_share"]
-
 Ints: TypeAlias = NDArray[np.integer[Any]]
 
 DRIFTS: tuple[Kind, ...] = ("run", "time", "order", "temperature", "column")

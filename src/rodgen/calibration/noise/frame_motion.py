@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.model import Frame, Model
 
-__all__ = ["frame_motion"]
-
 
 def frame_motion(model: Model, o: Observations, theta: Array, frame: Frame, weight: Array) -> Array:
     """Return the derivatives of weighted residuals with respect to a motion of the whole frame, (n, m, 6).

@@ -35,8 +35,6 @@ from rodgen.views import html_of
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["NoiseFloor", "Replicates", "noise_floor", "replicates"]
-
 
 MOST_PAIRS = 60
 """Distances between targets that are looked at in a pose: more add little."""

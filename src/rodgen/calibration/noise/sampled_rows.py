@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
-__all__ = ["sample_of"]
-
 MOST_ROWS = 5_000
 """Rows that decisions are made on: an effect that is worth half a percent of the error lowers chi-square on them by 50,
 which chance does with p = 2e-12."""

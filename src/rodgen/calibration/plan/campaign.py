@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import EffectIdentity
 
-__all__ = ["MOST_READINGS", "Campaign"]
-
 
 SMALL = 0.1
 """Where readings cover less than this part of what positions within the range of those measured make of them, the

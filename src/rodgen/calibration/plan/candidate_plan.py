@@ -16,9 +16,6 @@ from rodgen.calibration.plan.order import ordered, wrong_sides
 from rodgen.calibration.plan.rows import Rows
 from rodgen.statistics.thresholds import PLAN
 
-__all__ = ["CandidatePlan", "PairGain", "plan_campaign", "rough_plan"]
-
-
 FEWEST = 2
 """Readings that are planned at least: nothing would contradict a single one."""
 SIZES = (3, 6, 12, 24, 48, 100, 200)

@@ -16,8 +16,6 @@ from rodgen.statistics.decompositions import svd
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
-__all__ = ["brought_to", "gone_back", "listed_readings"]
-
 
 STEP = 1e-6
 """Of the derivative of places, as a part of a joint's travel."""

@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
-__all__ = ["Constraints", "Region", "load_constraints"]
-
 
 MOST_BLOCKS = 100
 """Boxes, regions and places in a file, at most."""

@@ -26,20 +26,6 @@ from rodgen.array_types import Array
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
 
-__all__ = [
-    "PARTS",
-    "SWEEPS",
-    "Coordinates",
-    "Linearized",
-    "Moves",
-    "Pair",
-    "Sharpen",
-    "Task",
-    "both_ways",
-    "chosen",
-]
-
-
 SEEN = 1e-13
 """Combinations that change all readings together by less than this part (of squares) change nothing."""
 UNKNOWN = 1e-8

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
-__all__ = ["differences"]
-
 
 BEYOND = 0.05
 """Part of the travel by which positions lie beyond those measured, to be called new."""

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan.candidate_plan import CandidatePlan
 
-__all__ = ["Gain", "Goal", "goals_of", "no_gain"]
-
 Pairs: TypeAlias = set[frozenset[int]]
 
 MOST_SENTENCES = 2

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.machines.machine import Effect
 
-__all__ = ["invisible_effects"]
-
 
 NO_CHANGE = 1e-9
 """A parameter that changes readings by less than this part of what another one does is rounding."""

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Target
 
-__all__ = ["about_rows", "about_target_column", "about_travel", "not_enough"]
-
 HALF = 0.5
 """A smaller probability of success is not called uncertain, but improbable."""
 ON_THE_WAY = 20

@@ -14,9 +14,6 @@ from rodgen.array_types import Array, Ints
 from rodgen.calibration.plan.rows import Rows
 from rodgen.data.poses import approach
 
-__all__ = ["ordered", "wrong_sides"]
-
-
 WRONG = 100.0
 """What a wrong direction of approach counts, in ways through the whole travel."""
 LARGE = 60

@@ -8,8 +8,6 @@ import numpy as np
 
 from rodgen.array_types import Array
 
-__all__ = ["Pace"]
-
 
 @dataclass(frozen=True, eq=False)
 class Pace:

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
-__all__ = ["READINGS", "Levels", "levels", "positions", "readings", "rounding"]
-
 
 READINGS = 2400
 """Readings that are considered at most."""

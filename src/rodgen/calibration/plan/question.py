@@ -16,15 +16,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
     from rodgen.machines.parts import EffectIdentity
 
-__all__ = [
-    "PlanError",
-    "Question",
-    "ask",
-    "determined_parameters",
-    "parameters_to_sharpen",
-    "undetermined_sentences",
-]
-
 
 MOST_ALTERNATIVES = 8
 """Effects that are compared with each other at most: every pair of them is a test of its own."""

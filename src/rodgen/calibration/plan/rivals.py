@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
     from rodgen.machines.parts import EffectIdentity
 
-__all__ = ["Rival", "Rivals"]
-
 
 @dataclass(frozen=True, eq=False)
 class Rival:

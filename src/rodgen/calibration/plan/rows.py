@@ -15,8 +15,6 @@ from rodgen.calibration.problem.assembly_modes import with_commands
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach
 
-__all__ = ["Rows", "Surroundings", "usual_by_target"]
-
 
 @dataclass(frozen=True)
 class Rows:

@@ -13,8 +13,6 @@ from rodgen.errors import joined
 if TYPE_CHECKING:
     from rodgen.calibration.plan.plan import Plan
 
-__all__ = ["lines_of"]
-
 MOST_GAINS = 6
 """Gains of a goal in its table; the others are counted."""
 WIDTH = 100

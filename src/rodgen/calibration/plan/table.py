@@ -16,8 +16,6 @@ from rodgen.data.units import parse_unit
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["as_csv", "as_text", "table"]
-
 DIGITS = 9
 TO_BE_SET, TO_BE_MET = 4, 2
 """Digits of the range of a column that people read, as of positions, and of temperatures, which can hardly be set."""

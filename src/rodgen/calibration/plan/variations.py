@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import Joint
 
-__all__ = ["about_axis", "best_plan", "joints_without_travel", "plan_over_more_travel"]
-
 
 WAITS = (2.0, -1.0)
 """For how many times the duration of the data to wait; negative: to begin when the machine is cold."""

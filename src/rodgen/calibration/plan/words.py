@@ -13,8 +13,6 @@ from rodgen.errors import joined
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
-__all__ = ["column_unit", "number", "range_text", "values_text"]
-
 VALUES = 5
 """Values that a sentence lists; of more only the first and the last."""
 

@@ -10,8 +10,6 @@ from typing import Any
 from rodgen.errors import InputFileError
 from rodgen.files import read_input
 
-__all__ = ["read_truth", "truth_as_json"]
-
 TRUTH_FILE = "a file that 'rodgen simulate --truth' wrote"
 NOTE = "What is hidden in the data. Read it when you have your answer: rodgen simulate --open TRUTH.json"
 

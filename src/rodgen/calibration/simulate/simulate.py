@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
 
-__all__ = ["Simulation", "simulate"]
-
 
 DIGITS = 3
 """Readings are written to so many decimals below the noise."""

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
     from rodgen.machines.parameters import Parameter
 
-__all__ = ["Hidden", "Simulator", "with_reading"]
-
 
 TRIAL = 1e-6
 """Value of a parameter, internal units, at which its effect on the readings is measured."""

@@ -13,8 +13,6 @@ from rodgen.cli._tables import add_table, map_rows, named, rows_of
 from rodgen.cli._values import number
 from rodgen.errors import InputFileError, UnexpectedError, shown
 
-__all__ = ["add_to"]
-
 _CHI = named("angle", "chi_x chi_y chi_z")
 
 _ANGLES = f"""\

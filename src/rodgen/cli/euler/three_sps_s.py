@@ -19,8 +19,6 @@ from rodgen.errors import InputFileError
 if TYPE_CHECKING:
     from rodgen.kinematics.three_sps_s import Geometry
 
-__all__ = ["add_to"]
-
 _MACHINE = """\
 The machine is given by --R, --r and --h, or by the file of a machine of the family 3-sps-s with --machine. Legs 1, 2
 and 3 stand at -30, 90 and 210 deg about the z axis."""

@@ -18,19 +18,6 @@ from rodgen.errors import InputFileError
 if TYPE_CHECKING:
     from rodgen.kinematics.spatial import Mechanism, Placement
 
-__all__ = [
-    "MECHANISM_TEXT",
-    "Chain",
-    "add_files",
-    "add_mechanism",
-    "add_tool",
-    "chain_of",
-    "column_name",
-    "place",
-    "quantity_of",
-    "tool_of",
-]
-
 PRESETS = {"puma_560": "PUMA_560", "ge_p60": "GE_P60", "t3_776": "T3_776"}
 
 MECHANISM_TEXT = """\

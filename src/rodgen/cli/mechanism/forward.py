@@ -19,8 +19,6 @@ from rodgen.cli.mechanism._mechanism import (
     tool_of,
 )
 
-__all__ = ["add_to"]
-
 _TEXT = f"""\
 Find the pose of the last link of a robot for the joint coordinates in every row of a table.
 

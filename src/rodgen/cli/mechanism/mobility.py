@@ -14,8 +14,6 @@ from rodgen.errors import InputFileError, RodgenError, shown
 if TYPE_CHECKING:
     from rodgen.kinematics.spatial import Mechanism
 
-__all__ = ["add_to"]
-
 _TEXT = f"""\
 Find the mobility of a mechanism, known exceptions to the mobility formula, the equivalent spherical mechanism, and its
 group: the difficulty of the reverse analysis, and the greatest number of solutions.

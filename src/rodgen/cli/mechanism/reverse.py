@@ -26,8 +26,6 @@ from rodgen.errors import InputFileError, shown
 if TYPE_CHECKING:
     from rodgen.kinematics.spatial import Reverse
 
-__all__ = ["add_to"]
-
 _USUAL = "quaternion"
 """How 'rodgen mechanism forward' writes attitudes."""
 _OFF = 1e-3

@@ -7,8 +7,6 @@ import argparse
 from rodgen.cli._console import OK, Command, show
 from rodgen.polygon_laws import POLYGONS
 
-__all__ = ["add_to"]
-
 _TEXT = """\
 Print the fundamental, subsidiary and polar sine, sine-cosine and cosine laws of a spherical polygon, and its
 half-tangent laws, in the X, Y, Z and U, V, W of Crane and Duffy. The tables are generated, and every identity in them

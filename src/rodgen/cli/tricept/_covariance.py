@@ -13,8 +13,6 @@ from rodgen.cli._console import located
 from rodgen.errors import InputFileError, shown
 from rodgen.files import decoded, read_input
 
-__all__ = ["COVARIANCE_TEXT", "add_covariance", "covariance_of"]
-
 COVARIANCE_TEXT = """\
 --u NAME=VALUE, which may be repeated, gives a standard uncertainty with its unit, of one parameter or of each of a
 group:

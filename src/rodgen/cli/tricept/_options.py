@@ -13,8 +13,6 @@ from rodgen.errors import InputFileError
 if TYPE_CHECKING:
     from rodgen.kinematics.tricept import Geometry
 
-__all__ = ["add_geometry", "geometry_of", "limits_of", "needed", "unit_of"]
-
 
 def add_geometry(parser: argparse.ArgumentParser) -> None:
     """Add the options of the machine."""

@@ -16,8 +16,6 @@ from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, cova
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
 from rodgen.errors import InputFileError, shown
 
-__all__ = ["add_to"]
-
 _TEXT = f"""\
 Bound the six elements of U_y while the tool is anywhere in a cube (or a box): their true range, certified by intervals
 and reached at points, and the sums of the influences' ranges, which is the paper's way and encloses that.

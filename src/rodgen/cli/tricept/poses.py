@@ -11,8 +11,6 @@ from rodgen.cli._console import Command
 from rodgen.cli._tables import Columns, add_table, map_rows, named, rows_of
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of
 
-__all__ = ["add_to"]
-
 _POINT = named("length", "Qx Qy Qz")
 _RODS = named("length", "A0 A1 A-1")
 _POSE = [*named("angle", "alpha beta"), ("z", "length")]

@@ -15,8 +15,6 @@ from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, cova
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
 from rodgen.errors import InputFileError
 
-__all__ = ["add_to"]
-
 _TEXT = f"""\
 Propagate the uncertainty of a Tricept's parameters to its tool at every point of a table, with the columns
 

@@ -14,8 +14,6 @@ from rodgen.cli._values import plane, whole
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
 from rodgen.errors import InputFileError
 
-__all__ = ["add_to"]
-
 _TEXT = """\
 Measure the region that the lengths of the rods leave to the point: its volume, extents, greatest tilt, and how near it
 comes to a singularity (det W33 over its value in an upright pose, which is 1).

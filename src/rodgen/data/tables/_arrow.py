@@ -15,8 +15,6 @@ from rodgen.data.tables.table import READABLE, Block, Rows, Table, plain, values
 from rodgen.errors import InputFileError, shown
 from rodgen.files import unreadable
 
-__all__ = ["FrameTable", "ParquetTable"]
-
 BLOCK_ROWS = 1 << 15
 _ARROW_ERRORS = (pa.ArrowException, OSError, ValueError, KeyError, MemoryError)
 

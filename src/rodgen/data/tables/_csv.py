@@ -34,8 +34,6 @@ try:
 except ImportError:
     from pyarrow.compute import CastOptions, call_function
 
-__all__ = ["CsvTable"]
-
 # Large enough that the fixed cost of a block (about 1 ms) vanishes, small enough that the few blocks in
 # flight, each some six times its text, stay below 100 MB.
 BLOCK_BYTES = 2 << 20

@@ -16,8 +16,6 @@ from rodgen.data.tables.reader import open_table
 from rodgen.data.tables.writer import open_sink
 from rodgen.errors import InputFileError, shown
 
-__all__ = ["check_output", "copied_with"]
-
 
 def check_output(source: str, output: str | os.PathLike[str] | None) -> None:
     """Raise early the errors of `copied_with` that follow from the names alone.

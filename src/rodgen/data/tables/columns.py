@@ -16,15 +16,6 @@ from typing import Literal
 from rodgen.data.units import Quantity, UnitError, conversion_factor, is_unit
 from rodgen.errors import InputFileError, nearest_hint, shown
 
-__all__ = [
-    "MEASUREMENTS",
-    "Column",
-    "EveryColumn",
-    "Match",
-    "bare_name",
-    "match_columns",
-]
-
 _NAME_AND_UNIT = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]")
 
 _UNITS = {"length": " [mm]", "angle": " [deg]", "rate": " [deg/s]", "number": ""}

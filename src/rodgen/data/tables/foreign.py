@@ -22,8 +22,6 @@ from rodgen.data.units import is_unit
 from rodgen.errors import InputFileError, shown
 from rodgen.files import check_unpacked, decoded, read_input
 
-__all__ = ["ForeignColumn", "ForeignTable", "is_number", "read_foreign"]
-
 _EXPECTED = "a table: CSV or other text, .xlsx or .mat"
 _UNIT = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P<other>[^()]*)\))")
 _COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*")

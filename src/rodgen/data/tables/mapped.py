@@ -22,8 +22,6 @@ from rodgen.data.tables.reader import Rows, open_table
 from rodgen.data.tables.writer import open_sink
 from rodgen.data.units import conversion_factor
 
-__all__ = ["Answer", "MapSummary", "Progress", "Result", "map_table"]
-
 Progress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
 """Called once with the total (or None) and its unit; returns a function to be called with every advance."""
 

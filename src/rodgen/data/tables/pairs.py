@@ -20,8 +20,6 @@ from rodgen.data.tables.reader import open_table
 from rodgen.data.tables.table import places_of
 from rodgen.limits import check_cells
 
-__all__ = ["PAIR_COLUMNS", "Pairs", "read_pairs"]
-
 PAIR_COLUMNS = (
     *(Column(f"{point}_{axis}", "length") for point in ("rho", "rho_prime") for axis in "xyz"),
     Column("angle", "angle"),

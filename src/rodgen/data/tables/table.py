@@ -17,18 +17,6 @@ from numpy.typing import NDArray
 from rodgen.data.tables.columns import Column, EveryColumn, Match, match_columns
 from rodgen.errors import InputFileError, joined, shown
 
-__all__ = [
-    "READABLE",
-    "Block",
-    "NoNumberError",
-    "Rows",
-    "Table",
-    "places_of",
-    "plain",
-    "row_place",
-    "values_of",
-]
-
 READABLE = "a CSV or Parquet file"
 MOST_PLACES = 8
 """Rows that a sentence names at most."""

@@ -25,8 +25,6 @@ import pyarrow.csv as pa_csv
 from rodgen.errors import InputFileError, shown
 from rodgen.files import AtomicFile, is_device, unwritable
 
-__all__ = ["Sink", "open_sink", "table_bytes"]
-
 # Row groups of a few MB per column are read fast; larger ones would only stay in memory longer.
 _ROW_GROUP = 1 << 17
 _SPOOLED_BYTES = 16 << 20

@@ -22,9 +22,6 @@ from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.kinematics.axis_fit.robust import Loss, best_agreement, chi_cut
 from rodgen.kinematics.axis_fit.vectors import shown
 
-__all__ = ["contradiction"]
-
-
 # Share of the pairs whose contradiction leaves no answer safe.
 _MANY = 0.3
 # Share of the pairs that are searched for as agreeing: fewer than half, so that one of two camps is enough.

@@ -26,8 +26,6 @@ from rodgen.kinematics.axis_fit.pairs import Pairs
 from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.kinematics.axis_fit.robust import Loss
 
-__all__ = ["condition_number", "information_of", "joint_covariance", "parameter_covariance"]
-
 
 def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Array) -> tuple[Array, float]:
     """Return the information H on axis and point along the basis, and the factor of the score's variance on it.

@@ -22,18 +22,6 @@ from rodgen.kinematics.axis_fit.result import AxisFitStatus
 from rodgen.kinematics.axis_fit.solve import Solution
 from rodgen.kinematics.axis_fit.vectors import shown
 
-__all__ = [
-    "Freedoms",
-    "PairFacts",
-    "axis_information",
-    "choose",
-    "find_freedoms",
-    "is_determined",
-    "sentences",
-    "status_of",
-]
-
-
 _EPS = float(np.finfo(float).eps)
 # Beyond this a turn does not stay in the range where the model is straight.
 _LOST_RADIANS = 1 / 3

@@ -41,8 +41,6 @@ from rodgen.kinematics.axis_fit.result import AxisFit, AxisFitStatus
 from rodgen.kinematics.axis_fit.robust import LOSSES, Loss
 from rodgen.kinematics.axis_fit.solve import Solution, solve
 
-__all__ = ["fit_axis"]
-
 
 def fit_axis(
     rho: ArrayLike,

@@ -29,8 +29,6 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.kinematics.axis_fit.vectors import cross, dot, skew
 
-__all__ = ["Moments", "tangents"]
-
 
 @dataclass(frozen=True, eq=False)
 class Moments:

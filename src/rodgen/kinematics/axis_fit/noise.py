@@ -12,8 +12,6 @@ from rodgen.array_types import Array
 from rodgen.kinematics.axis_fit.pairs import Pairs
 from rodgen.kinematics.axis_fit.robust import Loss, chi_cut, median_variance, trimmed_variance
 
-__all__ = ["Noise"]
-
 
 @dataclass(frozen=True, eq=False)
 class Noise:

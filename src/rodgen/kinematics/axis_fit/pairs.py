@@ -18,9 +18,6 @@ from rodgen.kinematics.axis_fit.moments import Moments
 from rodgen.kinematics.axis_fit.residual import Line, residual
 from rodgen.kinematics.axis_fit.sphere import global_maximum
 
-__all__ = ["ZERO_TURN", "Pairs"]
-
-
 _EPS = float(np.finfo(float).eps)
 # A half angle's sine at which a turn is rounding of the angle itself, and far below that of the points.
 ZERO_TURN = 4 * _EPS

@@ -14,9 +14,6 @@ from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.kinematics.axis_fit.robust import Loss
 from rodgen.kinematics.axis_fit.solve import MOST_REWEIGHTINGS, Solution
 
-__all__ = ["remarks_on"]
-
-
 # Probability below which a better fit is not taken for luck.
 _CHANCE = 1e-5
 # A statistic this many of its standard deviations off is no accident.

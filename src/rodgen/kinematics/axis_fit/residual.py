@@ -15,9 +15,6 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.kinematics.backend import kernels
 
-__all__ = ["Line", "residual", "residual_and_jacobian", "residual_gradient"]
-
-
 # Pairs at a time: the derivatives, eighteen numbers a pair, stay in the cache.
 _BLOCK = 4096
 

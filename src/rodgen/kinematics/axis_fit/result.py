@@ -15,8 +15,6 @@ from rodgen.array_types import Array
 from rodgen.data.units import ARCSEC
 from rodgen.views import html_of
 
-__all__ = ["AxisFit", "AxisFitStatus"]
-
 
 class AxisFitStatus(IntEnum):
     """How far the pairs determine the direction of the axis.

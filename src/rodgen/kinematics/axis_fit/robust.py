@@ -25,17 +25,6 @@ from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
 from rodgen.statistics.robust import HUBER, huber_weight, median_factor
 from rodgen.statistics.thresholds import ROBUST
 
-__all__ = [
-    "LOSSES",
-    "Loss",
-    "best_agreement",
-    "chi_cut",
-    "median_variance",
-    "robust_start",
-    "trimmed_variance",
-]
-
-
 _HUBER = HUBER[3]
 
 # Median of the chi distribution with three degrees of freedom.

@@ -21,9 +21,6 @@ from rodgen.kinematics.axis_fit.residual import Line, residual_gradient
 from rodgen.kinematics.axis_fit.robust import Loss, robust_start, trimmed_variance
 from rodgen.kinematics.axis_fit.sphere import global_maximum, maximise_on_sphere
 
-__all__ = ["MOST_REWEIGHTINGS", "Solution", "solve"]
-
-
 # Reweighting converges by a factor of three to ten a solution; a fit that has not converged by then gets a remark.
 MOST_REWEIGHTINGS = 100
 _SETTLED = 1e-12

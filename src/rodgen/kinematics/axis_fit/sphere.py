@@ -23,9 +23,6 @@ import numpy as np
 
 from rodgen.array_types import Array
 
-__all__ = ["Maxima", "global_maximum", "maximise_on_sphere"]
-
-
 # Both iterations converge quadratically after a few steps; the bound only ends them for certain.
 _MOST_STEPS = 80
 

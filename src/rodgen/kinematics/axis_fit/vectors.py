@@ -6,8 +6,6 @@ import numpy as np
 
 from rodgen.array_types import Array
 
-__all__ = ["cross", "dot", "shown", "skew"]
-
 
 def dot(a: Array, b: Array) -> Array:
     """Return scalar products (…)."""

@@ -11,8 +11,6 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
 from rodgen.kinematics.kernel_call import call_kernel
 
-__all__ = ["angles_from_euler", "angles_from_matrix", "angles_from_quaternion"]
-
 
 def angles_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
     """Return the instantaneous Euler angles of a rotation matrix.

@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.kernel_call import call_kernel
 
-__all__ = ["arm_pose"]
-
 
 def arm_pose(joints: ArrayLike, lengths: ArrayLike) -> tuple[Any, Any, Any]:
     """Return the pose of an arm with six joints whose wrist turns about z, y and x.

@@ -15,16 +15,6 @@ from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
 from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.views import html_of
 
-__all__ = [
-    "Rates",
-    "angular_velocity",
-    "euler_from_matrix",
-    "euler_from_quaternion",
-    "motion_from_euler",
-    "rates",
-    "rates_from_euler",
-]
-
 
 class Rates(NamedTuple):
     """Rates of instantaneous Euler angles.

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.kernel_call import call_kernel
 
-__all__ = ["ridge_lines", "ridge_normal"]
-
 
 def ridge_normal(matrix: Any, axis: int) -> Any:
     """Return e_i × R e_i (..., 3): along the ridge line, as long as the sine of its angle."""

@@ -16,8 +16,6 @@ from rodgen.kinematics.instantaneous_euler._ridges import ridge_normal
 from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.views import html_of
 
-__all__ = ["Choice", "ChoiceStatus", "Rotations", "choose", "rotations"]
-
 _COUNT = np.array([8, 4, 2, 1, 0, 0])
 """Rotations for each code of `RotationsStatus`."""
 

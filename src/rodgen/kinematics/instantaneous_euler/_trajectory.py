@@ -25,8 +25,6 @@ from rodgen.kinematics.instantaneous_euler._ridges import ridge_normal
 from rodgen.kinematics.instantaneous_euler.sequences import Sequence, sequence_of
 from rodgen.views import html_of
 
-__all__ = ["PathStatus", "Trajectory", "trajectory"]
-
 _FLAT = 1e-12
 """Sine of an angle below which its ridge line is not followed: its direction is rounded to 1e-16 over that."""
 

@@ -18,8 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import UnexpectedError, shown
 from rodgen.kinematics.arrays import refuse_masked
 
-__all__ = ["SEQUENCES", "Sequence", "sequence_of"]
-
 SEQUENCES = ("XYX", "XYZ", "XZX", "XZY", "YXY", "YXZ", "YZX", "YZY", "ZXY", "ZXZ", "ZYX", "ZYZ")
 """The twelve intrinsic sequences; in small letters they are extrinsic."""
 

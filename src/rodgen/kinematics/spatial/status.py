@@ -7,8 +7,6 @@ import numpy as np
 
 from rodgen.views import html_of
 
-__all__ = ["PairStatus", "Reverse", "ReverseStatus", "solutions_first"]
-
 
 class Reverse(NamedTuple):
     """The variables of every solution, with the status of each slot.

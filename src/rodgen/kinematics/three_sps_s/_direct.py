@@ -26,8 +26,6 @@ from rodgen.kinematics.three_sps_s._geometry import Geometry
 from rodgen.kinematics.three_sps_s._legs import SINGULAR, nearest_proper
 from rodgen.kinematics.three_sps_s._starts import spread, starts
 
-__all__ = ["DirectStatus", "direct", "direct_all", "follow"]
-
 EPS = float(np.finfo(float).eps)
 CHUNK = 1024
 """Elements a pass: some 40 starts each, and their squares of distances, fit into a cache of some megabytes."""

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from rodgen.kinematics.dimensions import finite_number, positive_length
 from rodgen.views import html_of
 
-__all__ = ["Geometry"]
-
 
 @dataclass(frozen=True)
 class Geometry:

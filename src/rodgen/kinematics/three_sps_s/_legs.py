@@ -21,20 +21,6 @@ from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.three_sps_s._geometry import Geometry
 from rodgen.views import html_of
 
-__all__ = [
-    "SINGULAR",
-    "Singularity",
-    "jacobian",
-    "leg_rates",
-    "legs",
-    "legs_from_quaternion",
-    "nearest_proper",
-    "proper",
-    "rotation_from_tilt_torsion",
-    "singularity",
-    "tilt_torsion",
-]
-
 SINGULAR = 1e-6
 """Normed determinant up to which a pose counts as singular. The angle that errors of the legs open grows by about its
 inverse, and two assembly modes are about as far apart, in rad: below 1e-6 rounding of the legs is more than 1e-10."""

@@ -15,8 +15,6 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.polynomials import roots
 from rodgen.kinematics.three_sps_s._geometry import Geometry
 
-__all__ = ["spread", "starts"]
-
 COMPLEX = 0.1
 """Imaginary part of a root, over its size, up to which it may be a real one: eight roots in one lose all but an eighth
 of sixteen digits."""

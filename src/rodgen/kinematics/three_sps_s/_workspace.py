@@ -23,8 +23,6 @@ from rodgen.kinematics.three_sps_s._geometry import Geometry
 from rodgen.kinematics.three_sps_s._legs import SINGULAR, nearest_proper, rotation_from_tilt_torsion
 from rodgen.views import html_of
 
-__all__ = ["OrientationStatus", "Workspace", "orientation_status", "workspace"]
-
 
 class OrientationStatus(IntEnum):
     """Whether a machine may take up an orientation.

@@ -25,8 +25,6 @@ from rodgen.kinematics.tricept.enclosure import enclose
 from rodgen.kinematics.tricept.interval import Jet, stack
 from rodgen.views import html_of
 
-__all__ = ["ELEMENTS", "Bounds", "bounds", "rod_bounds"]
-
 Indices = NDArray[np.int64]
 
 ELEMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}

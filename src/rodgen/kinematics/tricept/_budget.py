@@ -19,9 +19,6 @@ from rodgen.kinematics.tricept._parameters import ANGLES, PARAMETERS
 from rodgen.kinematics.tricept._uncertainty import regular_place
 from rodgen.views import html_of
 
-__all__ = ["Budget", "BudgetLine", "budget"]
-
-
 # Sensitivities this small relative to the greatest of their unit are rounding, as those that vanish by symmetry.
 _ROUNDING = 64 * 2.0**-52
 

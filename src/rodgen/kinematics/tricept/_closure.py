@@ -20,9 +20,6 @@ from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import legs
 from rodgen.kinematics.tricept._parameters import FIXED, GUIDE, MOVING, PARAMETERS, RODS, TOOL, ZEROS, joints
 
-__all__ = ["disturbed_point"]
-
-
 _COLUMNS = {
     name: [PARAMETERS.index(member) for member in members]
     for name, members in (

@@ -16,8 +16,6 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.tricept._parameters import GROUPS, PARAMETERS
 
-__all__ = ["check_covariance", "correlation_of", "covariance", "is_covariance", "parameter_covariance"]
-
 # Room for a matrix that was multiplied out in double precision, none for a wrong sign in the last printed digit.
 _TOLERANCE = 1e-10
 

@@ -24,9 +24,6 @@ from rodgen.kinematics.tricept._kinematics import inverse
 from rodgen.kinematics.tricept.branch_and_bound import Extremes
 from rodgen.views import html_of
 
-__all__ = ["Cube", "largest_cube"]
-
-
 # Corners, middles of edges and of faces: where rods have their extremes, or nearly.
 _SPOTS = grid_points(*[np.array([-0.5, 0.0, 0.5])] * 3).T
 

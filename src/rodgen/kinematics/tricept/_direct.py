@@ -24,9 +24,6 @@ from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.polynomials import Polynomials, roots
 from rodgen.kinematics.tricept._geometry import Geometry
 
-__all__ = ["MOST_POSES", "direct_all"]
-
-
 MOST_POSES = 28
 """Complex solutions of the three equations."""
 

@@ -12,8 +12,6 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.dimensions import finite_number, positive_length
 from rodgen.views import html_of
 
-__all__ = ["LEG_LIMITS", "PAPER", "Geometry"]
-
 
 @dataclass(frozen=True)
 class Geometry:

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 
-__all__ = ["around", "coordinates_of", "grid_points", "plane_points"]
-
 
 def grid_points(*axes: Array) -> Array:
     """Return the points (k, n) of a grid, given the values of each of its k coordinates; the last one runs fastest."""

@@ -20,8 +20,6 @@ from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._direct import direct_all
 from rodgen.kinematics.tricept._geometry import Geometry
 
-__all__ = ["behind", "direct", "inverse", "legs", "lost_behind", "point", "pose", "rotation"]
-
 
 def point(pose: ArrayLike, geometry: Geometry) -> Any:
     """Return the place of the platform's point in a pose.

@@ -22,8 +22,6 @@ from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import lost_behind
 from rodgen.views import html_of
 
-__all__ = ["Matrices", "Singularity", "matrices", "propagate", "sensitivity", "singularity"]
-
 
 class Matrices(NamedTuple):
     """The paper's matrices; the parameters are in its order A0, A1, A-1, r, R.

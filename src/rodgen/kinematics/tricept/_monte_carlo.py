@@ -25,9 +25,6 @@ from rodgen.kinematics.tricept._parameters import PARAMETERS
 from rodgen.kinematics.tricept._uncertainty import regular_place
 from rodgen.views import html_of
 
-__all__ = ["MonteCarlo", "coverage_intervals", "monte_carlo", "numerical_tolerance"]
-
-
 _BATCHES = 20
 _BLOCK = 20_000
 

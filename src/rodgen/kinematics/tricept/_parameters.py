@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from rodgen.kinematics.tricept._geometry import Geometry
 
-__all__ = ["ANGLES", "GROUPS", "GUIDE", "PARAMETERS", "joints"]
-
 RODS = ("A0", "A1", "A-1")
 ZEROS = ("zero_A0", "zero_A1", "zero_A-1")
 FIXED = tuple(f"{joint}_{axis}" for joint in "ABC" for axis in "xyz")

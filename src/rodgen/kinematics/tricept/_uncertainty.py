@@ -26,16 +26,6 @@ from rodgen.kinematics.tricept._parameters import PARAMETERS, joints
 from rodgen.statistics.chi_distribution import chi3_quantile
 from rodgen.views import html_of
 
-__all__ = [
-    "Ellipsoid",
-    "coverage_factor",
-    "ellipsoid",
-    "parameter_sensitivity",
-    "place_covariance",
-    "regular_place",
-]
-
-
 # Below this the rows of the closures are dependent to rounding.
 _SINGULAR = 64 * 2.0**-52
 

@@ -16,8 +16,6 @@ from rodgen.kinematics.tricept._grids import around, coordinates_of, plane_point
 from rodgen.kinematics.tricept._uncertainty import ellipsoid, place_covariance
 from rodgen.views import html_of
 
-__all__ = ["UncertaintyMap", "uncertainty_map"]
-
 
 @dataclass(frozen=True)
 class UncertaintyMap:

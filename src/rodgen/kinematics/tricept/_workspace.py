@@ -24,8 +24,6 @@ from rodgen.kinematics.tricept._kinematics import pose
 from rodgen.kinematics.tricept._matrices import singularity
 from rodgen.views import html_of
 
-__all__ = ["Beams", "Slice", "Workspace", "beams", "reachable", "workspace", "workspace_slice"]
-
 Value = Callable[[Array, Array, Array], Array]
 """A function of α, β and z."""
 

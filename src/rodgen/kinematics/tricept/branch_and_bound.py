@@ -17,9 +17,6 @@ from rodgen.array_types import Array
 from rodgen.kinematics.tricept._grids import grid_points
 from rodgen.kinematics.tricept.interval import Jet, outward
 
-__all__ = ["Extremes", "Functions", "certified_extremes", "halved", "lattice"]
-
-
 # As many boxes as keep most arrays in the processor's cache; fewer where all functions are wanted of each.
 _BLOCK, _FEW = 2048, 512
 

@@ -15,9 +15,6 @@ from rodgen.array_types import Array
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept.interval import Jet, cross, dot, matmul, stack
 
-__all__ = ["Enclosed", "enclose"]
-
-
 _ROOT = float(np.sqrt(3.0))
 
 

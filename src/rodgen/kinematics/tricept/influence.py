@@ -26,8 +26,6 @@ from rodgen.kinematics.tricept._parameters import PARAMETERS
 from rodgen.kinematics.tricept._workspace import assembled
 from rodgen.views import html_of
 
-__all__ = ["Influence", "influence_map", "influence_region"]
-
 Box = tuple[ArrayLike, ArrayLike]
 
 # On the beam, scaled to -1…1, coefficients below this are rounding.

@@ -13,9 +13,6 @@ import numpy as np
 
 from rodgen.array_types import Array
 
-__all__ = ["Jet", "cross", "dot", "matmul", "outward", "stack"]
-
-
 _RELATIVE = 2.0**-51
 # Far above the rounding of results that are not normal numbers, 2^-1075.
 _ABSOLUTE = 1e-300

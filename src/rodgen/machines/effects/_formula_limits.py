@@ -18,8 +18,6 @@ from fractions import Fraction
 from rodgen.errors import shown
 from rodgen.machines.effects._formula_tree import OPERATORS, FormulaError, exact, write
 
-__all__ = ["FUNCTIONS", "check_limits"]
-
 FUNCTIONS: dict[str, Callable[[float], float]] = {
     "sin": math.sin,
     "cos": math.cos,

@@ -19,8 +19,6 @@ from rodgen.limits import hint, limit
 from rodgen.machines.effects._formula_limits import FUNCTIONS, check_limits
 from rodgen.machines.effects._formula_tree import MOST_DIGITS, OPERATORS, FormulaError, write
 
-__all__ = ["parse"]
-
 MOST_NODES, DEEPEST = 300, 40
 _LONGEST_NAME, _LARGEST_POWER_OF_TEN = 60, 300
 

@@ -15,8 +15,6 @@ from typing import Any, cast
 
 from rodgen.errors import UnexpectedError
 
-__all__ = ["MOST_DIGITS", "OPERATORS", "FormulaError", "exact", "fold", "nonlinear_parts", "write"]
-
 
 class FormulaError(UnexpectedError):
     """A formula that cannot be used: what was found, and what was expected."""

@@ -13,18 +13,6 @@ from rodgen.errors import UnexpectedError, nearest_name, shown
 from rodgen.machines.effects.definition import EffectDefinition, StartSearch
 from rodgen.machines.effects.formula import Formula
 
-__all__ = [
-    "CATALOGUE",
-    "NAMES",
-    "OFFSETS",
-    "SCALES",
-    "TERMS",
-    "WINDUPS",
-    "UnknownEffectError",
-    "as_table",
-    "definitions",
-]
-
 _ISO_1 = "ISO 230-1:2012, Geometric accuracy of machines operating under no-load or quasi-static conditions"
 _ISO_2 = "ISO 230-2:2014, Determination of accuracy and repeatability of positioning of numerically controlled axes"
 _ISO_3 = "ISO 230-3:2020, Determination of thermal effects"

@@ -15,8 +15,6 @@ from rodgen.machines.measured import POINT, Measurand
 from rodgen.machines.parts import coordinate_dimension
 from rodgen.machines.structure import SKY
 
-__all__ = ["OWN_COMPONENTS", "WORDS", "own_effect"]
-
 _MOST_PARAMETERS = 40
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 _OF_JOINT = frozenset({"q", "s", "v", "T"})

@@ -15,8 +15,6 @@ from rodgen.machines.effects.formula import Formula
 from rodgen.machines.measured import DIRECTION, POINT, Measurand
 from rodgen.machines.parts import coordinate_dimension
 
-__all__ = ["COMPONENTS", "EffectDefinition", "StartSearch", "component_dimension"]
-
 COMPONENTS = {
     "reading": "reading += {formula}",
     "base_joint": "the leg's joint on the base moved by {formula}",

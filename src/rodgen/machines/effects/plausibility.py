@@ -27,8 +27,6 @@ from rodgen.statistics.thresholds import SELECTION
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["BALANCED", "PREFERRED", "Plausibility", "Size", "kind_of_machine", "plausibility", "reach"]
-
 PREFERRED = 1e6
 """Factor on the odds of an effect that a user prefers: above that of any other in the table."""
 FEWEST_JOINTS_OF_A_ROBOT = 5

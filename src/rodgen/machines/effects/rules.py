@@ -21,15 +21,6 @@ from rodgen.machines.structure import SKY, TENSION
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = [
-    "UnfitEffectError",
-    "catalogue_effect",
-    "check_effect",
-    "check_estimate",
-    "held",
-    "unknown_name",
-]
-
 _JOINTS = frozenset({"revolute", "prismatic", "leg"})
 
 _KEY_WORDS = frozenset({"axis", "point", "target", "frame"})

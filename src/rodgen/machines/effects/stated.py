@@ -14,8 +14,6 @@ from rodgen.machines.parts import Effect, StatedPlausibility
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["size_dimensions", "stated_plausibility"]
-
 SIGNS = ("any", "positive")
 MOST_ODDS = 1e6
 """Odds that a file may state, of which the square is still far from overflow."""

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from rodgen.machines.effects.catalogue import NAMES, TERMS, definitions
 from rodgen.machines.effects.definition import EffectDefinition
 
-__all__ = ["Symbol", "symbols"]
-
 _ISO = re.compile(r"E?(?P<error>[XYZABC])(?P<location>0?)(?P<axis>[XYZABC])")
 _ALONG, _ABOUT = "XYZ", "ABC"
 

@@ -14,8 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-__all__ = ["Level", "OwnTerm", "own_term"]
-
 Level: TypeAlias = tuple[Sequence[float], Sequence[float]]
 EAST_AND_NORTH: Level = ((1, 0, 0), (0, 1, 0))
 _JOINTS = {"H": "HA", "D": "DEC", "A": "AZ", "E": "EL", "X": "HA", "S": "AZ"}

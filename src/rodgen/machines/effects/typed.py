@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import Effect
 
-__all__ = ["TypedEffect", "assignments", "effect_with", "typed_effect"]
-
 _EFFECT = re.compile(r"\s*(\w+)\s*(?:\[([^\[\]]*)\])?\s*(?:@\s*([^:@]*?)\s*)?(?::(.*))?", re.DOTALL)
 
 

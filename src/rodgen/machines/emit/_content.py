@@ -35,18 +35,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parameters import Parameter
 
-__all__ = [
-    "Content",
-    "Field",
-    "Sample",
-    "constant_words",
-    "content_of",
-    "effect_words",
-    "ideal_of",
-    "identifier",
-    "named",
-]
-
 
 SAMPLES = 16
 TRIES = 40 * SAMPLES

@@ -20,8 +20,6 @@ from rodgen.machines.mechanism import to_mechanism
 if TYPE_CHECKING:
     from rodgen.machines.emit._geometry import Geometry
 
-__all__ = ["table_texts"]
-
 _CONVENTIONS = {
     "standard": (to_denavit_hartenberg, "Rz(theta) Tz(d) Tx(a) Rx(alpha)"),
     "modified": (to_modified_denavit_hartenberg, "Tx(a) Rx(alpha) Tz(d) Rz(theta)"),

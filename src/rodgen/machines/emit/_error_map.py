@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from rodgen.machines.emit._content import Content
     from rodgen.machines.machine import Joint, Machine
 
-__all__ = ["map_texts"]
-
 
 GOOD = 0.02
 """Part of the largest error that interpolation may be off."""

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from rodgen.machines.model import Model
     from rodgen.machines.parts import Effect, Joint
 
-__all__ = ["iso_texts", "screw_texts"]
-
 
 POINTS = range(25, 42)
 """Positions of a table over a travel, where no more are needed: as many of these as make the step a round number."""

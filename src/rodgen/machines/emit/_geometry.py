@@ -23,8 +23,6 @@ from rodgen.machines.rigid import complete_basis, rotation_matrix, rotation_vect
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["CONSTANT", "Geometry", "geometry_of", "located", "of_couplings"]
-
 
 CONSTANT = {"axis_tilt", "squareness", "axis_offset", "zero_offset", "target_offset"}
 """Effects that are constants of the geometry."""

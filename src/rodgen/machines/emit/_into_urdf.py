@@ -31,8 +31,6 @@ from rodgen.machines.rigid import roll_pitch_yaw, rotation_matrix
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["CORRECTED", "corrected_urdf"]
-
 
 CORRECTED = "Origins corrected by rodgen"
 _LARGEST_TILT, _LARGEST_SHIFT = 0.1, 0.1

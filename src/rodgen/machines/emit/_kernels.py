@@ -32,9 +32,6 @@ from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import Structure, Term, row_effects
 from rodgen.symbolic import select
 
-__all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "numbers_of", "step_kernel"]
-
-
 SOURCE = "product of exponentials with error motions"
 TINY = sp.Rational(1, 10**300)
 """Added to what is divided by: where no joint moves the place at all, the step is zero."""

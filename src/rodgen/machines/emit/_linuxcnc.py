@@ -13,8 +13,6 @@ from rodgen.machines.emit._render import DO_NOT_EDIT, ENVIRONMENT, model_words, 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["component_texts"]
-
 _LONGEST = 23
 """Of a name, with kins: HAL tells names apart by their first 31 characters, HAL_ before them."""
 _FIELDS = {x: f"tran.{x.lower()}" for x in "XYZ"} | {x: x.lower() for x in "ABCUVW"}

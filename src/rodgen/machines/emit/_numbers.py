@@ -16,18 +16,6 @@ from rodgen.statistics.digits import measured
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = [
-    "Covariance",
-    "K",
-    "csv_text",
-    "number",
-    "numbers",
-    "said_of_uncertainties",
-    "standard",
-    "uncertain_number",
-    "varied",
-]
-
 
 K = 2.0
 """Coverage factor of expanded uncertainties, as certificates have it."""

@@ -17,8 +17,6 @@ from rodgen.machines.structure import row_effects
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["Scope", "scope_of"]
-
 
 @dataclass(frozen=True)
 class Scope:

@@ -21,8 +21,6 @@ from rodgen.machines.rigid import complete_basis, rotation_vector
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["tpoint_text"]
-
 _ALIGNED = 1e-9
 _SMALL = 0.02
 """Largest turn of a free frame, rad, of which terms are formulas to first order."""

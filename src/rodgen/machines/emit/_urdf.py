@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from rodgen.machines.emit._geometry import Geometry
     from rodgen.machines.machine import Joint, Machine
 
-__all__ = ["numbers_text", "urdf_text"]
-
 NOTHING = 1e-10
 """Metres or radians that are rounding: a tenth of a nanometre."""
 _UNLIMITED = 1000.0

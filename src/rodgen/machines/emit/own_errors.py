@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import Effect
 
-__all__ = ["LocationError", "is_of_set_up", "location_errors", "with_uncertainty"]
-
 
 CHOICE, ROUNDING = 1e-3, 1e-10
 """When parameters move in a way that the data leave open, the part of the largest change by which an error moves that

@@ -11,8 +11,6 @@ from typing import Any
 from rodgen.errors import InputFileError, UnexpectedError, shown
 from rodgen.machines.files.toml import NUMBER, TEXT, Table
 
-__all__ = ["EXAMPLE", "ColumnSource", "column_source", "stated_columns"]
-
 _SOURCE = re.compile(
     r"(?P<sign>[-+]?)\s*(?P<name>.+?)\s*(?:\[(?P<unit>[^\[\]]*)\])?(?:\s+(?P<op>[-+])\s+(?P<offset>[\d.]+(?:[eE][-+]?\d+)?))?"
 )

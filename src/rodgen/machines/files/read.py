@@ -68,8 +68,6 @@ from rodgen.machines.parts import (
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["JOINT_NAME", "MOST_JOINTS", "PLACE_NAME", "effect_of", "machine_of", "read_machine", "unit_of"]
-
 MOST_JOINTS, MOST_TARGETS, MOST_EFFECTS = 64, 1000, 200
 PLATFORM = "platform"
 """Name of the target where the file of a closed chain gives none: the middle of its platform."""

@@ -16,22 +16,6 @@ from rodgen.errors import InputFileError, listed, nearest_name, shown, suggestio
 from rodgen.files import decoded, read_input
 from rodgen.limits import hint, limit
 
-__all__ = [
-    "LARGEST",
-    "NUMBER",
-    "PAIR",
-    "POSITIVE",
-    "TABLE",
-    "TEXT",
-    "VECTOR",
-    "Kind",
-    "Table",
-    "UnfitError",
-    "one_of",
-    "parse",
-    "read_text",
-]
-
 _T = TypeVar("_T")
 _D = TypeVar("_D")
 _REQUIRED: Any = object()

@@ -15,8 +15,6 @@ from rodgen.machines.parts import BRANCHES, Effect, Joint, Known, StatedPlausibi
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["description", "effect_text", "known_line", "machine_text", "toml_string"]
-
 
 # numbers and texts -------------------------------------------------------------------------------------------------
 

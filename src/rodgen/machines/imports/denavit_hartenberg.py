@@ -27,8 +27,6 @@ from rodgen.machines.imports.imported import Imported, clean, machine_name
 from rodgen.machines.measured import Measured
 from rodgen.machines.mechanism import from_mechanism
 
-__all__ = ["CONVENTIONS", "is_table", "machine_from_table"]
-
 CONVENTIONS = {
     "standard": from_denavit_hartenberg,
     "modified": from_modified_denavit_hartenberg,

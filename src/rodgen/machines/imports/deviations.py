@@ -20,9 +20,6 @@ from rodgen.errors import InputFileError, listed, shown
 from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
 
-__all__ = ["as_distances", "of_ballbar"]
-
-
 _POSITION = ("position", "target position", "target", "nominal", "nominal position", "sollposition")
 _DEVIATION = ("deviation", "error", "dev", "r-dev", "dr", "radial deviation", "radius deviation")
 _ANGLE = ("angle", "theta", "phi")

@@ -17,8 +17,6 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Vector
 from rodgen.views import html_of
 
-__all__ = ["Imported", "clean", "machine_name", "one_line"]
-
 
 @dataclass(frozen=True)
 class Imported:

@@ -16,8 +16,6 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.measured import Measured
 from rodgen.machines.parts import Joint, Target, Vector
 
-__all__ = ["ALTAZ", "EQUATORIAL", "MOUNTS", "Mount"]
-
 
 @dataclass(frozen=True)
 class Mount:

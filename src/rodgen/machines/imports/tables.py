@@ -28,8 +28,6 @@ from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.machine import Joint, Machine
 from rodgen.machines.measured import NOTATIONS, TURNS
 
-__all__ = ["measurements_of"]
-
 _PAIRS = {("az", "el"): ALTAZ, ("ha", "dec"): EQUATORIAL}
 _ANGLES = {"angle", *chain(*_PAIRS), *NOTATIONS["rotation vector"], *NOTATIONS["roll, pitch and yaw"]}
 _OTHER_NAMES = {

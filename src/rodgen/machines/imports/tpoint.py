@@ -13,8 +13,6 @@ from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.imports.tpoint_data import Pointings, read_pointings
 from rodgen.machines.imports.tpoint_model import TpointModel, read_model, with_terms
 
-__all__ = ["machine_from_tpoint"]
-
 
 def machine_from_tpoint(
     run: str | None,

@@ -32,9 +32,6 @@ from rodgen.files import decoded, read_input
 from rodgen.machines.imports.imported import one_line
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL, Mount
 
-__all__ = ["Pointings", "Site", "is_pointing_run", "read_pointings"]
-
-
 _EXPECTED = "a pointing run of TPOINT"
 _OPTIONS = {"EQUAT": EQUATORIAL, "ALTAZ": ALTAZ}
 _COUNTS = {1: 17, 2: 14, 3: 12, 4: 4}

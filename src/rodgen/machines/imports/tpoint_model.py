@@ -33,9 +33,6 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Effect
 from rodgen.machines.rigid import complete_basis
 
-__all__ = ["TpointModel", "is_model", "model_text", "read_model", "terms_of", "with_terms"]
-
-
 _EXPECTED = "a model of TPOINT"
 _LINE = re.compile(r"(?P<flags>[=&]*)\s*(?P<name>[A-Z][A-Z0-9]*)\s+(?P<value>[-+.\dEe]+)(?:\s+[-+.\dEe]+)*")
 _RELATION = re.compile(

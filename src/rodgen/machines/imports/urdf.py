@@ -25,9 +25,6 @@ from rodgen.machines.measured import Measured
 from rodgen.machines.parts import Joint, Target
 from rodgen.machines.rigid import matrix_from_roll_pitch_yaw
 
-__all__ = ["MOVING", "UrdfJoint", "is_urdf", "joints_of", "machine_from_urdf"]
-
-
 _EXPECTED = "a robot in URDF"
 MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _MM = 1000.0

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from rodgen.data.tables import Pairs
     from rodgen.kinematics.axis_fit import AxisFit
 
-__all__ = ["axis_fit"]
-
 MOST_ARCS, MOST_RESIDUALS = 200, 5000
 """More arcs than this are a grey disc, more residuals a grey band."""
 

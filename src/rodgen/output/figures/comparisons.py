@@ -26,12 +26,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.compare.sample import Sample
     from rodgen.data.drivers import Driver
 
-__all__ = [
-    "comparison",
-    "residuals_against",
-    "residuals_in_order",
-]
-
 
 def comparison(comparison: Comparison) -> Iterator[go.Figure]:
     """Yield every figure of a comparison; the name of each is in its ``layout.meta``.

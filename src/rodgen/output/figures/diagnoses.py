@@ -31,19 +31,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.plan import Plan
     from rodgen.data.drivers import Driver
 
-__all__ = [
-    "LEVEL",
-    "MOST_RANKED",
-    "Rung",
-    "candidates",
-    "diagnosis",
-    "errors_of",
-    "planned_poses",
-    "residuals_by",
-    "rungs",
-    "unit_of",
-]
-
 MOST_RANKED, MOST_MEASURED, MOST_POLAR = 10, 1000, 3
 LEVEL = 0.01
 """Probability of a false alarm among all candidates together."""

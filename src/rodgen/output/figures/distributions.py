@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["autocorrelation_of_residuals", "distribution_of_residuals", "quantiles_of_residuals"]
-
 PANEL = 150
 """Height, in pixels."""
 QUANTILE = "normal quantile [standard deviations]"

@@ -23,8 +23,6 @@ from rodgen.output.numbers import Shown, minus, shown_unit
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["DEVIATIONS", "DrawnRows", "coordinate", "taken"]
-
 
 MOST_MARKS = 4000
 """In one figure: its data stay below 2 MB with them, and it says no more with more."""

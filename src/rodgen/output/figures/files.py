@@ -18,8 +18,6 @@ from rodgen.files import write_file
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-__all__ = ["browser", "check_figure_name", "check_images", "check_place", "save_figure", "save_figures"]
-
 PAGES = (".html", ".htm")
 IMAGES = ("png", "svg", "pdf")
 SCALE = 2.0

@@ -17,8 +17,6 @@ from plotly.offline import get_plotlyjs
 
 from rodgen.output.figures.style import DARK
 
-__all__ = ["asset", "figure_page", "figures_json", "policy", "scripts"]
-
 PAGE = """\
 <!DOCTYPE html>
 <html lang="en">

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     from rodgen.calibration.ladder import Ladder
 
-__all__ = ["error_ladder", "ladder"]
-
 ROW, MOST_ROWS = 46, 12
 """Height of a model, in pixels, and how many are drawn."""
 

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
-__all__ = ["residual_vectors", "skeleton"]
-
 
 HEIGHT = 560
 MOST_READINGS, MOST_VECTORS = 200, 300

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["in_machine_axes", "map_of", "residual_map", "round_size", "up_of"]
-
 FLAT, TALL = 0.5, 1.1
 """Least and largest height of a map, as a share of its width."""
 WIDTH = 660

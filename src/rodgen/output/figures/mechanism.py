@@ -19,8 +19,6 @@ from rodgen.output.numbers import minus
 if TYPE_CHECKING:
     from rodgen.kinematics.spatial import Mechanism
 
-__all__ = ["planar_representation"]
-
 RADIUS, MARGIN, SPACING = 15, 75, 120
 """Of a joint, around the whole, and between joints, in pixels of a figure that is as wide as it asks for."""
 Point = tuple[float, float]

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from rodgen.kinematics.three_sps_s import Workspace
     from rodgen.kinematics.tricept import Influence, UncertaintyMap
 
-__all__ = ["influence", "orientation_workspace", "uncertainty_map"]
-
 QUANTITIES = ("u(Qx)", "u(Qy)", "u(Qz)", "largest semi-axis")
 WIDTH = 900
 NARROWEST = 700

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["joints_that_go_round", "polar_of", "polar_plot"]
-
 PANEL = 460
 """Height, in pixels."""
 HALF = 0.5

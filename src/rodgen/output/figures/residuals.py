@@ -41,18 +41,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.drivers import Driver
 
-__all__ = [
-    "SIDES",
-    "Marks",
-    "ResidualPanel",
-    "add_rows",
-    "components_of",
-    "file_name",
-    "reading_of",
-    "residual_plot",
-    "residuals_over",
-]
-
 SEVERAL, SINGLE = 140, 260
 """Heights of a panel among others, and alone, in pixels."""
 MARGIN = 1.12

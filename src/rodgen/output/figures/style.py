@@ -19,34 +19,6 @@ import plotly.io as pio
 
 from rodgen.array_types import Array, Index
 
-__all__ = [
-    "BLUE",
-    "DARK",
-    "GREY",
-    "INK",
-    "LINE",
-    "ORANGE",
-    "OUTLIER",
-    "PAPER",
-    "PURPLE",
-    "SELECTED",
-    "SOFT",
-    "Panel",
-    "add_arrows",
-    "add_trace",
-    "axes",
-    "column",
-    "describe",
-    "equal_axes",
-    "evenly",
-    "from_zenith",
-    "label",
-    "mark_size",
-    "panel_title",
-    "ring",
-]
-
-
 # After Okabe and Ito (2008): distinguishable with every common colour vision, and by lightness in grey; the orange is
 # darker than theirs, so that it is legible as text.
 BLUE, ORANGE, PURPLE = "#0072b2", "#c04d00", "#aa3377"

@@ -15,8 +15,6 @@ from rodgen.statistics.digits import measured
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["own_errors"]
-
 Content: TypeAlias = dict[str, Any]
 
 FEW = 12

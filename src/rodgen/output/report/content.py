@@ -45,8 +45,6 @@ from rodgen.output.report.hardware import eccentricity, in_hardware
 if TYPE_CHECKING:
     from rodgen.calibration.plan import Gain, Goal, Plan
 
-__all__ = ["content"]
-
 Content: TypeAlias = dict[str, Any]
 
 FEW = 2

@@ -17,8 +17,6 @@ from rodgen.data.units import ARCSEC, parse_unit
 from rodgen.machines.machine import Effect
 from rodgen.statistics.digits import measured
 
-__all__ = ["eccentricity", "in_hardware"]
-
 VAGUE = 1.0
 """Parameters below this multiple of their standard deviations are not converted into micrometres."""
 

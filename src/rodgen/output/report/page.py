@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     from rodgen.calibration.plan import Plan
 
-__all__ = ["report_page", "write_report"]
-
 RESIDUALS = ("residuals", "around_", "quantiles", "autocorrelation")
 """What names of figures of residuals begin with."""
 _asset = partial(asset, package=__package__)

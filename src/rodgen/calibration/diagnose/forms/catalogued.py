@@ -10,8 +10,6 @@ from rodgen.calibration.diagnose.forms.dictionary import Factor, Term
 from rodgen.data.drivers import Driver
 from rodgen.machines.machine import Machine
 
-__all__ = ["is_catalogued"]
-
 _OF_ANY_READING = {
     (("joint", "power", 1),),
     (("approach", "power", 1),),

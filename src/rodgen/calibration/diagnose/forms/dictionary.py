@@ -26,22 +26,6 @@ from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import READING_COLUMNS
 
-__all__ = [
-    "WORDS",
-    "Factor",
-    "Term",
-    "dictionary",
-    "drivers_of",
-    "exchanged",
-    "in_rows",
-    "leader",
-    "multiplied",
-    "reduced",
-    "word",
-    "written",
-]
-
-
 HARMONICS = 12
 """Waves of a whole turn."""
 DEGREE = 5

@@ -12,8 +12,6 @@ from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.f_tests import p_of_log10
 
-__all__ = ["Form"]
-
 
 @dataclass(frozen=True, eq=False)
 class Form:

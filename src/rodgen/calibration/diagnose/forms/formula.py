@@ -19,8 +19,6 @@ from rodgen.machines.effects.definition import component_dimension
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.machine import Machine
 
-__all__ = ["Piece", "Written", "values_of", "write"]
-
 _LETTERS = "abcghkmnpuwABCDEGHKLMNQRSUVXYZ"
 
 

@@ -36,9 +36,6 @@ from rodgen.statistics.columns import (
 from rodgen.statistics.leave_out import LeaveOut, deal, group_slices
 from rodgen.statistics.thresholds import EVIDENCE, FORMS
 
-__all__ = ["PosesLeftOut", "ProjectedRows", "folds_of"]
-
-
 KEPT_NUMBERS = 2_000_000
 """Number of terms, times rows, whose functions are kept between calls at most."""
 AT_ONCE = 64

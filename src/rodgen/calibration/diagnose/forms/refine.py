@@ -25,9 +25,6 @@ from rodgen.calibration.diagnose.forms.projected_rows import ProjectedRows
 from rodgen.data.drivers import Driver
 from rodgen.statistics.thresholds import FORMS
 
-__all__ = ["refined", "short"]
-
-
 ROUNDS, LAST_ROUNDS = 10, 5
 ROUNDING = 1e-9
 """Relative difference of falls that are the same: those of a step are, anywhere between two coordinates of the data."""

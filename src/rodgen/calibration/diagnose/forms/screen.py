@@ -21,8 +21,6 @@ from rodgen.calibration.diagnose.forms.dictionary import Term, in_rows
 from rodgen.calibration.diagnose.forms.projected_rows import ProjectedRows
 from rodgen.statistics.columns import unit_columns
 
-__all__ = ["Functions", "Screen"]
-
 Single: TypeAlias = NDArray[np.float32]
 
 VISIBLE = 1e-4

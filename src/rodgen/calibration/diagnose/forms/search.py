@@ -48,8 +48,6 @@ from rodgen.statistics.thresholds import FORMS
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.sensitivities import Sensitivities
 
-__all__ = ["find_forms"]
-
 
 ROUGH_ROWS = 1500
 """All terms are scored on so many rows; a form that lowers the error by a percent shows on them, too."""

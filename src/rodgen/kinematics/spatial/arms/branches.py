@@ -17,8 +17,6 @@ from rodgen.kinematics.spatial.arms.ways import Way
 from rodgen.kinematics.spatial.pairs.solve import solve_pair
 from rodgen.kinematics.spatial.status import PairStatus, ReverseStatus
 
-__all__ = ["solved"]
-
 ABSENT = 1e-14
 """An equation does not depend on an angle whose coefficients, relative to the others, are below this."""
 

@@ -18,8 +18,6 @@ from rodgen.kinematics.spatial.links.forward import link_transform
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.status import ReverseStatus
 
-__all__ = ["general"]
-
 SLOTS = 16
 
 

@@ -20,8 +20,6 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.spatial.links.forward import jacobian
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 
-__all__ = ["SIX_REVOLUTES", "Arm", "Plan", "plan", "reach", "scaled_jacobian"]
-
 SIX_REVOLUTES = ("R",) * 6
 
 ANGLE = 1e-12

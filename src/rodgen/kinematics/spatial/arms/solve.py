@@ -21,8 +21,6 @@ from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import is_pose
 from rodgen.kinematics.spatial.status import Reverse, ReverseStatus, solutions_first
 
-__all__ = ["solve_arm"]
-
 CHUNK = 2048
 """Poses that are solved at a time by pairs of equations: their arrays stay in the cache."""
 CLOSES = 1e-11

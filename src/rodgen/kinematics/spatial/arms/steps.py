@@ -8,8 +8,6 @@ import numpy as np
 
 from rodgen.kinematics.angles import angle_between
 
-__all__ = ["Branch", "about_x", "about_z", "back_x", "back_z", "both_branches", "triangle", "wrist"]
-
 EPS = float(np.finfo(float).eps)
 MEETING = 64 * EPS
 """Solutions meet within this, relative to what an equation is made of: the rounding of some thirty operations."""

@@ -28,8 +28,6 @@ from rodgen.kinematics.spatial.arms.steps import (
     wrist,
 )
 
-__all__ = ["WAYS", "Way"]
-
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from rodgen.kinematics.spatial.links.transforms import transform
 
-__all__ = ["PARALLEL", "Links", "links_from_axes"]
-
 PARALLEL = 1e-8
 """Largest sine between axes that count as parallel. The feet of a common perpendicular are known to the machine
 epsilon times the distance over that sine; to take the axes for parallel is off by distance times sine. At 1e-8 both are

@@ -16,8 +16,6 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.screws import line_along
 from rodgen.kinematics.spatial.links.mechanism import Mechanism, check_mechanism
 
-__all__ = ["checked", "forward", "frames", "jacobian", "link_transform", "screws"]
-
 RIGHT_ANGLE = 2 * float(np.finfo(float).eps)
 """A multiple of 90 degrees, up to a turn, is off by the rounding of an angle near 2π: no more than this."""
 

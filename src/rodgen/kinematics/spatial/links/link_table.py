@@ -22,8 +22,6 @@ from rodgen.files import write_file
 from rodgen.kinematics.spatial.links.link_table_reader import read_link_table
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 
-__all__ = ["link_table", "load_mechanism", "save_mechanism"]
-
 
 def load_mechanism(path: str | os.PathLike[str]) -> Mechanism:
     """Return the mechanism of a link table.

@@ -15,8 +15,6 @@ from rodgen.errors import InputFileError, shown
 from rodgen.files import decoded, read_input
 from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, Mechanism
 
-__all__ = ["read_link_table"]
-
 _EXAMPLE = "joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]"
 _COLUMNS = {"joint": "", "type": "", "S": "mm", "theta": "deg", "pitch": "mm/rad", "a": "mm", "alpha": "deg"}
 _NEEDED = ("type", "a", "alpha")

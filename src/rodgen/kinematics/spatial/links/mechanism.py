@@ -19,8 +19,6 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
 from rodgen.views import html_of
 
-__all__ = ["FREEDOMS", "GE_P60", "PUMA_560", "T3_776", "Mechanism", "check_mechanism"]
-
 FREEDOMS = {"R": 1, "P": 1, "H": 1, "C": 2, "T": 2, "S": 3, "E": 3}
 """Freedoms of each kind of joint: revolute, prismatic, screw, cylindric, Hooke, spherical, plane."""
 

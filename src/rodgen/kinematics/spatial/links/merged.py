@@ -20,8 +20,6 @@ from rodgen.array_types import Array
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import rx, rz
 
-__all__ = ["Link", "Merged", "merge"]
-
 
 @dataclass(frozen=True)
 class Link:

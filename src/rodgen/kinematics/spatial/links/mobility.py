@@ -25,8 +25,6 @@ from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, Mechanism
 from rodgen.kinematics.spatial.links.merged import merge
 from rodgen.views import html_of
 
-__all__ = ["Mobility", "mobility", "mobility_of"]
-
 PARALLEL = 1e-9
 """Sine, or length relative to the largest one, below which axes are parallel and a length is zero: far above what the
 rounding of an angle given in degrees makes, far below what a drawing says."""

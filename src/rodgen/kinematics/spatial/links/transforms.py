@@ -18,17 +18,6 @@ from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.views import html_of
 
-__all__ = [
-    "VectorAngle",
-    "inverse_transform",
-    "is_pose",
-    "one_frame",
-    "rx",
-    "rz",
-    "transform",
-    "vector_and_angle",
-]
-
 ORTHOGONAL = 1e-6
 """Sum of the deviations of RᵀR and of the last row up to which a matrix is a rounded pose; as in the kernels."""
 

@@ -14,9 +14,6 @@ from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.pairs.solve import solve_pair
 from rodgen.kinematics.spatial.status import PairStatus
 
-__all__ = ["closed_form"]
-
-
 PLAIN = 1e-3
 """Least sine of a twist for the closed forms, which divide by it. For smaller ones the general method is used, which
 chooses its divisor."""

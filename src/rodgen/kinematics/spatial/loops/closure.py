@@ -15,9 +15,6 @@ from rodgen.array_types import Array
 from rodgen.kinematics.spatial.links.merged import Link
 from rodgen.kinematics.spatial.links.transforms import rz
 
-__all__ = ["closure", "offsets", "polish"]
-
-
 STEPS = 4
 """Newton steps: the error is squared by each, and elimination leaves half of the digits at least, except where two
 solutions meet; there each step halves the error, and the rest is lost to the conditioning anyway."""

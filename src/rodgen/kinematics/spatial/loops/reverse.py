@@ -25,8 +25,6 @@ from rodgen.kinematics.spatial.loops.closed_forms import closed_form
 from rodgen.kinematics.spatial.loops.solve import solve_merged
 from rodgen.kinematics.spatial.status import Reverse, ReverseStatus, solutions_first
 
-__all__ = ["Variable", "reverse_loop", "reverse_sliding"]
-
 Variable = int | tuple[int | str, str]
 """A variable of a mechanism: its index, or a joint (by number from 0, or by name) and ``"theta"`` or ``"S"``."""
 

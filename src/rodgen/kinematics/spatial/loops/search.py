@@ -18,9 +18,6 @@ from rodgen.kinematics.angles import apart
 from rodgen.kinematics.spatial.links.merged import Link
 from rodgen.kinematics.spatial.loops.closure import closure, offsets, polish
 
-__all__ = ["different", "moves", "repeated", "search"]
-
-
 STEP = 1e-2
 """How far along the free direction: two solutions that meet come back to their meeting point from there by halves."""
 STEPS = 14

@@ -28,9 +28,6 @@ from rodgen.kinematics.spatial.pairs.solve import solve_pair
 from rodgen.kinematics.spatial.pairs.trig import TrigStatus, solve_trig
 from rodgen.kinematics.spatial.status import PairStatus, ReverseStatus
 
-__all__ = ["solve_merged"]
-
-
 CLOSES = 1e-11
 """Largest error of a loop that is closed, in rad and in the loop's size. Newton's steps leave a few epsilons."""
 FAR = 1e6

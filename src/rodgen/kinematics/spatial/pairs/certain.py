@@ -17,8 +17,6 @@ from rodgen.kinematics.angles import principal
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.pairs.solutions import ROUNDING, regular_below
 
-__all__ = ["certain_solutions"]
-
 CHUNK = 1024
 """Rows a pass: their coefficients and roots, 300 bytes a row, stay in the second cache."""
 STEPS = 7, 5, 8

@@ -24,8 +24,6 @@ from rodgen.kinematics.spatial.pairs.solutions import (
 )
 from rodgen.kinematics.spatial.status import PairStatus
 
-__all__ = ["grid", "with_common_factor"]
-
 LINES = 24
 """Angles at which the other one is solved for."""
 

@@ -22,8 +22,6 @@ from rodgen.kinematics.spatial.pairs.solutions import (
 )
 from rodgen.kinematics.spatial.status import PairStatus
 
-__all__ = ["complex_solutions"]
-
 STEPS = 6
 """Newton's method from eigenvalues, right to 1e-6 or better where solutions stand alone."""
 FAR = 14.0

@@ -16,8 +16,6 @@ import numpy as np
 from rodgen.kinematics.spatial.links.transforms import rx
 from rodgen.kinematics.spatial.pairs.solutions import basis
 
-__all__ = ["biquadratics", "eigenvalues", "starts", "turned"]
-
 TURNS = 2 * np.pi / 9 * np.arange(9) + 0.1
 """Directions that θ1 may be counted from: nine, because a resultant that is not identically zero has no more than
 eight zeros."""

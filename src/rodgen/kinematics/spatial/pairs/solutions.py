@@ -20,20 +20,6 @@ from rodgen.kinematics.angles import apart, principal
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.status import PairStatus
 
-__all__ = [
-    "ROUNDING",
-    "SLOTS",
-    "basis",
-    "collected",
-    "condition_number",
-    "consistent",
-    "newton_step",
-    "on_lines",
-    "polished",
-    "regular_below",
-    "slope",
-]
-
 SLOTS = 8
 """Two equations without a common factor have no more solutions than the octic has roots."""
 EPS = float(np.finfo(float).eps)

@@ -25,8 +25,6 @@ from rodgen.kinematics.spatial.pairs.solutions import SLOTS, collected, consiste
 from rodgen.kinematics.spatial.status import PairStatus
 from rodgen.views import html_of
 
-__all__ = ["Pair", "pair_from_biquadratics", "solve_pair"]
-
 COMMON = 1e-13
 """Distance of Sylvester's matrix from being singular everywhere, relative, below which it is: rounding leaves 1e-16
 to 1e-15."""

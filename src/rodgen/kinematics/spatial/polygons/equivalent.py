@@ -19,8 +19,6 @@ from rodgen.kinematics.spatial.links.merged import merge
 from rodgen.polygon_laws import POLYGONS
 from rodgen.views import html_of
 
-__all__ = ["SphericalEquivalent", "equivalent_spherical"]
-
 
 @dataclass(frozen=True)
 class SphericalEquivalent:

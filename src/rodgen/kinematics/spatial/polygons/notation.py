@@ -20,8 +20,6 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.polygon_notation import Term
 
-__all__ = ["direction_cosines", "notation", "secondary_notation"]
-
 _NAME = re.compile(r"([XYZUVW])(b?)([*]?)_?([1-9]+)\Z")
 _INDEX = {"X": 0, "Y": 2, "Z": 3, "U": 0, "V": 2, "W": 3}
 

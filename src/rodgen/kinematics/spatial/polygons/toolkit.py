@@ -16,8 +16,6 @@ from typing import Literal
 from rodgen.polygon_laws import FAMILIES, POLYGONS, HalfTangent, Law, laws
 from rodgen.polygon_notation import Monomial
 
-__all__ = ["toolkit"]
-
 _NAMES = (
     ("X_j = s_ij s_j", "Xb_j = s_jk s_j"),
     ("Y_j = -(s_jk c_ij + c_jk s_ij c_j)", "Yb_j = -(s_ij c_jk + c_ij s_jk c_j)"),

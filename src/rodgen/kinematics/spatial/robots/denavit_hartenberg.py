@@ -22,14 +22,6 @@ from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.robots.placement import Placement, at_zero, mechanism_at, placed
 from rodgen.views import html_of
 
-__all__ = [
-    "DenavitHartenberg",
-    "from_denavit_hartenberg",
-    "from_modified_denavit_hartenberg",
-    "to_denavit_hartenberg",
-    "to_modified_denavit_hartenberg",
-]
-
 
 class DenavitHartenberg(NamedTuple):
     """A table of n rows, with the joints at zero, and the frames before and after it.

@@ -14,8 +14,6 @@ from rodgen.kinematics.spatial.links.mobility import mobility
 from rodgen.polygon_laws import POLYGONS
 from rodgen.views import html_of
 
-__all__ = ["Group", "group"]
-
 MOST_SOLUTIONS = {1: 2, 2: 8, 3: 16, 4: 16}
 METHODS = {
     1: "one equation A cos + B sin + D = 0, all other unknowns linear",

@@ -25,8 +25,6 @@ from rodgen.kinematics.spatial.loops.reverse import reverse_sliding
 from rodgen.kinematics.spatial.status import Reverse
 from rodgen.views import html_of
 
-__all__ = ["Placement", "at_zero", "mechanism_at", "placed", "solve_pose"]
-
 
 @dataclass(frozen=True, eq=False)
 class Placement:

@@ -23,13 +23,6 @@ from rodgen.kinematics.spatial.links.transforms import inverse_transform, one_fr
 from rodgen.kinematics.spatial.robots.placement import Placement, mechanism_at, placed
 from rodgen.views import html_of
 
-__all__ = [
-    "ProductOfExponentials",
-    "from_product_of_exponentials",
-    "placement_from_axes",
-    "to_product_of_exponentials",
-]
-
 UNIT_LENGTH = 1e-6
 """Largest deviation of a screw from unit length: decimals in a file, not another unit."""
 

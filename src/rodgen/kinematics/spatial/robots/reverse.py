@@ -9,8 +9,6 @@ from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.robots.placement import Placement, solve_pose
 from rodgen.kinematics.spatial.status import Reverse
 
-__all__ = ["reverse", "reverse_method"]
-
 
 def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
     """Return every set of joint angles that brings the end of an arm to a pose.
