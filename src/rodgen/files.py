@@ -32,7 +32,6 @@ def open_input(file: str, expected: str) -> BufferedReader:
 
     Parameters
     ----------
-    file : str
     expected : str
         What the file should be, for error messages.
 
@@ -54,7 +53,6 @@ def read_input(
 
     Parameters
     ----------
-    file : str
     expected : str
         What the file should be, for error messages.
     usual : str
@@ -403,7 +401,6 @@ def write_files(folder: Path, files: Mapping[str, str]) -> list[Path]:
     ----------
     folder : Path
         Is made where there is none, and taken away again when the files cannot be written.
-    files : mapping of str to str
 
     Returns
     -------

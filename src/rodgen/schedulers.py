@@ -62,7 +62,6 @@ class Workers:
             Name of the stage; each item is a step of it.
         function : callable
             Of an item and what all have in common. It may run more than once for an item, where a worker was killed.
-        items : sequence
         *common
             Further arguments.
 

@@ -264,7 +264,6 @@ def ladder_of(
 
     Parameters
     ----------
-    machines : sequence of Machine
     data, loss
         As for `ladder`.
     """
@@ -302,7 +301,6 @@ def fit_after(before: Fit, machine: Machine, outliers: NDArray[np.bool_]) -> Fit
 
     Parameters
     ----------
-    before : Fit
     machine : Machine
         After the change, without fitted values.
     outliers : ndarray of bool, shape (n,)

@@ -22,8 +22,6 @@ def why_long(machine: Machine, data: Measurements, *, diagnosis: bool = False) -
 
     Parameters
     ----------
-    machine : Machine
-    data : Measurements
     diagnosis : bool
         Whether effects and forms are looked for, too.
     """

@@ -37,7 +37,6 @@ def catalogue_effects(machine: Machine, observations: Observations) -> list[Effe
     ----------
     machine : Machine
         The effects that it has are left out.
-    observations : Observations
     """
     return [
         effect
@@ -135,8 +134,6 @@ def problem_with(
 
     Parameters
     ----------
-    fit : FittedModel
-    effects : iterable of Effect
     rows : ndarray of int, shape (n,)
         Rows of the fit's observations.
 

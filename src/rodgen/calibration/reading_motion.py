@@ -31,7 +31,6 @@ def motion_with_reading(
 
     Parameters
     ----------
-    fit : FittedModel
     observations : Observations
         Rows at which it is taken.
     joint : int

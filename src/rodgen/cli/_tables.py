@@ -51,7 +51,6 @@ def map_rows(
 
     Parameters
     ----------
-    options : argparse.Namespace
     columns : list of (str, str)
         Names and quantities of the columns that are read, as of `rodgen.data.tables.Column`.
     prepare : callable

@@ -86,7 +86,6 @@ def quantity(
         What error messages name.
     count : int
         How many numbers.
-    dimension : {"length", "angle"}
     positive : bool
         Whether each number must be greater than zero.
     what : str

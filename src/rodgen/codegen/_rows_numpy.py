@@ -233,9 +233,7 @@ def outputs_on(xp: Any, program: Program, rows: Any, shared: Sequence[Any]) -> l
     ----------
     xp : module
         Their functions, as of the array API standard.
-    program : Program
     rows : array (count, ...)
-    shared : sequence of array
     """
     found = []
     for values, shape in zip(_components(xp, program, rows, shared), program.outputs.values(), strict=True):

@@ -114,7 +114,6 @@ def render(module: KernelModule, targets: Iterable[str] = USUAL_TARGETS) -> dict
 
     Parameters
     ----------
-    module : KernelModule
     targets : iterable of str, optional
         Keys of :data:`TARGETS`.
     """

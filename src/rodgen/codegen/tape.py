@@ -269,7 +269,6 @@ class Tape:
 
         Parameters
         ----------
-        name : str
         inputs : mapping of str to tuple of int
             Shapes; the first input is that of the rows.
         outputs : mapping of str to (shape, values)

@@ -29,7 +29,6 @@ class GrowingArray:
 
     Parameters
     ----------
-    dtype : data-type
     width : tuple of int
         Shape of one entry.
 
@@ -92,7 +91,6 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]
     Parameters
     ----------
     shape : tuple of int
-    dtype : data-type
 
     Raises
     ------

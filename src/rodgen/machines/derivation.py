@@ -139,7 +139,6 @@ class ModelSteps:
 
     Parameters
     ----------
-    structure : Structure
     name : str
         Of the kernel.
     algebra : Algebra, optional

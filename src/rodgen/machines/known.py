@@ -65,7 +65,6 @@ def read_known(machine: Machine, name: str, content: Mapping[str, Any]) -> Known
 
     Parameters
     ----------
-    machine : Machine
     name : str
         Key of a parameter, such as ``"C.axis.a"``, or what several belong to, such as ``"C.axis"``.
     content : mapping

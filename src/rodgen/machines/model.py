@@ -99,7 +99,6 @@ class Model:
 
     Parameters
     ----------
-    machine : Machine
     travel : array_like, shape (joints, 2), optional
         Range of each joint, internal units; from the machine file where it is given there.
     runs : sequence of str

@@ -49,7 +49,6 @@ def parameters_of(machine: Machine, structure: Structure, runs: Sequence[str]) -
 
     Parameters
     ----------
-    machine : Machine
     structure : Structure
         Of this machine.
     runs : sequence of str

@@ -40,7 +40,6 @@ def tolerances(model: Model, moved: float, *, usual: bool) -> Array:
 
     Parameters
     ----------
-    model : Model
     moved : float
         How far the joints move what is measured, length unit.
     usual : bool
@@ -73,7 +72,6 @@ def relative_corrections(model: Model, theta: Array, moved: float) -> Array:
 
     Parameters
     ----------
-    model : Model
     theta : ndarray, shape (parameters,)
         Internal units.
     moved : float

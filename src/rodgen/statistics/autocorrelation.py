@@ -17,7 +17,6 @@ def autocorrelation(values: Array, part: NDArray[np.intp], most: int) -> tuple[A
         In order; their mean is taken out.
     part : ndarray of int, shape (n,)
         Pairs in different parts do not count.
-    most : int
 
     Returns
     -------

@@ -31,7 +31,6 @@ class VarianceEstimator:
 
     Parameters
     ----------
-    motion : SharedMotion
     groups : mapping of str to slice
         Degrees of freedom that share a variance.
     poses : Poses
@@ -41,7 +40,6 @@ class VarianceEstimator:
     effects : sequence of ndarray, each of shape (N, k)
         Columns of candidates, of length 1.
     residual : ndarray, shape (N,)
-    readings : int
     tries : sequence of float, optional
         Number of independent tests that the values tried for each effect amount to; left out: one of each.
     """
@@ -317,12 +315,10 @@ class RestrictedLikelihood:
     ----------
     moments : Moments
         Of an orthonormal basis of fixed effects, of further ones, and of the residuals last.
-    readings : int
     fixed : int
         Number of fixed effects that are not further ones: what they explain is no evidence of anything.
     groups : mapping of str to slice
         Degrees of freedom that share a variance.
-    poses : Poses
     """
 
     def __init__(

@@ -261,7 +261,6 @@ class Moments:
 
     Parameters
     ----------
-    motion : SharedMotion
     columns : ndarray, shape (n, m, K)
     """
 

@@ -102,8 +102,6 @@ def worth_of(fit: FittedModel, effect: Effect, without: FittedModel | None = Non
 
     Parameters
     ----------
-    fit : FittedModel
-    effect : Effect
     without : FittedModel, optional
         The fit without the effect, where it is known.
 

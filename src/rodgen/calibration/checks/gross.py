@@ -114,7 +114,6 @@ def how_far_off(fit: FittedModel, offs: Sequence[float], components: Sequence[st
 
     Parameters
     ----------
-    fit : FittedModel
     offs : sequence of float
         In its unit.
     components : sequence of str

@@ -115,14 +115,12 @@ def log_p_by_position(
 
     Parameters
     ----------
-    o : Observations
     model : ndarray, shape (n, m, p)
         Columns of what else there is.
     columns : ndarray, shape (n, m, k)
         Of the function.
     residual : ndarray, shape (n, m)
         Without the function.
-    whiten : callable
     driver : str
         The joint or column whose function it is.
     searched : int
@@ -177,7 +175,6 @@ def explained_within(
     every : sequence of ndarray, each with n m rows in all
         What spans the larger set, in which the columns are.
     residual : ndarray, shape (n, m)
-    whiten : callable
     searched : int
         Freedoms of the columns besides their number.
     """

@@ -194,7 +194,6 @@ def search(sample: Sample, drivers: Sequence[Candidate]) -> Search:
 
     Parameters
     ----------
-    sample : Sample
     drivers : sequence of Driver or Pair
         In the order of preference where several explain the same.
     """

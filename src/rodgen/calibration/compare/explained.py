@@ -62,7 +62,6 @@ class ProjectedResiduals:
 
     Parameters
     ----------
-    sample : Sample
     found : sequence of ndarray, each of shape (N, m, k)
         Columns that the residuals are known to depend on.
     whiten : mapping of int to callable

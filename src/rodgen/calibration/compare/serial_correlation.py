@@ -119,7 +119,6 @@ class RandomWalk:
 
     Parameters
     ----------
-    sample : Sample
     ratio : float
         Variance of the walk's step from pose to pose, over that of a pose's own error.
     """

@@ -180,7 +180,6 @@ def _nearest(root: Array, null: Array, scale: Array, near: NearFile, square: Arr
     null : ndarray, shape (d, k)
         Orthonormal directions that change no reading, of the parameters times `scale`.
     scale : ndarray, shape (k,)
-    near : NearFile
     square : ndarray, shape (k, k)
         Normal equations.
     """
@@ -204,7 +203,6 @@ def _with_prior(root: Array, pull: Pull, factor: float) -> tuple[Array, Array]:
     ----------
     root : ndarray, shape (k, r)
         C of the covariance CCᵀ for unit variance; zero along directions of which the readings show nothing.
-    pull : Pull
     factor : float
         What the covariance is multiplied by in the end.
     """

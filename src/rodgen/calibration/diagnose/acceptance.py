@@ -74,9 +74,6 @@ def unearned_effect(
 
     Parameters
     ----------
-    subject : Subject
-    selection : Selection
-    found : FittedExplanation
     held_out : sequence of HeldOut
         Errors on poses left out of all its fits.
     tests : sequence of EffectTest or None
@@ -107,8 +104,6 @@ def earned_forms(
 
     Parameters
     ----------
-    subject : Subject
-    found : FittedExplanation
     held_out : HeldOut
         Error on poses left out of the fit without forms.
     """
@@ -133,8 +128,6 @@ def insignificant(subject: Subject, found: FittedExplanation, dependent: bool) -
 
     Parameters
     ----------
-    subject : Subject
-    found : FittedExplanation
     dependent : bool
         Whether readings depend on each other: chi-square means little then, and so do estimates of a fit that weighs
         readings as if they were independent. A walk that spoils these leaves differences between neighbours as they
@@ -182,8 +175,6 @@ def why_empty(o: Observations, effect: Effect, parameters: Sequence[Parameter], 
 
     Parameters
     ----------
-    o : Observations
-    effect : Effect
     parameters : sequence of Parameter
         Of the model that was fitted.
     values : array_like, shape (parameters,)
@@ -220,7 +211,6 @@ def why_not_earned(
     ----------
     after : Fit
         Of the model with the effect.
-    effect : Effect
     held_out : tuple of HeldOut
         Errors on poses left out, of the models without and with the effect.
     parameters : mapping of str to Estimate

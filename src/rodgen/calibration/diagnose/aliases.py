@@ -82,8 +82,6 @@ def equals_of(
 
     Parameters
     ----------
-    selection : Selection
-    sensitivities : Sensitivities
     final : Fit
         With everything that was found.
     kept : sequence of Candidate

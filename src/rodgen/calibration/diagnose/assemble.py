@@ -146,9 +146,6 @@ def assemble_diagnosis(
 
     Parameters
     ----------
-    subject : Subject
-    evidence : Evidence
-    confirmed : Confirmed
     too_many : int
         Rows that disagree with the final model where these are more than may be wrong by chance.
     notes : sequence of str

@@ -78,7 +78,6 @@ class CandidateSpace:
     ----------
     model : ndarray, shape (n, m, p)
         The model's columns.
-    found : sequence of Candidate
     whiten : callable
         From columns (n, m, k) to columns whose errors are independent and alike.
     """
@@ -205,10 +204,8 @@ class CandidateSpace:
 
         Parameters
         ----------
-        included : sequence of Candidate
         residual, total : ndarray, float
             Of the model with what is included; see `residual`.
-        candidate : Candidate
         """
         given = self._given(included)
         return self._score(given, given.space.project_out(residual), total, candidate)
@@ -232,7 +229,6 @@ class CandidateSpace:
         ----------
         residual, total : ndarray, float
             Of the model with what is included; see `residual`.
-        included : sequence of Candidate
         """
         given = self._given(included)
         self._look_at_all(given)
@@ -264,7 +260,6 @@ class CandidateSpace:
             Of the model as it was; see `residual`.
         scores : sequence of Score
             Given those included.
-        included : sequence of Candidate
         """
         given = self._given(included)
         self._look_at_all(given)  # unless they were looked at for the scores just before

@@ -80,7 +80,6 @@ def candidates(
     ----------
     sensitivities : Sensitivities
         Made with these effects.
-    effects : list of Effect
     prefer : collection of (name, place)
         Effects that a user holds for the likeliest; see :func:`rodgen.machines.effects.plausibility.plausibility`.
     """
@@ -117,7 +116,6 @@ def without_imitated(found: Sequence[Candidate], model: Array) -> list[Candidate
 
     Parameters
     ----------
-    found : sequence of Candidate
     model : ndarray, shape (n, m, p)
         Columns of the model.
     """

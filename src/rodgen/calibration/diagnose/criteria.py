@@ -292,7 +292,6 @@ class Criteria:
         ----------
         variance : float
             Of a reading.
-        included : sequence of Candidate
         """
         products, _, larger = self._of_usual_sizes(variance, included)
         searched = sum(len(c.searched) for c in included)
@@ -363,7 +362,6 @@ class Criteria:
             What was found.
         k : int
             Number of the effect among them in whose place the rivals would be.
-        rivals : sequence of Candidate
         difference : float
             By how much chi-square is larger with the rivals. What real effects may differ from their formulas by does
             not count.
@@ -426,7 +424,6 @@ class Criteria:
 
         Parameters
         ----------
-        included : sequence of Candidate
         left : float, optional
             What they leave.
         """
@@ -448,7 +445,6 @@ class Criteria:
         ----------
         variance : float
             Of a reading.
-        included : sequence of Candidate
 
         Returns
         -------

@@ -65,7 +65,6 @@ class EffectEstimates:
 
         Parameters
         ----------
-        effect : Effect
         prior : Plausibility
             What is known of it before the data.
         """

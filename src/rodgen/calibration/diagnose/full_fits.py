@@ -55,10 +55,8 @@ def with_effects(subject: Subject, begun: Sequence[Fit], chosen: Sequence[Candid
 
     Parameters
     ----------
-    subject : Subject
     begun : sequence of Fit
         Of the model as it was, and with the first of the effects, as far as they are made already.
-    chosen : sequence of Candidate
     """
     fits = list(begun)
     outliers = fits[0].outliers
@@ -85,10 +83,8 @@ def with_forms(subject: Subject, final: Fit, explanation: Explanation) -> list[F
 
     Parameters
     ----------
-    subject : Subject
     final : Fit
         With its effects.
-    explanation : Explanation
     """
     found = [final]
     for k, form in enumerate(explanation.forms, 1):

@@ -189,7 +189,6 @@ class _Search:
 
         Parameters
         ----------
-        evidence : Evidence
         chosen : sequence of Candidate
             By the selection.
         """
@@ -220,8 +219,6 @@ class _Search:
 
         Parameters
         ----------
-        evidence : Evidence
-        found : FittedExplanation
         chosen : tuple of Candidate
             What the selection chose.
         fits : sequence of Fit

@@ -63,7 +63,6 @@ class Sensitivities:
 
         Parameters
         ----------
-        fit : FittedModel
         effects : sequence of Effect
             Candidates; those that are not such a product are in the model themselves.
         """

@@ -113,7 +113,6 @@ class Contest:
 
         Parameters
         ----------
-        explanation : Explanation
         chosen : sequence of Candidate
             What the selection chose.
         """
@@ -299,7 +298,6 @@ class Contest:
 
         Parameters
         ----------
-        explanation : Explanation
         variance : float
             Of a whitened reading.
         residual : ndarray, shape (n, m), optional

@@ -22,7 +22,6 @@ def why_undecidable(subject: Subject, base: Fit) -> str:
 
     Parameters
     ----------
-    subject : Subject
     base : Fit
         Without outliers.
     """

@@ -40,8 +40,6 @@ def validation_error(found: Fit, others: Observations, *, anew: bool = False) ->
 
     Parameters
     ----------
-    found : Fit
-    others : Observations
     anew : bool
         Whether all that the fit adjusted but the effects is fitted to them, too.
 
@@ -70,7 +68,6 @@ def on_another_machine(rms: Rms, fits: Sequence[Fit], others: Observations) -> s
         With the errors on further measurements.
     fits : sequence of Fit
         The first without, the last with what was found.
-    others : Observations
     """
     if rms.after_test is None or not rms.after_held_out:
         return ""

@@ -36,7 +36,6 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
 
     Parameters
     ----------
-    final : FittedModel
     correlation : Correlation
         Of its residuals.
     """
@@ -92,7 +91,6 @@ def uneven(final: FittedModel, too_many: int) -> str:
 
     Parameters
     ----------
-    final : FittedModel
     too_many : int
         Rows that disagree with the others where these are too many to leave out, else 0.
     """
@@ -141,7 +139,6 @@ def displaced(o: Observations, outliers: NDArray[np.bool_]) -> str:
 
     Parameters
     ----------
-    o : Observations
     outliers : ndarray of bool, shape (n,)
     """
     stretch = np.flatnonzero(displaced_rows(o, outliers))
@@ -161,7 +158,6 @@ def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str
 
     Parameters
     ----------
-    sensitivities : Sensitivities
     correlation : Correlation
         Of the residuals.
     """
@@ -183,7 +179,6 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
 
     Parameters
     ----------
-    sensitivities : Sensitivities
     residual : ndarray, shape (n, m)
         Weighted residuals.
 

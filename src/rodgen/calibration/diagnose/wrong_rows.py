@@ -22,7 +22,6 @@ def gross_rows_of(fitted: FittedModel, screening: Screening) -> Mask:
 
     Parameters
     ----------
-    fitted : FittedModel
     screening : Screening
         Of it.
     """
@@ -45,7 +44,6 @@ def unless_neighbours(fitted: FittedModel, outliers: Mask, residual: Array) -> M
 
     Parameters
     ----------
-    fitted : FittedModel
     outliers : ndarray of bool, shape (n,)
     residual : ndarray, shape (n, m)
         What was judged, weighted.
@@ -67,7 +65,6 @@ def displaced_rows(o: Observations, outliers: Mask) -> Mask:
 
     Parameters
     ----------
-    o : Observations
     outliers : ndarray of bool, shape (n,)
     """
     numbers = np.unique(o.pose)

@@ -43,7 +43,6 @@ def motion(problem: Problem, theta: Array) -> float:
 
     Parameters
     ----------
-    problem : Problem
     theta : ndarray, shape (parameters,)
         Internal units.
     """
@@ -152,7 +151,6 @@ def exchanged(model: Model, theta: Array) -> str:
 
     Parameters
     ----------
-    model : Model
     theta : ndarray, shape (parameters,)
         Internal units.
     """

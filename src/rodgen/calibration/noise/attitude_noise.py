@@ -23,8 +23,6 @@ def estimated_arm(
     ----------
     problem : Problem
         Of poses.
-    solution : Solution
-    free : sequence of int
     kept : ndarray of bool, shape (n,)
         Rows that are no outliers.
 

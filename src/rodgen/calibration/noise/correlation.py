@@ -289,7 +289,6 @@ def estimate_correlation(
 
     Parameters
     ----------
-    rows : LinearRows
     nuisance : sequence of ndarray, each of shape (n, m, k), or ndarray, shape (n, m, K)
         Columns of each candidate, or of all with each column by itself; the columns of the fit's own parameters are
         always projected out.

@@ -22,8 +22,6 @@ def frame_motion(model: Model, o: Observations, theta: Array, frame: Frame, weig
 
     Parameters
     ----------
-    model : Model
-    o : Observations
     theta, frame : ndarray, Frame
         Of the fit.
     weight : ndarray, shape (n, m)

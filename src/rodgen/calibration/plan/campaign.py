@@ -53,7 +53,6 @@ class Campaign:
 
     Parameters
     ----------
-    question : Question
     machine : Machine
         That of the question, or with a further target.
     o : Observations

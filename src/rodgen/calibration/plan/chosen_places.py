@@ -32,7 +32,6 @@ def brought_to(starts: Rows, place: Array, travel: Array, places: Callable[[Rows
 
     Parameters
     ----------
-    starts : Rows
     place : ndarray, shape (3,)
     travel : ndarray, shape (J, 2)
     places : callable
@@ -68,7 +67,6 @@ def listed_readings(pool: Rows, poses: Observations) -> Rows:
     ----------
     pool : Rows
         In positions of the list.
-    poses : Observations
     """
     given = poses.columns_given
     sides = [j for j, joint in enumerate(poses.machine.joints) if f"dir_{joint.column}" in given]
@@ -87,12 +85,10 @@ def gone_back(pool: Rows, q: Array, way: Array, n: int) -> Rows:
 
     Parameters
     ----------
-    pool : Rows
     q : ndarray, shape (rows, J)
         The way.
     way : ndarray, shape (J,)
         Of each joint, what counts as one.
-    n : int
     """
     scale = np.where(way > 0, way, 1.0)
     places = q[np.linspace(len(q) - 1, 0, min(n, len(q))).astype(int)]

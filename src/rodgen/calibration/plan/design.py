@@ -125,7 +125,6 @@ class Coordinates:
     ----------
     information : ndarray, shape (p, p)
         Of the data, in variances of a reading.
-    rows : int
     jacobian : ndarray, shape (N, m, p)
         Of the readings that are considered.
 
@@ -168,8 +167,6 @@ class Task:
     ----------
     coordinates : sequence of Coordinates
         Of each model.
-    pairs : sequence of Pair
-    sharpen : sequence of Sharpen
     """
 
     def __init__(
@@ -318,14 +315,12 @@ def chosen(
 
     Parameters
     ----------
-    task : Task
     models : sequence of Linearized
         For all readings considered.
     moves : Moves
         From reading to reading.
     effort : ndarray, shape (N,)
         What a reading costs, as a fraction of what is needed: of two equally good ones the easier is taken.
-    n : int
     sweeps : int
         How often every reading is exchanged at most.
     """

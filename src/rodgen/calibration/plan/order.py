@@ -34,7 +34,6 @@ def ordered(rows: Rows, sides: tuple[int, ...], span: Array, start: Array) -> Ro
 
     Parameters
     ----------
-    rows : Rows
     sides : tuple of int
         Joints whose direction of approach counts: that of the first reading, too, on the way from the start.
     span : ndarray, shape (J,)

@@ -126,7 +126,6 @@ def levels(
     ----------
     o : Observations
         The data: loads, speeds and temperatures lie within theirs.
-    targets : int
     sides, speeds, temperatures : list of int
         Joints of which the effects in question ask for the direction, the speed, the temperature.
     load : bool
@@ -166,13 +165,11 @@ def readings(
 
     Parameters
     ----------
-    machine : Machine
     o : Observations
         The data.
     travel : ndarray, shape (J, 2)
     units : ndarray, shape (J,)
         Internal value of the unit that each joint is commanded in.
-    choice : Levels
     among : ndarray, shape (n, J), optional
         The only positions; left out: any within the travel.
     finer : int

@@ -64,13 +64,11 @@ class Simulator:
 
     Parameters
     ----------
-    machine : Machine
     observations : Observations
         The design; its readings do not matter, but that they are finite.
     noise : float, str or None
         Typed, in the machine's length unit, or arcsec for directions; of poses a text with two, of a coordinate and of
         a turn. None: what is stated.
-    seed : int
 
     Attributes
     ----------

@@ -146,7 +146,6 @@ def table_bytes(file: str, table: pa.Table) -> bytes:
     ----------
     file : str
         Its name, as for `open_sink`, which says what to write.
-    table : pyarrow.Table
 
     Raises
     ------

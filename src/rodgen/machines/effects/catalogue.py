@@ -651,7 +651,6 @@ def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...
 
     Parameters
     ----------
-    name : str
     at : str, optional
         ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"machine"`` or ``"target"``; left out: all of this name, which may
         differ between revolute and prismatic joints.

@@ -52,7 +52,6 @@ def own_effect(
         In the words of users' formulas: q s v T (of the joint), t, F, joints, columns, pi, functions, parameters.
     parameters : mapping of str to str
         Names with units; at most 40, each in a formula.
-    meaning : str
     others : mapping of str to str
         Further components that it changes, each with a formula of the same parameters.
     at : {"revolute", "prismatic", "leg", "machine", "target"}

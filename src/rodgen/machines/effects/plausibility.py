@@ -91,7 +91,6 @@ class Plausibility:
 
         Parameters
         ----------
-        names : sequence of str, length k
         values, std : array_like, shape (k,)
             Internal units.
         """
@@ -259,7 +258,6 @@ def plausibility(
 
     Parameters
     ----------
-    machine : Machine
     effect : Effect
         One that a user wrote, or that the table lacks, is as likely as the commonest and of any size.
     prefer : collection of (name, place)

@@ -25,7 +25,6 @@ def stated_plausibility(machine: Machine, key: str, content: Mapping[str, Any]) 
 
     Parameters
     ----------
-    machine : Machine
     key : str
         An effect of the catalogue, at a place such as ``"J2.gravity_windup"``, or everywhere: ``"gravity_windup"``.
     content : mapping

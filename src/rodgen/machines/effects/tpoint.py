@@ -85,7 +85,6 @@ def own_term(name: str, level: Level = EAST_AND_NORTH) -> OwnTerm | None:
 
     Parameters
     ----------
-    name : str
     level : pair of vectors
         Those that complete the direction upwards, in machine axes; default: z is upwards.
 

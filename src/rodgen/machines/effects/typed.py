@@ -77,8 +77,6 @@ def effect_with(machine: Machine, name: str, place: str | None, numbers: Mapping
 
     Parameters
     ----------
-    machine : Machine
-    name : str
     place : str or None
         Joint or target; None for the whole machine.
     numbers : mapping of str to str

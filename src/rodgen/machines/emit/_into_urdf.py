@@ -46,7 +46,6 @@ def corrected_urdf(machine: Machine, path: str | os.PathLike[str], travel: Any =
     ----------
     machine : Machine
         Fitted, and made from this file by `rodgen import`.
-    path : str or os.PathLike
     travel : array_like, optional
         See :func:`rodgen.machines.emit.emit`.
 

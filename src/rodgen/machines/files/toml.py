@@ -204,7 +204,6 @@ class Table:
     ----------
     file, place : str
         For error messages; an empty place is the file's top level.
-    content : mapping
     keys : collection of str
         Those that may stand there.
 
@@ -245,8 +244,6 @@ class Table:
 
         Parameters
         ----------
-        key : str
-        kind : Kind
         default : optional
             For a key that is not there; left out, the key must be.
 
@@ -273,7 +270,6 @@ class Table:
 
         Parameters
         ----------
-        key : str
         keys : collection of str
             Those that may stand in it.
         missing : str, optional
@@ -293,7 +289,6 @@ class Table:
 
         Parameters
         ----------
-        key : str
         most : int
             How many there may be.
         missing : str, optional

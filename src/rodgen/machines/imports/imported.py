@@ -68,7 +68,6 @@ def machine_name(text: str, others: Collection[str] = (), *, joint: bool = False
 
     Parameters
     ----------
-    text : str
     others : collection of str
         Names that are given already.
     joint : bool

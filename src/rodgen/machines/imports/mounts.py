@@ -48,7 +48,6 @@ class Mount:
 
         Parameters
         ----------
-        title : str
         latitude : float
             rad.
         temperature : float

@@ -70,7 +70,6 @@ def measurements_of(
 
     Parameters
     ----------
-    machine : Machine
     files : sequence of str
         Tables with the same columns; several are one a target, by their names, or one a run.
     stated : mapping of str to ColumnSource

@@ -142,8 +142,6 @@ def with_terms(machine: Machine, mount: Mount, model: TpointModel, latitude: flo
     ----------
     machine : Machine
         As :meth:`Mount.machine` makes it.
-    mount : Mount
-    model : TpointModel
     latitude : float
         rad.
     file : str
@@ -238,7 +236,6 @@ def terms_of(machine: Machine, mount: Mount, latitude: float) -> dict[str, float
     ----------
     machine : Machine
         With the ideal axes of the mount; fitted or with effects whose parameters are held.
-    mount : Mount
     latitude : float
         rad.
 
@@ -335,7 +332,6 @@ def model_text(
 
     Parameters
     ----------
-    caption : str
     terms : mapping of str to float
         In arcsec.
     sigma : mapping of str to float, optional

@@ -130,7 +130,6 @@ def joints_of(file: str, robot: ElementTree.Element | None = None) -> dict[str, 
 
     Parameters
     ----------
-    file : str
     robot : Element, optional
         The file's root, where it has been read.
 

@@ -40,7 +40,6 @@ class DrawnRows:
 
     Parameters
     ----------
-    base : FittedModel
     last : FittedModel, optional
         Another model of the same observations, drawn as "after".
     shown : Shown, optional

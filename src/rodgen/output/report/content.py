@@ -70,9 +70,6 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
 
     Parameters
     ----------
-    diagnosis : Diagnosis
-    plan : Plan or None
-    shown : Shown
     radii : mapping of str to float
         Radii of scales in millimetres, by joint.
     """

@@ -28,7 +28,6 @@ def in_hardware(
 
     Parameters
     ----------
-    effect : Effect
     parameters : mapping of str to Estimate
         By short name.
     fit : Fit

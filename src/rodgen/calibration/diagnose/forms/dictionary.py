@@ -317,7 +317,6 @@ def in_rows(terms: Sequence[Term], drivers: Sequence[Array]) -> Iterator[tuple[N
 
     Parameters
     ----------
-    terms : sequence of Term
     drivers : sequence of ndarray, shape (n,)
     """
     alone: dict[tuple[str, int], list[int]] = {}

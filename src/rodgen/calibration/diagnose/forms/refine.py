@@ -38,12 +38,8 @@ def refined(
 
     Parameters
     ----------
-    projected : ProjectedRows
     term : Term
         With values from the coarse grid, or, as the `last` of two searches, with those of one on fewer rows.
-    sensitivity : int
-    drivers : sequence of Driver
-    last : bool
     """
     if not term.searched:
         return term

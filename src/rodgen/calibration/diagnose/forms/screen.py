@@ -61,7 +61,6 @@ class Functions:
 
         Parameters
         ----------
-        terms : sequence of Term
         drivers : sequence of ndarray, shape (n,)
         """
         by: dict[str | None, list[Term]] = {}
@@ -119,7 +118,6 @@ class Screen:
 
     Parameters
     ----------
-    projected : ProjectedRows
     functions : sequence of Functions
         In the same rows.
     at : dict of str to list of int
