@@ -371,6 +371,9 @@ COMMANDS = [  # NAME stands for each of MACHINES
     "add NAME.toml scale --joint JOINT -o a.toml",
     "add NAME.toml gravity_windup NAME.csv --joint JOINT --hold k2=0 -o a.toml",
     "remove NAME.toml gravity_windup NAME.csv --joint JOINT -o a.toml",
+    "set-aside NAME.toml NAME.csv --rows 3-5,9 --why clouds -o a.toml",
+    "set-aside NAME.toml NAME.csv --where JOINT<-5e3 -o a.toml --json",
+    "bring-back NAME.toml NAME.csv --rows 4 -o a.toml",
     "simulate NAME.toml NAME.csv --effect encoder_eccentricity@JOINT:a=9arcsec --noise NOISE -o s.csv --seed 3",
     "simulate NAME.toml NAME.csv --hidden --truth t.json --noise NOISE -o s.csv",
     "diagnose NAME.toml NAME.csv --json --prefer scale@JOINT",
@@ -516,6 +519,9 @@ def originals() -> list[Case]:
             own = machine
             if command.startswith("remove"):
                 own += f'\n[[effect]]\nname = "gravity_windup"\njoint = "{joint}"\n'.encode()
+            if command.startswith("bring-back"):
+                entry = f'[measured]\nset_aside = [{{ rows = "4", file = "{name}.csv", why = "x" }}]\n'
+                own = own.replace(b"[measured]\n", entry.encode())
             files = {f"{name}.toml": own, f"{name}.csv": rows(data, 24)}
             if "limits.toml" in command:
                 files["limits.toml"] = LIMITS

@@ -424,7 +424,7 @@ FAULTS = [
      "passive joint"),
     ("noise = ", "sigma = ",
      "[measured], sigma: unknown key; expected one of kind, frame, from, about, noise, attitude_noise, correlation, "
-     "instrument"),
+     "instrument, set_aside"),
     ('meaning    = ', 'meanings = ',
      "[[effect]] 2, meanings: unknown key; expected 'meaning', perhaps"),
     (CUT["units"], "units = 3\n",

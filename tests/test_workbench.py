@@ -12,6 +12,7 @@ import pytest
 
 from rodgen.calibration.ladder import ladder
 from rodgen.cli.main import main
+from rodgen.data.measurements import Measurements
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Machine
 from rodgen.workbench.actions import Add, Aside, Back, Known, Mend, Remove, Tie, Written
@@ -62,26 +63,25 @@ def test_rows_are_set_aside_and_brought_back(session, files):
     assert state.observations.data.place(int(np.flatnonzero(state.aside)[0])) == "line 3"
     others = base.fit.refit(base.machine, base.observations.take(~state.aside))
     assert state.fit.rms == pytest.approx(others.rms, rel=1e-8)
-    assert "# Set aside in mmt_2021.csv: lines 3-4, 17 (clouds)\n" in session.machine_text()
-    kept = MOUNT.joinpath("machine.toml").read_text()
-    assert Machine.load(files[0]) == session.state.machine
+    assert 'set_aside = [\n    { rows = "3-4, 17", file = "mmt_2021.csv", check = "' in state.text
     session.save_machine(files[0])
-    again = Session.open(*files)  # the comment of the machine file keeps them
+    again = Session.open(*files)  # the machine file keeps them
     assert again.state.numbers[again.state.aside].tolist() == [3, 4, 17]
-    assert (again.state.action.why, again.machine_text()) == ("clouds", session.machine_text())
-    files[0].write_text(
-        kept + "# Set aside in mmt_2021.csv: lines 1-3, 900 (x)\n# Set aside in other.csv: lines 4\n"
+    assert again.state.fit.rms == pytest.approx(state.fit.rms, rel=1e-9)
+    assert Machine.load(files[0]).fit(Measurements.load(files[1])).rms == pytest.approx(
+        state.fit.rms, rel=1e-8
     )
-    strange = Session.open(*files)
-    assert "# Set aside in other.csv: lines 4\n" in strange.machine_text()  # a note on other measurements
-    assert not strange.state.aside.any()
-    assert "line 1: no measurement" in strange.remarks[0]
+    noted = "# Set aside in mmt_2021.csv: lines 1-3, 900 (x)\n"
+    files[0].write_text(MOUNT.joinpath("machine.toml").read_text() + noted)
+    before = Session.open(*files)  # as files noted it before they had a key
+    assert before.remarks[0].startswith("mmt_2021.csv: rows 1-3, 900, which a comment of")
+    assert not before.state.aside.any()
     assert session.do(Back([4])).aside.sum() == 2
     assert session.do(Back([3, 17])).fit.rms == pytest.approx(base.fit.rms, rel=1e-9)
-    assert "Set aside" not in session.machine_text()
-    with pytest.raises(RodgenError, match="line 1: no measurement of its own"):
+    assert session.state.text == base.text
+    with pytest.raises(RodgenError, match=r"line 1 of mmt_2021\.csv, which is no measurement"):
         session.do(Aside([1]))
-    with pytest.raises(RodgenError, match="no row is left"):
+    with pytest.raises(RodgenError, match=r"all 80 rows of mmt_2021\.csv"):
         session.do(Aside(base.numbers.tolist()))
     assert session.at == 3
 
@@ -186,7 +186,9 @@ def test_commands_and_python_do_the_same(session, files, tmp_path):
     session.do(Add(FLEXURE))
     session.do(Written({**FLEXURE, "hold": {"a": 0.001}}))
     session.do(Written(FLEXURE))
-    session.do(Aside([5, 7]))
+    session.do(Aside([5, 7], why="it's dusk"))
+    session.do(Aside(where="EL < 25 deg"))
+    session.do(Back([7]))
     session.do(Add(REFRACTION))
     session.do(Remove("tube_flexure"))
     made = {}

@@ -29,6 +29,7 @@ from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import Solution
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
+from rodgen.data.set_aside import SetAside, rows_text
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.files import check_unpacked, write_file
 from rodgen.machines.files.read import machine_of
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
 
 ENDINGS = (".csv", ".csv.gz", ".parquet")
 FORMAT = 1
+FIRST_LINE = 2
+"""Of measurements in a CSV file, after the columns' names."""
 AGREE = 1e-6
 """Relative difference of the rms from the one that was saved above which another model was fitted."""
 _LARGEST = 100_000_000
@@ -52,9 +55,9 @@ def save(fit: Fit, path: str | os.PathLike[str]) -> None:
     """Write a fit; see :meth:`rodgen.calibration.fit.Fit.save`."""
     start = replace(fit.problem.model.machine, file=None)
     with tempfile.TemporaryDirectory() as folder:
-        machine = _machine_file(fit)
-        data = _data_file(fit, Path(folder))
-        again = bind_once(_read_machine(machine, "machine.toml", start.values), Measurements.load(data))
+        data, as_it_was = _data_file(fit, Path(folder))
+        machine = _machine_file(fit, as_it_was=as_it_was)
+        again = _bound(_read_machine(machine, "machine.toml", start.values), data, fit)
         if not _equal(again, fit.observations):
             found = "a fit to some rows of observations, whose order and approaches are not in a table"
             raise InputFileError(path, "file", found, "a fit to measurements")
@@ -69,7 +72,7 @@ def save(fit: Fit, path: str | os.PathLike[str]) -> None:
         "settings": {
             "loss": fit.loss,
             "compiled": fit.problem.model.compiled,
-            "outliers": fit.outlier_numbers,
+            "outliers": again.given(np.flatnonzero(fit.outliers)).tolist(),
             "start": dict(start.values),
             "arm": fit.observations.arm,
         },
@@ -125,10 +128,10 @@ def load(made: type[Fit], path: str | os.PathLike[str]) -> Fit:
         frame = Frame(rotation.reshape(3, 3), position.reshape(3))
         theta = np.array([values[key] for key in keys], float)
         free = tuple(keys.index(key) for key in solution["free"])
-        counted_as = observations.counted_as
-        rows = np.array(settings["outliers"], int)
-        outliers = np.zeros(observations.n, bool)
-        outliers[rows if counted_as is None else counted_as[rows]] = True
+        given = observations.counted_as
+        named = np.zeros(observations.n if given is None else len(given), bool)
+        named[settings["outliers"]] = True
+        outliers = observations.counted(named)
         found = Solution(theta, frame, solution["cost"], solution["iterations"], solution["converged"])
         rms, loss = float(about["rms"]), str(settings["loss"])
     except InputFileError:
@@ -192,9 +195,13 @@ def _read_machine(text: bytes, name: str, start: Any) -> Machine:
     return replace(machine_of(text.decode(), name, Machine), values=dict(start))
 
 
-def _machine_file(fit: Fit) -> bytes:
-    """Return the machine file as it is where that is still the machine, else one of its own."""
-    machine = fit.problem.model.machine
+def _machine_file(fit: Fit, *, as_it_was: bool) -> bytes:
+    """Return the machine file as it is where that is still the machine, and the data are, else one of its own."""
+    machine, aside = fit.problem.model.machine, fit.observations.aside
+    if aside and not as_it_was:
+        lines = rows_text((np.flatnonzero(aside.mask) + FIRST_LINE).tolist())
+        entries = (SetAside(lines, file=aside.data.file),) if lines else ()
+        machine = replace(machine, measured=replace(machine.measured, set_aside=entries))
     try:
         text = Path(machine.file or "").read_bytes()
         if replace(_read_machine(text, machine.file or "", machine.values), joints=machine.joints) == machine:
@@ -204,27 +211,35 @@ def _machine_file(fit: Fit) -> bytes:
     return machine_text(machine).encode()
 
 
-def _data_file(fit: Fit, folder: Path) -> Path:
-    """Return a copy of the measurements' file where that is still what was fitted, else a table of its own."""
+def _bound(machine: Machine, copy: Path, fit: Fit) -> Observations:
+    return bind_once(machine, replace(Measurements.load(copy), file=fit.observations.data.file))
+
+
+def _data_file(fit: Fit, folder: Path) -> tuple[Path, bool]:
+    """Return a copy of the measurements' file where that is still what was fitted, else a table of its own.
+
+    And whether it is that file.
+    """
     data = fit.observations.data
     ending = next((ending for ending in ENDINGS if data.file.lower().endswith(ending)), "")
     if ending and os.path.isfile(data.file):
         copy = folder / f"data{ending}"
         try:
             copy.write_bytes(Path(data.file).read_bytes())
-            if _equal(bind_once(fit.problem.model.machine, Measurements.load(copy)), fit.observations):
-                return copy
+            if _equal(_bound(fit.problem.model.machine, copy, fit), fit.observations):
+                return copy, True
         except (OSError, RodgenError):
             pass
     import pyarrow as pa
 
     from rodgen.data.tables import open_sink
 
-    path = folder / "data.csv"
-    batch = pa.RecordBatch.from_pydict({c.text: c.values for c in data.columns.values()})
+    path, aside = folder / "data.csv", fit.observations.aside
+    columns = (aside.data if aside else data).columns.values()
+    batch = pa.RecordBatch.from_pydict({c.text: c.values for c in columns})
     with open_sink(path, batch.schema) as sink:
         sink.write(sink.encode(batch))
-    return path
+    return path, False
 
 
 def _equal(one: Observations, other: Observations) -> bool:

@@ -169,9 +169,8 @@ class FittedModel:
         if loss not in LOSSES:
             raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
         observations = bind_once(machine, data)
-        counted_as = None if isinstance(data, Observations) else observations.counted_as
-        if outliers is not None and counted_as is not None:  # those of all rows
-            outliers = np.bincount(counted_as, weights=outliers) > 0
+        if outliers is not None and not isinstance(data, Observations):  # those of all rows
+            outliers = observations.counted(outliers)
         if start:
             machine = replace(machine, values={**machine.values, **start})
         if compiled is None:

@@ -190,7 +190,7 @@ class Ladder:
             "machine": first.machine.name,
             "data": first.observations.data.file,
             "rows": first.observations.n,
-            "copies": first.observations.copies,
+            **first.observations.not_here,
             "unit": first.unit,
             "noise": self.noise.to_dict(),
             "rungs": [rung.to_dict() for rung in self.rungs],

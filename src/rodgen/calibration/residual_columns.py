@@ -25,7 +25,7 @@ def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
         angle between both, split into a horizontal part (to the left) and one towards the zenith. Of poses also the
         predicted attitude, in the notation of the readings, and the rotation vector from there to these.
         ``outlier``, 1 or 0.
-        A row that is a copy of another has what that has.
+        A row that is a copy of another has what that has; those of rows that are set aside are masked.
     """
     measurand = fit.machine.measurand
     names = measurand.columns
@@ -52,4 +52,9 @@ def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
             found |= {f"residual_{name} [arcsec]": part for name, part in zip(TURNS, turns.T, strict=True)}
     found["outlier"] = fit.outliers.astype(np.int8)
     rows = fit.observations.counted_as
-    return found if rows is None else {name: values[rows] for name, values in found.items()}
+    if rows is None:
+        return found
+    everywhere = {name: values[rows] for name, values in found.items()}
+    return (
+        {n: np.ma.array(x, mask=rows < 0) for n, x in everywhere.items()} if (rows < 0).any() else everywhere
+    )

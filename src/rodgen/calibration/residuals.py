@@ -47,6 +47,7 @@ class Residuals(Tabular, np.ndarray[Any, np.dtype[np.float64]]):
         if self._fit is None:
             raise TypeError("these are no longer the residuals of a fit; expected those of its attribute")
         o = self._fit.observations
-        rows = slice(None) if o.counted_as is None else o.counted_as
-        measured = {column.text: column.values[rows] for column in o.data.columns.values()}
+        given = o.data if o.aside is None else o.aside.data
+        rows = slice(None) if o.counted_as is None or o.aside else o.counted_as
+        measured = {column.text: column.values[rows] for column in given.columns.values()}
         return measured | residual_columns(self._fit)

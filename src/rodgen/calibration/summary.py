@@ -74,7 +74,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "data": fit.observations.data.file,
         "rows": fit.observations.n,
         "readings": fit.observations.n * fit.problem.components,
-        "copies": fit.observations.copies,
+        **fit.observations.not_here,
         "outliers": fit.outlier_numbers,
         "gross": [one.to_dict(fit.observations) for one in fit.gross_readings],
         "converged": fit.solution.converged,
@@ -116,8 +116,7 @@ def _lines(fit: Fit) -> Iterator[str]:
     readings = fit.observations.n * fit.problem.components
     counts = [(fit.observations.n, "row"), (readings, "reading"), (len(fit.free), "parameter")]
     yield f"{fit.machine.name}: " + ", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts)
-    if fit.observations.copies:
-        yield fit.observations.on_copies
+    yield from fit.observations.on_rows
     if not fit.solution.converged:
         yield "NOT CONVERGED: the numbers below are where the fit stopped."
         yield from _weakly_held(fit)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._machine import load_data, remark_on_copies, remark_on_readings
+from rodgen.cli._machine import load_data, remark_on_readings, remark_on_rows
 from rodgen.cli._outputs import Outputs
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class Written:
 
 def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Written:
     """Write the new machine file, and fit all machines when there are measurements; `inputs` are not overwritten."""
-    output = options.output or _new_name(options.machine, change.words)
+    output = options.output or new_name(options.machine, change.words)
     ladder = None
     with Outputs(*filter(None, [options.data, *inputs])) as outputs:
         outputs.claim(output)
@@ -85,12 +85,12 @@ def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Writ
 
             data = load_data(options.data)
             ladder = ladder_of(change.machines, data, loss=options.loss)
-            remark_on_copies(ladder.rungs[-1].fit.observations)
+            remark_on_rows(ladder.rungs[-1].fit.observations)
             remark_on_readings(ladder.rungs[-1].fit)
     return Written(change, options.machine, output, ladder)
 
 
-def _new_name(machine: str, words: Sequence[str]) -> str:
+def new_name(machine: str, words: Sequence[str]) -> str:
     """Return an unused file name in the folder of the machine file."""
     from rodgen.machines.files.edit import name_with
 

@@ -99,7 +99,7 @@ def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:
     _remark_on_time(machine, data)
     found = fit(machine, data, loss=options.loss)
     if not shown:
-        remark_on_copies(found.observations)
+        remark_on_rows(found.observations)
         remark_on_readings(found)
     return found
 
@@ -112,10 +112,10 @@ def _remark_on_time(machine: Machine, data: Measurements, *, diagnosis: bool = F
         notify(why)
 
 
-def remark_on_copies(observations: Observations) -> None:
-    """Say on standard error that rows are copies of others."""
-    if observations.copies:
-        notify(observations.on_copies)
+def remark_on_rows(observations: Observations) -> None:
+    """Say on standard error that rows are copies of others, or set aside."""
+    for sentence in observations.on_rows:
+        notify(sentence)
 
 
 def remark_on_readings(fit: FittedModel) -> None:
@@ -159,5 +159,5 @@ def diagnosed(
     _remark_on_time(machine, data, diagnosis=True)
     found = diagnose(machine, data, test=load_data(test) if test else None, prefer=prefer)
     if not shown:
-        remark_on_copies(found.base.observations)
+        remark_on_rows(found.base.observations)
     return found

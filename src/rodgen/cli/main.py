@@ -54,6 +54,7 @@ _COMMANDS = {
     "report": ("report",),
     "open": ("open",),
     "change": ("add", "remove"),
+    "aside": ("set-aside", "bring-back"),
     "emit": ("emit",),
     "simulate": ("simulate",),
     "effects": ("effects",),
@@ -73,7 +74,16 @@ _GROUPS = {
     "from measurements to a corrected machine": ("fit", "compare", "diagnose", "add", "emit", "report"),
     "the same, on a page": ("open",),
     "a machine file to begin with": ("new", "import"),
-    "more about a machine": ("check", "plan", "predict", "remove", "simulate", "effects"),
+    "more about a machine": (
+        "check",
+        "plan",
+        "predict",
+        "remove",
+        "set-aside",
+        "bring-back",
+        "simulate",
+        "effects",
+    ),
     "the axis of one rotation": ("fit-axis", "solve"),
     "legs, orientation, robots": ("tricept", "euler", "mechanism"),
     "equations": ("derive", "errata", "kernels"),
@@ -83,7 +93,7 @@ _GROUPS = {
 
 _ENDING = [signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else [])]
 
-_WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool", "--latitude")
+_WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool", "--latitude", "--why", "--where")
 """Options whose value may start with a minus sign."""
 
 

@@ -19,6 +19,7 @@ from rodgen.statistics.thresholds import EVIDENCE
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
+    from rodgen.data.set_aside import RowsAside
     from rodgen.machines.machine import Machine
 
 
@@ -76,8 +77,10 @@ class Observations:
     arm_is_known : bool
         False until a fit has estimated it.
     counted_as : ndarray of int, or None
-        Of each row of the table as it was given, copies included, the row here that it is counted as; None where it has
-        no copies. Parts of the observations do not have it.
+        Of each row of the table as it was given, the row here that it is counted as: of copies that of the first, and
+        -1 of rows that are set aside; None where it has neither. Parts of the observations do not have it.
+    aside : RowsAside or None
+        Rows that the machine file sets aside, which are not here; None where it says nothing of any.
     """
 
     machine: Machine
@@ -103,6 +106,7 @@ class Observations:
     arm_is_known: bool = True
     counted_as: NDArray[np.int_] | None = None
     correlation: NDArray[np.float64] | None = None
+    aside: RowsAside | None = None
 
     @property
     def n(self) -> int:
@@ -176,21 +180,53 @@ class Observations:
     @property
     def copies(self) -> int:
         """How many rows of the table are copies of others, and are therefore not here."""
-        return 0 if self.counted_as is None else len(self.counted_as) - self.n
+        return 0 if self.counted_as is None else int((self.counted_as >= 0).sum()) - self.n
 
     @property
-    def on_copies(self) -> str:
-        """A sentence on the rows that are copies; empty where none are."""
-        if not self.copies:
-            return ""
-        return (
-            f"{self.copies} of the {self.copies + self.n} rows of {os.path.basename(self.data.file)} are copies of "
-            "others, their readings included; each is counted once."
-        )
+    def on_rows(self) -> list[str]:
+        """Sentences on rows of the table that are not here: copies, and those that are set aside."""
+        found = [] if self.aside is None else [self.aside.text]
+        if self.copies and self.counted_as is not None:
+            found.append(
+                f"{self.copies} of the {len(self.counted_as)} rows of {os.path.basename(self.data.file)} are copies of "
+                "others, their readings included; each is counted once."
+            )
+        return found
+
+    @property
+    def not_here(self) -> dict[str, Any]:
+        """How many rows of the table are copies, and which are set aside, as plain data."""
+        nothing = {"rows": 0, "entries": []}
+        return {"copies": self.copies, "set_aside": self.aside.to_dict() if self.aside else nothing}
 
     def given(self, rows: NDArray[np.int_]) -> NDArray[np.int_]:
-        """Return the numbers, from 0, that rows had in the table as it was given, copies included."""
-        return rows if self.counted_as is None else np.unique(self.counted_as, return_index=True)[1][rows]
+        """Return the numbers, from 0, that rows had in the table as it was given, with those that are not here."""
+        if self.counted_as is None:
+            return rows
+        there = np.flatnonzero(self.counted_as >= 0)
+        return there[np.unique(self.counted_as[there], return_index=True)[1]][rows]
+
+    def counted(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which rows here, (n,), are counted for some of those of the table as it was given."""
+        if self.counted_as is None:
+            return mask
+        return np.bincount(self.counted_as[mask & (self.counted_as >= 0)], minlength=self.n) > 0
+
+    def without(self, aside: RowsAside | None) -> Observations:
+        """Return the observations without rows of their table that are set aside."""
+        if aside is None:
+            return self
+        kept = ~aside.mask
+        if kept.all():
+            return replace(self, aside=aside)
+        there, run = np.unique(self.run[kept], return_inverse=True)
+        return replace(
+            self.take(kept),
+            run=run.astype(np.int32),
+            run_names=tuple(self.run_names[i] for i in there),
+            counted_as=np.where(kept, np.cumsum(kept) - 1, -1),
+            aside=aside,
+        )
 
     def counted_once(self) -> Observations:
         """Return the observations without the rows that are copies; see `rodgen.data.poses.originals`."""
@@ -199,7 +235,9 @@ class Observations:
         if found is None:
             return self
         kept, counted_as = np.unique(found, return_inverse=True)
-        return replace(self.take(kept), counted_as=counted_as)
+        if self.counted_as is not None:
+            counted_as = np.where(self.counted_as < 0, -1, counted_as[self.counted_as])
+        return replace(self.take(kept), counted_as=counted_as, aside=self.aside)
 
     def read_as(self, other: Observations) -> Observations:
         """Return the observations with the readings of others, row by row."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.data.set_aside import RowsAside, SetAside, edited, rows_aside, rows_text
 from rodgen.data.units import ANGLE, Dimension, unit_factor
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.errors import InputFileError, RodgenError, UnexpectedError, shown
 from rodgen.files import write_file
 from rodgen.machines.coupling import Couplings, couplings_of
 from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
@@ -46,6 +47,7 @@ from rodgen.views import html_of_text
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
+    from rodgen.data.measurements import Measurements
 
 _UNIT = 1e-9
 """How far the length of a unit vector may be off 1."""
@@ -482,6 +484,109 @@ class Machine:
         }
         return replace(self, known=known)
 
+    # rows of measurements ------------------------------------------------------------------------------------
+
+    def aside(self, data: Any) -> RowsAside | None:
+        """Return which rows of measurements are set aside; None where the machine file sets none aside.
+
+        Parameters
+        ----------
+        data : Measurements, or a table in memory
+            As of :meth:`fit`.
+
+        Raises
+        ------
+        InputFileError
+            When what the file says does not fit the measurements, or no row is left.
+        """
+        if not self.measured.set_aside:
+            return None
+        return rows_aside(self.measured.set_aside, _table(data), self._compared, self.file or self.name)
+
+    @property
+    def _compared(self) -> frozenset[str]:
+        """Names of the columns of what is commanded and read."""
+        return self.measurand.read_columns.union((joint.column for joint in self.joints), ("target",))
+
+    def setting_aside(
+        self,
+        data: Any,
+        *,
+        rows: str | Sequence[int] = "",
+        run: str = "",
+        where: str = "",
+        why: str = "",
+    ) -> Machine:
+        """Return this machine with rows of its measurements set aside: nothing is fitted to them.
+
+        Parameters
+        ----------
+        data : Measurements, or a table in memory
+            As of :meth:`fit`.
+        rows : str or sequence of int
+            As the table counts them: lines of a CSV file from 1, else rows from 0, such as ``"12, 40-43"``.
+        run : str
+            Or a run of that table.
+        where : str
+            Or a rule on columns, of any table: ``"EL < 20 deg"``; several are joined by ``and``.
+        why : str
+            A note.
+
+        Raises
+        ------
+        InputFileError
+            When there are no such rows, or none is left.
+
+        Examples
+        --------
+        >>> table = Machine(
+        ...     "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
+        ...     (Target("ball", (100.0, 0.0, 0.0)),), Measured("distance", "machine"),
+        ... )
+        >>> data = {"C [deg]": [0, 120, 240], "d [mm]": [100, 100.01, 140]}
+        >>> table.setting_aside(data, rows=[2], why="bumped").aside(data).text
+        '1 of the 3 rows of data is set aside: row 2 (bumped).'
+        """
+        return self._with_rows(data, rows=rows, run=run, where=where, why=why)
+
+    def bringing_back(
+        self,
+        data: Any,
+        *,
+        rows: str | Sequence[int] = "",
+        run: str = "",
+        where: str = "",
+        why: str = "",
+    ) -> Machine:
+        """Return this machine with rows of its measurements counting again; without a choice, all of every table.
+
+        Parameters
+        ----------
+        data, rows, run, where, why
+            As of :meth:`setting_aside`.
+
+        Raises
+        ------
+        InputFileError
+            When there are no such rows, or none of them is set aside.
+        """
+        if not (len(rows) or run or where):
+            return replace(self, measured=replace(self.measured, set_aside=()))
+        return self._with_rows(data, rows=rows, run=run, where=where, why=why, back=True)
+
+    def _with_rows(self, data: Any, *, rows: str | Sequence[int], **said: Any) -> Machine:
+        table, file = _table(data), self.file or self.name
+        listed = rows if isinstance(rows, str) else rows_text(rows)
+        of = "" if said["where"] else os.path.basename(table.file)
+        try:
+            new = SetAside(listed, file=of, **said)
+            entries = edited(self.measured.set_aside, new, table, self._compared, file)
+        except UnexpectedError as error:
+            raise InputFileError(file, "[measured], set_aside", error.found, error.expected) from None
+        changed = replace(self, measured=replace(self.measured, set_aside=entries))
+        changed.aside(table)
+        return changed
+
     # what is done with it ------------------------------------------------------------------------------------
 
     def fit(
@@ -609,6 +714,12 @@ class Machine:
 
     def _repr_html_(self) -> str:
         return html_of_text(self.describe())
+
+
+def _table(data: Any) -> Measurements:
+    from rodgen.data.measurements import Measurements  # imports what reads tables
+
+    return Measurements.of(data)
 
 
 _Thing = TypeVar("_Thing", Joint, Target)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 import numpy as np
 
 from rodgen.array_types import Array
+from rodgen.data.set_aside import SetAside
 from rodgen.data.units import ANGLE, LENGTH, Dimension
 from rodgen.views import html_of
 
@@ -388,6 +389,8 @@ class Measured:
         Unit vector about which angles are read, in the measuring frame.
     instrument : {"workpiece", "tool"}
         Of a machine of two branches, that which carries the instrument; the targets are on the other one.
+    set_aside : tuple of SetAside
+        Rows of measurements that do not count; later entries overrule earlier ones. See `Machine.setting_aside`.
     """
 
     kind: str
@@ -398,6 +401,7 @@ class Measured:
     correlation: tuple[tuple[float, ...], ...] | Literal["columns"] | None = None
     about: Vector | None = None
     instrument: str = "workpiece"
+    set_aside: tuple[SetAside, ...] = ()
 
     _repr_html_ = html_of
 

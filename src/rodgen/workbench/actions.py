@@ -1,4 +1,4 @@
-"""What is done in a session: each action changes the text of the machine file, or which rows count.
+"""What is done in a session: each action changes the text of the machine file.
 
 An action says which command and which line of Python do the same.
 """
@@ -10,14 +10,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
-import numpy as np
-
+from rodgen.data.set_aside import rows_text
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.files.edit import (
     text_with_effect,
     text_with_effects,
     text_with_geometry,
     text_with_known,
+    text_with_set_aside,
     text_with_tie,
     text_without_effect,
 )
@@ -25,8 +25,6 @@ from rodgen.machines.files.read import effect_of
 from rodgen.machines.machine import Effect, Machine
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from rodgen.workbench.session import State
 
 __all__ = [
@@ -69,16 +67,12 @@ class Action:
         """Return the text of the machine file after it."""
         return state.text
 
-    def aside(self, state: State) -> NDArray[np.bool_]:
-        """Return which rows of the observations do not count after it."""
-        return state.aside
-
     def command(self, machine: str, data: str) -> str:
         """Return the command that does the same to the files; empty where there is none."""
         return ""
 
     def python(self) -> str:
-        """Return the lines of Python that do the same to `machine`, `aside` and `fit`."""
+        """Return the lines of Python that do the same to `machine` and `fit`, with `data`."""
         raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
@@ -141,7 +135,7 @@ class _OfEffect(Action):
         return f"machine = {machine}.add({given})"
 
 
-FIT = "fit = fitted(machine, observations, outliers=aside)"
+FIT = "fit = machine.fit(data)"
 """The line of Python after every change."""
 
 
@@ -327,36 +321,50 @@ class _OfRows(Action):
     ----------
     rows : sequence of int
         As the table counts them: lines of a CSV file from 1, else rows from 0.
+    run : str
+        Or a run.
+    where : str
+        Or a rule on columns, such as ``"EL < 20 deg"``.
     """
 
-    rows: Sequence[int]
+    rows: Sequence[int] = ()
+    run: str = ""
+    where: str = ""
+    _method: ClassVar[str]
+    _verb: ClassVar[str]
     _done: ClassVar[str]
-    _change: ClassVar[str]
 
-    def _mask(self, state: State) -> NDArray[np.bool_]:
-        found = np.isin(state.numbers, np.asarray(self.rows, np.int64))
-        if missing := set(self.rows) - set(state.numbers[found].tolist()):
-            counted = state.observations.data.counted
-            raise InputFileError(
-                state.observations.data.file,
-                f"{counted} {min(missing)}",
-                "no measurement of its own",
-                f"{counted}s that have one",
-            )
-        return np.asarray(found)
+    @property
+    def _said(self) -> dict[str, str]:
+        said = {"rows": rows_text(self.rows), "run": self.run, "where": self.where, "why": self.why}
+        return {name: text for name, text in said.items() if text}
 
     @property
     def title(self) -> str:
         """What it does, in a few words."""
-        return f"{len(self.rows)} row{'s' * (len(self.rows) != 1)} {self._done}"
+        rows = f"{len(self.rows)} row{'s' * (len(self.rows) != 1)}" if len(self.rows) else "all rows"
+        return f"{self.where or (f'run {self.run}' if self.run else rows)} {self._done}"
+
+    def text(self, state: State) -> str:
+        """Return the text of the machine file after it."""
+        changed: Machine = getattr(state.machine, self._method)(state.data, **self._said)
+        return text_with_set_aside(state.file, changed.measured.set_aside, state.text)
+
+    def command(self, machine: str, data: str) -> str:
+        """Return the command that does the same."""
+        said = [word for name, text in self._said.items() for word in (f"--{name}", text)]
+        every = [] if self._said.keys() - {"why"} else ["--all"]
+        return _words(self._verb, machine, data, *every, *said, "-o", machine)
 
     def python(self) -> str:
         """Return the lines of Python that do the same."""
-        return f"aside {self._change}np.isin(numbers, {[int(row) for row in self.rows]})\n{FIT}"
+        given = ", ".join(["data", *(f"{name}={text!r}" for name, text in self._said.items())])
+        return f"machine = machine.{self._method}({given})\n{FIT}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return super().to_dict() | {"rows": [int(row) for row in self.rows]}
+        rows = {"rows": [int(row) for row in self.rows]} if len(self.rows) else {}
+        return super().to_dict() | rows
 
 
 @dataclass(frozen=True)
@@ -364,27 +372,16 @@ class Aside(_OfRows):
     """Rows are set aside: they are shown, but nothing is fitted to them."""
 
     kind = _done = "set aside"
-    _change = "|= "
-
-    def aside(self, state: State) -> NDArray[np.bool_]:
-        """Return which rows of the observations do not count after it."""
-        found = state.aside | self._mask(state)
-        if found.all():
-            raise RodgenError("no row is left to fit to; expected some that count")
-        return found
+    _method, _verb = "setting_aside", "set-aside"
 
 
 @dataclass(frozen=True)
 class Back(_OfRows):
-    """Rows that were set aside count again."""
+    """Rows that were set aside count again; all, where none are named."""
 
     kind = "bring back"
     _done = "brought back"
-    _change = "&= ~"
-
-    def aside(self, state: State) -> NDArray[np.bool_]:
-        """Return which rows of the observations do not count after it."""
-        return state.aside & ~self._mask(state)
+    _method, _verb = "bringing_back", "bring-back"
 
 
 @dataclass(frozen=True)
@@ -423,8 +420,7 @@ class Mend(Action):
     def python(self) -> str:
         """Return the lines of Python that do the same."""
         found = f"next(mend for mend in fit.check().repairs if mend.words == {self.words!r})"
-        bound = "observations = bind_once(machine, observations.data)"
-        return f"machine, _ = {found}.applied(machine, observations)\n{bound}\n{FIT}"
+        return f"machine, _ = {found}.applied(machine, fit.observations)\n{FIT}"
 
 
 ACTIONS: dict[str, Callable[..., Action]] = {

@@ -219,12 +219,9 @@ class Desk:
         from rodgen.calibration.diagnose import diagnose
 
         state = self.session.state
-        machine, kept = state.machine, state.observations
-        if state.aside.any():
-            kept = kept.take(~state.aside)
         with self._working("Diagnosis") as work:
             await self.show("work")
-            found = await asyncio.to_thread(work, lambda: diagnose(machine, kept))
+            found = await asyncio.to_thread(work, lambda: diagnose(state.machine, state.data))
         if found is not None:
             self.diagnosis = state, found
         await self.show("work")

@@ -118,8 +118,7 @@ class Keeping:
         if desk.diagnosis is not None and desk.diagnosis[0] is state:
             found = desk.diagnosis[1]
         else:
-            kept = state.observations.take(~state.aside) if state.aside.any() else state.observations
-            found = diagnose(state.machine, kept)
+            found = diagnose(state.machine, state.data)
         planned = desk.plan[1] if desk.plan is not None and desk.plan[0] is state else None
         if planned is None:
             with suppress(PlanError):
@@ -131,4 +130,4 @@ class Keeping:
 
     async def _machine(self) -> None:
         name = os.path.basename(self.page.state.file)
-        ui.download.content(self.page.desk.session.machine_text(), name)
+        ui.download.content(self.page.state.text, name)

@@ -592,12 +592,9 @@ class Page:
         await self.desk.do(Aside(rows, why=str(why.value or "")[:200]))
 
     async def _back(self) -> None:
-        gone = self.state.aside.copy()
-        if self.selected:
-            chosen = np.zeros_like(gone)
-            chosen[sorted(self.selected)] = True
-            gone &= chosen
-        await self.desk.do(Back(self._lines(gone)))
+        chosen = np.zeros_like(self.state.aside)
+        chosen[sorted(self.selected)] = True
+        await self.desk.do(Back(self._lines(self.state.aside & chosen)))
 
     async def _none(self) -> None:
         self.select(set())

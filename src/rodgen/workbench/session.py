@@ -12,7 +12,7 @@ import math
 import os
 import platform
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
@@ -31,7 +31,7 @@ from rodgen.files import open_input, read_input, write_file
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
 from rodgen.machines.machine import Machine
-from rodgen.workbench.actions import FIT, Action, Aside, action_of
+from rodgen.workbench.actions import FIT, Action, action_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.file_check import Check
@@ -46,9 +46,8 @@ LARGEST = 50_000_000
 AGREE = 1e-6
 """Relative difference of an error from the one that was saved above which another model was fitted."""
 _EXPECTED = "a session as rodgen open saves it"
-_ASIDE = "# Set aside in "
-MOST_NOTED = 1_000_000
-"""Rows of a comment at most."""
+_NOTED = re.compile(r"^# Set aside in (.+): (?:lines|rows) ([\d, -]+)", re.MULTILINE)
+"""A comment in which machine files kept rows that were set aside, before they had a key for these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +60,7 @@ class State:
         Name of the machine file, and what it is to say.
     machine : Machine
         That it describes.
+    data : Measurements
     observations : Observations
         All of them.
     aside : ndarray of bool, shape (n,)
@@ -75,6 +75,7 @@ class State:
     file: str
     text: str
     machine: Machine
+    data: Measurements = field(repr=False)
     observations: Observations = field(repr=False)
     aside: NDArray[np.bool_] = field(repr=False)
     fit: Fit = field(repr=False)
@@ -85,11 +86,9 @@ class State:
     def first(cls, file: str, text: str, data: Measurements) -> State:
         """Return the state of a machine file and measurements, before anything was done."""
         machine = machine_of(text, file, Machine)
-        observations = bind_once(machine, data)
-        observations.demand_rows()
-        return cls(
-            file, text, machine, observations, np.zeros(observations.n, bool), fit(machine, observations)
-        )
+        observations = _all_of(machine, data)
+        aside = _aside(machine, data, observations)
+        return cls(file, text, machine, data, observations, aside, fit(machine, observations, outliers=aside))
 
     def after(self, action: Action) -> State:
         """Return the state after an action.
@@ -99,15 +98,17 @@ class State:
         RodgenError
             When it cannot be done.
         """
-        text, aside = action.text(self), action.aside(self)
+        text, data = action.text(self), self.data
         machine = self.machine if text == self.text else machine_of(text, self.file, Machine)
-        observations = self.observations
+        observations, aside = self.observations, self.aside
+        if machine.measured.set_aside != self.machine.measured.set_aside:
+            aside = _aside(machine, data, observations)
         if _carriers(machine) == _carriers(self.machine):
             made = fit_after(self.fit, machine, aside)
         else:
-            observations = bind_once(machine, observations.data)
+            observations = _all_of(machine, data)
             made = fit(machine, observations, outliers=aside)
-        return State(self.file, text, machine, observations, aside, made, action, self)
+        return State(self.file, text, machine, data, observations, aside, made, action, self)
 
     @cached_property
     def rung(self) -> Rung:
@@ -129,7 +130,22 @@ class State:
 
 def _carriers(machine: Machine) -> tuple[Any, ...]:
     """Return what the observations depend on."""
-    return machine.joints, machine.targets, machine.measured, machine.kinematics
+    return machine.joints, machine.targets, _all_rows(machine).measured, machine.kinematics
+
+
+def _all_rows(machine: Machine) -> Machine:
+    return replace(machine, measured=replace(machine.measured, set_aside=()))
+
+
+def _all_of(machine: Machine, data: Measurements) -> Observations:
+    """Return the observations with those that are set aside, which are shown, too."""
+    return bind_once(_all_rows(machine), data)
+
+
+def _aside(machine: Machine, data: Measurements, observations: Observations) -> NDArray[np.bool_]:
+    """Return which of all observations are set aside, (n,): of copies all."""
+    found = machine.aside(data)
+    return np.zeros(observations.n, bool) if found is None else ~observations.counted(~found.mask)
 
 
 class Session:
@@ -160,8 +176,7 @@ class Session:
     def open(cls, machine: str | os.PathLike[str], data: str | os.PathLike[str]) -> Session:
         """Return the session of a machine file and a measurement file.
 
-        Nothing was done in it yet, but that rows are set aside which a comment of the machine file notes; see
-        `machine_text`.
+        Nothing was done in it yet.
 
         Raises
         ------
@@ -170,11 +185,10 @@ class Session:
         """
         file, of = os.fspath(machine), os.fspath(data)
         session = cls(State.first(file, read_text(file), Measurements.load(of)), of)
-        for action in _noted(session.state.text, os.path.basename(of)):
-            try:
-                session.do(action)
-            except RodgenError as error:  # of other measurements
-                session.remarks.append(f"Rows that {file} notes were not set aside: {error}.")
+        for noted in _NOTED.finditer(session.state.text):
+            session.remarks.append(
+                f"{noted[1]}: rows {noted[2].strip()}, which a comment of {file} notes, count; set them aside anew."
+            )
         return session
 
     # what is done ------------------------------------------------------------------------------------------------
@@ -233,45 +247,26 @@ class Session:
         """Return the lines of Python that do the same."""
         lines = [
             "import dataclasses",
-            "import numpy as np",
             "from rodgen import Machine, Measurements",
-            "from rodgen.calibration.fit import fit as fitted",
-            "from rodgen.calibration.problem.binding import bind_once",
             "from rodgen.machines.files.read import effect_of",
             "",
             f"machine = Machine.load({self.state.file!r})",
-            f"observations = bind_once(machine, Measurements.load({self.data_file!r}))",
-            "numbers = observations.data.numbers(range(observations.n))",
-            "aside = np.zeros(observations.n, bool)",
+            f"data = Measurements.load({self.data_file!r})",
             FIT,
         ]
         return "\n".join([*lines, *(state.action.python() for state in self.done if state.action)]) + "\n"
 
     # what is kept ------------------------------------------------------------------------------------------------
 
-    def machine_text(self) -> str:
-        """Return the text of the machine file, with a comment on rows that are set aside."""
-        state = self.state
-        of_these = re.escape(f"{_ASIDE}{os.path.basename(self.data_file)}: ")
-        text = re.sub(rf"^{of_these}.*\n", "", state.text, flags=re.MULTILINE)
-        if not state.aside.any():
-            return text
-        rows = state.numbers[state.aside].tolist()
-        why = dict.fromkeys(s.action.why for s in self.done if isinstance(s.action, Aside) and s.action.why)
-        note = f" ({'; '.join(why)})" if why else ""
-        which = f"{state.observations.data.counted}s {_ranges(rows)}{note}"
-        comment = f"{_ASIDE}{os.path.basename(self.data_file)}: {which}"
-        return f"{text.rstrip()}\n\n{''.join(c if c.isprintable() else ' ' for c in comment)}\n"
-
     def save_machine(self, file: str | os.PathLike[str]) -> None:
-        """Write the machine file; see `machine_text`.
+        """Write the machine file.
 
         Raises
         ------
         InputFileError
             When it cannot be written.
         """
-        write_file(file, self.machine_text().encode())
+        write_file(file, self.state.text.encode())
 
     def save(self, file: str | os.PathLike[str]) -> None:
         """Write the session, now and after everything that is done from now on.
@@ -363,18 +358,6 @@ class Session:
         return session
 
 
-def _noted(text: str, data: str) -> Iterator[Aside]:
-    """Yield what the comments of a machine file say of rows of a table that are set aside."""
-    for found in re.finditer(rf"^{_ASIDE}(.+): (?:lines|rows) ([\d, -]+)(?: \((.*)\))?$", text, re.MULTILINE):
-        rows: list[int] = []
-        for part in found[2].split(","):
-            first, _, last = part.strip().partition("-")
-            if first.isdigit() and (last or first).isdigit() and int(last or first) - int(first) < MOST_NOTED:
-                rows += range(int(first), int(last or first) + 1)
-        if found[1] == data and rows:
-            yield Aside(rows[:MOST_NOTED], why=found[3] or "")
-
-
 def _hash(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
@@ -391,20 +374,3 @@ def _from(folder: str, file: str) -> str:
     except ValueError:  # another drive
         return os.path.abspath(file)
     return near if near.count("..") <= 3 else os.path.abspath(file)
-
-
-def _ranges(numbers: Sequence[int]) -> str:
-    """Return whole numbers, neighbours as ranges.
-
-    Examples
-    --------
-    >>> _ranges([3, 4, 5, 9])
-    '3-5, 9'
-    """
-    groups: list[list[int]] = []
-    for number in sorted(numbers):
-        if groups and number == groups[-1][-1] + 1:
-            groups[-1].append(number)
-        else:
-            groups.append([number])
-    return ", ".join(f"{g[0]}-{g[-1]}" if len(g) > 1 else f"{g[0]}" for g in groups)

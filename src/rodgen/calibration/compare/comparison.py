@@ -150,8 +150,8 @@ class Comparison:
         Returns
         -------
         dict
-            ``machine``, ``data``, ``rows``, ``copies``, ``poses``, ``outliers`` (numbers of rows, from 0), ``unit``,
-            ``rms``;
+            ``machine``, ``data``, ``rows``, ``copies``, ``set_aside``, ``poses``, ``outliers`` (numbers of rows,
+            from 0), ``unit``, ``rms``;
             ``gross``: readings that are grossly wrong: ``row``, ``component``, ``off``, ``others`` (what others are off
             at most);
             ``rows_looked_at``: fewer where there are very many;
@@ -183,7 +183,7 @@ class Comparison:
             "machine": self.fit.machine.name,
             "data": self.fit.observations.data.file,
             "rows": self.fit.observations.n,
-            "copies": self.fit.observations.copies,
+            **self.fit.observations.not_here,
             "rows_looked_at": len(self.sample.rows),
             "poses": len(stretches(self.fit.observations.pose)[0]),
             "outliers": self.fit.outlier_numbers,

@@ -48,8 +48,7 @@ def text(comparison: Comparison) -> str:
 
 def sentences(comparison: Comparison) -> Iterator[str]:
     """Yield what an engineer needs to know, the most important first."""
-    if comparison.fit.observations.copies:
-        yield comparison.fit.observations.on_copies
+    yield from comparison.fit.observations.on_rows
     if gross := on_gross_readings(comparison.fit):
         yield gross
     yield from contradictions(comparison.fit)

@@ -135,7 +135,7 @@ class _Search:
         self.too_many = 0
         """Rows that disagree with the final model where these are more than may be wrong by chance."""
         known = (subject.observations, subject.others)
-        self.notes += [o.on_copies for o in known if o is not None and o.copies]
+        self.notes += [sentence for o in known if o is not None for sentence in o.on_rows]
 
     def run(self) -> Diagnosis:
         """Return the diagnosis."""

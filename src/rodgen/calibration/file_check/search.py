@@ -140,8 +140,7 @@ class Check:
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
-        if self.observations.copies:
-            yield self.observations.on_copies
+        yield from self.observations.on_rows
         name = f"{self.machine.name}, {self.observations.data.file}"
         if not self.wrong:
             if self.is_shown:
@@ -159,7 +158,7 @@ class Check:
         return {
             "machine": self.machine.name,
             "data": self.observations.data.file,
-            "copies": self.observations.copies,
+            **self.observations.not_here,
             "wrong": self.wrong,
             "suspicions": list(self.suspicions),
             "error": self.before,

@@ -68,6 +68,8 @@ _WORDS_OF_FORMULAS = {
 def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -> Observations:
     """Return the observations of a machine: its measurements, checked and in internal units.
 
+    Rows that the machine file sets aside are left out, of measurements; not of poses without readings.
+
     Parameters
     ----------
     machine : Machine
@@ -84,7 +86,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
     ------
     InputFileError
         When a column is missing, has no unit or one that does not fit, is meant for a joint that does not exist, or
-        holds an impossible value.
+        holds an impossible value, or when rows that are set aside are not there.
 
     Examples
     --------
@@ -103,6 +105,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
     """
     machine.validate()
     data = Measurements.of(data)
+    aside = None if allow_missing_readings else machine.aside(data)
     binder = _Binder(machine, data)
     binder.check_names()
     commands = [binder.column(joint.column, *binder.kind(joint)).values for joint in binder.read]
@@ -128,9 +131,10 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
         arm = _arm(machine, q, sigma)
         sigma = None if sigma is None else sigma * np.repeat([1.0, arm], 3)
     load = binder.optional("load", FORCE)
+    driven = q if aside is None else q[~aside.mask]
     travel = [
         limits or ((column.min(), column.max()) if data.rows else (0.0, 0.0))
-        for limits, column in zip(machine.limits, q.T, strict=True)
+        for limits, column in zip(machine.limits, driven.T, strict=True)
     ]
     observations = Observations(
         machine=machine,
@@ -155,6 +159,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
         arm=arm,
         arm_is_known=not is_pose or sigma is not None,
     )
+    observations = observations.without(aside)
     if machine.kinematics.is_closed:
         observations = closed(observations, by_readings=not allow_missing_readings)
     for array in observations.arrays():

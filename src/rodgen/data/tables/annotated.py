@@ -48,7 +48,7 @@ def copied_with(
     output : str, os.PathLike or None
         ``.csv``, ``.csv.gz`` or ``.parquet``; None or ``"-"`` is CSV on standard output.
     columns : mapping of str to ndarray, each of shape (rows,)
-        By their names.
+        By their names; masked elements become empty cells.
     replaced : mapping of str to str, optional
         Names of columns of the file, and which of `columns` stands there instead.
 
@@ -81,10 +81,7 @@ def copied_with(
                 stop = start + len(batch)
                 if any(stop > len(values) for values in columns.values()):
                     raise _changed(table.file)
-                new = {
-                    name: pa.array(np.ascontiguousarray(values[start:stop]))
-                    for name, values in columns.items()
-                }
+                new = {name: _array(values[start:stop]) for name, values in columns.items()}
                 arrays = [
                     new[instead[name]] if name in instead else batch.column(i)
                     for i, name in enumerate(table.schema.names)
@@ -95,6 +92,10 @@ def copied_with(
             if any(start != len(values) for values in columns.values()):
                 raise _changed(table.file)
             yield
+
+
+def _array(values: NDArray[Any]) -> pa.Array:
+    return pa.array(np.ascontiguousarray(np.ma.getdata(values)), mask=np.ma.getmaskarray(values))
 
 
 def _changed(file: str) -> InputFileError:

@@ -14,10 +14,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
+from rodgen.data.set_aside import SetAside
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
-from rodgen.machines.files.write import effect_text, known_line, machine_text, toml_string
+from rodgen.machines.files.write import effect_text, known_line, machine_text, set_aside_text, toml_string
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Effect
 
@@ -27,6 +28,7 @@ __all__ = [
     "text_with_effects",
     "text_with_geometry",
     "text_with_known",
+    "text_with_set_aside",
     "text_with_tie",
     "text_without_effect",
 ]
@@ -163,6 +165,35 @@ def _with_entry(text: str, table: str, key: str, line: str) -> str:
     return text
 
 
+def text_with_set_aside(source: Source, entries: Sequence[SetAside], text: str | None = None) -> str:
+    """Return the text of a machine file with other rows of measurements set aside, or none.
+
+    Parameters
+    ----------
+    source : str or os.PathLike
+        A machine file.
+    entries : sequence of SetAside
+        All of them; see :meth:`Machine.setting_aside`.
+    text : str, optional
+
+    Raises
+    ------
+    InputFileError
+        When `source` is not a machine file, or its table ``[measured]`` cannot be edited.
+    """
+    text, before = _read(source, text)
+    changed = replace(before, measured=replace(before.measured, set_aside=tuple(entries)), file=before.file)
+    lines, after = _entries(text, "measured")
+    new_line = "\r\n" if "\r\n" in text else "\n"
+    there = [part for key, part in lines if key == "set_aside"]
+    end = lines[-1][1].stop if lines else after or len(text)
+    (place,) = there or [slice(end, end)]
+    said = f"{set_aside_text(entries)}\n".replace("\n", new_line) if entries else ""
+    gap = new_line if said and not text[: place.start].endswith("\n") else ""
+    faults = ("[measured]", "a table or a key set_aside in another form", "both as rodgen writes them")
+    return _checked(text[: place.start] + gap + said + text[place.stop :], changed, source, faults)
+
+
 def text_without_effect(source: Source, name: str, place: str | None, text: str | None = None) -> str:
     """Return the text of a machine file without the block of an effect.
 
@@ -255,19 +286,17 @@ def _read(source: Source, text: str | None) -> tuple[str, Machine]:
     return text, machine_of(text, file, Machine)
 
 
-def _checked(text: str, meant: Machine, source: Source) -> str:
-    """Return the text, which must read as the machine that is meant."""
+_NO_BLOCKS = ("effect", "effects that are not blocks of their own", "[[effect]] blocks, which can be edited")
+
+
+def _checked(text: str, meant: Machine, source: Source, faults: tuple[str, str, str] = _NO_BLOCKS) -> str:
+    """Return the text, which must read as the machine that is meant; else `faults` say what cannot be edited."""
     try:
         found: Machine | None = machine_of(text, os.fspath(source), Machine)
     except InputFileError:
         found = None
     if found is None or _outline(found) != _outline(meant):
-        raise InputFileError(
-            source,
-            "effect",
-            "effects that are not blocks of their own",
-            "[[effect]] blocks, which can be edited",
-        )
+        raise InputFileError(source, *faults)
     return text
 
 

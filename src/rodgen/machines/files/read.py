@@ -10,14 +10,15 @@ import math
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from rodgen.data.set_aside import SetAside
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit, typed_quantity
-from rodgen.errors import InputFileError, listed, shown, suggestion
+from rodgen.errors import InputFileError, UnexpectedError, listed, shown, suggestion
 from rodgen.machines.coupling import CouplingError
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import OWN_COMPONENTS, own_effect
@@ -125,7 +126,17 @@ _KEYS = {
     ),
     "branch": ("name", "joints"),
     "target": ("name", "point", "attitude", "zero"),
-    "measured": ("kind", "frame", "from", "about", "noise", "attitude_noise", "correlation", "instrument"),
+    "measured": (
+        "kind",
+        "frame",
+        "from",
+        "about",
+        "noise",
+        "attitude_noise",
+        "correlation",
+        "instrument",
+        "set_aside",
+    ),
     "estimate": ("parameters",),
     "effect": (
         "name",
@@ -367,6 +378,18 @@ def _yes_or_no(value: Any) -> bool:
     return value
 
 
+def _word(value: Any) -> str:
+    return str(value) if type(value) is int else TEXT.read(value)
+
+
+def _tables(value: Any) -> Sequence[Any]:
+    if not isinstance(value, list) or not all(isinstance(each, dict) for each in value):
+        raise UnfitError
+    return value
+
+
+_WORD = Kind("a text in quotes, or a whole number", _word)
+_ENTRIES = Kind('a list of tables, such as [{ run = "3", why = "clouds" }]', _tables)
 _TITLE = TEXT.then(_title)
 _NOTED = Kind("a text in quotes, or a date", _noted).then(_title)
 _RULE = "a name of letters, digits, '_', '-' and '+', at most 60"
@@ -426,7 +449,26 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     if "instrument" in table and "branch" not in top:
         raise table.error("instrument", "given without [[branch]]", "it with blocks [[branch]] only")
     instrument = table.get("instrument", one_of(BRANCHES), BRANCHES[0])
-    return Measured(kind, frame, origin, noise, attitude_noise, correlation, about, instrument)
+    return Measured(
+        kind, frame, origin, noise, attitude_noise, correlation, about, instrument, _set_aside(table)
+    )
+
+
+def _set_aside(measured: Table) -> tuple[SetAside, ...]:
+    """Return the entries on rows that are set aside."""
+    found = []
+    entries = measured.get("set_aside", _ENTRIES) if "set_aside" in measured else ()
+    for number, content in enumerate(entries, 1):
+        place = f"{measured.place}, set_aside {number}"
+        entry = Table(measured.file, place, content, tuple(SetAside.__dataclass_fields__))
+        said = {
+            key: entry.get(key, _WORD if key in {"rows", "run"} else TEXT) for key in content if key != "back"
+        }
+        try:
+            found.append(SetAside(**said, back=entry.get("back", _YES_OR_NO, False)))
+        except UnexpectedError as error:
+            raise entry.error("", error.found, error.expected) from None
+    return tuple(found)
 
 
 def _correlation(m: int) -> Kind[tuple[tuple[float, ...], ...] | Literal["columns"]]:

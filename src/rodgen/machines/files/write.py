@@ -13,6 +13,7 @@ from rodgen.machines.known import unit_of
 from rodgen.machines.parts import BRANCHES, Effect, Joint, Known, StatedPlausibility, Target
 
 if TYPE_CHECKING:
+    from rodgen.data.set_aside import SetAside
     from rodgen.machines.machine import Machine
 
 
@@ -93,6 +94,8 @@ def machine_text(machine: Machine) -> str:
     elif measured.correlation is not None:
         rows = (f"[{', '.join(map(decimal, row))}]" for row in measured.correlation)
         blocks[-1].append(f"correlation = [{', '.join(rows)}]")
+    if measured.set_aside:
+        blocks[-1].append(set_aside_text(measured.set_aside))
     if machine.estimate:
         blocks.append(["[estimate]", f"parameters = [{', '.join(map(toml_string, machine.estimate))}]"])
     if machine.known:
@@ -107,6 +110,15 @@ def machine_text(machine: Machine) -> str:
         blocks.append(["[record]", *(f"{key} = {toml_string(text)}" for key, text in noted)])
     blocks += [_effect_lines(machine, effect) for effect in machine.effects]
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+
+
+def set_aside_text(entries: Sequence[SetAside]) -> str:
+    """Return the key of ``[measured]`` on rows that are set aside, an entry a line."""
+    lines = ["set_aside = ["]
+    for entry in entries:
+        said = {key: "true" if x is True else toml_string(x) for key, x in entry.to_dict().items()}
+        lines.append(f"    {_inline_table(said)},")
+    return "\n".join([*lines, "]"])
 
 
 def _target_lines(machine: Machine, target: Target) -> list[str]:
@@ -255,6 +267,8 @@ def _described(machine: Machine) -> Iterator[str]:
     more = f", and {len(machine.targets) - 4} more" if len(machine.targets) > 4 else ""
     yield f"targets: {', '.join(shown)}{more}"
     yield f"measured: {_measured(machine)}"
+    if machine.measured.set_aside:
+        yield f"set aside: {'; '.join(entry.named() for entry in machine.measured.set_aside)}"
     yield f"estimated: {', '.join(machine.estimate) or 'nothing but the effects'}"
     yield f"effects: {', '.join(_effect(machine, effect) for effect in machine.effects) or 'none'}"
 
