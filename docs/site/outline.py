@@ -54,6 +54,7 @@ OUTLINE = (
             "similar_effects": "docs/similar_effects.md",
             "plan": "docs/plan.md",
             "workbench": "docs/workbench.md",
+            "fleet": "docs/fleet.md",
             "python": "docs/python.md",
             "own_effect": "docs/own_effect.md",
             "c": "docs/c.md",

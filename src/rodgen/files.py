@@ -321,6 +321,37 @@ def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
                 os.close(descriptor)
 
 
+@contextlib.contextmanager
+def one_process_in(folder: str) -> Iterator[None]:
+    """Hold a folder for this process: another one that asks for it meanwhile is refused.
+
+    The end of the process, also a sudden one, gives it free. Disks without locks, and Windows, refuse nobody.
+
+    Raises
+    ------
+    InputFileError
+        When another process has it.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise unreadable(folder, error, "a folder") from None
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            found, expected = "another run of rodgen writes to it", "the end of that run, or another folder"
+            raise InputFileError(folder, "file", found, expected) from None
+        except OSError:
+            pass
+        yield
+    finally:
+        os.close(descriptor)
+
+
 def _locked(start: str, make: Callable[[str], int]) -> tuple[str, int]:
     """Make a file or folder of a name that starts so, which no process sweeps away while this one has it open."""
     _sweep(start)

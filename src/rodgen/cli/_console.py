@@ -20,8 +20,8 @@ INTERRUPTED, READER_GONE, TERMINATED = 130, 141, 143
 EXIT_CODES = """\
 exit codes:
   0  done
-  1  a check failed: a statement is not proved, generated files are stale, a file is wrong, or the installation is
-     broken
+  1  a check failed: a statement is not proved, generated files are stale, a file is wrong, a fleet has an alarm, or
+     the installation is broken
   2  bad input: one line on standard error, FILE: PLACE: what was found; what was expected
   3  a fit did not converge: the numbers are where it stopped
   70  an error in rodgen itself: one line on standard error; with --debug, where

@@ -52,6 +52,7 @@ _COMMANDS = {
     "plan": ("plan",),
     "predict": ("predict",),
     "report": ("report",),
+    "fleet": ("fleet",),
     "open": ("open",),
     "change": ("add", "remove"),
     "aside": ("set-aside", "bring-back"),
@@ -73,6 +74,7 @@ _COMMANDS = {
 _GROUPS = {
     "from measurements to a corrected machine": ("fit", "compare", "diagnose", "add", "emit", "report"),
     "the same, on a page": ("open",),
+    "many machines": ("fleet",),
     "a machine file to begin with": ("new", "import"),
     "more about a machine": (
         "check",

@@ -1,4 +1,4 @@
-"""How many independent tests several tests of one residual amount to, for a family-wise rate of false alarms."""
+"""Many tests at once: how many independent ones those of one residual amount to, and rates of false discoveries."""
 
 from __future__ import annotations
 
@@ -86,3 +86,27 @@ def _largest_falls(bases: Sequence[Array], residuals: Array) -> dict[int, Array]
             largest = np.maximum(largest, falls.max(axis=0))
         found[k] = largest
     return found
+
+
+def discovery_rates(p_values: Array) -> Array:
+    """Return for each test the least rate of false discoveries at which it is one, of the same shape.
+
+    Parameters
+    ----------
+    p_values : ndarray
+
+    Notes
+    -----
+    Benjamini and Hochberg (1995); also where tests depend on each other positively (Benjamini and Yekutieli 2001).
+
+    Examples
+    --------
+    >>> discovery_rates(np.array([0.01, 0.5, 0.02, 1.0])).tolist()
+    [0.04, 0.6666666666666666, 0.04, 1.0]
+    """
+    flat = p_values.ravel()
+    order = np.argsort(flat)
+    rates = flat[order] * len(flat) / np.arange(1, len(flat) + 1)
+    found = np.empty_like(flat)
+    found[order] = np.minimum.accumulate(rates[::-1])[::-1]
+    return np.minimum(found, 1.0).reshape(p_values.shape)

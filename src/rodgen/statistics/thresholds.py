@@ -561,12 +561,33 @@ class PlanPolicy(NamedTuple):
     """Dependent readings raise the variance of a mean by this factor at most; beyond, a fit went elsewhere."""
 
 
+class FleetPolicy(NamedTuple):
+    """What is said of many machines together (tests/test_fleet.py)."""
+
+    fewest: int = 5
+    """Machines of one kind from which on their distribution is estimated: the spread of four is known to a factor of
+    four."""
+    false_discoveries: float = 0.05
+    """Part of the machines that are called odd, or to drift, of which this is wrong: such a machine is looked at."""
+    most_odd: float = 0.25
+    """Part of the machines that may be odd in one parameter: beyond, the others are no population."""
+    common: float = 0.5
+    """Part of the machines in which an effect is found, or may be there, from which on it belongs to their design."""
+    fewest_nights: int = 3
+    """Nights from which on a change is looked for: of two, nobody knows how well a machine repeats itself."""
+    nights: float = 365.0
+    """Nights of a year, for the rate of false alarms."""
+    false_alarms: float = 1.0
+    """False alarms of a whole fleet in a year, unless a user asks for another rate: each costs a visit."""
+
+
 CHECK = CheckPolicy()
 EVIDENCE = EvidencePolicy()
 OUTLIERS = OutlierPolicy()
 VARIANCES = VariancePolicy()
 SELECTION = SelectionPolicy()
 UNCATALOGUED = UncataloguedPolicy()
+FLEET = FleetPolicy()
 FORMS = FormPolicy()
 VERDICT = VerdictPolicy()
 WALK = WalkPolicy()

@@ -112,6 +112,30 @@ class Correlation:
                 for one, other in self._within_error
             ]
 
+    def covariance_of(self, columns: Array) -> Array:
+        """Return the covariance of sums of the errors of weighted readings, (K, K); readings must depend on each other.
+
+        A slow wander is known from few independent values, so that variances v are uncertain. They are enlarged by
+        ν / (ν - 2), the variance of t (JCGM 101, 6.4.9), where ν = 2 / var(log v) degrees of freedom (Satterthwaite
+        1946).
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, m, K)
+            What readings are multiplied with, in the rows that the correlation was estimated on.
+        """
+        motion, deviations = self._motion, self.deviations
+        assert motion is not None
+        assert deviations is not None
+        with one_thread_in_blas():
+            spread = motion.covariance_of(deviations, columns)
+            error = np.zeros(len(spread))  # variance of log v
+            for pair in self._within_error:
+                one, other = (motion.variances_of(end, columns) for end in pair)
+                error += np.log(np.divide(one, other, out=np.ones_like(one), where=other > 0)) ** 2 / 4
+            enlarged = 1 / np.sqrt(1 - np.minimum(error, VARIANCES.uncertain))
+            return np.asarray(self.white**2 * spread * np.outer(enlarged, enlarged))
+
     @cached_property
     def _whitener(self) -> Whitener | None:
         if self._motion is None or self.deviations is None:
@@ -248,9 +272,7 @@ def dependence(fit: FittedModel) -> Dependence:
     Notes
     -----
     The fit weighs readings as if they were independent, so that its estimates have the covariance C JᵀVJ C, C that of
-    independent readings of variance 1 and V as estimated (White 1980). A slow wander is known from few independent
-    values, so that V is uncertain: variances v are enlarged by ν / (ν - 2), the variance of t (JCGM 101, 6.4.9), where
-    ν = 2 / var(log v) degrees of freedom (Satterthwaite 1946). Priors of the file are counted as they are.
+    independent readings of variance 1 and V as estimated (White 1980). Priors of the file are counted as they are.
     """
     if not fit.free:
         return Dependence(INDEPENDENT, None)
@@ -261,16 +283,9 @@ def dependence(fit: FittedModel) -> Dependence:
     single = fit.determinacy.covariance
     with one_thread_in_blas():
         n, m, p = rows.jacobian.shape
-        columns, motion = (rows.jacobian.reshape(n * m, p) @ single).reshape(n, m, p), found._motion
-        spread = motion.covariance_of(found.deviations, columns)
-        error = np.zeros(len(spread))  # variance of log v
-        for pair in found._within_error:
-            one, other = (motion.variances_of(end, columns) for end in pair)
-            error += np.log(np.divide(one, other, out=np.ones_like(one), where=other > 0)) ** 2 / 4
-        enlarged = 1 / np.sqrt(1 - np.minimum(error, VARIANCES.uncertain))
-        spread *= np.outer(enlarged, enlarged)
+        columns = (rows.jacobian.reshape(n * m, p) @ single).reshape(n, m, p)
         part = len(rows.residual) / max(int((~fit.outliers).sum()), 1)
-        covariance = found.white**2 / part * spread
+        covariance = found.covariance_of(columns) / part
         if fit.problem.file_values.is_prior or fit.determinacy.held:
             _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
             covariance += fit.variance_factor * (single - single @ square @ single)

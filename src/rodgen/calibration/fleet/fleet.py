@@ -1,0 +1,418 @@
+"""The results of many machines: which effects they share, which machines are odd, and what changes by night."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rodgen.array_types import Array
+from rodgen.calibration.fleet.changes import Change, Changes, Night
+from rodgen.calibration.fleet.pairs import Pair
+from rodgen.calibration.fleet.store import Plan, read_plan, read_result
+from rodgen.statistics.multiple_testing import discovery_rates
+from rodgen.statistics.random_effects import Population, population
+from rodgen.statistics.thresholds import FLEET
+from rodgen.views import html_of
+
+RMS = "rms"
+"""Key of the error that the model with all effects leaves, which is compared like a parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class FleetMachine:
+    """A machine of a fleet, and its result.
+
+    Attributes
+    ----------
+    pair : Pair
+    result : mapping
+        As of ``rodgen diagnose --json``, with ``"fleet"``; or with ``"error"``. Empty until it is diagnosed.
+    """
+
+    pair: Pair
+    result: Mapping[str, Any]
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.pair.name
+
+    @property
+    def error(self) -> str:
+        """Why it could not be diagnosed: a sentence; empty where it was, or was not yet."""
+        return str(self.result.get("error", ""))
+
+    @property
+    def pending(self) -> bool:
+        """Whether it was not diagnosed yet."""
+        return not self.result
+
+    @property
+    def diagnosed(self) -> bool:
+        """Whether it was diagnosed."""
+        return "fleet" in self.result
+
+    @property
+    def model(self) -> str:
+        """The content of its machine file, by the hash."""
+        return str(self.result["key"]["sha256"]["machine"])
+
+    @property
+    def kind(self) -> str:
+        """What it has in common with machines of one design: joints, effects of the file, and what is measured."""
+        return str(self.result["fleet"]["kind"])
+
+    @property
+    def found(self) -> list[str]:
+        """Titles of the effects that were found."""
+        return [_title(step["effect"], step["joint"]) for step in self.result["steps"]]
+
+    @property
+    def alike(self) -> dict[str, list[str]]:
+        """By the titles of effects that were found, those of others that its data cannot tell from them."""
+        return {
+            _title(step["effect"], step["joint"]): [
+                _title(alias["effect"], alias["joint"]) for alias in step["indistinguishable_from"]
+            ]
+            for step in self.result["steps"]
+        }
+
+    def estimates(self, which: str = "with_found") -> dict[str, tuple[float, float, str]]:
+        """Return values, standard deviations and units by key; "with_found" or "as_file" says of which model."""
+        found = {key: tuple(each) for key, each in self.result["fleet"][which]["values"].items()}
+        if which == "with_found":
+            rms = self.result["rms"]
+            dof = self.result["fleet"]["residual_dof"]
+            if rms["after"] and dof > 0:
+                found[RMS] = rms["after"], rms["after"] / math.sqrt(2 * dof), rms["unit"]
+        return found
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """With which the standard deviations are known; infinite where the noise is stated."""
+        found = self.result["fleet"]["degrees_of_freedom"]
+        return math.inf if found is None else float(found)
+
+
+def _title(name: str, place: str | None) -> str:
+    return f"{name} at {place}" if place else name
+
+
+@dataclass(frozen=True, eq=False)
+class FleetParameter:
+    """A parameter of machines of one kind.
+
+    Attributes
+    ----------
+    key, unit : str
+    effect : str
+        Title of the effect that it is of; empty of one of the machine file.
+    machines : tuple of str
+        In which it is known, (n,).
+    values, std : ndarray, shape (n,)
+        Of each machine by itself.
+    population : Population
+        How they are distributed, and what is known of each given the others.
+    """
+
+    key: str
+    unit: str
+    effect: str
+    machines: tuple[str, ...]
+    values: Array
+    std: Array
+    population: Population
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, without the single machines."""
+        p = self.population
+        return {
+            "key": self.key,
+            "unit": self.unit,
+            "machines": len(self.machines),
+            "mean": p.mean,
+            "mean_std": p.mean_std,
+            "spread": p.spread,
+            "spread_interval": list(p.spread_interval),
+            "typical_std": float(np.median(self.std)),
+            "odd": [self.machines[i] for i in np.flatnonzero(p.odd)],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class FleetEffect:
+    """An effect that was found in machines of one kind.
+
+    Attributes
+    ----------
+    title : str
+    found, alike, of : int
+        Machines in which it was found, machines whose data cannot tell it from what was found there, and all.
+    parameters : tuple of FleetParameter
+        Empty where fewer machines have an estimate than a distribution needs, or where it has a period of each
+        machine's own.
+    """
+
+    title: str
+    found: int
+    alike: int
+    of: int
+    parameters: tuple[FleetParameter, ...]
+
+    @property
+    def common(self) -> bool:
+        """Whether so many machines have it that it belongs to their design."""
+        return self.found + self.alike >= FLEET.common * self.of and self.found > 1
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "effect": self.title,
+            "found": self.found,
+            "alike": self.alike,
+            "of": self.of,
+            "common": self.common,
+            "parameters": [p.to_dict() for p in self.parameters],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """Machines of one design: the same joints, effects in the file, and kind of reading.
+
+    Attributes
+    ----------
+    title : str
+    machines : tuple of FleetMachine
+    parameters : tuple of FleetParameter
+        Those that enough machines have: of the file, of every effect of the catalogue, and the error.
+    effects : tuple of FleetEffect
+        Those found in some machine, the commonest first.
+    """
+
+    title: str
+    machines: tuple[FleetMachine, ...]
+    parameters: tuple[FleetParameter, ...]
+    effects: tuple[FleetEffect, ...]
+
+
+@dataclass(frozen=True)
+class Odd:
+    """A parameter of a machine that is not like that of the others.
+
+    Attributes
+    ----------
+    machine, key, unit, effect : str
+    value, std : float
+    mean, mean_std, spread : float
+        Of the others.
+    p_value : float
+        Probability that one of them is as far from the mean.
+    rate : float
+        Least rate of false discoveries, among all parameters of all machines, at which it is one.
+    """
+
+    machine: str
+    key: str
+    unit: str
+    effect: str
+    value: float
+    std: float
+    mean: float
+    mean_std: float
+    spread: float
+    p_value: float
+    rate: float
+
+    @property
+    def distance(self) -> float:
+        """How many times the spread of the others and its own uncertainty it is away from their mean."""
+        return (self.value - self.mean) / math.hypot(self.spread, self.std)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {**self.__dict__, "distance": self.distance}
+
+
+@dataclass(frozen=True, eq=False)
+class Fleet:
+    """The results of a fleet.
+
+    Attributes
+    ----------
+    folder : str
+    plan : Plan
+    machines : tuple of FleetMachine
+    """
+
+    folder: str
+    plan: Plan
+    machines: tuple[FleetMachine, ...]
+
+    _repr_html_ = html_of
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str]) -> Fleet:
+        """Return the results in a folder, also of a run that goes on.
+
+        Raises
+        ------
+        InputFileError
+            When it has none.
+        """
+        name = os.fspath(folder)
+        plan = read_plan(name)
+        return cls(
+            name, plan, tuple(FleetMachine(pair, read_result(name, pair.name) or {}) for pair in plan.pairs)
+        )
+
+    @property
+    def failed(self) -> list[FleetMachine]:
+        """Machines that could not be diagnosed."""
+        return [machine for machine in self.machines if machine.error]
+
+    @property
+    def pending(self) -> list[FleetMachine]:
+        """Machines that were not diagnosed yet."""
+        return [machine for machine in self.machines if machine.pending]
+
+    @property
+    def diagnosed(self) -> list[FleetMachine]:
+        """Machines that were."""
+        return [machine for machine in self.machines if machine.diagnosed]
+
+    @cached_property
+    def kinds(self) -> tuple[Kind, ...]:
+        """Machines by design, the largest group first."""
+        by: dict[str, list[FleetMachine]] = {}
+        for machine in self.diagnosed:
+            by.setdefault(machine.kind, []).append(machine)
+        return tuple(
+            _kind(title, some) for title, some in sorted(by.items(), key=lambda one: (-len(one[1]), one[0]))
+        )
+
+    @cached_property
+    def odd(self) -> tuple[Odd, ...]:
+        """What does not fit the other machines, the farthest first."""
+        found = (one for kind in self.kinds for one in _odd(kind))
+        return tuple(sorted(found, key=lambda one: (one.p_value, one.machine)))
+
+    @cached_property
+    def changes(self) -> Changes:
+        """The tests of the earlier nights and this one.
+
+        Raises
+        ------
+        InputFileError
+            When earlier results cannot be read, or two have the same date.
+        """
+        earlier = [Fleet.load(folder) for folder in self.plan.history]
+        nights = [Night(fleet.plan.date, {m.name: m for m in fleet.diagnosed}) for fleet in (*earlier, self)]
+        return Changes(sorted(nights, key=lambda night: night.time), self.plan.false_alarms)
+
+    @property
+    def alarms(self) -> list[Change]:
+        """Changes beyond the threshold for alarms."""
+        return [change for change in self.changes.found if change.alarm]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, as ``rodgen fleet --json`` prints it."""
+        return {
+            "date": self.plan.date,
+            "machines": len(self.machines),
+            "verdicts": Counter(str(machine.result["verdict"]) for machine in self.diagnosed),
+            "failed": {machine.name: machine.error for machine in self.failed},
+            "pending": [machine.name for machine in self.pending],
+            "kinds": [
+                {
+                    "kind": kind.title,
+                    "machines": [machine.name for machine in kind.machines],
+                    "effects": [effect.to_dict() for effect in kind.effects],
+                    "parameters": [p.to_dict() for p in kind.parameters if not p.effect],
+                }
+                for kind in self.kinds
+            ],
+            "odd": [one.to_dict() for one in self.odd],
+            "nights": [night.date for night in self.changes.nights],
+            "changes": [change.to_dict() for change in self.changes.found],
+            "alarms": {
+                "false_alarms_per_year": self.plan.false_alarms,
+                "tests": self.changes.tests,
+                "threshold": self.changes.threshold,
+                "machines": sorted({change.machine for change in self.alarms}),
+            },
+        }
+
+    def summary(self) -> str:
+        """Return it as text."""
+        from rodgen.calibration.fleet.summary import as_text
+
+        return as_text(self)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+
+def _kind(title: str, machines: Sequence[FleetMachine]) -> Kind:
+    found = Counter(effect for machine in machines for effect in machine.found)
+    alike = Counter(
+        effect
+        for machine in machines
+        for effect in {o for others in machine.alike.values() for o in others}.difference(machine.found)
+    )
+    titles: dict[str, str] = {}
+    columns: dict[tuple[str, str], list[tuple[str, float, float]]] = {}
+    for machine in machines:
+        for start, (name, place) in machine.result["fleet"]["with_found"]["effects"].items():
+            titles[start] = _title(name, place)
+        taken = {
+            effect
+            for effect, others in machine.alike.items()
+            if any(found[o] > found[effect] for o in others)
+        }
+        for key, (value, std, unit) in machine.estimates().items():
+            if titles.get(key.rpartition(".")[0]) in taken:
+                continue
+            columns.setdefault((key, unit), []).append((machine.name, value, std))
+    parameters = tuple(
+        _parameter(key, unit, titles.get(key.rpartition(".")[0], ""), some)
+        for (key, unit), some in columns.items()
+        if len(some) >= FLEET.fewest
+    )
+    effects = tuple(
+        FleetEffect(
+            effect, n, alike[effect], len(machines), tuple(p for p in parameters if p.effect == effect)
+        )
+        for effect, n in sorted(found.items(), key=lambda one: (-one[1], -alike[one[0]], one[0]))
+    )
+    return Kind(title, tuple(machines), parameters, effects)
+
+
+def _parameter(key: str, unit: str, effect: str, some: Sequence[tuple[str, float, float]]) -> FleetParameter:
+    names, values, std = zip(*some, strict=True)
+    arrays = np.array(values), np.array(std)
+    return FleetParameter(key, unit, effect, names, *arrays, population(*arrays))
+
+
+def _odd(kind: Kind) -> Iterator[Odd]:
+    """Yield what is odd among all parameters of machines of one kind."""
+    if not kind.parameters:
+        return
+    p_values = np.concatenate([p.population.p_value for p in kind.parameters])
+    rates = discovery_rates(p_values)
+    start = 0
+    for p in kind.parameters:
+        own = rates[start : start + len(p.machines)]
+        start += len(p.machines)
+        for i in np.flatnonzero(own < FLEET.false_discoveries):
+            yield Odd(
+                p.machines[i], p.key, p.unit, p.effect, float(p.values[i]), float(p.std[i]), p.population.mean,
+                p.population.mean_std, p.population.spread, float(p.population.p_value[i]), float(own[i]),
+            )  # fmt: skip

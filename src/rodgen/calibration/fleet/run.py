@@ -1,0 +1,127 @@
+"""Diagnose every machine of a fleet that has no result yet, on several processors."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from datetime import date as calendar
+from datetime import datetime
+from typing import Any
+
+from rodgen.calibration.fleet.changes import moment
+from rodgen.calibration.fleet.fleet import Fleet
+from rodgen.calibration.fleet.pairs import Pair
+from rodgen.calibration.fleet.processes import each_in_processes
+from rodgen.calibration.fleet.store import Plan, read_plan, read_result, write_plan, write_result
+from rodgen.calibration.fleet.task import diagnose_pair, failed, key_of
+from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.files import noting_completed, one_process_in
+from rodgen.stages import stage, step
+from rodgen.statistics.thresholds import FLEET
+
+
+def diagnose_fleet(
+    pairs: Sequence[Pair],
+    results: str | os.PathLike[str],
+    *,
+    history: Sequence[str] = (),
+    date: str | None = None,
+    false_alarms: float = FLEET.false_alarms,
+    jobs: int = 0,
+) -> Fleet:
+    """Diagnose machines, and return what they have in common.
+
+    What was diagnosed before, from the same files, is not diagnosed again; a run that was killed goes on where it was.
+
+    Parameters
+    ----------
+    pairs : sequence of Pair
+        As of :func:`pairs_of`.
+    results : str or os.PathLike
+        A folder, in which each machine gets a file.
+    history : sequence of str, optional
+        Folders of earlier results of these machines.
+    date : str, optional
+        When they were measured, ``YYYY-MM-DD``. Left out: that of the run that is continued, else today.
+    false_alarms : float, optional
+        For the whole fleet, a year.
+    jobs : int, optional
+        Processes; 0 is this one. A script that asks for more must guard its entry by ``if __name__ == "__main__"``.
+
+    Returns
+    -------
+    Fleet
+
+    Raises
+    ------
+    InputFileError
+        When the folder cannot be written, or another run writes to it.
+    """
+    folder = os.fspath(results)
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError as error:
+        raise InputFileError(
+            folder, "file", f"no folder can be made ({error.strerror})", "a writable place"
+        ) from None
+    with one_process_in(folder):
+        with stage("reading results"):
+            keys = [key_of(pair) for pair in pairs]
+            known = [read_result(folder, pair.name) for pair in pairs]
+        stale = any(r is not None and r.get("key") != k for r, k in zip(known, keys, strict=True))
+        plan = Plan(_date(folder, date, stale), false_alarms, tuple(history), tuple(pairs))
+        _check_history(folder, plan)
+        write_plan(folder, plan)
+        todo = [
+            pair
+            for pair, key, result in zip(pairs, keys, known, strict=True)
+            if result is None or result.get("key") != key or result.get("internal")
+        ]
+        with stage("diagnosing machines", len(todo)):
+            for done, (number, result) in enumerate(_each(todo, jobs), 1):
+                with noting_completed():  # an interruption need not name them all
+                    write_result(folder, todo[number].name, result)
+                step(done)
+        return Fleet.load(folder)
+
+
+def _date(folder: str, given: str | None, stale: bool) -> str:
+    if given is None:
+        try:
+            return calendar.today().isoformat() if stale else read_plan(folder).date
+        except RodgenError:
+            return calendar.today().isoformat()
+    try:
+        moment(given)
+    except ValueError:
+        raise InputFileError("command line", "--date", shown(given), "a date, such as 2026-11-25") from None
+    return given
+
+
+def _check_history(folder: str, plan: Plan) -> None:
+    """Refuse earlier results that cannot be read, are not earlier, or are of the same date as others."""
+    dates: dict[datetime, str] = {}
+    for each in plan.history:
+        if os.path.realpath(each) == os.path.realpath(folder):
+            raise InputFileError(
+                each, "file", "the folder of these results", "earlier results, in another folder"
+            )
+        date = read_plan(each).date
+        if moment(date) >= moment(plan.date) or moment(date) in dates:
+            other = dates.get(moment(date), folder)
+            found = f"results of {date}, with {other} of {plan.date if other == folder else date}"
+            raise InputFileError(
+                each, "file", found, "earlier results, each of another date; --date says when"
+            )
+        dates[moment(date)] = each
+
+
+def _each(pairs: Sequence[Pair], jobs: int) -> Iterator[tuple[int, dict[str, Any]]]:
+    if jobs < 1:
+        yield from ((number, diagnose_pair(pair)) for number, pair in enumerate(pairs))
+        return
+    for number, result in each_in_processes(diagnose_pair, pairs, jobs):
+        if result is None:
+            why = "its process was killed, perhaps for lack of memory; expected more of it, fewer --jobs, or fewer rows"
+            result = failed(why, internal=True) | {"key": key_of(pairs[number])}
+        yield number, result

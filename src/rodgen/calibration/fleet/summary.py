@@ -1,0 +1,188 @@
+"""The results of a fleet as text, and its sentences, which pages show, too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, TypeVar
+
+from rodgen.calibration.words import capitalized, probability, some, two_digits
+from rodgen.data.units import readable
+from rodgen.errors import joined
+from rodgen.statistics.digits import measured
+from rodgen.statistics.thresholds import FLEET
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fleet.changes import Change
+    from rodgen.calibration.fleet.fleet import Fleet, FleetEffect, FleetParameter, Odd
+
+One = TypeVar("One", "Odd", "Change")
+
+VERDICTS = {
+    "nothing_missing": "nothing is missing",
+    "effects_missing": "effects are missing",
+    "unknown_effect": "effects outside the catalogue",
+    "cannot_tell": "the data cannot tell",
+}
+MOST = 12
+"""Lines of a list that are shown as text; the page and --json have all."""
+
+
+def as_text(fleet: Fleet) -> str:
+    """Return a fleet as text."""
+    return "\n".join(_lines(fleet))
+
+
+def _lines(fleet: Fleet) -> Iterator[str]:
+    yield f"{about_machines(fleet)}"
+    for kind in fleet.kinds:
+        yield ""
+        yield f"{capitalized(kind.title)}: {_count(len(kind.machines), 'machine')}"
+        if not kind.effects:
+            yield "  No effect was found in any of them."
+        for effect in kind.effects[:MOST]:
+            yield from _effect_lines(effect)
+        yield from _more(len(kind.effects), "effects")
+        if len(kind.machines) < FLEET.fewest:
+            yield f"  A distribution is estimated from {FLEET.fewest} machines on."
+    if any(kind.parameters for kind in fleet.kinds):
+        yield ""
+        odd = odd_text(fleet)
+        yield f"Odd machines: {len(odd) or 'none'} (of these {FLEET.false_discoveries:.0%} may be like the others)"
+        yield from (f"  {name}: {text}" for name, text in odd[:MOST])
+        yield from _more(len(odd), "machines")
+    if len(fleet.changes.nights) > 1:
+        found = fleet.changes.found
+        yield ""
+        yield about_alarms(fleet)
+        alarms, others = (changes_text([c for c in found if c.alarm is alarm]) for alarm in (True, False))
+        yield from (f"  {name}: {text}" for name, text in alarms[:MOST])
+        yield from _more(len(alarms), "machines")
+        by_chance = f"of all listed {FLEET.false_discoveries:.0%} by chance"
+        yield f"Also not the same on all nights ({by_chance}): {len(others) or 'none'}"
+        yield from (f"  {name}: {text}" for name, text in others[:MOST])
+        yield from _more(len(others), "machines")
+    if fleet.failed:
+        yield ""
+        yield "Not diagnosed:"
+        yield from (f"  {machine.name}: {machine.error}" for machine in fleet.failed)
+
+
+def _more(count: int, what: str) -> Iterator[str]:
+    if count > MOST:
+        yield f"  … and {count - MOST} more {what}, which the page and --json show"
+
+
+def _count(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
+def about_machines(fleet: Fleet) -> str:
+    """Return a sentence on how many machines were diagnosed, and what was found."""
+    counts = dict.fromkeys(VERDICTS, 0)
+    for machine in fleet.diagnosed:
+        counts[str(machine.result["verdict"])] += 1
+    said = [f"{VERDICTS[verdict]} in {count}" for verdict, count in counts.items() if count]
+    not_yet = [f"{len(fleet.failed)} could not be diagnosed"] * bool(fleet.failed)
+    not_yet += [f"{len(fleet.pending)} are not diagnosed yet"] * bool(fleet.pending)
+    said = [*said, *not_yet]
+    return f"{_count(len(fleet.machines), 'machine')}, {fleet.plan.date}: {joined(said)}."
+
+
+def _effect_lines(effect: FleetEffect) -> Iterator[str]:
+    alike = f", and may be there in {effect.alike} more" if effect.alike else ""
+    common = "; common" if effect.common else ""
+    yield f"  {effect.title}: found in {effect.found} of {effect.of}{alike}{common}"
+    for parameter in effect.parameters:
+        name = parameter.key.rpartition(".")[2]
+        mean, spread, alone = parameter_cells(parameter)
+        yield f"    {name}: mean {mean}, between machines {spread}; one machine alone is known to {alone}"
+
+
+def parameter_cells(parameter: FleetParameter) -> tuple[str, str, str]:
+    """Return mean, spread with its interval, and the typical standard deviation of one machine, with the unit."""
+    p = parameter.population
+    low, high = p.spread_interval
+    std = float(sorted(parameter.std)[len(parameter.std) // 2])
+    factor, unit = readable(parameter.unit, max(abs(p.mean), p.spread, std))
+    unit = "" if unit == "1" else f" {unit}"
+    mean, of_mean = measured(p.mean * factor, p.mean_std * factor)
+    spread, low_text, high_text, std_text = (two_digits(x * factor) for x in (p.spread, low, high, std))
+    return f"{mean} ± {of_mean}{unit}", f"{spread} ({low_text} to {high_text}){unit}", f"{std_text}{unit}"
+
+
+def odd_text(fleet: Fleet) -> list[tuple[str, str]]:
+    """Return the odd machines, the farthest first, each with what is odd about it."""
+    return _by_machine(fleet.odd, _odd_text)
+
+
+def changes_text(changes: Sequence[Change]) -> list[tuple[str, str]]:
+    """Return the machines of changes, the surest first, each with what changed and since when."""
+    return _by_machine(changes, _change_text)
+
+
+def _by_machine(found: Sequence[One], text: Callable[[One], str]) -> list[tuple[str, str]]:
+    """Return each machine with the text of its first one, and which other parameters there are."""
+    by: dict[str, list[One]] = {}
+    for one in found:
+        by.setdefault(one.machine, []).append(one)
+    said = []
+    for name, (first, *rest) in by.items():
+        others = list(dict.fromkeys(one.key for one in rest if one.key != first.key))
+        said.append((name, text(first) + (f"; also {some(others, 3)}" if others else "")))
+    return said
+
+
+def _odd_text(one: Odd) -> str:
+    value = _valued(one.value, one.std, one.unit)
+    others = _valued(one.mean, one.spread or one.mean_std, one.unit)
+    return f"{one.key} = {value}, where the others have {others}, p {_sign(one.p_value)}"
+
+
+def _valued(value: float, std: float, unit: str) -> str:
+    factor, unit = readable(unit, max(abs(value), std))
+    number, spread = measured(value * factor, std * factor)
+    return f"{number} ± {spread}{'' if unit == '1' else f' {unit}'}"
+
+
+def _sign(p: float) -> str:
+    text = probability(p)
+    return text if text.startswith("<") else f"= {text}"
+
+
+def about_alarms(fleet: Fleet) -> str:
+    """Return a sentence on alarms and their rate, then which parameters changed in most machines at once."""
+    changes = fleet.changes
+    first, last = changes.nights[0].date, changes.nights[-1].date
+    alarmed = _count(len({change.machine for change in fleet.alarms}), "machine")
+    head = f"{len(changes.nights)} nights, {first} to {last}: {alarmed} with an alarm"
+    if not changes.tests:
+        return (
+            f"{head}; changes are looked for from {FLEET.fewest_nights} nights of the same machine file on."
+        )
+    rate = f"{changes.false_alarms:g} false alarm{'s' * (changes.false_alarms != 1)} a year"
+    said = (
+        f"{head}. By chance the whole fleet has {rate}: {changes.tests} tests a night, {FLEET.nights:g} nights a year, "
+        f"each alarm with p below {changes.threshold:.1e}."
+    )
+    return " ".join([said, *_of_most(fleet)])
+
+
+def _of_most(fleet: Fleet) -> Iterator[str]:
+    def place(change: Change) -> tuple[str, str]:
+        return change.key, change.since
+
+    for (key, since), group in groupby(sorted(fleet.changes.found, key=place), key=place):
+        count = len({change.machine for change in group})
+        if count >= max(FLEET.common * len(fleet.diagnosed), 2):
+            yield f"{key} changed in {count} machines on {since}: look at what they share, such as the instrument."
+
+
+def _change_text(change: Change) -> str:
+    by_day = change.what == "trend"
+    size = _valued(change.size, change.std, change.unit)
+    new = ", new" if change.new else ""
+    what = (
+        f"drifts by {size} a day since {change.since}" if by_day else f"changed by {size} on {change.since}"
+    )
+    return f"{change.key} {what}, p {_sign(change.p_value)}{new}"

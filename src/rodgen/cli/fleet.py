@@ -1,0 +1,77 @@
+"""``rodgen fleet``: many machines diagnosed, and what they have in common."""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+from rodgen.cli._console import BAD_INPUT, FAILED, INTERNAL, NOT_CONVERGED, OK, Command, show_result
+from rodgen.cli._machine import add_json, add_timings
+from rodgen.cli._values import whole
+from rodgen.errors import InputFileError
+
+_FLEET = """\
+Diagnose every machine of a fleet, and say which effects are common, which machines are odd, and what changes from night
+to night. MACHINES and DATA are folders, in which a machine file (NAME.toml) and its measurements (NAME.csv) have the
+same name; one machine file for all measurements will do. Or MACHINES is a CSV file of pairs, with the columns machine,
+data and, where wanted, name.
+
+RESULTS gets one file for each machine. What is there, from the same files, is not diagnosed again, so that a run that
+was ended goes on where it was. A machine that cannot be diagnosed is named, and the others go on.
+
+  rodgen fleet machines/ data/ -o results/
+  rodgen fleet robot.toml tonight/ -o results-26/ --history results-24/ --history results-25/
+  rodgen fleet pairs.csv -o results/ --jobs 8
+  rodgen open results/
+  rodgen report results/ -o fleet.html
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    fleet = command("fleet", _run, "many machines: which effects are common, which machines odd", _FLEET)
+    fleet.add_argument(
+        "machines", metavar="MACHINES", help="a folder of machine files, one file, or a table of pairs"
+    )
+    fleet.add_argument(
+        "data", metavar="DATA", nargs="?", help="a folder of measurements; a table of pairs names its own"
+    )
+    fleet.add_argument("-o", "--output", metavar="RESULTS", required=True, help="the folder of results")
+    about = "the folder of earlier results, to compare the nights; may be given several times"
+    fleet.add_argument("--history", metavar="RESULTS", action="append", default=[], help=about)
+    fleet.add_argument("--date", metavar="YYYY-MM-DD", help="when the machines were measured; default: today")
+    about = "how many a year are accepted for the whole fleet; default: 1"
+    fleet.add_argument("--false-alarms", metavar="NUMBER", type=float, default=1.0, help=about)
+    about = "processes; default: one for each processor"
+    fleet.add_argument("--jobs", metavar="N", type=whole(1), default=None, help=about)
+    add_json(fleet)
+    add_timings(fleet)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen.calibration.fleet import diagnose_fleet, pairs_of
+
+    if not 0 < options.false_alarms < float("inf"):
+        raise InputFileError(
+            "command line", "--false-alarms", f"{options.false_alarms:g}", "a positive number"
+        )
+    found = diagnose_fleet(
+        pairs_of(options.machines, options.data),
+        options.output,
+        history=options.history,
+        date=options.date,
+        false_alarms=options.false_alarms,
+        jobs=options.jobs or _processors(),
+    )
+    show_result(options, found.to_dict, found.summary)
+    if any(machine.result.get("internal") for machine in found.failed):
+        return INTERNAL
+    if found.failed:
+        return BAD_INPUT
+    if found.alarms:
+        return FAILED
+    return OK if all(machine.result["fleet"]["converged"] for machine in found.diagnosed) else NOT_CONVERGED
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

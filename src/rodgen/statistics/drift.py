@@ -1,0 +1,179 @@
+"""Trends and changes in many short series of values with standard deviations, such as those of a machine's nights.
+
+A value scatters by more than its own standard deviation says: machines do not repeat themselves exactly. How much is
+estimated from the successive differences of all series together, by their median, which neither trends nor a few
+changes move. Each series is then held against a constant in two ways: a straight line (generalised least squares), and
+one change of the level, at whichever place it fits best.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rodgen.array_types import Array, Index, Mask
+
+HALF_OF_CHI_SQUARE = 0.4549364
+"""Median of chi-square with one degree of freedom."""
+EFFICIENCY = 0.25
+"""Degrees of freedom that a median of squared successive differences has, for each difference: 0.37 by the median, two
+thirds of that because successive differences share a value."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drifts:
+    """The tests of series.
+
+    Attributes
+    ----------
+    slope, slope_std : ndarray, shape (N,)
+        Of the line, per unit of time.
+    trend_p : ndarray, shape (N,)
+        Probability that chance makes as steep a line; 1 where there are too few values.
+    step, step_std : ndarray, shape (N,)
+        The change of the level.
+    at : ndarray of int, shape (N,)
+        Number of the first value after it.
+    change_p : ndarray, shape (N,)
+        Probability that chance makes as large a change at any place.
+    """
+
+    slope: Array
+    slope_std: Array
+    trend_p: Array
+    step: Array
+    step_std: Array
+    at: Index
+    change_p: Array
+
+
+def repeatability(values: Array, std: Array) -> tuple[float, float]:
+    """Return the standard deviation by which values of series scatter beyond their own, and its degrees of freedom.
+
+    Parameters
+    ----------
+    values, std : ndarray, shape (N, T)
+        NaN where there is none.
+    """
+    before, after, known = _pairs(values, std)
+    if not known.any():
+        return 0.0, 1.0
+    squares = (after[0] - before[0]) ** 2
+    single = before[1] ** 2 + after[1] ** 2
+    degrees = max(EFFICIENCY * len(squares), 1.0)
+
+    def excess(variance: float) -> float:
+        return float(np.median(squares / (single + 2 * variance))) - HALF_OF_CHI_SQUARE
+
+    if excess(0.0) <= 0:
+        return 0.0, degrees
+    low, high = 0.0, float(squares.max()) / HALF_OF_CHI_SQUARE
+    while high - low > 1e-9 * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return float(np.sqrt((low + high) / 2)), degrees
+
+
+def _pairs(values: Array, std: Array) -> tuple[tuple[Array, Array], tuple[Array, Array], Mask]:
+    """Return successive values of the same series with their standard deviations, and where there are values."""
+    known = np.isfinite(values) & np.isfinite(std)
+    rows, columns = np.nonzero(known)
+    same = rows[1:] == rows[:-1]
+    first, second = (rows[:-1][same], columns[:-1][same]), (rows[1:][same], columns[1:][same])
+    return (values[first], std[first]), (values[second], std[second]), same
+
+
+def _smoothed(squares: Array, degrees: Array, known: Mask) -> Array:
+    """Return variances of each series, nearer to their mean as far as their own uncertainty made them differ.
+
+    Weights by variances that are estimated follow their errors: values of which the variance happens to be too small
+    would count most, and a mean would seem more certain than it is.
+    """
+    count = np.maximum(known.sum(axis=1, keepdims=True), 1)
+    logs = np.log(squares)
+    mean = (logs * known).sum(axis=1, keepdims=True) / count
+    differ = ((logs - mean) ** 2 * known).sum(axis=1, keepdims=True) / np.maximum(count - 1, 1)
+    chance = (2 / degrees * known).sum(axis=1, keepdims=True) / count
+    kept = np.clip(1 - np.divide(chance, differ, out=np.ones_like(chance), where=differ > 0), 0.0, 1.0)
+    return np.asarray(np.exp(mean + kept * (logs - mean)))
+
+
+def drifts(
+    values: Array, std: Array, degrees: Array, times: Array, repeat: tuple[float, float], fewest: int
+) -> Drifts:
+    """Return the tests of series.
+
+    Parameters
+    ----------
+    values, std, degrees : ndarray, shape (N, T)
+        Values, standard deviations, and the degrees of freedom that these are known with; NaN where there is none.
+    times : ndarray, shape (T,)
+        Increasing.
+    repeat : pair of floats
+        As of `repeatability`.
+    fewest : int
+        Values of a series, at least, for a test; at least 3.
+
+    Notes
+    -----
+    Both are contrasts Σ cₜ yₜ with the variance Σ cₜ² (sₜ² + ω²), whose degrees of freedom are those of Satterthwaite
+    (1946). The p-value of a change is that of the best place times the number of places (Bonferroni).
+    """
+    omega, of_omega = repeat[0] ** 2, repeat[1]
+    known = np.isfinite(values) & np.isfinite(std)
+    y, s = np.where(known, values, 0.0), np.where(known, std, 1.0) ** 2
+    nu = np.where(known & np.isfinite(degrees), degrees, 1e9)
+    weight = known / (_smoothed(s, nu, known) + omega)
+    s = s * (1 + 4 / nu)  # what weights that follow them make too small (Meier 1953)
+    count, total = known.sum(axis=1), np.maximum(weight.sum(axis=1), 1e-300)
+    enough = count >= fewest
+
+    def tail(size: Array, variance: Array, squares: Array, fourths: Array) -> Array:
+        """Return p of contrasts, given their variances, Σc² and Σc⁴s⁴/ν."""
+        from rodgen.statistics.compiled_scipy import special
+
+        spread = fourths + (squares * omega) ** 2 / of_omega
+        dof = np.clip(
+            np.divide(variance**2, spread, out=np.full_like(spread, 1e9), where=spread > 0), 1.0, 1e9
+        )
+        t = np.divide(size**2, variance, out=np.zeros_like(size), where=variance > 0)
+        return np.asarray(special.betainc(dof / 2, 0.5, dof / (dof + t)))
+
+    centred = np.where(known, times - (weight @ times / total)[:, None], 0.0)
+    moment = (weight * centred**2).sum(axis=1)
+    lever = np.divide(weight * centred, moment[:, None], out=np.zeros_like(y), where=moment[:, None] > 0)
+    slope, slope_var = (lever * y).sum(axis=1), (lever**2 * (s + omega) * known).sum(axis=1)
+    trend_p = tail(slope, slope_var, (lever**2).sum(axis=1), (lever**4 * s**2 / nu).sum(axis=1))
+
+    left = np.cumsum(weight, axis=1)[:, :-1]
+    right = total[:, None] - left
+    place = known[:, 1:] & (np.cumsum(known, axis=1)[:, :-1] > 0)  # before each value but the first
+
+    def at_places(terms: Array, power: int) -> tuple[Array, Array]:
+        """Return sums of terms before and after each place, over the total weights there to a power, (N, T-1)."""
+        before = np.cumsum(terms, axis=1)[:, :-1]
+        after = terms.sum(axis=1)[:, None] - before
+        sides = []
+        for part, whole in ((before, left), (after, right)):
+            sides.append(np.divide(part, np.where(place, whole, 1.0) ** power))
+        return sides[0], sides[1]
+
+    before, after = at_places(weight * y, 1)
+    step = after - before
+    variance = np.add(*at_places(weight**2 * (s + omega), 2))
+    squares = np.add(*at_places(weight**2, 2))
+    fourths = np.add(*at_places(weight**4 * s**2 / nu, 4))
+    p = np.where(place, tail(step, variance, squares, fourths), 2.0)
+    best = p.argmin(axis=1)
+    row = np.arange(len(y))
+    change_p = np.minimum(p[row, best] * np.maximum(count - 1, 1), 1.0)
+    return Drifts(
+        slope,
+        np.sqrt(slope_var),
+        np.where(enough, trend_p, 1.0),
+        step[row, best],
+        np.sqrt(variance[row, best]),
+        best + 1,
+        np.where(enough, change_p, 1.0),
+    )

@@ -1,0 +1,156 @@
+"""Values of several subjects, each with its standard deviation, and how the subjects themselves differ.
+
+The value of a subject is normal about its own truth, with a known standard deviation sᵢ; the truths are normal about a
+mean μ with a spread τ (the normal-normal hierarchical model, or random-effects model of meta-analysis). τ is where the
+weighted sum of squares about the mean has its expected value (Paule and Mandel 1982), which is one root of a decreasing
+function; the same function at the quantiles of chi-square bounds its confidence interval (Viechtbauer 2007). Subjects
+that belong to no such population are left out first: they would widen the spread and hide in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rodgen.array_types import Array, Mask
+from rodgen.statistics.multiple_testing import discovery_rates
+from rodgen.statistics.robust import HALF_OF_NORMAL
+from rodgen.statistics.thresholds import FLEET
+
+ROUNDS = 10
+"""Times that the odd ones are looked for again at most; two or three are usual."""
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """The distribution that subjects were drawn from, and where each is in it.
+
+    Attributes
+    ----------
+    mean, mean_std : float
+        μ and its standard deviation.
+    spread : float
+        τ, the standard deviation of the truths.
+    spread_interval : pair of floats
+        95 % confidence interval of τ.
+    shrunk, shrunk_std : ndarray, shape (n,)
+        Each truth given its own value and the population, and its standard deviation: the best linear predictor. Of an
+        odd subject its own value: it is not of this population.
+    p_value : ndarray, shape (n,)
+        Probability that a subject of this population, which does not include it, is as far from the mean.
+    odd : ndarray of bool, shape (n,)
+        Subjects that do not belong to it, at the false discovery rate of `FLEET`.
+    """
+
+    mean: float
+    mean_std: float
+    spread: float
+    spread_interval: tuple[float, float]
+    shrunk: Array
+    shrunk_std: Array
+    p_value: Array
+    odd: Mask
+
+
+def population(values: Array, std: Array) -> Population:
+    """Return the distribution that subjects were drawn from.
+
+    Parameters
+    ----------
+    values, std : ndarray, shape (n,)
+        Estimates of each subject and their standard deviations, which are positive; n is at least 3.
+
+    Examples
+    --------
+    >>> found = population(np.array([1.0, 3.0, 2.0, 2.5, 1.5, 40.0]), np.full(6, 0.1))
+    >>> round(found.mean, 3), found.odd.tolist(), round(float(found.shrunk[0]), 3)
+    (2.0, [False, False, False, False, False, True], 1.016)
+    """
+    from rodgen.statistics.compiled_scipy import special
+
+    n = len(values)
+    distance = np.abs(values - np.median(values))
+    scale = float(np.median(distance)) / HALF_OF_NORMAL
+    variance = max(scale**2 - float(np.median(std**2)), 0.0)
+    p_value = np.asarray(2 * special.ndtr(-distance / np.sqrt(variance + std**2)))
+    odd = _odd(p_value)
+    for _ in range(ROUNDS):
+        variance = _spread_variance(values[~odd], std[~odd], float(n - odd.sum() - 1))
+        p_value = _p_values(values, std, ~odd, variance)
+        again = _odd(p_value)
+        if np.array_equal(again, odd):
+            break
+        odd = again
+    kept, degrees = ~odd, float(n - odd.sum() - 1)
+    variance = _spread_variance(values[kept], std[kept], degrees)
+    low, high = (
+        _spread_variance(values[kept], std[kept], float(special.chdtri(degrees, tail)))
+        for tail in (0.025, 0.975)
+    )
+    weight = 1 / (variance + std**2)
+    total = weight[kept].sum()
+    mean = float(weight[kept] @ values[kept] / total)
+    part = variance * weight  # of a subject's own value in what is known of it
+    shrunk = np.where(odd, values, mean + part * (values - mean))
+    shrunk_std = np.where(odd, std, np.sqrt(part * std**2 + (1 - part) ** 2 / total))
+    return Population(
+        mean, float(1 / np.sqrt(total)), float(np.sqrt(variance)), (float(np.sqrt(low)), float(np.sqrt(high))),
+        shrunk, shrunk_std, p_value, odd,
+    )  # fmt: skip
+
+
+def _odd(p_value: Array) -> Mask:
+    """Return which subjects do not belong to the population: a minority, else there is none."""
+    found = discovery_rates(p_value) < FLEET.false_discoveries
+    worst = np.argsort(np.argsort(p_value)) < int(FLEET.most_odd * len(p_value))
+    return np.asarray(found & worst)
+
+
+def _sum_of_squares(values: Array, std: Array, variance: float) -> float:
+    """Return the weighted sum of squares about the weighted mean, for a variance of the truths; it decreases."""
+    weight = 1 / (variance + std**2)
+    mean = weight @ values / weight.sum()
+    return float(weight @ (values - mean) ** 2)
+
+
+def _spread_variance(values: Array, std: Array, wanted: float) -> float:
+    """Return the variance of the truths for which the weighted sum of squares is as wanted; 0 where it is less."""
+    if len(values) < 2 or _sum_of_squares(values, std, 0.0) <= wanted:
+        return 0.0
+    low, high = 0.0, float(np.sum((values - values.mean()) ** 2) / wanted)  # without std it is less there
+    for _ in range(60):
+        middle = (low + high) / 2
+        if _sum_of_squares(values, std, middle) > wanted:
+            low = middle
+        else:
+            high = middle
+        if high - low < 1e-9 * high:
+            break
+    return (low + high) / 2
+
+
+def _p_values(values: Array, std: Array, kept: Mask, variance: float) -> Array:
+    """Return the probability that each subject is as far from the mean of the others, (n,).
+
+    The variance of the truths is estimated: its information is half the sum of squared weights, so that a value is t
+    with the degrees of freedom of Satterthwaite (1946). A subject that was among those estimated from is held against
+    the others (externally studentised).
+    """
+    from rodgen.statistics.compiled_scipy import special
+
+    each = variance + std**2
+    weight = np.where(kept, 1 / each, 0.0)
+    total = weight.sum()
+    mean = weight @ values / total
+    own = np.where(
+        kept, 1 - weight / total, 1 + 1 / (total * each)
+    )  # of the variance of a value less the mean
+    size = (values - mean) ** 2 / (each * np.maximum(own, 1e-12))
+    if variance == 0:
+        return np.asarray(2 * special.ndtr(-np.sqrt(size)))
+    squares = (weight**2).sum()
+    information = squares - 2 * (weight**3).sum() / total + (squares / total) ** 2
+    degrees = np.maximum(each**2 * information - kept, 1.0)
+    size = np.where(kept, size * degrees / np.maximum(degrees + 1 - size, 1e-3), size)
+    return np.asarray(special.betainc(degrees / 2, 0.5, degrees / (degrees + size)))

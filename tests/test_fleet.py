@@ -1,0 +1,310 @@
+"""Many machines: results that survive, what is common, odd or changes, and how often that is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fleet_tasks import process_after, squared_unless_killed
+from simulated_fleet import Truth, make_fleet
+
+from rodgen.calibration.fleet import Fleet, Pair, diagnose_fleet, pairs_of
+from rodgen.calibration.fleet.changes import Changes, Night
+from rodgen.calibration.fleet.processes import each_in_processes
+from rodgen.cli.main import main
+from rodgen.errors import InputFileError
+from rodgen.files import one_process_in
+from rodgen.statistics.drift import drifts, repeatability
+from rodgen.statistics.random_effects import population
+from rodgen.statistics.thresholds import FLEET
+
+COUNT = FLEET.fewest
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Truth, Fleet]:
+    """A folder with a fleet, one of whose machines sags, and two that cannot be diagnosed; and its results."""
+    folder = tmp_path_factory.mktemp("fleet")
+    truth = make_fleet(folder, COUNT, m3=60.0)
+    (folder / "data-0/broken.csv").write_text("AZ [deg],EL [deg]\n1,2\n")
+    (folder / "machines/broken.toml").write_text((folder / "machines/m0.toml").read_text())
+    (folder / "data-0/lonely.csv").write_text("AZ [deg],EL [deg],ux,uy,uz\n")
+    pairs = pairs_of(str(folder / "machines"), str(folder / "data-0"))
+    return folder, truth, diagnose_fleet(pairs, folder / "results", date="2026-11-20")
+
+
+def test_an_effect_that_all_have_is_common(fleet: tuple[Path, Truth, Fleet]) -> None:
+    _, truth, found = fleet
+    (kind,) = found.kinds
+    effect = kind.effects[0]
+    assert (effect.title, effect.common, len(kind.machines)) == ("tube_flexure", True, COUNT)
+    (parameter,) = effect.parameters
+    others = parameter.population
+    # five standard deviations of the mean, and the interval of the spread
+    assert abs(others.mean - truth.mean) < 5 * others.mean_std
+    assert others.spread_interval[0] < truth.spread < others.spread_interval[1]
+
+
+def test_the_machine_that_sags_is_odd(fleet: tuple[Path, Truth, Fleet]) -> None:
+    _, truth, found = fleet
+    first = found.odd[0]
+    assert (first.machine, first.key) == ("m3", "tube_flexure.a")
+    assert abs(first.value - truth.flexure["m3"]) < 5 * first.std
+
+
+def test_what_cannot_be_diagnosed_is_named(fleet: tuple[Path, Truth, Fleet]) -> None:
+    _, _, found = fleet
+    assert sorted(machine.name for machine in found.failed) == ["broken", "lonely"]
+    assert all("; expected" in machine.error for machine in found.failed)
+    text = found.summary()
+    assert f"{COUNT + 2} machines, 2026-11-20: effects are missing in {COUNT} and 2 could not" in text
+    assert all(machine.error in text for machine in found.failed)
+
+
+def test_what_is_done_is_not_done_again(fleet: tuple[Path, Truth, Fleet]) -> None:
+    folder, _, _ = fleet
+    results = folder / "results/machines"
+    times = {file.name: file.stat().st_mtime_ns for file in results.iterdir()}
+    table = folder / "data-0/m1.csv"
+    table.write_text(table.read_text() + "\n")
+    (results / "m2.json").write_text('{"half')
+    diagnose_fleet(pairs_of(str(folder / "machines"), str(folder / "data-0")), folder / "results")
+    changed = {file.name for file in results.iterdir() if file.stat().st_mtime_ns != times[file.name]}
+    assert changed == {"m1.json", "m2.json"}
+
+
+def test_command_says_what_is_wrong(
+    fleet: tuple[Path, Truth, Fleet], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, _, _ = fleet
+    files = [str(folder / "machines"), str(folder / "data-0"), "-o", str(folder / "results")]
+    assert main(["fleet", *files, "--json"]) == 2  # two machines could not be diagnosed
+    found = json.loads(capsys.readouterr().out)
+    assert found["verdicts"] == {"effects_missing": COUNT}
+    assert set(found["failed"]) == {"broken", "lonely"}
+    assert found["odd"][0]["machine"] == "m3"
+    history = ["--history", str(folder / "results")]
+    assert main(["fleet", *files[:2], "-o", str(folder / "later"), *history, "--date", "2026-11-19"]) == 2
+    assert "earlier results" in capsys.readouterr().err
+    assert main(["fleet", *files, "--date", "tomorrow"]) == 2
+    assert "--date" in capsys.readouterr().err
+
+
+def test_two_runs_do_not_write_to_one_folder(tmp_path: Path) -> None:
+    with (
+        one_process_in(str(tmp_path)),
+        pytest.raises(InputFileError, match="another run"),
+        one_process_in(str(tmp_path)),
+    ):
+        pass
+    with one_process_in(str(tmp_path)):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("machine,data\na.toml,m.csv\nb.toml,m.csv\n", "line 3: 'm', as in line 2"),
+        ("machine,file\n", "line 1: 'machine,file'"),
+        ("machine,data\na.toml\n", "line 2: 1 cells"),
+        ("machine,data\n", "no machine"),
+    ],
+)
+def test_table_of_pairs_says_what_is_wrong(tmp_path: Path, table: str, message: str) -> None:
+    (tmp_path / "pairs.csv").write_text(table)
+    with pytest.raises(InputFileError, match=message):
+        pairs_of(str(tmp_path / "pairs.csv"), None)
+
+
+def test_pairs_come_from_a_table_from_folders_or_from_one_machine_file(tmp_path: Path) -> None:
+    for name in ("a.toml", "a.csv.gz", "b.parquet"):
+        (tmp_path / name).touch()
+    (tmp_path / "pairs.csv").write_text("name,machine,data\nfirst,a.toml,a.csv.gz\n")
+    a, b = str(tmp_path / "a.csv.gz"), str(tmp_path / "b.parquet")
+    machine = str(tmp_path / "a.toml")
+    assert pairs_of(str(tmp_path / "pairs.csv"), None) == [Pair("first", machine, a)]
+    (tmp_path / "pairs.csv").unlink()
+    assert pairs_of(machine, str(tmp_path)) == [Pair("a", machine, a), Pair("b", machine, b)]
+    assert pairs_of(str(tmp_path), str(tmp_path)) == [Pair("a", machine, a), Pair("b", "", b)]
+
+
+# processes ---------------------------------------------------------------------------------------------
+
+
+def test_the_end_of_a_process_is_the_end_of_one_task() -> None:
+    found = dict(each_in_processes(squared_unless_killed, [1, 2, 3, 4, 5], 2))
+    assert found == {0: 1, 1: 4, 2: None, 3: 16, 4: 25}
+
+
+def test_a_process_works_on_one_task_after_the_other() -> None:
+    assert len({process for _, process in each_in_processes(process_after, [0.0] * 6, 1)}) == 1
+
+
+@pytest.mark.slow
+def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
+    make_fleet(tmp_path, 8)
+    command = [sys.executable, "-m", "rodgen", "fleet", "machines", "data-0", "-o", "results", "--jobs", "2"]
+    results, seen = tmp_path / "results/machines", 0
+    for _ in range(20):
+        run = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, start_new_session=True)
+        while run.poll() is None and (not results.exists() or len([*results.glob("*.json")]) == seen):
+            time.sleep(0.05)
+        if run.poll() is not None:
+            break
+        os.kill(run.pid, signal.SIGKILL)
+        run.wait()
+        files = {file.name: json.loads(file.read_text()) for file in results.glob("*.json")}
+        assert len(files) > seen  # whole ones, and more each time
+        seen = len(files)
+    assert run.returncode == 0
+    assert len([*results.glob("*.json")]) == 8
+    time.sleep(2.0)
+    assert not [*results.glob(".*")]  # what was half written is swept up
+
+
+# statistics --------------------------------------------------------------------------------------------
+
+
+def test_population_finds_spread_and_shrunk_values_are_nearer() -> None:
+    random = np.random.default_rng(1)
+    false, covered, shrunk, single = 0, 0, 0.0, 0.0
+    for _ in range(200):
+        std = random.uniform(0.5, 2.0, 40)
+        truth = 3.0 + random.normal(size=40)
+        values = truth + std * random.normal(size=40)
+        found = population(values, std)
+        false += found.odd.any()
+        covered += found.spread_interval[0] <= 1.0 <= found.spread_interval[1]
+        shrunk += np.mean((found.shrunk - truth) ** 2)
+        single += np.mean((values - truth) ** 2)
+    # of 200 draws: 5 % are expected to call some machine odd, 95 % to cover, each with binomial deviations of 3
+    assert false < 10 + 10
+    assert covered > 190 - 10
+    assert shrunk < 0.5 * single
+
+
+def test_population_is_not_spread_by_the_odd() -> None:
+    random = np.random.default_rng(2)
+    values, std = random.normal(size=50), np.full(50, 0.5)
+    values[:5] += 15.0
+    found = population(values, std)
+    assert set(np.flatnonzero(found.odd)) == {*range(5)}
+    assert found.spread < 1.5
+    assert np.array_equal(found.shrunk[:5], values[:5])
+
+
+@pytest.mark.parametrize(("nights", "scatter", "degrees"), [(5, 0.0, 60), (12, 1.0, 60), (30, 0.3, 150)])
+def test_trends_and_changes_have_their_p_values(nights: int, scatter: float, degrees: int) -> None:
+    random = np.random.default_rng(3)
+    p = []
+    for _ in range(10):
+        sigma = random.uniform(0.5, 2.0, (2000, 1)) * random.uniform(0.8, 1.25, (2000, nights))
+        values = sigma * random.normal(size=sigma.shape) + scatter * random.normal(size=sigma.shape)
+        std = sigma * np.sqrt(random.chisquare(degrees, sigma.shape) / degrees)
+        values[random.random(sigma.shape) < 0.05] = np.nan
+        found = drifts(
+            values,
+            std,
+            np.full(sigma.shape, float(degrees)),
+            np.arange(nights) * 1.0,
+            repeatability(values, std),
+            3,
+        )
+        p.append([found.trend_p, found.change_p])
+    for level in (0.01, 0.001):
+        trend, change = (np.concatenate(p, axis=1) < level).mean(axis=1)
+        expected = 4 * np.sqrt(level / 20_000)
+        assert level * 0.7 - expected < trend < level * 1.15 + expected
+        assert change < level * 1.15 + expected  # the number of places bounds it
+
+
+def test_a_trend_and_a_change_are_told_apart() -> None:
+    times, std = np.arange(10.0), np.full((50, 10), 0.5)
+    values = 0.5 * np.random.default_rng(4).normal(size=(50, 10))
+    values[0] += times
+    values[1, 6:] += 5.0
+    found = drifts(values, std, np.full((50, 10), np.inf), times, repeatability(values, std), 3)
+    assert found.trend_p[0] < found.change_p[0]
+    assert found.change_p[1] < found.trend_p[1]
+    assert found.at[1] == 6
+    assert abs(found.slope[0] - 1.0) < 5 * found.slope_std[0]
+    assert abs(found.step[1] - 5.0) < 5 * found.step_std[1]
+
+
+@dataclass(frozen=True)
+class Made:
+    """A machine of a night, with made-up estimates."""
+
+    numbers: Mapping[str, tuple[float, float, str]]
+    kind: str = "made"
+    model: str = "one"
+    found: tuple[str, ...] = ()
+    degrees_of_freedom: float = 100.0
+
+    def estimates(self, which: str = "with_found") -> Mapping[str, tuple[float, float, str]]:
+        """Return them."""
+        return self.numbers
+
+
+def made_nights(count: int, machines: int, parameters: int, seed: int) -> Iterator[Night]:
+    """Yield nights on which nothing changes, but machines do not repeat themselves exactly."""
+    random = np.random.default_rng(seed)
+    truth = random.normal(size=(machines, parameters))
+    for number in range(count):
+        sigma = random.uniform(0.5, 2.0, truth.shape)
+        values = truth + sigma * random.normal(size=truth.shape) + 0.5 * random.normal(size=truth.shape)
+        std = sigma * np.sqrt(random.chisquare(100, sigma.shape) / 100)
+        date = str(np.datetime64("2026-01-01") + number)
+        yield Night(
+            date,
+            {
+                f"m{i}": Made({f"p{k}": (values[i, k], std[i, k], "mm") for k in range(parameters)})
+                for i in range(machines)
+            },
+        )
+
+
+@pytest.mark.slow
+def test_the_fleet_has_no_more_false_alarms_than_stated() -> None:
+    nights, stated, alarms = [*made_nights(90, 40, 8, 6)], 60.0, 0
+    for last in range(3, len(nights) + 1):
+        alarms += sum(change.new for change in Changes(nights[:last], stated).found)
+    expected = stated * (len(nights) - 2) / FLEET.nights
+    # at most as many as stated, within three deviations of Poisson's; and not so few that changes would be missed
+    assert 0.1 * expected < alarms < expected + 3 * np.sqrt(expected)
+
+
+def test_alarms_come_when_a_machine_changes() -> None:
+    nights = [*made_nights(12, 30, 4, 7)]
+    for night in nights[8:]:
+        value, std, unit = night.machines["m4"].estimates()["p2"]
+        object.__setattr__(night.machines["m4"], "numbers", {"p2": (value + 12.0, std, unit)})
+    found = Changes(nights, 1.0)
+    first = found.found[0]
+    assert (first.machine, first.key, first.what, first.alarm) == ("m4", "p2", "change", True)
+    assert first.since == nights[8].date
+    assert {change.machine for change in found.found if change.alarm} == {"m4"}
+    assert not Changes(nights[:8], 1.0).found
+
+
+@pytest.mark.slow
+def test_shrunk_estimates_are_nearer_to_the_truth(tmp_path: Path) -> None:
+    truth = make_fleet(tmp_path, 40, mean=8.0, spread=1.2)
+    pairs = pairs_of(str(tmp_path / "machines"), str(tmp_path / "data-0"))
+    (kind,) = diagnose_fleet(pairs, tmp_path / "results").kinds
+    (parameter,) = (p for p in kind.parameters if p.key == "tube_flexure.a")
+    true = np.array([truth.flexure[name] for name in parameter.machines])
+    found = parameter.population
+    assert found.spread_interval[0] < truth.spread < found.spread_interval[1]
+    assert abs(found.mean - truth.mean) < 4 * found.mean_std
+    single = np.mean((parameter.values - true) ** 2)
+    assert np.mean((found.shrunk - true) ** 2) < 0.8 * single
