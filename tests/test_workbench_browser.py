@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -268,6 +269,56 @@ def test_without_files_examples_and_dropped_files_are_opened(files, serve, opene
     again = opened(serve().address)
     again.get_by_label("Open the example trunnion").click()
     again.get_by_text("on poses held out").wait_for()
+
+
+def test_templates_and_imports_are_opened(files, serve, opened):
+    page = opened(serve().address)
+    page.get_by_label("Begin with the machine file").click()
+    text = page.get_by_label("Machine file alt-azimuth.toml")
+    text.wait_for()
+    picture(page, "template")
+    text.fill(files[0].read_text().replace("[0, 0, -1]", "[0, 0]"))
+    page.get_by_text("expected 3 numbers").or_(page.get_by_text("expected three numbers")).wait_for()
+    text.fill(files[0].read_text())
+    page.get_by_text("AZ revolute about [0, 0, -1]").wait_for()
+    strange = files[1].read_bytes().replace(b"AZ [deg]", b"Rotation [deg]", 1)
+    drop = page.locator("input[type=file]")
+    drop.set_input_files([{"name": "stars.csv", "mimeType": "text/csv", "buffer": strange}])
+    page.get_by_text("no column of joint AZ").wait_for()
+    page.get_by_text("What the files leave open").click()
+    page.get_by_label("Columns of a table").fill("AZ=Rotation")
+    page.get_by_label("Open the dropped files").click()
+    page.get_by_text("Error 2.71 arcsec").wait_for()
+
+
+def test_what_is_kept_is_written_and_downloaded(files, serve, opened, tmp_path):
+    page = opened(serve(*files).address)
+    page.get_by_label("Add tube_flexure").click()
+    page.get_by_text("Error 0.969").wait_for()
+    page.get_by_label("Keep").click()
+    for what, name in (
+        ("Machine file", "machine_better.toml"),
+        ("Report", "machine.html"),
+        ("Code, a folder", "machine_c.zip"),
+    ):
+        with page.expect_download(timeout=4 * PATIENCE) as started:
+            page.get_by_label(f"Download: {what}").click()
+        assert started.value.suggested_filename == name
+        started.value.save_as(tmp_path / name)
+    assert "tube_flexure" in (tmp_path / "machine_better.toml").read_text()
+    assert (tmp_path / "machine.html").read_text().count("refraction") > 3
+    names = zipfile.ZipFile(tmp_path / "machine_c.zip").namelist()
+    assert {Path(name).suffix for name in names} >= {".c", ".h"}
+    page.get_by_label("As", exact=True).click()
+    page.get_by_role("option", name="MATLAB and GNU Octave").click()
+    page.get_by_label("Write: Code, a folder").click()
+    page.get_by_text("machine_matlab is written").wait_for()
+    assert [*(tmp_path / "machine_matlab").rglob("*.m")]
+    page.get_by_label("Code, a folder", exact=True).fill("../elsewhere")
+    page.get_by_label("Write: Code, a folder").click()
+    page.get_by_text("a name without a folder").wait_for()
+    picture(page, "keep")
+    assert not (tmp_path.parent / "elsewhere").exists()
 
 
 def test_plots_of_further_kinds_and_the_plan(files, serve, opened):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import FAILED, OK, Command, show
+from rodgen.cli._console import FAILED, OK, Command, Parser, UsageError, show
 from rodgen.cli._outputs import Outputs, add_plot, figures_for
 from rodgen.cli._values import Quantity, quantity
 from rodgen.errors import InputFileError, shown
@@ -43,6 +43,34 @@ SOURCE is
 def add_to(command: Command) -> None:
     """Add the command."""
     made = command("import", _run, "make a machine file of other files", _IMPORT)
+    _add_options(made)
+
+
+def imported_with(sources: Sequence[str], arguments: Sequence[str]) -> Imported:
+    """Return what the command makes of files.
+
+    Parameters
+    ----------
+    sources : sequence of str
+        Names of the files.
+    arguments : sequence of str
+        Options of the command.
+
+    Raises
+    ------
+    RodgenError
+        When an option is wrong, or the files are none that can be imported.
+    """
+    parser = Parser(prog="rodgen import")
+    _add_options(parser)
+    try:
+        options = parser.parse_args([*arguments, "--", *sources])
+    except UsageError as error:
+        raise error.args[0] from None
+    return _imported(options)[0]
+
+
+def _add_options(made: argparse.ArgumentParser) -> None:
     made.add_argument("sources", metavar="SOURCE", nargs="+", help="the file, or files")
     made.add_argument(
         "-o", "--output", metavar="MACHINE.toml", help="the machine file, unless a SOURCE is one"
@@ -128,18 +156,14 @@ def _run(options: argparse.Namespace) -> int:
             said += ["", f"{options.output}:", machine.describe()]
         wrong, observations = False, None
         if made.columns:
-            import pyarrow as pa
-
             from rodgen.calibration.file_check import check
             from rodgen.data.measurements import Measurements
-            from rodgen.data.tables import table_bytes
 
             data = Measurements.from_frame(made.columns, name=options.data)
             checked = check(machine, data)
             wrong, observations = bool(checked.wrong), checked.observations
             said += ["", f"{options.data}: {data.rows} rows", checked.summary()]
-            table = pa.table({name: pa.array(column) for name, column in made.columns.items()})
-            outputs.add(options.data, table_bytes(options.data, table))
+            outputs.add(options.data, made.data(options.data))
         if figures is not None:
             figures.save_figure(figures.skeleton(machine, observations), options.plot)
     show("\n".join(said))

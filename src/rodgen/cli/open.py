@@ -35,6 +35,7 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.workbench.server import prepare, serve
 
     prepare()  # a missing library is reported before anything is read
+    from rodgen.cli.imports import imported_with
     from rodgen.workbench.desk import Desk
     from rodgen.workbench.page import Page
     from rodgen.workbench.session import ENDING, Session
@@ -49,7 +50,9 @@ def _run(options: argparse.Namespace) -> int:
             raise InputFileError("command line", "rodgen open", "no DATA", expected)
         desks.append(Desk(Session.load(options.machine)))
     serve(
-        lambda: Page(desks[-1]) if desks else Start(lambda session: desks.append(Desk(session))),
+        lambda: (
+            Page(desks[-1]) if desks else Start(lambda session: desks.append(Desk(session)), imported_with)
+        ),
         port=options.port,
         browser=not options.no_browser,
         said=lambda address: show(f"{address}\nCtrl-C ends it."),

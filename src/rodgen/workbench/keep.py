@@ -6,16 +6,19 @@ import asyncio
 import os
 import re
 import shlex
+import shutil
+import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.emit import FORMS
-from rodgen.workbench.parts import button
+from rodgen.workbench.parts import button, copied
 from rodgen.workbench.session import ENDING
 
 if TYPE_CHECKING:
@@ -57,8 +60,10 @@ class Keeping:
         with ui.dialog() as self.dialog, ui.card().style("width:560px;max-width:95vw"):
             ui.label(f"In {self.folder}").classes("soft")
             self.said = ui.label().props('role="status"')
-            self.same = ui.label().classes("code")
-            self.same.bind_visibility_from(self.same, "text", backward=bool)
+            with ui.element("div").classes("line") as line:
+                self.same = ui.label().classes("code")
+                button("Copy", lambda: copied(self.same.text), label="Copy the command")
+            line.bind_visibility_from(self.same, "text", backward=bool)
             self.fields: dict[str, ui.input] = {}
             for what, name, ending, writes in (
                 ("Machine file", f"{stem}_better.toml", ".toml", session.save_machine),
@@ -75,9 +80,10 @@ class Keeping:
                         )
                         self.form.style("width:200px").on_value_change(partial(self._named, field, stem))
                     button("Write", partial(self._write, field, ending, writes), label=f"Write: {what}")
-            with ui.element("div").classes("line"):
-                button("Download the machine file", self._machine)
-                ui.button("Close", on_click=self.dialog.close).props("flat dense no-caps")
+                    if writes != session.save:  # which is of no use elsewhere than near its measurements
+                        take = partial(self._download, field, ending, writes)
+                        button("Download", take, label=f"Download: {what}")
+            ui.button("Close", on_click=self.dialog.close).props("flat dense no-caps")
 
     async def open(self) -> None:
         """Show the dialog."""
@@ -85,17 +91,27 @@ class Keeping:
         self.same.set_text("")
         self.dialog.open()
 
-    async def _write(self, field: Any, ending: str, writes: Callable[[str], object]) -> None:
+    async def _write(self, field: ui.input, ending: str, writes: Callable[[str], object]) -> None:
         path = file_in(self.folder, str(field.value or ""), ending)
+        await self._made(writes, path)
+        self.said.set_text(f"{os.path.basename(path)} is written.")
+        self.same.set_text(self._command(writes, path))
+
+    async def _download(self, field: ui.input, ending: str, writes: Callable[[str], object]) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            path = file_in(folder, str(field.value or ""), ending)
+            await self._made(writes, path)
+            if os.path.isdir(path):
+                path = shutil.make_archive(path, "zip", path)
+            ui.download.content(Path(path).read_bytes(), os.path.basename(path))
+
+    async def _made(self, writes: Callable[[str], object], path: str) -> None:
         self.said.set_text("Writing …")
         self.same.set_text("")
         try:
             await asyncio.to_thread(writes, path)
-        except Exception:
+        finally:
             self.said.set_text("")
-            raise
-        self.said.set_text(f"{path} is written.")
-        self.same.set_text(self._command(writes, path))
 
     def _command(self, writes: Callable[[str], object], path: str) -> str:
         """Return the command that writes the same of the machine file; empty of a file of the page's own."""
@@ -127,7 +143,3 @@ class Keeping:
 
     def _emit(self, path: str) -> None:
         self.page.state.fit.emit(self.form.value, path)
-
-    async def _machine(self) -> None:
-        name = os.path.basename(self.page.state.file)
-        ui.download.content(self.page.state.text, name)

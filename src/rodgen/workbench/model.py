@@ -197,7 +197,7 @@ class _Own:
             completing(self.formula, lambda: {*WORDS - FUNCTION_NAMES, *functions, *names, *self._named()})
             completing(self.parameters, lambda: UNITS)
             ui.label(words).classes("soft")
-            self.fault = ui.label().props('role="alert"').style("color:#c04d00")
+            self.fault = ui.label().props('role="alert"').classes("alert")
             self.add = button("Add the formula", self._add)
             self.add.set_enabled(False)
 

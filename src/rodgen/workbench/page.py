@@ -37,6 +37,7 @@ __all__ = ["Page"]
 
 FIRST_SUSPECTS = 12
 """Suspects that are listed before all are asked for."""
+FEW_REMARKS = 2
 MOST_IN_TABLE = 200
 SENT = 0.03
 """Seconds after which what was drawn is on its way to the browser."""
@@ -118,8 +119,7 @@ class Page:
             self.keeping = Keeping(self)
             button("Keep", self.keeping.open, icon="save")
             button("Light or dark", self._darken, icon="contrast", bare=True)
-        for remark in desk.session.remarks:
-            ui.label(remark).classes("soft")
+        self._remarks()
         self.status = ui.label().props('role="status" aria-live="polite"')
         self.wrong = ui.element("section").classes("card wrong").props('aria-label="A wrong file"')
         self.working = ui.element("section").classes("card").props('aria-label="In the background"')
@@ -162,6 +162,16 @@ class Page:
         self.client.on_disconnect(self._gone)
         self.client.on_delete(self._gone)  # also of one that has never connected
         self.client.on_connect(self._connected)
+
+    def _remarks(self) -> None:
+        """Say what differs from a session that was read, or what an import took for what."""
+        remarks = self.desk.session.remarks
+        few = len(remarks) <= FEW_REMARKS
+        with (
+            ui.element("div") if few else ui.expansion(f"{len(remarks)} remarks on the files").props("dense")
+        ):
+            for remark in remarks:
+                ui.label(remark).classes("soft")
 
     def _gone(self) -> None:
         if self in self.desk.windows:

@@ -46,6 +46,14 @@ class Imported:
         """The machine file, with the notes as comments above."""
         return "".join(f"# {note}\n" for note in self.notes) + machine_text(self.machine)
 
+    def data(self, name: str) -> bytes:
+        """Return the measurement file, in the form that the ending of its name says."""
+        import pyarrow as pa
+
+        from rodgen.data.tables import table_bytes
+
+        return table_bytes(name, pa.table({key: pa.array(column) for key, column in self.columns.items()}))
+
 
 def clean(vector: NDArray[np.float64], digits: int) -> Vector:
     """Return three numbers without the rounding errors of the products that they come from."""
