@@ -28,8 +28,10 @@ from rodgen.calibration.problem import Problem
 from rodgen.codegen import Kernel
 from rodgen.codegen.program import Program
 from rodgen.codegen.rows import row_kernels
-from rodgen.machines.derivation import derive_kernels, derive_programs
+from rodgen.machines.closed_chain_derivation import pose_of
+from rodgen.machines.derivation import ModelSteps, derive_programs
 from rodgen.machines.model import _key
+from rodgen.machines.structure import Structure
 
 KINDS = ["point", "direction", "distance"]
 UNITS = 16
@@ -169,6 +171,22 @@ def test_columns_of_formulas_are_derivatives_of_the_simulator(kind, monkeypatch)
 @pytest.mark.parametrize("kind", ["point", "direction", pytest.param("distance", marks=pytest.mark.slow)])
 def test_c_and_numpy_give_the_same_numbers_to_rounding(kind, compiler, monkeypatch):
     same_numbers(every(kind), monkeypatch)
+
+
+def derive_kernels(structure: Structure) -> list[Kernel]:
+    """Return the kernels of a machine by SymPy, whose values the programs of its fit must have."""
+    place = ModelSteps(structure, "place", with_residual=False).kernel()
+    residual = ModelSteps(structure, "residual").kernel()
+    wrt = [name for name, wanted in (("freedom", structure.slots), ("e", structure.parameters)) if wanted]
+    kernels = [place, residual]
+    if wrt:
+        kernels.append(
+            residual.jacobian(wrt, ["residual"], name="residual_and_jacobian", values=True, mode="reverse")
+        )
+    if structure.kinematics.is_closed:
+        kernels.append(pose_of(ModelSteps(structure, "pose")))
+    # the change of a freedom is in the geometry already
+    return [kernel.at({"freedom": 0}) if structure.slots else kernel for kernel in kernels]
 
 
 def same_numbers(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.fitted import Estimate, FittedModel
-from rodgen.calibration.problem import Problem
 from rodgen.calibration.progress import Progress, reporting
-from rodgen.calibration.solve.least_squares import Solution
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import as_dict, as_text
 from rodgen.errors import NotConvergedError
@@ -36,15 +34,8 @@ class Fit(FittedModel):
     _repr_html_ = html_of
 
     @classmethod
-    def _of(
-        cls,
-        problem: Problem,
-        solution: Solution,
-        free: Sequence[int],
-        outliers: NDArray[np.bool_],
-        loss: str = "linear",
-    ) -> Fit:
-        found = super()._of(problem, solution, free, outliers, loss)
+    def _of(cls, *end: Any) -> Fit:
+        found = super()._of(*end)
         return replace(found, machine=replace(found.machine, doubts=found._doubts))
 
     def __setstate__(self, state: dict[str, Any]) -> None:

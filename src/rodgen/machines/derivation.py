@@ -53,17 +53,12 @@ LEGENDRE: Mapping[int, Callable[[Any], Any]] = {
 """Legendre polynomials by degree."""
 
 
-def derive_kernels(structure: Structure) -> list[Kernel]:
-    """Return the kernels of a machine: ``place``, ``residual`` and ``residual_and_jacobian``.
-
-    Parameters
-    ----------
-    structure : Structure
-        What the machine is made of.
+def derive_programs(structure: Structure) -> list[Program]:
+    """Return the programs of a machine that a fit runs: ``place``, ``residual`` and ``residual_and_jacobian``.
 
     Returns
     -------
-    list of Kernel
+    list of Program
         With the inputs ``rows``, ``g``, ``e``; see :mod:`rodgen.machines.structure` for their layouts. ``place``
         has the output ``place``: the predicted point or direction, of poses followed by the matrix of the attitude, of
         attitudes and angles this matrix alone;
@@ -71,22 +66,6 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
         ``residual_jacobian``, (components, slots). Of a closed chain also ``pose``: where its platform is, as a start
         for other values.
     """
-    place = ModelSteps(structure, "place", with_residual=False).kernel()
-    residual = ModelSteps(structure, "residual").kernel()
-    wrt = [name for name, wanted in (("freedom", structure.slots), ("e", structure.parameters)) if wanted]
-    kernels = [place, residual]
-    if wrt:
-        kernels.append(
-            residual.jacobian(wrt, ["residual"], name="residual_and_jacobian", values=True, mode="reverse")
-        )
-    if structure.kinematics.is_closed:
-        kernels.append(pose_of(ModelSteps(structure, "pose")))
-    # the change of a freedom is in the geometry already
-    return [kernel.at({"freedom": 0}) if structure.slots else kernel for kernel in kernels]
-
-
-def derive_programs(structure: Structure) -> list[Program]:
-    """Return the same kernels as programs, without SymPy: what a fit runs."""
     tape = Tape()
     algebra = on_tape(tape)
     place: TapeBuilder = ModelSteps(structure, "place", algebra, with_residual=False).kernel()
