@@ -1,4 +1,4 @@
-"""How results look in a notebook, and as DataFrames; pandas is imported only when a DataFrame is asked for."""
+"""How results look in a notebook, as DataFrames and as plain data; pandas is imported only for a DataFrame."""
 
 from __future__ import annotations
 
@@ -63,6 +63,18 @@ class Records(Tabular, tuple[Item, ...]):
         """Return the columns of a table with a row for each."""
         rows = [self._record(item) for item in self]
         return {name: [row.get(name) for row in rows] for name in dict.fromkeys(n for r in rows for n in r)}
+
+
+def plain(result: object, names: str) -> dict[str, Any]:
+    """Return attributes of a result as plain data, by their names with spaces in between; tuples become lists.
+
+    Examples
+    --------
+    >>> plain(slice(1, (2, 3)), "start stop")
+    {'start': 1, 'stop': [2, 3]}
+    """
+    found = {name: getattr(result, name) for name in names.split()}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in found.items()}
 
 
 def data_frame(columns: Mapping[str, Any]) -> Any:

@@ -42,7 +42,7 @@ from rodgen.machines.ties import Tied
 from rodgen.stages import stage
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.digits import measured
-from rodgen.views import Records, html_of
+from rodgen.views import Records, html_of, plain
 
 LOSSES = ("linear", "huber")
 
@@ -116,15 +116,8 @@ class Estimate:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, without the key."""
-        return {
-            "value": self.value,
-            "std": self.std,
-            "unit": self.unit,
-            "held": self.held,
-            "determined": self.determined,
-            "convention": self.convention,
-            "at_bound": self.at_bound,
-        } | ({"tied_to": self.tied_to} if self.tied_to else {})
+        names = "value std unit held determined convention at_bound"
+        return plain(self, f"{names} tied_to" if self.tied_to else names)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.statistics.f_tests import log10_f_tail, p_of_log10
 from rodgen.statistics.thresholds import EFFECT_TEST
-from rodgen.views import html_of
+from rodgen.views import html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -88,13 +88,7 @@ class EffectTest:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return {
-            "p_value": self.p_value,
-            "statistic": self.statistic,
-            "degrees_of_freedom": list(self.degrees_of_freedom),
-            "design_effect": self.design_effect,
-            "significant": self.significant,
-        }
+        return plain(self, "p_value statistic degrees_of_freedom design_effect significant")
 
 
 def worth_of(fit: FittedModel, effect: Effect, without: FittedModel | None = None) -> EffectTest | None:

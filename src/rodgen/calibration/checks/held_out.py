@@ -30,7 +30,7 @@ from rodgen.errors import RodgenError
 from rodgen.stages import each, stage
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
-from rodgen.views import html_of
+from rodgen.views import html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -106,16 +106,7 @@ class HeldOut:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return {
-            "rms": self.rms,
-            "unit": self.unit,
-            "folds": self.folds,
-            "poses": self.poses,
-            "unpredicted": list(self.unpredicted),
-            "because": list(self.because),
-            "converged": self.converged,
-            "text": self.text,
-        }
+        return plain(self, "rms unit folds poses unpredicted because converged text")
 
 
 @stage("error on poses left out")

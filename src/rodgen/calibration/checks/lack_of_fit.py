@@ -9,7 +9,7 @@ pose depend on each other, so the degrees of freedom are those of as many indepe
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from rodgen.calibration.words import chance
 from rodgen.data.poses import stretches
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
-from rodgen.views import html_of
+from rodgen.views import html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -76,7 +76,7 @@ class LackOfFit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return asdict(self) | {"degrees_of_freedom": list(self.degrees_of_freedom), "text": self.text}
+        return plain(self, "p_value ratio against statistic degrees_of_freedom text")
 
 
 def lack_of_fit(fit: FittedModel) -> LackOfFit | None:

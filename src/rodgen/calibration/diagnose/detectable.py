@@ -20,7 +20,7 @@ from rodgen.calibration.words import two_digits
 from rodgen.data.units import unit_factor
 from rodgen.machines.machine import Effect
 from rodgen.statistics.thresholds import SELECTION, VERDICT
-from rodgen.views import html_of
+from rodgen.views import html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -70,16 +70,8 @@ class Detectable:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return {
-            "effect": self.effect.name,
-            "joint": self.effect.place,
-            "parameter": self.parameter,
-            "size": self.size,
-            "unit": self.unit,
-            "rms": self.rms,
-            "possible": self.possible,
-            "rare": self.rare,
-        }
+        effect = {"effect": self.effect.name, "joint": self.effect.place}
+        return effect | plain(self, "parameter size unit rms possible rare")
 
 
 def detectable(base: Fit, sensitivities: Sensitivities, selection: Selection) -> tuple[Detectable, ...]:

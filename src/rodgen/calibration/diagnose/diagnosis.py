@@ -12,7 +12,7 @@ from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.thresholds import PLAN, SELECTION
-from rodgen.views import Records, html_of
+from rodgen.views import Records, html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.detectable import Detectable
@@ -53,17 +53,9 @@ class Rms:
 
     def to_dict(self) -> dict[str, Any]:
         """Return them as plain data, with the errors on further measurements where there are any."""
-        found: dict[str, Any] = {
-            "before": self.before,
-            "after": self.after,
-            "before_held_out": self.before_held_out,
-            "after_held_out": self.after_held_out,
-            "noise": self.noise,
-            "unit": self.unit,
-        }
-        if self.before_test is not None or self.after_test is not None:
-            found |= {"before_test": self.before_test, "after_test": self.after_test}
-        return found
+        tested = self.before_test is not None or self.after_test is not None
+        names = "before after before_held_out after_held_out noise unit"
+        return plain(self, f"{names} before_test after_test" if tested else names)
 
 
 @dataclass(frozen=True)
@@ -108,12 +100,7 @@ class Alias:
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
         named = {"effects": [_named(e) for e in self.effects]} if self.effects[1:] else _named(self.effect)
-        return {
-            **named,
-            "chi_square": self.chi_square,
-            "odds": self.odds,
-            "odds_with_data": self.odds_with_data,
-        }
+        return named | plain(self, "chi_square odds odds_with_data")
 
 
 @dataclass(frozen=True)
@@ -180,10 +167,7 @@ class DiagnosedEffect:
         """Return it as plain data."""
         return {
             **_named(self.effect),
-            "p_value": self.p_value,
-            "p_value_of_all": self.p_value_of_all,
-            "rms": self.rms,
-            "rms_held_out": self.rms_held_out,
+            **plain(self, "p_value p_value_of_all rms rms_held_out"),
             "parameters": _estimates(self.parameters),
             "indistinguishable_from": [alias.to_dict() for alias in self.indistinguishable_from],
             "indistinguishable_pairs": [alias.to_dict() for alias in self.indistinguishable_pairs],
@@ -275,14 +259,7 @@ class Unexplained:
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data; `effect` has the keys of an ``[[effect]]`` of a machine file."""
         return {
-            "driver": self.driver,
-            "component": self.component,
-            "joint": self.joint,
-            "form": self.form,
-            "p_value": self.p_value,
-            "p_value_of_all": self.p_value_of_all,
-            "rms": self.rms,
-            "rms_held_out": self.rms_held_out,
+            **plain(self, "driver component joint form p_value p_value_of_all rms rms_held_out"),
             "parameters": _estimates(self.parameters),
             "effect": tomllib.loads(self.block)["effect"][0],
         }

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from rodgen.calibration.words import some
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import PLAN
+from rodgen.views import plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -89,15 +90,8 @@ class Goal:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return {
-            "kind": self.kind,
-            "effects": list(self.effects),
-            "parameters": list(self.parameters),
-            "sentence": self.sentence,
-            "resolvable": self.resolvable,
-            "reached": self.reached,
-            "gain": [gain.to_dict() for gain in self.gains],
-        }
+        found = plain(self, "kind effects parameters sentence resolvable reached")
+        return found | {"gain": [gain.to_dict() for gain in self.gains]}
 
 
 def goals_of(best: CandidatePlan, fit: FittedModel) -> Iterator[Goal]:

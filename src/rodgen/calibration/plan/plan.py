@@ -32,7 +32,7 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.poses import moved_one_way
 from rodgen.errors import joined, shown
 from rodgen.machines.machine import Target
-from rodgen.views import html_of
+from rodgen.views import html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -126,13 +126,10 @@ class Plan:
         """Return the plan as plain data, as `rodgen plan --json` prints it."""
         return {
             "readings": self.count,
-            "needed": self.needed,
-            "resolvable": self.resolvable,
-            "reached": self.reached,
+            **plain(self, "needed resolvable reached"),
             "rows": {name: list(values) for name, values in self.rows.items()},
             "goals": [goal.to_dict() for goal in self.goals],
-            "words": list(self.words),
-            "notes": list(self.notes),
+            **plain(self, "words notes"),
             "new_targets": [{"name": t.name, "point": list(t.point)} for t in self.new_targets],
             "travel_missing": list(self.travel_missing),
         }

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
 from rodgen.data.units import ARCSEC
-from rodgen.views import html_of
+from rodgen.views import html_of, plain
 
 
 class AxisFitStatus(IntEnum):
@@ -221,29 +221,14 @@ class AxisFit:
         """
         everything: dict[str, Any] = {
             "status": self.status.name,
-            "undetermined": list(self.undetermined),
-            "remarks": list(self.remarks),
-            "pairs": self.pairs,
+            **plain(self, "undetermined remarks pairs"),
             "outliers": np.flatnonzero(self.outliers),
             "axis": self.axis,
             "axis_uncertainty_rad": self.axis_uncertainty,
-            "point": self.point,
-            "point_known": self.point_known,
-            "point_uncertainty": self.point_uncertainty,
+            **plain(self, "point point_known point_uncertainty"),
             "covariance_axis_point": self.covariance,
-            "centroid": self.centroid,
-            "rms": self.rms,
-            "sigma": self.sigma,
-            "sigma_given": self.sigma_given,
-            "dof": self.dof,
-            "chi_square": self.chi_square,
-            "condition": self.condition,
-            "candidate_axes": self.candidate_axes,
-            "candidate_points": self.candidate_points,
-            "candidate_rms": self.candidate_rms,
-            "free_directions": self.free_directions,
-            "loss": self.loss,
-            "iterations": self.iterations,
+            **plain(self, "centroid rms sigma sigma_given dof chi_square condition"),
+            **plain(self, "candidate_axes candidate_points candidate_rms free_directions loss iterations"),
         }
         if pairwise:
             everything |= {"residuals": self.residuals, "weights": self.weights}

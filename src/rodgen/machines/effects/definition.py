@@ -14,6 +14,7 @@ from rodgen.data.units import ANGLE, LENGTH, ONE, Dimension
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.measured import DIRECTION, POINT, Measurand
 from rodgen.machines.parts import coordinate_dimension
+from rodgen.views import plain
 
 COMPONENTS = {
     "reading": "reading += {formula}",
@@ -283,15 +284,11 @@ class EffectDefinition:
             "equation": self.equation,
             "parameters": self.units(),
             "parameters_of_directions": self.for_measurand(DIRECTION).units(measurand=DIRECTION),
-            "later_joints": self.later_joints,
-            "of_drive": self.of_drive,
+            **plain(self, "later_joints of_drive"),
             "searched": list(self.searched),
             "iso": self.iso or None,
             "tpoint": dict(self.tpoint),
-            "meaning": self.meaning,
-            "usual_size": self.usual_size,
-            "remedy": self.remedy,
-            "source": self.source,
+            **plain(self, "meaning usual_size remedy source"),
         }
 
     def with_directions(self, formula: Formula, parameters: Mapping[str, str]) -> EffectDefinition:
