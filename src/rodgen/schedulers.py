@@ -47,9 +47,21 @@ class Workers:
         self.count = count
 
     @property
+    def client(self) -> Any:
+        """The Dask client, None of threads."""
+        return None if self.are_threads else self._executor
+
+    @property
     def are_threads(self) -> bool:
         """Whether tasks run in this program."""
         return isinstance(self._executor, concurrent.futures.Executor)
+
+    def hold(self, items: Sequence[Item]) -> Sequence[Any]:
+        """Return the items for `each`, which then calls functions of an item where it was called before.
+
+        So what an item loads and keeps for itself is there. On another worker, where one was killed, it is a new copy.
+        """
+        return items if self.are_threads else self._executor.map(_itself, items, pure=False)
 
     def each(
         self, what: str, function: Callable[..., Result], items: Sequence[Item], *common: Any
@@ -110,6 +122,10 @@ class Workers:
             ) from None
         finally:
             waiting.clear()
+
+
+def _itself(item: Item) -> Item:
+    return item
 
 
 class _Call:

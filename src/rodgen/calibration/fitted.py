@@ -23,7 +23,7 @@ from rodgen.calibration.noise.correlation import Dependence, dependence
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
-from rodgen.calibration.problem.binding import bind_once
+from rodgen.calibration.problem.blocks import BlockProblem, observed, problem_of
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.residuals import Residuals
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, nearest
@@ -161,15 +161,15 @@ class FittedModel:
         """Return a machine's model fitted to measurements; see :func:`rodgen.calibration.fit.fit`."""
         if loss not in LOSSES:
             raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
-        observations = bind_once(machine, data)
+        observations = observed(machine, data)
         if outliers is not None and not isinstance(data, Observations):  # those of all rows
             outliers = observations.counted(outliers)
         if start:
             machine = replace(machine, values={**machine.values, **start})
         if compiled is None:
-            compiled = loss != "linear" or observations.n >= COMPILE_FROM
+            compiled = loss != "linear" or observations.n >= COMPILE_FROM or bool(observations.blocks)
         model = model_of(machine, observations.travel, observations.run_names, compiled=compiled)
-        problem = Problem(model, observations)
+        problem = problem_of(model, observations)
         check_travel(problem)
         with one_thread_in_blas():
             if loss == "linear":
@@ -367,7 +367,7 @@ class FittedModel:
         """Of poses the rms of a coordinate and of a turn, each in its unit of :attr:`units`; else None."""
         if len(set(self.units)) == 1:
             return None
-        squares = np.mean(self.residuals[~self.outliers] ** 2, axis=0) * self.in_units**2
+        squares = self._squares / self.rows * self.in_units**2
         return float(np.sqrt(squares[:3].mean())), float(np.sqrt(squares[3:].mean()))
 
     @property
@@ -410,7 +410,20 @@ class FittedModel:
     @cached_property
     def rms(self) -> float:
         """Root mean square of the residuals per scalar reading, in :attr:`unit`, without the outliers."""
-        return float(np.sqrt(np.mean(self.residuals[~self.outliers] ** 2)))
+        return float(np.sqrt(self._squares.sum() / (self.rows * self.problem.components)))
+
+    @cached_property
+    def _squares(self) -> Array:
+        """Sums of the squares of the residuals, by component, in :attr:`unit`, without the outliers."""
+        if isinstance(self.problem, BlockProblem):
+            return self.problem.squares(self.solution.theta, self.solution.frame) / self.unit_factor**2
+        kept = self._residuals[~self.outliers]
+        return np.asarray(np.einsum("ij,ij->j", kept, kept))
+
+    @property
+    def rows(self) -> int:
+        """Number of rows that are believed."""
+        return self.problem.count - int(self.outliers.sum())
 
     @cached_property
     @stage("what the data determine")
@@ -427,8 +440,7 @@ class FittedModel:
     @property
     def degrees_of_freedom(self) -> int:
         """Readings less determined parameters, of which priors of the file determine their part."""
-        readings = int((~self.outliers).sum()) * self.problem.components
-        return readings - self.determinacy.rank + round(self._known_by_priors)
+        return self.rows * self.problem.components - self.determinacy.rank + round(self._known_by_priors)
 
     @cached_property
     def _known_by_priors(self) -> float:
@@ -437,7 +449,7 @@ class FittedModel:
         if not file.is_prior:
             return 0.0
         index = [i for i in self.free if file.precision[i] > 0]
-        left = max(int((~self.outliers).sum()) * self.problem.components - len(self.free), 1)
+        left = max(self.rows * self.problem.components - len(self.free), 1)
         factor = 1.0 if self.observations.sigma is not None else self.solution.cost / left
         variances = self.determinacy.covariance.diagonal()[index] * factor
         return float(np.sum(variances * file.precision[index] ** 2))
@@ -580,11 +592,10 @@ class FittedModel:
         list of Path
             The files.
         """
-        of_rows = np.sum(self.residuals[~self.outliers] ** 2, axis=1)
         given: dict[str, Any] = {
             "travel": self.observations.travel,
             "covariance": ([p.key for p in self.parameters], self.covariance),
-            "residual": (len(of_rows), float(np.sqrt(of_rows.mean())) * self.unit_factor),
+            "residual": (self.rows, float(np.sqrt(self._squares.sum() / self.rows)) * self.unit_factor),
         }
         return self.machine.emit(lang, folder, **given | options)
 

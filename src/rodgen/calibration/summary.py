@@ -72,9 +72,9 @@ def as_dict(fit: Fit) -> dict[str, Any]:
     return {
         "machine": fit.machine.name,
         "data": fit.observations.data.file,
-        "rows": fit.observations.n,
-        "readings": fit.observations.n * fit.problem.components,
-        **fit.observations.not_here,
+        "rows": fit.problem.count,
+        "readings": fit.problem.count * fit.problem.components,
+        **fit.problem.countot_here,
         "outliers": fit.outlier_numbers,
         "gross": [one.to_dict(fit.observations) for one in fit.gross_readings],
         "converged": fit.solution.converged,
@@ -113,8 +113,8 @@ def as_text(fit: Fit) -> str:
 
 
 def _lines(fit: Fit) -> Iterator[str]:
-    readings = fit.observations.n * fit.problem.components
-    counts = [(fit.observations.n, "row"), (readings, "reading"), (len(fit.free), "parameter")]
+    readings = fit.problem.count * fit.problem.components
+    counts = [(fit.problem.count, "row"), (readings, "reading"), (len(fit.free), "parameter")]
     yield f"{fit.machine.name}: " + ", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts)
     yield from fit.observations.on_rows
     if not fit.solution.converged:

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from rodgen.data.spool import GrowingArray
 from rodgen.data.tables import Progress, open_frame, open_table
 from rodgen.data.tables.columns import MEASUREMENTS
+from rodgen.data.tables.parts import Part, parts_of
 from rodgen.data.tables.table import places_of, row_place, values_of
 from rodgen.data.units import UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
@@ -29,7 +31,7 @@ from rodgen.views import data_frame, html_of_table
 if TYPE_CHECKING:
     from rodgen.data.tables.reader import Rows, Table
 
-__all__ = ["Measurements", "Names", "Numbers", "plain_name"]
+__all__ = ["Measurements", "Names", "Numbers", "Places", "Scan", "plain_name"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +99,23 @@ class Names:
 
 
 @dataclass(frozen=True, eq=False)
-class _Places:
-    """The place of each row in the file, from stretches of rows without an empty line between them."""
+class Places:
+    """The place of each row in the file, from stretches of rows without an empty line between them.
+
+    Attributes
+    ----------
+    counted : str
+        ``"line"`` or ``"row"``.
+    first, number : ndarray of int
+        Row at which each stretch begins, and the number of its place.
+    """
 
     counted: str
-    first: NDArray[np.int64]  # row at which a stretch begins
-    number: NDArray[np.int64]  # its place in the file
+    first: NDArray[np.int64]
+    number: NDArray[np.int64]
 
     def numbers(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the numbers of the places of rows."""
         stretch = np.searchsorted(self.first, rows, "right") - 1
         return np.asarray(rows - self.first[stretch] + self.number[stretch])
 
@@ -131,7 +142,7 @@ class Measurements:
     rows: int
     columns: Mapping[str, Numbers | Names]
     header_place: str
-    _places: _Places
+    _places: Places
     _row_in_file: range | NDArray[np.int64]
 
     @classmethod
@@ -169,6 +180,28 @@ class Measurements:
         """
         with open_table(path, MEASUREMENTS) as table, ExitStack() as stack:
             return cls._read(table, stack, progress)
+
+    @classmethod
+    def scan(cls, pattern: str | os.PathLike[str]) -> Scan:
+        """Return the measurements of many files, which are read only where and when their rows are needed.
+
+        Parameters
+        ----------
+        pattern : str or os.PathLike
+            Such as ``"week/*.parquet"``, a folder, or an address such as ``"s3://bucket/week/*.parquet"``: Parquet
+            files.
+
+        Returns
+        -------
+        Scan
+            For `fit`, `compare`, `diagnose` and `predict`.
+
+        Raises
+        ------
+        InputFileError
+            When there is no such file, one cannot be read, or has other columns or units than the first.
+        """
+        return Scan.of(pattern)
 
     @classmethod
     def of(cls, data: Any) -> Measurements:
@@ -233,7 +266,7 @@ class Measurements:
             columns[match.index] = Numbers(match.name, match.unit or None, column.array())
         for match, column, names in zip(table.text, codes, index, strict=True):
             columns[match.index] = Names(match.name, column.array(), tuple(names))
-        places = _Places(table.counted, _joined(first), _joined(number))
+        places = Places(table.counted, _joined(first), _joined(number))
         ordered = {columns[i].name: columns[i] for i in sorted(columns)}
         return cls(table.file, rows, ordered, table.header, places, range(rows))
 
@@ -306,6 +339,78 @@ class Measurements:
         return f"Measurements({self.file!r}, {self.rows} row{'s' * (self.rows != 1)}: {names})"
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Scan:
+    """Measurements that are read when they are needed; `Measurements.scan` makes it.
+
+    Rows are in the order of the files by name, and in each as they stand there.
+
+    Attributes
+    ----------
+    file : str
+        What was asked for.
+    parts : tuple of Part
+    columns : tuple of str
+        Names of the columns with their units, of every file.
+    """
+
+    file: str
+    parts: tuple[Part, ...]
+    columns: tuple[str, ...]
+
+    @classmethod
+    def of(cls, pattern: str | os.PathLike[str]) -> Scan:
+        """Return the measurements of files, after a look at the schema of each; see `Measurements.scan`."""
+        file = os.fspath(pattern)
+        parts, columns = parts_of(file)
+        return cls(file, tuple(parts), tuple(columns))
+
+    @staticmethod
+    def load(part: Part, names: Collection[str] | None = None) -> Measurements:
+        """Return the rows of a part, of all columns or of those of some names; see `Part.open`."""
+        with part.open(names) as table, ExitStack() as stack:
+            return Measurements._read(table, stack, None)
+
+    @cached_property
+    def empty(self) -> Measurements:
+        """The columns without rows, by which they are checked before anything is read."""
+        return self.load(replace(self.parts[0], file=self.file, groups=()))
+
+    def joined(self, tables: Sequence[Measurements], rows: Sequence[int]) -> Measurements:
+        """Return stretches of the scan as one table.
+
+        Parameters
+        ----------
+        tables : sequence of Measurements
+            One at least.
+        rows : sequence of int
+            Numbers of the first row of each, among all rows of the scan; messages show these.
+        """
+        columns: dict[str, Numbers | Names] = {}
+        for name, column in tables[0].columns.items():
+            every = [table.columns[name] for table in tables]
+            if isinstance(column, Numbers):
+                columns[name] = Numbers(
+                    name, column.unit, _read_only(np.concatenate([c.values for c in every]))
+                )
+                continue
+            names, codes = np.unique(np.concatenate([c.values for c in every]), return_inverse=True)
+            columns[name] = Names(name, _read_only(codes.astype(np.int32)), tuple(names.tolist()))
+        counts = np.array([table.rows for table in tables])
+        total = int(counts.sum())
+        places = Places("row", np.cumsum(counts) - counts, np.asarray(rows, np.int64))
+        return Measurements(self.file, total, columns, "schema", places, range(total))
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return sum(part.rows for part in self.parts)
+
+    def __repr__(self) -> str:
+        files = len({part.path for part in self.parts})
+        return f"Scan({self.file!r}, {files} file{'s' * (files != 1)}: {', '.join(self.columns)})"
+
+
 @dataclass(frozen=True)
 class _Block:
     """The part of a block of rows that is kept."""
@@ -324,6 +429,11 @@ class _Block:
             names.append((values_of(encoded.indices), encoded.dictionary.to_pylist()))
         first = np.flatnonzero(np.diff(rows.numbers, prepend=-2) != 1)
         return cls(len(rows.numbers), rows.values, names, first, rows.numbers[first])
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
 
 
 def _joined(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:

@@ -81,6 +81,8 @@ class Observations:
         -1 of rows that are set aside; None where it has neither. Parts of the observations do not have it.
     aside : RowsAside or None
         Rows that the machine file sets aside, which are not here; None where it says nothing of any.
+    blocks : Blocks or None
+        Where these are a sample of more rows, all of them. Parts of the observations do not have it.
     """
 
     machine: Machine
@@ -107,6 +109,7 @@ class Observations:
     counted_as: NDArray[np.int_] | None = None
     correlation: NDArray[np.float64] | None = None
     aside: RowsAside | None = None
+    blocks: Any = None
 
     @property
     def n(self) -> int:

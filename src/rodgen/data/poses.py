@@ -123,7 +123,7 @@ def groups(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp]:
     >>> bool(found[0] == found[2]), len(set(found.tolist()))
     (True, 3)
     """
-    _, first, found = np.unique(_hashes(columns, n), return_index=True, return_inverse=True)
+    _, first, found = np.unique(hashes(columns, n), return_index=True, return_inverse=True)
     if len(first) == n or all(np.array_equal(column, column[first][found]) for column in columns):
         return found
     # Two different rows share a hash of 64 bits: sort by every column, which takes ten times as long.
@@ -156,8 +156,8 @@ def originals(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp] | Non
     >>> originals([np.array([0.1, 0.7, 0.4, 0.4, 0.1, 0.7])], 6) is None
     True
     """
-    hashes = np.sort(_hashes(columns, n))
-    if not np.any(hashes[1:] == hashes[:-1]):
+    mixed = np.sort(hashes(columns, n))
+    if not np.any(mixed[1:] == mixed[:-1]):
         return None
     _, first, group = np.unique(groups(columns, n), return_index=True, return_inverse=True)
     order = np.argsort(group, kind="stable")
@@ -175,7 +175,8 @@ def originals(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp] | Non
     return found
 
 
-def _hashes(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.uint64]:
+def hashes(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.uint64]:
+    """Return a hash of each row, (n,): equal for rows that are equal in every column."""
     mixed = np.zeros(n, np.uint64)
     for column in columns:
         if column.dtype.kind == "f":

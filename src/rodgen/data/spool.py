@@ -85,7 +85,7 @@ class GrowingArray:
         return whole
 
 
-def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
+def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64, *, large: int = IN_MEMORY) -> NDArray[Any]:
     """Return a writable array of any content, in a temporary file when it is large.
 
     Parameters
@@ -98,7 +98,7 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]
         When the folder of temporary files has no room for it.
     """
     size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
-    if size <= IN_MEMORY:
+    if size <= large:
         return np.empty(shape, dtype)
     with _disk_faults(), tempfile.TemporaryFile() as file:
         # Writing to a mapped file with holes kills the process when the disk is full: reserve the room first.

@@ -26,7 +26,7 @@ def generalised_f(models: NestedModels, further: int, residual_dof: int) -> tupl
     before = base.project_out(white[:, -2])
     after = ColumnSpace.of(unit_columns(large)).project_out(white[:, -1])
     remains = float(after @ after)
-    part = models.residual.size / max(int((~models.larger.outliers).sum()) * models.residual.shape[1], 1)
+    part = models.residual.size / max(models.larger.rows * models.residual.shape[1], 1)
     left = remains / max(part * residual_dof, 1.0)
     directions, _, _ = svd(base.project_out(unit_columns(new)), full_matrices=False)
     pose = np.repeat(models.rows.observations.pose, models.residual.shape[1])

@@ -28,8 +28,6 @@ from rodgen.statistics.thresholds import DETERMINACY
 __all__ = ["Determinacy", "Direction", "determinacy"]
 
 
-IN_CACHE = 1_000
-"""Rows that are decomposed at once: a tall matrix takes six times as long outside the cache."""
 LARGEST = 1e150
 """Standard deviations are no larger, for unit variance, so that their squares are finite."""
 NEARLY_WEAK = 2.0
@@ -129,7 +127,7 @@ def determinacy(
     if further is not None:
         square = square.copy()
         square[np.ix_(index, index)] += further.T @ further
-    near, left = NearFile(problem, index), max(problem.rows * problem.components - len(index), 1)
+    near, left = NearFile(problem, index), problem.freedom(len(index))
     variance = max(cost, 0.0) / left  # a sum of squares is below 0 by rounding only
     stated = near.stated(variance)
     pull = near.pull(square, variance) if np.isfinite(cost) else None
@@ -144,9 +142,8 @@ def determinacy(
             len(index),
             _spectrum=Spectrum(problem, theta, frame, index, scale, none, none),
         )
-    triangle = _triangle(
-        problem, theta, frame, index, stated if further is None else np.concatenate([stated, further])
-    )
+    rows = stated if further is None else np.concatenate([stated, further])
+    triangle = problem.triangle(theta, frame, index, rows)
     triangle[:, _without_effect(problem, theta, frame, index, triangle)] = 0.0
     scale = np.linalg.norm(triangle, axis=0)
     scale[scale == 0.0] = 1.0
@@ -230,20 +227,6 @@ def _without_effect(
     size = np.linalg.norm(triangle, axis=0)
     if not np.any(size < SUSPECT * size.max(initial=0.0)):
         return np.zeros(len(size), bool)
-    usual = Elsewhere.of(problem, theta, frame, index).size * float(np.linalg.norm(problem.weight))
+    usual = Elsewhere.of(problem, theta, frame, index).size * problem.total_weight
     found: NDArray[np.bool_] = size < DETERMINACY.nothing * usual
     return found
-
-
-def _triangle(problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_], priors: Array) -> Array:
-    """Return R of the QR decomposition of the weighted Jacobian and the rows of priors, in bounded memory."""
-    waiting = [priors]
-    for _, block in problem.jacobian_blocks(theta, frame):
-        waiting.append(block.reshape(-1, block.shape[-1])[:, index])
-        if sum(map(len, waiting)) > IN_CACHE + 4 * len(index):
-            waiting = [_reduced(waiting)]
-    return _reduced(waiting)
-
-
-def _reduced(blocks: Sequence[Array]) -> Array:
-    return np.asarray(np.linalg.qr(np.concatenate(blocks), mode="r"))

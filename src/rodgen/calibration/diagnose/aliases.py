@@ -279,7 +279,7 @@ def _differences_of_full_fits(
 
 def _sampling_factor(sensitivities: Sensitivities) -> float:
     """Return the ratio of all rows to those examined, by which chi-square of all is larger."""
-    return float((~sensitivities.fit.outliers).sum() / len(sensitivities.rows))
+    return sensitivities.fit.rows / len(sensitivities.rows)
 
 
 def why_alike(

@@ -284,7 +284,7 @@ def dependence(fit: FittedModel) -> Dependence:
     with one_thread_in_blas():
         n, m, p = rows.jacobian.shape
         columns = (rows.jacobian.reshape(n * m, p) @ single).reshape(n, m, p)
-        part = len(rows.residual) / max(int((~fit.outliers).sum()), 1)
+        part = len(rows.residual) / max(fit.rows, 1)
         covariance = found.covariance_of(columns) / part
         if fit.problem.file_values.is_prior or fit.determinacy.held:
             _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
@@ -339,7 +339,7 @@ def _estimate(
     residual = project_out(basis, residual)
     dof = readings - basis.shape[1]
     scatter = float(residual @ residual)
-    rounding = NO_RESIDUAL**2 * fit.problem.scale * len(some.of) / max(fit.observations.n, 1)
+    rounding = NO_RESIDUAL**2 * fit.problem.scale * len(some.of) / max(fit.problem.count, 1)
     if dof < 1 or scatter <= rounding:
         return INDEPENDENT
     white = float(np.sqrt(scatter / dof))

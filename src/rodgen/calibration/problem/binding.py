@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rodgen.data.measurements import Names
     from rodgen.machines.machine import Joint, Machine
 
-__all__ = ["bind", "bind_once"]
+__all__ = ["bind", "bind_once", "names_of"]
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Numbers and uncertainties outside this range overflow or underflow: squares of both are summed."""
@@ -180,6 +180,25 @@ def bind_once(machine: Machine, data: Any) -> Observations:
     return observations
 
 
+def names_of(machine: Machine) -> frozenset[str]:
+    """Return the names of the columns that have a meaning of their own for a machine, or that its effects use."""
+    used = {str(of) for term in machine.structure.terms for _, (kind, of) in term.columns if kind == "x"}
+    return frozenset(_own_names(machine) | used)
+
+
+def _own_names(machine: Machine) -> set[str]:
+    joints = [joint.column for joint in machine.joints if joint.is_read]
+    measurand = machine.measurand
+    own = {"target", "run", "t", "load", *joints, *(n for n in measurand.columns if n not in TURNS)}
+    own |= {f"{prefix}{name}" for prefix in ("dir_", "v_", "T_") for name in joints}
+    own |= {joint.name for joint in machine.joints if not joint.is_read}
+    own |= {f"u_{name}" for name in measurand.columns} | measurand.read_columns
+    if machine.measured.correlation == "columns":
+        names = measurand.components
+        own |= {f"{of}_{a}_{b}" for of in ("corr", "cov") for a in names for b in names}
+    return own
+
+
 class _Binder:
     """The columns of measurements in internal units, each checked when it is used."""
 
@@ -191,13 +210,7 @@ class _Binder:
         self.joints = [joint.column for joint in self.read]
         self.uncertain = machine.measurand.columns  # what has columns u_...
         self.readings = tuple(name for name in self.uncertain if name not in TURNS)
-        self.own = {"target", "run", "t", "load", *self.joints, *self.readings}
-        self.own |= {f"{prefix}{name}" for prefix in ("dir_", "v_", "T_") for name in self.joints}
-        self.own |= {joint.name for joint in machine.joints if not joint.is_read}
-        self.own |= {f"u_{name}" for name in self.uncertain} | machine.measurand.read_columns
-        if machine.measured.correlation == "columns":
-            names = machine.measurand.components
-            self.own |= {f"{of}_{a}_{b}" for of in ("corr", "cov") for a in names for b in names}
+        self.own = _own_names(machine)
 
     # faults --------------------------------------------------------------------------------------------------
 

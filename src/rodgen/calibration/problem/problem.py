@@ -29,7 +29,7 @@ from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import row_effects
 from rodgen.statistics.thresholds import DETERMINACY, NEGLIGIBLE_WEIGHT, SELECTION
 
-__all__ = ["Problem", "one_thread_in_blas"]
+__all__ = ["Group", "Problem", "one_thread_in_blas", "reduced"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -46,6 +46,8 @@ TOGETHER = 512
 rows together in 0.45 of the time, of 400 in 0.75, of 1,000 in as much."""
 OF_EACH = 200
 """So many rows of each of many groups, on average, are few, too: 85 groups of 35 rows take a fifth of the time."""
+IN_CACHE = 1_000
+"""Rows that are decomposed at once: a tall matrix takes six times as long outside the cache."""
 MOST_TOGETHER = 50_000
 """Rows that are evaluated at once in any case: their derivatives are kept."""
 
@@ -65,13 +67,24 @@ def _threads() -> threadpoolctl.ThreadpoolController:
 
 
 @dataclass(frozen=True)
-class _Group:
+class Group:
+    """Rows that see the same target in the same set-up.
+
+    Attributes
+    ----------
+    target, run : int
+    rows : ndarray of int, or slice
+        Their numbers, a slice where they follow each other.
+    count : int
+    """
+
     target: int
     run: int
-    rows: NDArray[np.int_] | slice  # numbers of its rows, a slice where they follow each other
+    rows: NDArray[np.int_] | slice
     count: int
 
     def block(self, start: int, stop: int) -> Any:
+        """Return the numbers of some of them."""
         if isinstance(self.rows, slice):
             return slice(self.rows.start + start, self.rows.start + stop)
         return self.rows[start:stop]
@@ -163,9 +176,14 @@ class Problem:
         # copies no weight that is one for all
         return float(np.sqrt(np.einsum("ij,ij->", self.weight, self.weight)))
 
+    @property
+    def count(self) -> int:
+        """Number of rows that sums are over."""
+        return self.rows
+
     def freedom(self, parameters: int) -> int:
         """Return how many more readings there are than parameters, 1 at least."""
-        return max(self.rows * self.components - parameters, 1)
+        return max(self.count * self.components - parameters, 1)
 
     # the rows of the kernels ---------------------------------------------------------------------------------
 
@@ -206,17 +224,17 @@ class Problem:
         arm = self.observations.arm
         return np.array([arm if name in TURNS else 1.0 for name in self.model.structure.measurand.components])
 
-    def _groups(self) -> Iterator[_Group]:
+    def _groups(self) -> Iterator[Group]:
         o = self.observations
         runs = o.run if self.model.structure.shift else np.zeros(self.rows, int)
         code = o.target * (int(runs.max(initial=0)) + 1) + runs
         if self.rows and np.all(code == code[0]):
-            yield _Group(int(o.target[0]), int(runs[0]), slice(0, self.rows), self.rows)
+            yield Group(int(o.target[0]), int(runs[0]), slice(0, self.rows), self.rows)
             return
         order = np.argsort(code, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(code[order])) + 1):
             if len(rows):
-                yield _Group(int(o.target[rows[0]]), int(runs[rows[0]]), rows, len(rows))
+                yield Group(int(o.target[rows[0]]), int(runs[rows[0]]), rows, len(rows))
 
     def _column(self, kind: str, of: Any, rows: Any) -> Any:
         o = self.observations
@@ -262,7 +280,7 @@ class Problem:
             made[:, i] = self._column(kind, of, rows)
         return made
 
-    def _block(self, number: int, group: _Group, start: int, stop: int) -> Array:
+    def _block(self, number: int, group: Group, start: int, stop: int) -> Array:
         if self._kept is not None:
             return self._kept[number][start:stop]
         made = np.empty((stop - start, len(self.model.structure.columns)))
@@ -286,7 +304,7 @@ class Problem:
             some.set_weight((self.weight[rows] / self.base_weight[rows])[:, 0])
         return some
 
-    def _blocks(self, step: int = 0) -> Iterator[tuple[int, _Group, int, int]]:
+    def _blocks(self, step: int = 0) -> Iterator[tuple[int, Group, int, int]]:
         """Yield the parts of the groups, of so many rows that their Jacobian stays in the cache, or of `step` rows.
 
         On NumPy calls cost more than that saves.
@@ -371,7 +389,7 @@ class Problem:
     def _on_numpy(self) -> bool:
         return bool(self.model.kernels["residual"].target == "numpy")
 
-    def _evaluation(self, name: str, theta: Array, frame: Frame) -> Callable[[int, _Group, int, int], Any]:
+    def _evaluation(self, name: str, theta: Array, frame: Frame) -> Callable[[int, Group, int, int], Any]:
         """Return a function from a block of a group to what a kernel gives for it.
 
         Of few rows the last Jacobians are kept: a step that follows the residuals' curvature needs the one from where
@@ -395,7 +413,7 @@ class Problem:
         if name == "residual_and_jacobian":
             self._jacobians = dict([*list(self._jacobians.items())[-1:], (at, parts)])
 
-        def of_block(number: int, _: _Group, start: int, stop: int) -> Any:
+        def of_block(number: int, _: Group, start: int, stop: int) -> Any:
             results = [part[number][start:stop] for part in parts]
             return results[0] if len(results) == 1 else results
 
@@ -414,7 +432,7 @@ class Problem:
         """Return the sum of squares of the weighted residuals; infinite where one is not finite."""
         evaluation = self._evaluation("residual", theta, frame)
 
-        def of_block(number: int, group: _Group, start: int, stop: int) -> float:
+        def of_block(number: int, group: Group, start: int, stop: int) -> float:
             residual = evaluation(number, group, start, stop)
             return float(np.vdot(residual, residual))
 
@@ -436,16 +454,20 @@ class Problem:
         """Keep what :meth:`normal_equations` returns at a place, and what was kept last."""
         self._equations = dict([*list(self._equations.items())[-1:], (_place(theta, frame), equations)])
 
-    @np.errstate(over="ignore", invalid="ignore")
     def _summed(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
         p = len(self.model.parameters)
         if "residual_and_jacobian" not in self.model.kernels:
             return self.cost(theta, frame), np.zeros((p, p)), np.zeros(p)
+        return self._in_parameters(self._grams(theta, frame), self._own_slots(theta))
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def _grams(self, theta: Array, frame: Frame) -> list[Array]:
+        """Return the products of derivatives and residuals of each group, with respect to what the kernels have."""
         kernel, e = self.model.kernels["residual_and_jacobian"], self.model.parameters_of_effects(theta)
         geometries = self._geometries(theta, frame)
         evaluation = self._evaluation("residual_and_jacobian", theta, frame) if self._few else None
 
-        def of_block(number: int, group: _Group, start: int, stop: int) -> tuple[int, Array]:
+        def of_block(number: int, group: Group, start: int, stop: int) -> tuple[int, Array]:
             if evaluation is None:
                 return number, kernel.gram(self._block(number, group, start, stop), geometries[number], e)
             residual, jacobian = evaluation(number, group, start, stop)
@@ -455,13 +477,16 @@ class Problem:
         grams: dict[int, Array] = {}  # of each group, in order
         for number, gram in self._each(of_block, BLOCK):
             grams[number] = grams[number] + gram if number in grams else gram
-        return self._in_parameters(grams.values(), theta)
+        return list(grams.values())
 
-    def _in_parameters(self, grams: Iterable[Array], theta: Array) -> tuple[float, Array, Array]:
-        """Return cost, JᵀJ and Jᵀr from the products of each group, with respect to what the kernels have."""
+    @np.errstate(over="ignore", invalid="ignore")
+    def _in_parameters(
+        self, grams: Iterable[Array], slots: Iterable[tuple[NDArray[np.intp], Array]]
+    ) -> tuple[float, Array, Array]:
+        """Return cost, JᵀJ and Jᵀr from the products of some groups, with respect to what the kernels have."""
         p = len(self.model.parameters)
         cost, A, b = 0.0, np.zeros((p, p)), np.zeros(p)
-        for gram, (own, used) in zip(grams, self._own_slots(theta), strict=True):
+        for gram, (own, used) in zip(grams, slots, strict=True):
             cost += float(gram[-1, -1])
             A[own[:, None], own] += used.T @ gram[:-1, :-1] @ used
             b[own] += used.T @ gram[:-1, -1]
@@ -487,7 +512,7 @@ class Problem:
         parts = (part.reshape(-1, joined.shape[-1]) for part in np.split(joined, np.cumsum(counts)[:-1]))
         grams = (part.T @ part for part in parts)
         return [
-            problem._in_parameters(itertools.islice(grams, len(problem.groups)), theta)
+            problem._in_parameters(itertools.islice(grams, len(problem.groups)), problem._own_slots(theta))
             for problem, (theta, _) in zip(problems, points, strict=True)
         ]
 
@@ -549,7 +574,7 @@ class Problem:
         slots = list(self.model.slots(theta, self._pairs))
 
         @np.errstate(over="ignore", invalid="ignore")  # each thread has its own
-        def of_block(number: int, group: _Group, start: int, stop: int) -> Array:
+        def of_block(number: int, group: Group, start: int, stop: int) -> Array:
             residual, jacobian = here(number, group, start, stop)
             flat = jacobian.reshape(-1, jacobian.shape[-1])
             there = moved_there(number, group, start, stop).ravel()
@@ -629,6 +654,23 @@ class Problem:
             block[:, :, own] = jacobian @ used
             yield group.block(start, stop), block
 
+    def triangle(self, theta: Array, frame: Frame, index: NDArray[np.int_], further: Array) -> Array:
+        """Return R of the QR decomposition of the weighted Jacobian and further rows, in bounded memory.
+
+        Parameters
+        ----------
+        theta, frame : ndarray, Frame
+        index : ndarray of int, shape (k,)
+            Numbers of the parameters.
+        further : ndarray, shape (r, k)
+        """
+        waiting = [further]
+        for _, block in self.jacobian_blocks(theta, frame):
+            waiting.append(block.reshape(-1, block.shape[-1])[:, index])
+            if sum(map(len, waiting)) > IN_CACHE + 4 * len(index):
+                waiting = [reduced(waiting)]
+        return reduced(waiting)
+
     def _own_slots(self, theta: Array) -> list[tuple[NDArray[np.intp], Array]]:
         """Return, for each group, its parameters, few of many targets', and the derivative of the slots by these."""
         if self._constant_slots is not None:
@@ -641,6 +683,11 @@ class Problem:
         if self.model.has_constant_slots:
             self._constant_slots = made
         return made
+
+
+def reduced(blocks: Sequence[Array]) -> Array:
+    """Return R of the QR decomposition of rows, (k, p) each."""
+    return np.asarray(np.linalg.qr(np.concatenate(blocks), mode="r"))
 
 
 def _place(theta: Array, frame: Frame) -> tuple[bytes, ...]:

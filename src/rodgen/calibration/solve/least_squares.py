@@ -274,7 +274,7 @@ def _steps(
     floor = EXACT * problem.scale
     left = problem.freedom(len(index))
     small, close = (max(part**2 / left, ROUNDING) for part in (SMALL_STEP, CLOSE))
-    few = problem.rows <= FEW_ROWS
+    few = problem.count <= FEW_ROWS
     growth, iteration = GROWTH, 0
     unit = np.eye(len(index))
     theta = near.within(theta)

@@ -68,9 +68,11 @@ def _numbers_of_rows(problem: Problem, estimated: Sequence[int]) -> list[int]:
     """Return with how many rows to begin, and go on; the last number is that of all."""
     searches = any(problem.model.parameters[i].searched for i in estimated)
     least = max(LEAST_ROWS, ROWS_A_PARAMETER * len(estimated))
-    numbers = [problem.rows]
+    numbers = [problem.count]
+    if problem.rows < problem.count:  # the others are far away
+        numbers.insert(0, problem.rows)
     while not searches and not problem.is_closed_chain and numbers[0] >= SAVES_FROM * least:
-        numbers.insert(0, max(numbers[0] // MORE_ROWS, least))
+        numbers.insert(0, min(max(numbers[0] // MORE_ROWS, least), problem.rows))
     return numbers
 
 
@@ -137,10 +139,10 @@ def _needed(
     problem: Problem, solution: Solution, parameters: int, index: int | None = None, value: float = 0.0
 ) -> float:
     """Return by how much the cost must fall for the last of so many parameters, of that number and value."""
-    left = max(problem.rows * problem.components - parameters, 1)
+    left = problem.freedom(parameters)
     variance = 1.0 if problem.observations.sigma is not None else solution.cost / left
     of_size = 0.0 if index is None else _size_cost(problem.model, index, value)
-    return variance * (SELECTION.parameter_cost(problem.rows) + of_size)
+    return variance * (SELECTION.parameter_cost(problem.count) + of_size)
 
 
 def _size_cost(model: Model, index: int, value: float) -> float:

@@ -86,8 +86,9 @@ def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
 
 def thinned(problem: Problem, most: int = SEARCH_ROWS) -> Problem:
     """Return the problem with as many rows as a search looks at: any, as every tenth may be of one kind."""
-    if problem.rows <= most:
+    if problem.count <= most:
         return problem
+    most = min(most, problem.rows)
     return problem.take(np.sort(np.random.default_rng(0).choice(problem.rows, most, replace=False)))
 
 

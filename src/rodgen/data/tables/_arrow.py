@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import abc
-from collections.abc import Iterator, Mapping, Sequence
-from typing import IO, Any
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from rodgen.data.tables.columns import Column, EveryColumn
+from rodgen.data.tables.columns import Column, EveryColumn, bare_name
 from rodgen.data.tables.table import READABLE, Block, Rows, Table, plain, values_of
 from rodgen.errors import InputFileError, shown
 from rodgen.files import unreadable
@@ -76,14 +76,34 @@ def _is_text(kind: pa.DataType) -> bool:
 
 
 class ParquetTable(_ArrowTable):
-    """A Parquet file."""
+    """A Parquet file, or some of its row groups and columns.
 
-    def __init__(self, file: str, raw: IO[bytes], columns: Sequence[Column] | EveryColumn) -> None:
+    Parameters
+    ----------
+    file : str
+    raw : file open for reading bytes
+    columns : sequence of Column, or EveryColumn
+    groups : sequence of int, optional
+        Numbers of the row groups that are read; left out, all.
+    names : collection of str, optional
+        Names of the columns that are read, without their units; left out, all.
+    """
+
+    group_rows: list[int]
+    _group: int | None = None  # that is being read
+
+    def __init__(
+        self,
+        file: str,
+        raw: Any,
+        columns: Sequence[Column] | EveryColumn,
+        groups: Sequence[int] | None = None,
+        names: Collection[str] | None = None,
+    ) -> None:
         import pyarrow.parquet as pq
 
         self.file = file
         self._raw = raw
-        self._rows = 0
         try:
             # A small read buffer keeps a row group of any size from being read at once.
             # Pages that have a checksum are checked; few programs write it.
@@ -91,9 +111,19 @@ class ParquetTable(_ArrowTable):
                 raw, buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True
             )
             self.schema = self._parquet.schema_arrow.remove_metadata()
-            self.total = self._parquet.metadata.num_rows
+            sizes = [
+                self._parquet.metadata.row_group(g).num_rows for g in range(self._parquet.num_row_groups)
+            ]
         except _ARROW_ERRORS as error:
             raise self._damaged(error) from None
+        self._columns: list[str] | None = None
+        if names is not None:
+            self.schema = pa.schema([field for field in self.schema if bare_name(field.name) in names])
+            self._columns = self.schema.names
+        self.group_rows = sizes
+        self._groups = range(len(sizes)) if groups is None else groups
+        self._rows = sum(sizes[: self._groups[0]]) if len(self._groups) else 0
+        self.total = sum(sizes[g] for g in self._groups)
         self._find_wanted(self.schema.names, columns, self._words())
         self._check_types()
 
@@ -102,9 +132,13 @@ class ParquetTable(_ArrowTable):
 
     def _blocks(self) -> Iterator[Block]:
         try:
-            for batch in self._parquet.iter_batches(batch_size=BLOCK_ROWS, use_threads=False):
-                yield Block(batch, self._rows, len(batch))
-                self._rows += len(batch)
+            for group in self._groups:
+                self._group = group
+                for batch in self._parquet.iter_batches(
+                    BLOCK_ROWS, [self._group], self._columns, use_threads=False
+                ):
+                    yield Block(batch, self._rows, len(batch))
+                    self._rows += len(batch)
         except _ARROW_ERRORS as error:
             if isinstance(error, InputFileError):
                 raise
@@ -118,7 +152,8 @@ class ParquetTable(_ArrowTable):
             found, expected = f"needs more memory than there is ({reason})", "a smaller table, or more memory"
         else:
             found, expected = f"damaged Parquet data ({reason})", "a complete Parquet file"
-        return InputFileError(self.file, "file", found, expected)
+        place = "file" if self._group is None else f"row group {self._group}"
+        return InputFileError(self.file, place, found, expected)
 
 
 class FrameTable(_ArrowTable):

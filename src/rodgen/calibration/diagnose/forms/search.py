@@ -241,7 +241,7 @@ class _Search:
             if (column := sensitivities.component(place, component)) is not None and np.any(column)
         ]
         problem = sensitivities.fit.problem
-        rounding = NO_RESIDUAL**2 * problem.scale * len(sensitivities.residual) / max(problem.rows, 1)
+        rounding = NO_RESIDUAL**2 * problem.scale * len(sensitivities.residual) / max(problem.count, 1)
         if (
             not found
             or sensitivities.residual.size < FORMS.fewest_residual_dof

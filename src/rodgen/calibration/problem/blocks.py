@@ -1,0 +1,662 @@
+"""A model and measurements that are read part by part: what a fit sums over rows is summed where the parts are.
+
+Each part of a scan is read once by the worker that keeps it, checked as any measurements, and laid down as the numbers
+that kernels take, in the order of targets and set-ups; large ones in a temporary file. What leaves a worker are sums,
+and a sample: stretches of rows, spread evenly over all, on which is decided what is decided on a sample of
+many rows in memory, too. A part whose worker was killed is read again by another.
+
+What depends on rows before a part, the direction from which a joint came to its first rows, is known when all parts
+have been read, and is sent with each question.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.problem.binding import bind, bind_once, names_of
+from rodgen.calibration.problem.problem import Group, Problem, one_thread_in_blas, reduced
+from rodgen.data.measurements import Measurements, Scan
+from rodgen.data.observations import Observations
+from rodgen.data.poses import hashes
+from rodgen.data.spool import empty, release
+from rodgen.data.tables.parts import Part
+from rodgen.errors import InputFileError
+from rodgen.machines.machine import Machine
+from rodgen.machines.model import Frame, Model, model_of
+from rodgen.schedulers import Workers, workers
+from rodgen.statistics.decompositions import svd
+from rodgen.statistics.thresholds import DETERMINACY
+
+__all__ = ["FOLDS", "BlockProblem", "Blocks", "observed", "problem_of"]
+
+Array: TypeAlias = NDArray[np.float64]
+Place: TypeAlias = tuple[Array, Frame]
+
+STRETCHES, STRETCH = 20, 2_500
+"""The sample: so many stretches of so many rows, which begin where those of `sample_of` do."""
+FOLDS = 5
+"""Folds of poses, as of many rows in memory."""
+EXACT, UNSEEN = 1e-8, 1e-13
+"""Parts of the largest information: above the one, normal equations give any combination to eight digits, below the
+other they are rounding."""
+KEPT_BYTES = 256 << 20
+"""What a process keeps of parts in memory; beyond, parts are in files, which leave memory after each question."""
+MOST_FILES = 400
+"""Parts in files of a process at most; further ones are read anew for each question."""
+
+
+# the parts, on their workers ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What has to be known of a part before anything is fitted.
+
+    Attributes
+    ----------
+    rows : int
+    first, last : ndarray, shape (J,)
+        Commanded coordinates of the first and the last row, as they stand in the file.
+    began, ended : ndarray of int8, shape (J,)
+        Directions of the first and the last motion of each joint within the part; 0 of one that does not move.
+    low, high : ndarray, shape (J,)
+        Range of the coordinates, internal units.
+    runs : tuple of str
+        Names of the set-ups.
+    sums, squares : ndarray, shape (k,)
+        Of the readings, and of their squares.
+    largest : float
+        Largest number among the readings.
+    weights : float
+        Sum of the squared weights.
+    stretches : list of (Measurements, ndarray of int8, shape (n, J), int)
+        The rows of the sample, all columns of them; their directions of approach, and the number of the first.
+    before : list of int
+        How many rows of each joint are before its first motion; none where a column says the directions.
+    """
+
+    rows: int
+    first: Array
+    last: Array
+    began: NDArray[np.int8]
+    ended: NDArray[np.int8]
+    low: Array
+    high: Array
+    runs: tuple[str, ...]
+    sums: Array
+    squares: Array
+    largest: float
+    weights: float
+    stretches: list[tuple[Measurements, NDArray[np.int8], int]]
+    before: list[int]
+
+
+@dataclass
+class _Store:
+    """The rows of a part as kernels take them, sorted by target, set-up and fold.
+
+    Attributes
+    ----------
+    survey : Survey
+    numbers : ndarray, shape (k, rows)
+    at : dict of (kind, of) to int or float
+        Where in `numbers` each column of the kernels is, or its only value.
+    directions : ndarray of int8, shape (J, rows)
+    early : list of ndarray of int
+        Of each joint the rows before its first motion; none where a column says the directions.
+    groups : list of (target, name of the set-up, fold, first row, last row + 1)
+    """
+
+    survey: Survey
+    numbers: Array
+    at: dict[tuple[str, Any], int | float]
+    directions: NDArray[np.int8]
+    early: list[NDArray[np.intp]]
+    groups: list[tuple[int, str, int, int, int]]
+
+    @property
+    def bytes(self) -> int:
+        return self.numbers.nbytes + self.directions.nbytes
+
+
+class _Kept:
+    """What this process keeps of parts."""
+
+    def __init__(self) -> None:
+        self.bytes = self.files = 0
+
+    def add(self, part: PartRows, store: _Store) -> bool:
+        """Return whether a part is kept, and count it until it is gone."""
+        in_file = store.numbers.base is not None
+        if in_file and self.files >= MOST_FILES:
+            return False
+        size = 0 if in_file else store.bytes
+        self.bytes += size
+        self.files += in_file
+        weakref.finalize(part, self._gone, size, in_file)
+        return True
+
+    def _gone(self, size: int, in_file: bool) -> None:
+        self.bytes -= size
+        self.files -= in_file
+
+
+_kept = _Kept()
+
+
+class PartRows:
+    """The rows of a part; read when they are asked for, and kept by the process that was asked.
+
+    Parameters
+    ----------
+    part : Part
+    machine : Machine
+        By which they are checked.
+    stretches : sequence of slice
+        Rows that belong to the sample.
+    """
+
+    def __init__(self, part: Part, machine: Machine, stretches: Sequence[slice]) -> None:
+        self.part, self.machine, self.stretches = part, machine, stretches
+        self._store: _Store | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_store": None}  # rows stay where they are
+
+    def store(self, model: Model | None = None) -> _Store:
+        """Return the rows, with all columns that a model needs."""
+        needed = {of for kind, of in model.structure.columns if kind == "x"} if model else set[Any]()
+        found = self._store
+        if found is None or not all(("x", name) in found.at for name in needed):
+            found = self._read(frozenset(needed) | names_of(self.machine))
+            self._store = found if _kept.add(self, found) else None
+        return found
+
+    def _read(self, names: frozenset[str]) -> _Store:
+        o = bind(self.machine, Scan.load(self.part, None if self.stretches else names))
+        return _laid_down(o, self.stretches, _kept.bytes < KEPT_BYTES)
+
+
+def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> _Store:
+    """Return observations as kernels take them."""
+    model = model_of(o.machine, o.travel, o.run_names, compiled=False)
+    problem = Problem(model, o)
+    fold = hashes([*o.q.T, *([] if o.load is None else [o.load])], o.n) % np.uint64(FOLDS)
+    order = np.lexsort((fold, o.run, o.target))
+    code = np.stack([o.target[order], o.run[order], fold[order].astype(np.int32)])
+    starts = np.flatnonzero(np.any(np.diff(code, axis=1, prepend=-1), axis=0))
+    groups = [
+        (int(code[0, a]), o.run_names[code[1, a]], int(code[2, a]), int(a), int(b))
+        for a, b in zip(starts, [*starts[1:], o.n], strict=True)
+    ]
+    at: dict[tuple[str, Any], int | float] = {}
+    columns: list[Array] = []
+    for kind, of in _columns_of(problem):
+        column = problem._column(kind, of, slice(None))
+        if o.n and np.ptp(column) == 0:
+            at[kind, of] = float(column[0])
+        else:
+            at[kind, of] = len(columns)
+            columns.append(column)
+    shape = (len(columns), o.n)
+    numbers = np.empty(shape) if in_memory or not min(shape) else empty(shape, large=0)
+    for row, column in zip(numbers, columns, strict=True):
+        np.take(column, order, out=row)
+    place = np.empty(o.n, np.intp)
+    place[order] = np.arange(o.n)
+    survey = _survey(o, problem, stretches)
+    early = [place[:rows] for rows in survey.before]
+    return _Store(survey, numbers, at, np.ascontiguousarray(o.s.T[:, order]), early, groups)
+
+
+def _columns_of(problem: Problem) -> Iterator[tuple[str, Any]]:
+    """Yield all columns that a model of these observations may need, but for directions of approach."""
+    o = problem.observations
+    for j, joint in enumerate(o.machine.joints):
+        yield from (("q", j), ("v", j))
+        if joint.name in o.temperature:
+            yield "T", j
+    yield from (("t", 0) for _ in [o.t] if o.t is not None)
+    yield from (("F", 0) for _ in [o.load] if o.load is not None)
+    yield from (("x", name) for name in o.covariates)
+    yield from (column for column in problem.model.structure.columns if column[0] in {"reading", "whitening"})
+    yield from (("weight", c) for c in range(problem.components))
+
+
+def _survey(o: Observations, problem: Problem, stretches: Sequence[slice]) -> Survey:
+    """Return what has to be known of a part."""
+    joints = o.machine.joints
+    began, ended = (np.zeros(len(joints), np.int8) for _ in range(2))
+    first, last = np.zeros(len(joints)), np.zeros(len(joints))
+    still = _before_motion(o)
+    for j, (joint, before) in enumerate(zip(joints, still, strict=True)):
+        column = o.data.columns[joint.column].values
+        if o.n:
+            first[j], last[j] = column[[0, -1]]
+        if f"dir_{joint.column}" not in o.columns_given and before < o.n:
+            began[j], ended[j] = o.s[before, j], o.s[-1, j]
+    return Survey(
+        rows=o.n,
+        first=first,
+        last=last,
+        began=began,
+        ended=ended,
+        low=o.q.min(axis=0, initial=np.inf),
+        high=o.q.max(axis=0, initial=-np.inf),
+        runs=o.run_names,
+        sums=o.reading.sum(axis=0),
+        squares=np.einsum("ij,ij->j", o.reading, o.reading),
+        largest=problem.model.structure.measurand.size(o.reading),
+        weights=float(np.einsum("ij,ij->", problem.weight, problem.weight)),
+        stretches=[(_apart(o.data.take(rows)), o.s[rows].copy(), rows.start) for rows in stretches],
+        before=still,
+    )
+
+
+def _before_motion(o: Observations) -> list[int]:
+    """Return how many rows of each joint are before its first motion; none where a column says the directions."""
+    found = []
+    for joint in o.machine.joints:
+        column = o.data.columns[joint.column].values
+        moves = column[1:] != column[:-1]
+        given = f"dir_{joint.column}" in o.columns_given
+        found.append(0 if given else int(np.argmax(moves)) + 1 if moves.any() else o.n)
+    return found
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """What all parts have to know.
+
+    Attributes
+    ----------
+    runs : dict of str to int
+    entries : tuple of ndarray, each of shape (J,)
+        Directions from which the joints came to the first row of each part.
+    """
+
+    runs: dict[str, int]
+    entries: tuple[NDArray[np.int8], ...]
+
+
+class PartProblem(Problem):
+    """The residuals of a model on the rows of a part, for sums only."""
+
+    def __init__(self, model: Model, rows: PartRows, shared: _Shared) -> None:
+        self.model, self.components = model, model.structure.components
+        self.store = store = rows.store(model)
+        self.rows = store.survey.rows
+        shift = model.structure.shift
+        self.folds = [fold for _, _, fold, _, _ in store.groups]
+        self.groups = [
+            Group(target, shared.runs[run] if shift else 0, slice(a, b), b - a)
+            for target, run, _, a, b in store.groups
+        ]
+        self._pairs = tuple((group.target, group.run) for group in self.groups)
+        self._equations, self._jacobians, self._constant_slots = {}, {}, None
+        for j, entry in enumerate(shared.entries[rows.part.number]):
+            store.directions[j, store.early[j]] = entry
+
+    _kept = None  # columns are put together block by block
+
+    def _column(self, kind: str, of: Any, rows: Any) -> Any:
+        if kind == "s":
+            return self.store.directions[of, rows]
+        at = self.store.at[kind, of]
+        return at if isinstance(at, float) else self.store.numbers[at, rows]
+
+    def _each(self, function: Any, step: int = 0) -> Iterator[Any]:
+        return (function(*block) for block in self._blocks(step))  # parts are spread over threads already
+
+    @property
+    def _few(self) -> bool:
+        return False
+
+    def grams(self, theta: Array, frame: Frame) -> list[tuple[float, Array, Array]]:
+        """Return cost, JᵀJ and Jᵀr of each fold."""
+        grams, slots = self._grams(theta, frame), self._own_slots(theta)
+        numbers = [[k for k, of in enumerate(self.folds) if of == fold] for fold in range(FOLDS)]
+        return [self._in_parameters([grams[k] for k in own], [slots[k] for k in own]) for own in numbers]
+
+    def squares(self, theta: Array, frame: Frame, fold: int | None = None) -> Array:
+        """Return the sums of the squares of the errors, by component, in internal units; of a fold or of all rows."""
+        evaluation, measurand = self._evaluation("residual", theta, frame), self.model.structure.measurand
+        found = np.zeros(self.components)
+        for block in self._blocks():
+            number, group, start, stop = block
+            if fold is not None and self.folds[number] != fold:
+                continue
+            rows = group.block(start, stop)
+            weight = np.stack([np.broadcast_to(self._column("weight", c, rows), stop - start)
+                               for c in range(self.components)], axis=-1)  # fmt: skip
+            error = measurand.error(self._uncoloured(evaluation(*block), rows) / weight)
+            found += np.einsum("ij,ij->j", error, error)
+        return found
+
+    def _uncoloured(self, residual: Array, rows: Any) -> Array:
+        """Return weighted residuals with the correlation that is stated, where one is."""
+        m = self.components
+        if ("whitening", 0) not in self.store.at:
+            return residual
+        whitening = np.empty((len(residual), m, m))
+        for k in range(m * m):
+            whitening[:, k // m, k % m] = self._column("whitening", k, rows)
+        return np.asarray(np.linalg.solve(whitening, residual[..., None])[..., 0])
+
+
+def _asked(rows: PartRows, shared: _Shared, model: Model, method: str, arguments: tuple[Any, ...]) -> Any:
+    """Return what a method of the problem of a part returns; large parts leave memory then."""
+    with one_thread_in_blas():
+        problem = PartProblem(model, rows, shared)
+        found = getattr(problem, method)(*arguments)
+    release(problem.store.numbers)
+    return found
+
+
+def _surveyed(rows: PartRows) -> Survey:
+    return rows.store().survey
+
+
+def _apart(table: Measurements) -> Measurements:
+    """Return a stretch that does not hold the whole table."""
+    columns = {name: column.take(np.arange(table.rows)) for name, column in table.columns.items()}
+    return replace(table, columns=columns)
+
+
+# all of them, from where the fit runs -------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class Blocks:
+    """The parts of a scan on the workers, and what is known of all rows.
+
+    Attributes
+    ----------
+    scan : Scan
+    parts : list of PartRows
+    surveys : list of Survey
+    """
+
+    scan: Scan
+    parts: list[PartRows]
+    surveys: list[Survey] = field(default_factory=list)
+    _held: tuple[Workers, Sequence[Any]] | None = field(default=None, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_held": None}
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return self.scan.rows
+
+    @cached_property
+    def shared(self) -> _Shared:
+        """What all parts have to know."""
+        names = dict.fromkeys(name for survey in self.surveys if survey.rows for name in survey.runs)
+        return _Shared({name: k for k, name in enumerate(names or ("",))}, tuple(self._entries()))
+
+    def _entries(self) -> list[NDArray[np.int8]]:
+        """Return the directions from which the joints came to the first row of each part; see `approach`."""
+        full = [survey for survey in self.surveys if survey.rows]
+        now = np.zeros(len(self.parts[0].machine.joints), np.int8)
+        entries, last = [], None
+        for survey in self.surveys:
+            if survey.rows:
+                step = np.sign(survey.first - (survey.first if last is None else last)).astype(np.int8)
+                now = np.where(step, step, now)
+            entries.append(now)
+            if survey.rows:
+                now, last = np.where(survey.ended, survey.ended, now), survey.last
+        first = np.zeros_like(now)  # of the first motion of each joint at all: rows before it take it
+        for entry, survey in zip(entries, self.surveys, strict=True):
+            for known in (entry, survey.began):
+                first = np.where(first, first, known)
+        assert full
+        return [np.where(entry, entry, first).astype(np.int8) for entry in entries]
+
+    def ask(self, what: str, function: Callable[..., Any], *arguments: Any) -> list[Any]:
+        """Return what a function of a part returns, of each part, in their order."""
+        with workers() as some:
+            if self._held is None or self._held[0] is not some:
+                self._held = some, some.hold(self.parts)
+            found = dict(some.each(what, function, self._held[1], *arguments))
+        return [found[k] for k in range(len(found))]
+
+    def sum(self, method: str, model: Model, *arguments: Any) -> Any:
+        """Return the sum over all parts of what a method of `PartProblem` returns, numbers or arrays, term by term."""
+        found = self.ask("all rows", _asked, self.shared, model, method, arguments)
+        return _added(found)
+
+    def sample(self, machine: Machine) -> Observations:
+        """Return the rows of all parts that belong to the sample."""
+        tables, directions, rows = list[Measurements](), list[NDArray[np.int8]](), list[int]()
+        begin = 0
+        for survey, entries in zip(self.surveys, self.shared.entries, strict=True):
+            for table, s, start in survey.stretches:
+                for column, entry, before in zip(s.T, entries, survey.before, strict=True):
+                    column[: max(before - start, 0)] = entry
+                tables.append(table)
+                directions.append(s)
+                rows.append(begin + start)
+            begin += survey.rows
+        counts = np.array([table.rows for table in tables])
+        new = np.array(
+            [False, *(np.array(rows[1:]) != (np.array(rows) + counts)[:-1])]
+        )  # unless it goes on in the next part
+        stretch = np.repeat(np.cumsum(new), counts)
+        return self._bound(machine, self.scan.joined(tables, rows), np.concatenate(directions), stretch)
+
+    def _bound(
+        self, machine: Machine, table: Measurements, s: NDArray[np.int8], stretch: NDArray[np.int_]
+    ) -> Observations:
+        """Return the sample in internal units, with ranges and directions as among all rows."""
+        o = bind(machine, table)
+        low = np.min([survey.low for survey in self.surveys], axis=0)
+        high = np.max([survey.high for survey in self.surveys], axis=0)
+        travel = [limits or (a, b) for limits, a, b in zip(machine.limits, low, high, strict=True)]
+        runs = self.shared.runs
+        number = np.array([runs[name] for name in o.run_names], np.int32)
+        # a stretch begins with a new pose, and is no neighbour of the one before
+        begins = np.diff(o.pose, prepend=-1) | np.diff(stretch, prepend=0)
+        made = replace(
+            o,
+            s=s,
+            travel=np.array(travel, float).reshape(-1, 2),
+            pose=(np.cumsum(begins + np.diff(stretch, prepend=0)) - 1).astype(np.int32),
+            run=number[o.run] if len(runs) > 1 else o.run,
+            run_names=tuple(runs),
+            blocks=self,
+        )
+        for array in made.arrays():
+            array.flags.writeable = False
+        return made
+
+
+class BlockProblem(Problem):
+    """The residuals of a model on all rows of a scan, for sums; what is asked of single rows is of the sample.
+
+    Parameters
+    ----------
+    model : Model
+    observations : Observations
+        A sample, with `blocks`.
+    """
+
+    def __init__(self, model: Model, observations: Observations) -> None:
+        super().__init__(model, observations)
+        self.blocks: Blocks = observations.blocks
+        self._aside: Problem | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of rows that sums are over."""
+        return self.blocks.rows
+
+    @property
+    def scale(self) -> float:
+        """Sum of squares of the weighted readings, to which rounding errors are relative."""
+        largest = max(survey.largest for survey in self.blocks.surveys)
+        return (largest * self.total_weight) ** 2
+
+    @property
+    def spread(self) -> float:
+        """Cost of a model that predicts the mean of the readings, with the mean weight for all."""
+        return self._around * self.total_weight**2 / (self.count * self.components)
+
+    @property
+    def total_weight(self) -> float:
+        """Root of the sum of the squared weights."""
+        return float(np.sqrt(sum(survey.weights for survey in self.blocks.surveys)))
+
+    @cached_property
+    def _around(self) -> float:
+        """Sum of the squares of the readings, their mean taken off."""
+        sums, squares = (
+            np.sum([getattr(s, name) for s in self.blocks.surveys], axis=0) for name in ("sums", "squares")
+        )
+        return float(np.sum(squares - sums**2 / self.count))
+
+    def set_weight(self, factor: Array) -> None:
+        """Multiply the weights of the sample by a factor for each row, (n,); the other rows keep theirs."""
+        super().set_weight(factor)
+        aside = np.flatnonzero(factor != 1.0)
+        self._aside = None
+        if len(aside):  # their part of each sum is taken off, and added as it is weighted now
+            self._aside = Problem(self.model, self.observations.take(aside))
+            self._aside.set_weight(np.sqrt(np.maximum(1 - factor[aside] ** 2, 0.0)))
+
+    def _less_aside(self, method: str, *arguments: Any) -> Any:
+        """Return a sum over all rows, as they are weighted."""
+        whole = self.blocks.sum(method, self.model, *arguments)
+        if self._aside is None:
+            return whole
+        part = getattr(self._aside, method)(*arguments)
+        return (
+            tuple(a - b for a, b in zip(whole, part, strict=True))
+            if isinstance(whole, tuple)
+            else whole - part
+        )
+
+    def cost(self, theta: Array, frame: Frame) -> float:
+        """Return the sum of squares of the weighted residuals; infinite where one is not finite."""
+        return float(self._less_aside("cost", theta, frame))
+
+    def _summed(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
+        found: tuple[float, Array, Array] = self._less_aside("_summed", theta, frame)
+        return found
+
+    def bend(self, theta: Array, frame: Frame, moved: Place, step: Array, part: float) -> Array:
+        """Return Jᵀr″; see `Problem.bend`."""
+        return np.asarray(self._less_aside("bend", theta, frame, moved, step, part))
+
+    def triangle(self, theta: Array, frame: Frame, index: NDArray[np.int_], further: Array) -> Array:
+        """Return R of the QR decomposition of the weighted Jacobian and further rows; see `Problem.triangle`.
+
+        Orthogonal transformations take twenty times as long as the normal equations, which are there already. So which
+        combinations change nothing is seen in the sample; where the others are far from that, the normal equations
+        are good enough for them. Else all rows are decomposed.
+        """
+        _, square, _ = self.normal_equations(theta, frame)
+        found = _root(
+            square[index[:, None], index] + further.T @ further,
+            super().triangle(theta, frame, index, further),
+        )
+        if found is None:
+            none = np.zeros((0, len(index)))
+            parts = self.blocks.ask(
+                "all rows", _asked, self.blocks.shared, self.model, "triangle", (theta, frame, index, none)
+            )
+            found = reduced([further, *parts])
+        return found
+
+    def squares(self, theta: Array, frame: Frame) -> Array:
+        """Return the sums of the squares of the errors, by component, (m,); internal units."""
+        whole = np.asarray(self.blocks.sum("squares", self.model, theta, frame))
+        if self._aside is None:
+            return whole
+        gone = self.model.structure.measurand.error(self._aside.residuals(theta, frame))
+        return np.asarray(whole - np.einsum("ij,ij->j", gone, gone))
+
+    @property
+    def _distance(self) -> float:
+        slides = [j for j, joint in enumerate(self.model.machine.joints) if not joint.revolute]
+        travel = float(np.ptp(self.model.travel[slides], axis=1).max(initial=0.0))
+        return max(float(np.sqrt(self._around / self.count)), self.model.farthest, travel) or 1.0
+
+
+def _root(square: Array, triangle: Array) -> Array | None:
+    """Return R of RᵀR = `square`, (k, k), without the rounding of `square` along what a sample's triangle does not see.
+
+    None where `square` sees that after all, or is too inexact for what is hardly seen.
+    """
+    size = np.linalg.norm(triangle, axis=0)
+    size[size == 0.0] = 1.0
+    _, values, vt = svd(triangle / size, full_matrices=True)
+    seen = np.pad(values, (0, len(vt) - len(values))) > DETERMINACY.nothing * values[0]
+    square = vt @ (square / np.outer(size, size)) @ vt.T
+    known = square[np.ix_(seen, seen)]
+    if not np.isfinite(square).all() or not seen.any():
+        return None
+    least, largest = np.linalg.eigvalsh(known)[[0, -1]]
+    if least < EXACT * largest or square[~seen, ~seen].max(initial=0.0) > UNSEEN * largest:
+        return None
+    return np.asarray(np.linalg.cholesky(known).T @ (vt[seen] * size))
+
+
+def observed(machine: Machine, data: Any) -> Observations:
+    """Return the observations to fit a machine to: of a scan a sample, with all of them as `blocks`.
+
+    Raises
+    ------
+    InputFileError
+        As of `bind_once`; and where the machine stands on legs or its attitudes are measured, for which scans are not
+        read.
+    """
+    if not isinstance(data, Scan):
+        return bind_once(machine, data)
+    bind(machine, data.empty)  # columns and units are wrong before anything is read
+    if machine.kinematics.is_closed or machine.measurand.has_attitude:
+        what = "a machine on legs" if machine.kinematics.is_closed else "attitudes"
+        expected = (
+            "a chain of joints and points, directions or distances; one file of these is read in memory"
+        )
+        raise InputFileError(data.file, "file", f"measurements of {what} in parts", expected)
+    if not data.rows:
+        bind(machine, data.empty).demand_rows()
+    parts = zip(data.parts, _stretches(data), strict=True)
+    blocks = Blocks(data, [PartRows(part, machine, stretches) for part, stretches in parts])
+    blocks.surveys = blocks.ask("reading", _surveyed)
+    return blocks.sample(machine)
+
+
+def _stretches(scan: Scan) -> list[list[slice]]:
+    """Return the rows of each part that belong to the sample: stretches, spread evenly over all; all of few."""
+    rows = scan.rows
+    starts = np.linspace(0, rows, STRETCHES, endpoint=False).astype(int).tolist()
+    wanted = [(0, rows)] if rows <= STRETCHES * STRETCH else [(a, a + STRETCH) for a in starts]
+    found, begin = [], 0
+    for part in scan.parts:
+        inside = [(max(a - begin, 0), min(b - begin, part.rows)) for a, b in wanted]
+        found.append([slice(a, b) for a, b in inside if a < b])
+        begin += part.rows
+    return found
+
+
+def problem_of(model: Model, observations: Observations) -> Problem:
+    """Return the problem of all rows that observations stand for."""
+    return BlockProblem(model, observations) if observations.blocks else Problem(model, observations)
+
+
+def _added(found: Sequence[Any]) -> Any:
+    """Return the sum of numbers or arrays, or of each term of lists of these."""
+    if isinstance(found[0], list | tuple):
+        return type(found[0])(_added(terms) for terms in zip(*found, strict=True))
+    return sum(found[1:], start=found[0])

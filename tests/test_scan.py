@@ -1,0 +1,197 @@
+"""Measurements in many files: read in parts on two processes, with the answers of one table in memory."""
+
+import os
+import shutil
+import signal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from rodgen.calibration.fit import fit
+from rodgen.calibration.simulate import simulate
+from rodgen.data.measurements import Measurements
+from rodgen.errors import InputFileError
+from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.schedulers import workers
+
+pytestmark = pytest.mark.xdist_group("scan")
+
+ROWS, FILES, GROUP = 6000, 4, 400
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """A rotary table on a slide with two balls on it."""
+    return Machine(
+        name="Table",
+        length_unit="mm",
+        angle_unit="deg",
+        gravity=(0, 0, -1),
+        reference_temperature=20,
+        joints=(Joint("X", "prismatic", (1, 0, 0)), Joint("C", "revolute", (0, 0, 1))),
+        targets=(Target("near", (120, 0, 40)), Target("far", (0, 300, 60))),
+        measured=Measured("point", "free"),
+        estimate=("target",),
+    )
+
+
+@pytest.fixture(scope="module")
+def machine(plain):
+    """The same with what was measured: backlash, which follows the order of rows, a temperature, and two set-ups."""
+    return plain.add("backlash", joint="X").add("thermal_expansion", joint="X").add("frame_shift")
+
+
+@pytest.fixture(scope="module")
+def frame(plain):
+    """Rows in which the slide mostly stands still, so that many parts begin without a motion."""
+    random = np.random.default_rng(5)
+    way = np.cumsum(random.choice([-1, 1], ROWS, p=[0.5, 0.5]) * (np.arange(ROWS) % 500 == 250))
+    design = {
+        "X [mm]": 40.0 * way + np.where(np.arange(ROWS) < 2000, 0.0, 7.0),
+        "C [deg]": np.repeat(random.uniform(0, 360, ROWS // 3), 3),
+        "target": np.where(np.arange(ROWS) // 50 % 2, "near", "far"),
+        "T_X [degC]": 20 + 3 * np.sin(np.arange(ROWS) / 700),
+        "run": np.where(np.arange(ROWS) < 4100, "first", "second"),
+        "humidity": random.uniform(size=ROWS),
+    }
+    effects = ["backlash@X:b=12um", "thermal_expansion@X:alpha=11e-6", "encoder_ellipticity@C:a=4arcsec"]
+    made = simulate(plain, design, effects, noise="2um", seed=1)
+    return design | {name: np.asarray(values) for name, values in made.columns.items()}
+
+
+@pytest.fixture(scope="module")
+def folder(frame, tmp_path_factory):
+    path = tmp_path_factory.mktemp("week")
+    table = pa.table(frame)
+    for k in range(FILES):
+        part = table.slice(k * ROWS // FILES, ROWS // FILES)
+        pq.write_table(part, path / f"day{k}.parquet", row_group_size=GROUP)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def small_parts(monkeypatch):
+    """Every row group a part, and a sample of a sixth of the rows."""
+    monkeypatch.setattr("rodgen.data.tables.parts.PART_ROWS", 1)
+    monkeypatch.setattr("rodgen.calibration.problem.blocks.STRETCH", ROWS // 6 // 20)
+
+
+@pytest.fixture(scope="module")
+def in_memory(machine, frame):
+    return fit(machine, Measurements.from_frame(frame))
+
+
+def assert_same(found, expected):
+    """To a millionth of a standard deviation: both end where the next step is far below one."""
+    assert found.degrees_of_freedom == expected.degrees_of_freedom
+    assert found.rms == pytest.approx(expected.rms, rel=1e-9)
+    for key, estimate in expected.estimates.items():
+        other = found.estimates[key]
+        assert (other.held, other.determined, other.convention) == (
+            estimate.held,
+            estimate.determined,
+            estimate.convention,
+        )
+        if estimate.std:
+            assert abs(other.value - estimate.value) < 1e-5 * estimate.std, key
+
+
+@pytest.mark.parametrize("where", ["threads=2", "processes=2"])
+def test_a_fit_in_parts_is_that_of_the_table(machine, folder, in_memory, where):
+    scan = Measurements.scan(folder)
+    assert len(scan.parts) == FILES * -(-ROWS // FILES // GROUP)
+    with workers(where):
+        assert_same(fit(machine, scan), in_memory)
+
+
+def test_a_worker_is_killed_in_the_middle(machine, folder, in_memory):
+    """Its parts are read again by the other one."""
+    killed = []
+
+    def kill(stage, done, total):
+        if stage == "all rows" and done == 3 and not killed:
+            killed.append(next(iter(active.client.run(os.getpid).values())))
+            os.kill(killed[0], signal.SIGKILL)
+
+    with workers("processes=2") as active:
+        found = fit(machine, Measurements.scan(folder), progress=kill)
+        assert killed
+        assert_same(found, in_memory)
+
+
+def test_a_damaged_row_group_is_named(machine, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "week")
+    file = tmp_path / "week/day2.parquet"
+    column = pq.read_metadata(file).row_group(1).column(0)
+    data = bytearray(file.read_bytes())
+    start = column.data_page_offset
+    data[start : start + column.total_compressed_size] = b"\xff" * column.total_compressed_size
+    file.write_bytes(data)
+    with pytest.raises(InputFileError, match=r"day2.parquet: row group 1: damaged Parquet data"):
+        fit(machine, Measurements.scan(tmp_path / "week"))
+
+
+def test_a_wrong_cell_is_named_with_its_file_and_row(machine, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "week")
+    table = pq.read_table(tmp_path / "week/day1.parquet")
+    x = table["x [mm]"].to_numpy().copy()
+    x[1234] = np.nan
+    pq.write_table(table.set_column(table.schema.names.index("x [mm]"), "x [mm]", pa.array(x)),
+                   tmp_path / "week/day1.parquet", row_group_size=GROUP)  # fmt: skip
+    with pytest.raises(InputFileError, match=r"day1.parquet: row 1234 \(from 0\), column 'x \[mm\]'"):
+        fit(machine, Measurements.scan(tmp_path / "week"))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"x [mm]": "x [m]"},
+            r"day3.parquet: schema, column 'x \[m\]': unit 'm'; expected 'x \[mm\]', as in .*day0",
+        ),
+        ({"run": "setup"}, r"day3.parquet: schema: no column 'run'; expected it, as in .*day0.parquet"),
+    ],
+)
+def test_another_unit_or_column_in_one_file_is_told_before_anything_is_read(
+    folder, tmp_path, change, message
+):
+    shutil.copytree(folder, tmp_path / "week")
+    file = tmp_path / "week/day3.parquet"
+    table = pq.read_table(file)
+    pq.write_table(table.rename_columns([change.get(name, name) for name in table.schema.names]), file)
+    with pytest.raises(InputFileError, match=message):
+        Measurements.scan(tmp_path / "week/*.parquet")
+
+
+def test_a_unit_that_does_not_fit_the_machine_is_told_before_anything_is_read(
+    machine, frame, tmp_path, monkeypatch
+):
+    pq.write_table(
+        pa.table({name.replace("C [deg]", "C [mm]"): x for name, x in frame.items()}), tmp_path / "a.parquet"
+    )
+    scan = Measurements.scan(tmp_path / "a.parquet")
+    monkeypatch.setattr("rodgen.calibration.problem.blocks.Blocks.ask", None)
+    with pytest.raises(
+        InputFileError, match=r"a.parquet: schema, column 'C \[mm\]': unit 'mm', which is not a unit of angle"
+    ):
+        fit(machine, scan)
+
+
+def test_no_file_and_no_rows_are_told(machine, frame, tmp_path):
+    with pytest.raises(InputFileError, match="no such file; expected Parquet files"):
+        Measurements.scan(tmp_path / "*.parquet")
+    pq.write_table(pa.table(frame).slice(0, 0), tmp_path / "a.parquet")
+    with pytest.raises(InputFileError, match="no rows"):
+        fit(machine, Measurements.scan(tmp_path))
+
+
+def test_files_at_an_address_are_read(machine, folder, in_memory):
+    scan = Measurements.scan(f"file://{folder}/day*.parquet")
+    assert scan.rows == ROWS
+    fsspec = pytest.importorskip("fsspec")
+    memory = fsspec.filesystem("memory")
+    for file in folder.iterdir():
+        memory.pipe(f"/week/{file.name}", file.read_bytes())
+    assert_same(fit(machine, Measurements.scan("memory://week/*.parquet")), in_memory)
