@@ -89,7 +89,8 @@ def parsed(text):
 
 def test_json_is_all_that_is_printed(diagnosed):
     mount, gantry = (parsed(diagnosed[name]) for name in DATA)
-    assert list(mount) == ["verdict", "rows", "outliers", "rms", "steps", "unexplained", "dependence"]
+    counted = ["rows", "copies", "set_aside", "outliers"]
+    assert list(mount) == ["verdict", *counted, "rms", "steps", "unexplained", "dependence"]
     assert (mount["verdict"], mount["rows"], mount["rms"]["unit"]) == ("effects_missing", 80, "arcsec")
     assert mount["rms"]["before"] == pytest.approx(2.711, abs=5e-4)
     assert mount["rms"]["after"] <= 0.66

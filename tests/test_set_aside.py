@@ -77,7 +77,7 @@ def test_every_command_leaves_them_out_and_says_so(command: str, capsys: pytest.
         assert len(Path("p.csv").read_text().splitlines()) == 41  # where to look is no measurement
 
 
-@pytest.mark.parametrize("command", ["check", "fit", "compare", "add"])
+@pytest.mark.parametrize("command", ["check", "fit", "compare", "diagnose", "add"])
 def test_json_says_which_and_why(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     set_aside()
     capsys.readouterr()
@@ -206,6 +206,9 @@ def test_a_rule_is_kept_while_some_of_its_rows_count(capsys: pytest.CaptureFixtu
     assert changed.setting_aside(data, rows=[4]).aside(data).mask.sum() == 5
     assert changed.bringing_back(data, where="load < 5 N") == machine
     assert changed.bringing_back(data) == machine
+    Path("other.csv").write_text(Path("data.csv").read_text().replace("20", "21"))
+    both = changed.setting_aside(Measurements.load("other.csv"), run="1")
+    assert [entry.file for entry in both.bringing_back(data).measured.set_aside] == ["other.csv"]
     several = machine.setting_aside(data, rows=[4], why="x").setting_aside(data, rows=[5, 9], why="x")
     assert [entry.rows for entry in several.measured.set_aside] == ["4-5, 9"]
 

@@ -157,7 +157,7 @@ def test_the_telescope_from_the_first_look_to_the_saved_session(files, serve, op
     page.get_by_label("Set aside").click()
     page.get_by_text(re.compile(r"\d+ rows set aside")).first.wait_for()
     page.get_by_label("Bring back").click()
-    page.get_by_text(re.compile(r"\d+ rows brought back")).first.wait_for()
+    page.get_by_text(re.compile("all rows brought back")).first.wait_for()
     page.get_by_text("Error 0.659").wait_for()
     # a formula with an error, and its cure
     page.get_by_text("Formula of your own").first.click()

@@ -151,6 +151,12 @@ def test_rows_are_brushed_away_and_back_and_what_was_done_is_kept(files):
         await walker.press("Select by the rule")
         high = int(np.sum(np.degrees(session.state.observations.q[:, 1]) > 80))
         await walker.sees(f"{high} rows selected")
+        await walker.does("Set aside", 3)
+        assert session.state.aside.sum() == high
+        await walker.sees("EL > 80 deg set aside")
+        assert '    { where = "EL > 80 deg" },\n' in session.state.text
+        await walker.does("Bring back", 4)
+        assert session.state.text == session.states[0].text
         walker.types("Value", "many")
         await walker.press("Select by the rule")
         await walker.sees("expected a number, in deg")
@@ -167,15 +173,16 @@ def test_rows_are_brushed_away_and_back_and_what_was_done_is_kept(files):
         walker.named("As").set_value("linuxcnc")
         await walker.press("Write: Code, a folder")
         await walker.sees("no chain that moves a point")
-        await walker.does("Undo", 1)
+        await walker.does("Undo", 3)
 
     walk(session, user)
     assert not list(folder.parent.glob("*.rodgen"))
     assert [*(folder / "machine_cpp").glob("*.hpp")]
     assert not (folder / "machine_linuxcnc").exists()
     again = Session.load(folder / "kept.rodgen")
-    assert (again.at, len(again.states)) == (1, 3)
-    assert again.state.action.why.startswith("clouds <script>")
+    assert (again.at, len(again.states)) == (3, 5)
+    assert again.state.action.where == "EL > 80 deg"
+    assert again.states[1].action.why.startswith("clouds <script>")
 
 
 def test_a_formula_is_checked_where_it_is_typed(files):

@@ -51,7 +51,7 @@ def add_to(command: Command) -> None:
             help="rows in which a column is <, <=, >, >=, = or != a value: 'EL < 20 deg'; several are joined by 'and'",
         )
         if each is back:
-            which.add_argument("--all", action="store_true", help="all rows, of every file")
+            which.add_argument("--all", action="store_true", help="all rows of DATA")
         each.add_argument("--why", metavar="TEXT", default="", help="a note")
         each.add_argument(
             "-o",

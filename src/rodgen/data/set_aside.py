@@ -293,6 +293,20 @@ def rows_aside(
     return RowsAside(mask, tuple(zip(entries, counts, strict=True)), data)
 
 
+def others(
+    entries: Sequence[SetAside], data: Measurements, compared: Collection[str]
+) -> tuple[SetAside, ...]:
+    """Return the entries that are about other files than this one."""
+
+    def is_other(entry: SetAside) -> bool:
+        try:
+            return entry.of(data, compared) is None
+        except UnexpectedError:
+            return False
+
+    return tuple(filter(is_other, entries))
+
+
 def edited(
     entries: Sequence[SetAside], new: SetAside, data: Measurements, compared: Collection[str], file: str
 ) -> tuple[SetAside, ...]:

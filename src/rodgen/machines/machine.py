@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.data.set_aside import RowsAside, SetAside, edited, rows_aside, rows_text
+from rodgen.data.set_aside import RowsAside, SetAside, edited, others, rows_aside, rows_text
 from rodgen.data.units import ANGLE, Dimension, unit_factor
 from rodgen.errors import InputFileError, RodgenError, UnexpectedError, shown
 from rodgen.files import write_file
@@ -558,7 +558,7 @@ class Machine:
         where: str = "",
         why: str = "",
     ) -> Machine:
-        """Return this machine with rows of its measurements counting again; without a choice, all of every table.
+        """Return this machine with rows of its measurements counting again; without a choice, all of that table.
 
         Parameters
         ----------
@@ -571,7 +571,8 @@ class Machine:
             When there are no such rows, or none of them is set aside.
         """
         if not (len(rows) or run or where):
-            return replace(self, measured=replace(self.measured, set_aside=()))
+            left = others(self.measured.set_aside, _table(data), self._compared)
+            return replace(self, measured=replace(self.measured, set_aside=left))
         return self._with_rows(data, rows=rows, run=run, where=where, why=why, back=True)
 
     def _with_rows(self, data: Any, *, rows: str | Sequence[int], **said: Any) -> Machine:

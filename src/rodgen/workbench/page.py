@@ -80,6 +80,7 @@ class Page:
     def __init__(self, desk: Desk) -> None:
         self.desk = desk
         self.selected: set[int] = set()
+        self.ruled: tuple[set[int], dict[str, str]] = set(), {}
         self.against = "order"
         self.options: dict[str, Any] = {
             "colour": "",
@@ -576,6 +577,7 @@ class Page:
         )
         found = driver[name.value]
         text = str(value.value or "").strip()
+        unit, comparison = found.unit, "=" if found.categories else sign.value
         if found.categories:
             if text not in found.categories:
                 raise RodgenError(
@@ -591,20 +593,27 @@ class Page:
                 ) from None
             noted = np.asarray(found.noted, float)
             mask = {">": noted > limit, "<": noted < limit, "=": noted == limit}[sign.value]
-        self.select(set(np.flatnonzero(mask).tolist()))
+        rows: set[int] = set(np.flatnonzero(mask).tolist())
+        rule = {"where": f"{name.value} {comparison} {text} {unit}".strip()}
+        of_column = name.value in self.state.data.columns
+        self.ruled = (rows, {"run": text} if name.value == "run" else rule) if of_column else (set(), {})
+        self.select(rows)
 
-    def _lines(self, mask: Any) -> list[int]:
-        return [int(x) for x in self.state.numbers[mask]]
+    def _which(self, rows: set[int]) -> dict[str, Any]:
+        """Return what an action is told of rows: their rule where they are all that it selected."""
+        selected, rule = self.ruled
+        if rule and selected == self.selected:
+            return rule
+        return {"rows": self.state.numbers[sorted(rows)].tolist()}
 
     async def _aside(self, why: Any) -> None:
-        rows = self._lines(sorted(self.selected))
+        said = self._which(self.selected)
         self.selected = set()
-        await self.desk.do(Aside(rows, why=str(why.value or "")[:200]))
+        await self.desk.do(Aside(**said, why=str(why.value or "")[:200]))
 
     async def _back(self) -> None:
-        chosen = np.zeros_like(self.state.aside)
-        chosen[sorted(self.selected)] = True
-        await self.desk.do(Back(self._lines(self.state.aside & chosen)))
+        gone = self.selected & set(np.flatnonzero(self.state.aside).tolist())
+        await self.desk.do(Back(**self._which(gone)) if self.selected else Back())
 
     async def _none(self) -> None:
         self.select(set())

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 from rodgen.calibration.words import capitalized, in_component, sized
+from rodgen.data.set_aside import rows_text
 from rodgen.statistics.thresholds import GROSS
 from rodgen.views import html_of
 
@@ -157,10 +158,13 @@ def on_gross_readings(fit: FittedModel) -> str:
     if not gross:
         return ""
     data = fit.observations.data
-    place = capitalized(data.places([one.row for one in gross]))
+    wrong = [one.row for one in gross]
+    place = capitalized(data.places(wrong))
     off = how_far_off(fit, [one.off for one in gross], [one.component for one in gross])
-    are, them = ("are", "these rows") if len(gross) > 1 else ("is", "this row")
+    are, them, it = ("are", "these rows", "them") if len(gross) > 1 else ("is", "this row", "it")
+    rows = rows_text(data.numbers(wrong).tolist()).replace(" ", "")
     return (
-        f"{place} {are} off by {off}, all other rows by {sized(gross[0].others, fit.unit, '.3g')} at most: correct or "
-        f"remove {them}, or fit with --loss huber; a fit by least squares follows such errors."
+        f"{place} {are} off by {off}, all other rows by {sized(gross[0].others, fit.unit, '.3g')} at most: "
+        f"correct {them}, or set {it} aside with rodgen set-aside --rows {rows}, or fit with --loss huber; a fit by "
+        "least squares follows such errors."
     )

@@ -358,6 +358,7 @@ class Diagnosis:
             found["reason"] = self.reason
         found |= {
             "rows": self.rows,
+            **self.base.observations.not_here,
             "outliers": list(self.outliers),
             "rms": self.rms.to_dict(),
             "steps": [step.to_dict() for step in self.steps],
