@@ -21,6 +21,7 @@ import rodgen
 from rodgen import Machine, Measurements, figures, spatial, three_sps_s, tricept
 from rodgen.calibration.fit import Fit
 from rodgen.calibration.ladder import Ladder, ladder
+from rodgen.calibration.plan import Plan
 from rodgen.data.tables import read_pairs
 from rodgen.errors import InputFileError
 from rodgen.kinematics.tricept import TriceptStatus
@@ -380,6 +381,38 @@ def test_arrows_are_as_many_times_too_long_as_the_note_says() -> None:
     start, tip = (np.column_stack([arrows.x[k::3], arrows.y[k::3]]) for k in (0, 1))
     outwards = np.sum((tip - start) * start, axis=1) / np.linalg.norm(start, axis=1)
     np.testing.assert_allclose(outwards * 3600, -times * fitted("mount").residuals[:, 1], rtol=0.1, atol=2000)
+
+
+def test_planned_readings_are_marked_where_they_are_to_be_taken() -> None:
+    def planned(figure: Any) -> Any:
+        return next(trace for trace in figure.data if trace.name == "planned")
+
+    mount = fitted("mount")
+    ahead = Plan({"AZ [deg]": [10.0, 200.0], "EL [deg]": [80.0, 30.0]}, (), (), (), None)
+    against = figures.residual_plot(mount, "EL", planned=ahead)
+    np.testing.assert_allclose(planned(against).x, ahead.rows["EL [deg]"])
+    assert np.all(np.asarray(planned(against).y) < -0.9 * np.abs(against.layout.yaxis.range[0]))
+    assert "at the lower edge" in against.layout.meta["note"]
+    order = planned(figures.residual_plot(mount, planned=ahead))
+    assert order.x[0] == mount.observations.n + 2  # line 1 has the names
+    sky = planned(figures.residual_map(mount, planned=ahead))
+    zenith = 90 - np.asarray(ahead.rows["EL [deg]"])
+    np.testing.assert_allclose(np.hypot(sky.x, sky.y), zenith, atol=0.5)  # but for the boresight's error
+    ring = planned(figures.polar_plot(mount, "AZ", planned=ahead))
+    turn = np.radians(ahead.rows["AZ [deg]"])
+    np.testing.assert_allclose(np.arctan2(ring.y, ring.x), np.arctan2(np.sin(turn), np.cos(turn)), atol=1e-9)
+    # in space, at a place that no reading was taken at
+    table = fitted("gantry_rotary")
+    rows = {"X [mm]": [900.0], "Y [mm]": [10.0], "Z [mm]": [-200.0], "C [deg]": [0.0], "target": ["ball_1"]}
+    beyond = Plan(rows, (), (), (), None)
+    there = planned(figures.residual_vectors(table, planned=beyond))
+    flat = planned(figures.residual_map(table, planned=beyond))
+    assert there.x[0] == pytest.approx(900 + table.machine.targets[0].point[0], abs=1)
+    assert (flat.x[0], flat.y[0]) == pytest.approx((there.x[0], there.y[0]))
+    low, high = figures.residual_map(table, planned=beyond).layout.xaxis.range
+    assert low < 900 < high
+    other = Plan({"A [deg]": [1.0]}, (), (), (), None)  # of another machine
+    assert "planned" not in {trace.name for trace in figures.residual_plot(table, planned=other).data}
 
 
 def test_quantiles_are_those_of_all_rows() -> None:

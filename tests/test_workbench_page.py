@@ -286,13 +286,46 @@ def test_a_diagnosis_runs_in_the_background_and_its_steps_are_taken_or_left(file
         walker.desk.work.stop()
         await walker.until(lambda: walker.desk.work is None)
         assert walker.desk.diagnosis[0] is session.states[0]
-        await walker.press("Plan")
-        await walker.press("Make the plan")
-        await walker.until(lambda: walker.desk.plan is not None)
-        await walker.sees("AZ [deg]")
 
     walk(session, user)
     assert session.state.action.why == "diagnosis"
+
+
+def test_a_plan_within_constraints_is_marked_in_the_plots_and_discarded(files):
+    session = Session.open(*files)
+
+    async def user(walker):
+        def marked():
+            with walker.user:
+                plots = [e.props["options"]["data"] for e in ElementFilter(kind=ui.plotly)]
+            return [trace for data in plots for trace in data if trace.get("name") == "planned"]
+
+        await walker.press("Plan")
+        await walker.until(lambda: walker.there("Make the plan"))
+        limits = walker.named("Constraints, or empty")
+        walker.types("Constraints, or empty", "[limits]\nEL = [30, x]")
+        await walker.until(lambda: limits.error)
+        assert not walker.named("Make the plan").enabled
+        walker.types("Constraints, or empty", "[limits]\nFL = [30, 60]")
+        assert "FL: unknown key; expected one of AZ, EL" in limits.error
+        walker.types("Constraints, or empty", "[limits]\nEL = [30, 60]")
+        assert limits.error is None
+        await walker.until(lambda: walker.desk.suspects is not None)
+        walker.types("To sharpen, or empty", "AZ.axis.a, EL.enc")
+        assert (
+            "AZ.axis.a, EL.encoder_ellipticity" in walker.named("To sharpen, or empty").props["_autocomplete"]
+        )
+        walker.types("To sharpen, or empty", "AZ.axis.a")
+        walker.types("Readings at most", 6)
+        await walker.press("Make the plan")
+        await walker.until(lambda: walker.desk.plan is not None and len(marked()) >= 2)
+        _, plan, _ = walker.desk.plan
+        assert all(30 <= el <= 60 for el in plan.rows["EL [deg]"])
+        await walker.sees("-n 6 --for AZ.axis.a --constraints limits.toml -o plan.csv")
+        await walker.press("Discard the plan")
+        await walker.until(lambda: not marked())
+
+    walk(session, user)
 
 
 def test_undo_twice_at_once_takes_two_actions_back(files):

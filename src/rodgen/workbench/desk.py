@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from threading import Event
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -17,9 +17,10 @@ from rodgen.stages import listening
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose import Diagnosis
     from rodgen.calibration.diagnose.suspects import Suspects
+    from rodgen.calibration.fit import Fit
     from rodgen.calibration.plan import Plan
-    from rodgen.machines.machine import Effect
     from rodgen.workbench.actions import Action
+    from rodgen.workbench.planning import Wish
     from rodgen.workbench.session import Session, State
 
 __all__ = ["Desk", "Window", "Work"]
@@ -124,7 +125,7 @@ class Desk:
         self.windows: list[Window] = []
         self.work: Work | None = None
         self.diagnosis: tuple[State, Diagnosis] | None = None
-        self.plan: tuple[State, Plan] | None = None
+        self.plan: tuple[State, Plan, Wish] | None = None
         self._suspects: dict[int, Suspects] = {}
         self._turn = asyncio.Lock()
         # Fits, tests and diagnoses each tell the BLAS library to use one thread for their time. Here they run in
@@ -226,30 +227,21 @@ class Desk:
             self.diagnosis = state, found
         await self.show("work")
 
-    async def make_plan(
-        self, n: int, alternatives: Collection[Collection[Effect]] = (), constraints: str = ""
-    ) -> None:
-        """Plan what to measure next: to tell effects apart, or what the last diagnosis, else the fit, leaves open.
-
-        `constraints` is the name of a file of them, or empty.
-        """
-        from rodgen.calibration.plan import load_constraints, plan, plan_for
-
+    async def make_plan(self, wish: Wish) -> None:
+        """Plan what to measure next: what is wished, of the last diagnosis of the present state, else of its fit."""
         state = self.session.state
-        subject: Any = state.fit
+        subject: Fit | Diagnosis = state.fit
         if self.diagnosis is not None and self.diagnosis[0] is state:
-            subject = self.diagnosis[1]
-        limits = load_constraints(constraints, state.machine) if constraints else None
+            subject, wish = self.diagnosis[1], replace(wish, diagnosed=True)
         with self._working("Plan") as work:
             await self.show("work")
-            if alternatives:
-                groups = [tuple(group) for group in alternatives]
-                found = await asyncio.to_thread(
-                    work, lambda: plan_for(state.fit, groups, n, constraints=limits)
-                )
-            else:
-                found = await asyncio.to_thread(work, lambda: plan(subject, n, constraints=limits))
+            found = await asyncio.to_thread(work, lambda: wish.plan(state, subject))
         if found is not None:
-            self.plan = state, found
+            self.plan = state, found, wish
         await self.show("work")
+        await self.show("plan")
+
+    async def discard_plan(self) -> None:
+        """Show the plan no more."""
+        self.plan = None
         await self.show("plan")

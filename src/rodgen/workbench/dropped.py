@@ -20,7 +20,7 @@ from rodgen.machines.imports.imported import Imported
 from rodgen.machines.machine import Machine
 from rodgen.workbench.guard import MOST_BYTES
 from rodgen.workbench.keep import file_in
-from rodgen.workbench.parts import anew, button, card, guarded, heading
+from rodgen.workbench.parts import anew, button, card, downloaded, guarded, heading
 from rodgen.workbench.session import Session
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ class Dropped:
             with ui.expansion("What was taken for what").props("dense").classes("w-full"):
                 for note in made.notes:
                     ui.label(note).classes("soft")
-            button("Download the machine file", partial(_download, made.text))
+            button("Download the machine file", partial(downloaded, made.text, "machine.toml"))
 
 
 def _field(option: str, words: str, kind: str | list[str]) -> Any:
@@ -172,10 +172,6 @@ def _field(option: str, words: str, kind: str | list[str]) -> Any:
     else:
         made = ui.select({each: each or "not said" for each in kind}, value="", label=words)
     return made.props("dense options-dense outlined").classes("w-full")
-
-
-async def _download(text: str) -> None:
-    ui.download.content(text, "machine.toml")
 
 
 def _is_machine(name: str, content: bytes) -> bool:

@@ -24,12 +24,14 @@ from rodgen.workbench.actions import Add, Aside, Back, Mend
 from rodgen.workbench.drawing import Drawn, drawn, overlay
 from rodgen.workbench.keep import Keeping
 from rodgen.workbench.model import Model, keys
-from rodgen.workbench.parts import STYLE, anew, button, card, copied, guarded, heading
+from rodgen.workbench.parts import STYLE, anew, button, card, guarded, heading, same
+from rodgen.workbench.planning import Planning
 
 if TYPE_CHECKING:
     from nicegui.elements.plotly import Plotly
 
     from rodgen.calibration.diagnose.suspects import Suspect
+    from rodgen.calibration.plan import Plan
     from rodgen.workbench.desk import Desk
     from rodgen.workbench.session import State
 
@@ -116,7 +118,7 @@ class Page:
             self.undo = button("Undo", self._undo, icon="undo", tip="Ctrl+Z")
             self.redo = button("Redo", self._redo, icon="redo", tip="Ctrl+Y")
             self.asking = button("Diagnose", desk.diagnose, icon="troubleshoot")
-            button("Plan", self._plan_next, icon="add_location")
+            button("Plan", self._ask_plan, icon="add_location")
             self.keeping = Keeping(self)
             button("Keep", self.keeping.open, icon="save")
             button("Light or dark", self._darken, icon="contrast", bare=True)
@@ -152,12 +154,12 @@ class Page:
                         )
                         slider.style("max-width:280px")
                     self.other = ui.element("div").classes("plot")
-                self.planned = card("Plan")
+                self.planning = Planning(self)
         self._draw()
         self._fill_state()
         self._fill_suspects()
         self._fill_work()
-        self._fill_plan()
+        self.planning.fill()
         self.tabs.set_value("Map")
         desk.windows.append(self)
         self.client.on_disconnect(self._gone)
@@ -203,7 +205,7 @@ class Page:
                 await asyncio.sleep(SENT)  # the browser draws while the rest is made
                 self._fill_state()
                 self._fill_suspects()
-                self._fill_plan()
+                self.planning.fill()
             elif what == "ladder":
                 self._fill_ladder()
             elif what == "suspects":
@@ -211,7 +213,8 @@ class Page:
             elif what == "work":
                 self._fill_work()
             elif what == "plan":
-                self._fill_plan()
+                self._draw()
+                self.planning.fill()
 
     def _fill_state(self) -> None:
         session = self.desk.session
@@ -298,7 +301,7 @@ class Page:
                 same = [leader, *(s.effect for s in listed if s.like == leader)]
                 button(
                     f"Where to measure to part {leader.title} from {len(same) - 1} like it",
-                    partial(self.desk.make_plan, 8, [same]),
+                    partial(self.planning.part, same),
                 )
 
     def _suspect(self, suspect: Suspect) -> None:
@@ -405,6 +408,12 @@ class Page:
         before = self.state.before if wanted == "step" else self.desk.session.states[0]
         return before.fit if before.observations is self.state.observations else None
 
+    def _planned(self) -> Plan | None:
+        return None if self.desk.plan is None else self.desk.plan[1]
+
+    async def _ask_plan(self) -> None:
+        await self.planning.open()
+
     def _draw(self) -> None:
         self.shown = None
         state, aside = self.state, np.flatnonzero(self.state.aside).tolist()
@@ -418,11 +427,12 @@ class Page:
             approach=self.options["approach"],
             selected=sorted(self.selected),
             aside=aside,
+            planned=self._planned(),
         )
-        self.content = self._show("residuals", self.residuals, figure, self.against)
+        self.content = self.show("residuals", self.residuals, figure, self.against)
         self._draw_other()
 
-    def _show(self, name: str, place: ui.element, figure: Any, revision: str) -> Drawn:
+    def show(self, name: str, place: ui.element, figure: Any, revision: str) -> Drawn:
         """Draw a figure at its place: into the plot that is there, where it is as high and of the same kind."""
         made = drawn(figure, dark=self.dark, width=self.place, revision=revision)
         height = made.content["layout"]["height"]
@@ -459,10 +469,11 @@ class Page:
         self.exaggerated.set_visibility(name in {"Map", "In space"})
         both: dict[str, Any] = {"before": self._before(), "selected": sorted(self.selected)}
         aside = np.flatnonzero(self.state.aside).tolist()
+        ahead = both | {"planned": self._planned()}
         makers: dict[str, Callable[[], Any]] = {
-            "Map": lambda: figures.residual_map(fit, exaggeration=self.times, **both),
-            "In space": lambda: figures.residual_vectors(fit, exaggeration=self.times, **both),
-            "Polar": lambda: figures.polar_plot(fit, self._round(), aside=aside, **both),
+            "Map": lambda: figures.residual_map(fit, exaggeration=self.times, **ahead),
+            "In space": lambda: figures.residual_vectors(fit, exaggeration=self.times, **ahead),
+            "Polar": lambda: figures.polar_plot(fit, self._round(), aside=aside, **ahead),
             "Q-Q": lambda: figures.quantiles_of_residuals(fit, **both),
             "Autocorrelation": lambda: figures.autocorrelation_of_residuals(fit),
             "Errors": lambda: figures.ladder(self.desk.session.ladder),
@@ -475,7 +486,7 @@ class Page:
                     "Residuals of distances, angles and attitudes are no places and no vectors in space."
                 )
             return
-        self._show("other", self.other, made, f"{name} {self._round()}" if name == "Polar" else name)
+        self.show("other", self.other, made, f"{name} {self._round()}" if name == "Polar" else name)
 
     def _round(self) -> str:
         """Return the joint that a polar plot goes round: that of the x axis where it does."""
@@ -645,17 +656,7 @@ class Page:
             action = self.state.action
             ui.label(f"{action.title}{f' ({action.why})' if action.why else ''}")
             command = action.command(session.state.file, session.data_file)
-            for words, text in (
-                ("Command", command),
-                ("Python", action.python()),
-                ("All, in Python", session.python()),
-            ):
-                if text:
-                    with ui.expansion(words, value=words == "Command").props("dense").classes("w-full"):
-                        ui.label(text.strip()).classes("code")
-                        button("Copy", partial(copied, text), label=f"Copy: {words}")
-            if not command:
-                ui.label("No command does this alone.").classes("soft")
+            same(command, action.python(), session.python())
 
     def _fill_wrong(self) -> None:
         check = self.state.__dict__.get("check")
@@ -680,23 +681,6 @@ class Page:
         self._fill_wrong()
 
     # in the background -------------------------------------------------------------------------------------------
-
-    async def _plan_next(self) -> None:
-        """Ask how many readings are planned, and within which constraints."""
-        with ui.dialog(value=True) as dialog, ui.card():
-            ui.label("What to measure next")
-            number = ui.number("Readings at most", value=12, min=1, max=200, step=1).props("dense outlined")
-            limits = ui.input("File of constraints, or empty").props("dense outlined maxlength=4000")
-
-            async def done() -> None:
-                dialog.close()
-                await self.desk.make_plan(
-                    int(number.value or 12), constraints=str(limits.value or "").strip()
-                )
-
-            with ui.element("div").classes("line"):
-                button("Make the plan", done)
-                ui.button("Cancel", on_click=dialog.close).props("flat dense no-caps")
 
     def _fill_work(self) -> None:
         work = self.desk.work
@@ -734,26 +718,6 @@ class Page:
     async def _take(self, one: Any) -> None:
         await self.desk.do(Add(keys(one.effect, self.state.machine), why="diagnosis"))
 
-    def _fill_plan(self) -> None:
-        found = self.desk.plan
-        self.planned.set_visibility(found is not None)
-        if found is None:
-            return
-        state, plan = found
-        with anew(self.planned, "Plan"):
-            self.plots.pop("plan", None)
-            drawing = figures.planned_poses(state.fit, plan)
-            if drawing is not None:
-                self._show("plan", ui.element("div").classes("plot"), drawing, "plan")
-            ui.label(str(plan)).classes("code")
-            if plan.count:
-                text = plan.csv()
-                button(
-                    "Save the list",
-                    partial(_download, text, "plan.csv"),
-                    label="Download the plan as a table",
-                )
-
     async def _darken(self) -> None:
         self.dark = not self.dark
         self.mode.set_value(self.dark)
@@ -774,7 +738,3 @@ def _cell(column: Any, row: int) -> Any:
 
 async def _stopped(work: Any) -> None:
     work.stop()
-
-
-async def _download(text: str, name: str) -> None:
-    ui.download.content(text, name)

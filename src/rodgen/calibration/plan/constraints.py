@@ -198,7 +198,12 @@ def load_constraints(file: str | os.PathLike[str], machine: Machine) -> Constrai
         When it cannot be read, or says what is no constraint of this machine.
     """
     name = os.fspath(file)
-    top = Table(name, "", parse(read_text(name, "a file of constraints"), name), KEYS)
+    return constraints_of(read_text(name, "a file of constraints"), name, machine)
+
+
+def constraints_of(text: str, name: str, machine: Machine) -> Constraints:
+    """Return the constraints of the text of such a file; see `load_constraints`."""
+    top = Table(name, "", parse(text, name), KEYS)
     table = top.sub("limits", [joint.column for joint in machine.joints if joint.is_read])
     artefact = top.sub("artefact", ("balls",))
     session = top.sub("session", ("readings",))

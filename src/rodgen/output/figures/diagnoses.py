@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array
 from rodgen.calibration.diagnose.diagnosis import Unexplained
 from rodgen.calibration.words import plain
-from rodgen.data.measurements import Measurements
-from rodgen.data.units import parse_unit
 from rodgen.output.figures.distributions import autocorrelation_of_residuals, quantiles_of_residuals
 from rodgen.output.figures.drawn_rows import MOST_MARKS, DrawnRows, coordinate
 from rodgen.output.figures.ladders import error_ladder
 from rodgen.output.figures.maps import map_of
+from rodgen.output.figures.planned import PLANNED, planned_rows
 from rodgen.output.figures.polar import joints_that_go_round, polar_of
 from rodgen.output.figures.residuals import components_of, file_name, reading_of, residuals_over
 from rodgen.output.figures.style import BLUE, GREY, Panel, column, describe, evenly, label
@@ -36,8 +35,6 @@ LEVEL = 0.01
 """Probability of a false alarm among all candidates together."""
 SAME = 0.999
 """Drivers that are correlated more than this count as one."""
-
-PLANNED = {"symbol": "diamond-open", "size": 9, "color": BLUE, "line": {"width": 2}}
 
 Rung: TypeAlias = tuple[str, float, float | None, float | None]
 """Title, rms fitted, held out, on further measurements."""
@@ -336,13 +333,7 @@ def planned_poses(
 
 def planned_commands(fit: FittedModel, plan: Plan | None) -> Array | None:
     """Return the commanded coordinates of a plan, (poses, joints), in the units of the data; None without."""
-    if plan is None or not plan.rows:
+    planned = planned_rows(fit, plan)
+    if planned is None:
         return None
-    machine, columns, found = fit.machine, Measurements.from_frame(plan.rows).columns, []
-    for j, joint in enumerate(machine.joints):
-        if joint.column not in columns:
-            return None
-        column = columns[joint.column]
-        factor = parse_unit(column.unit).factor(machine.length_unit) if column.unit else 1.0
-        found.append(np.asarray(column.values, float) * factor / coordinate(fit.observations, j)[1])
-    return np.stack(found, axis=1)
+    return planned.o.q / [coordinate(fit.observations, j)[1] for j in range(len(fit.machine.joints))]

@@ -13,6 +13,7 @@ from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.machines.model import Frame, Model
 from rodgen.output.figures.drawn_rows import DrawnRows
 from rodgen.output.figures.maps import in_machine_axes, round_size
+from rodgen.output.figures.planned import planned_rows
 from rodgen.output.figures.residuals import SIDES
 from rodgen.output.figures.style import (
     BLUE,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.plan import Plan
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
@@ -79,6 +81,7 @@ def residual_vectors(
     before: FittedModel | None = None,
     exaggeration: float = 0.0,
     selected: Collection[int] = (),
+    planned: Plan | None = None,
     most: int = MOST_VECTORS,
 ) -> go.Figure | None:
     """Return residuals as lines in space, from where they were measured, with the machine's axes.
@@ -95,6 +98,8 @@ def residual_vectors(
         How many times as long as residuals their lines are, which the note says; left out: so that they can be seen.
     selected : collection of int, optional
         Rows that are marked.
+    planned : Plan, optional
+        Whose readings are marked where the model puts them.
     most : int, optional
         Lines; of more rows some are drawn, and the note says so.
     """
@@ -107,7 +112,8 @@ def residual_vectors(
     some = np.union1d(evenly(np.flatnonzero(known), most), np.flatnonzero(chosen))
     found = [(name, _vectors(rows, of)[some]) for name, of in rows.sides]
     start = rows.places[some]
-    figure, size = _bones(machine, start)
+    ahead = planned_rows(fit, planned)
+    figure, size = _bones(machine, start if ahead is None else np.concatenate([start, ahead.known_places]))
     rms = float(np.sqrt(np.mean(np.sum(found[0][1] ** 2, axis=1)))) or 1.0
     times = exaggeration or round_size(SHARE * size / rms)[1]
     for name, vectors in found:
@@ -123,6 +129,17 @@ def residual_vectors(
         at = np.flatnonzero(chosen)
         mark = {"size": 9, "color": PURPLE, "symbol": "circle-open"}
         _add(figure, rows.places[at], "selected", mode="markers", marker=mark, customdata=rows.chosen[at])
+    if ahead is not None:
+        mark = {"size": 5, "color": BLUE, "symbol": "diamond-open"}
+        _add(
+            figure,
+            ahead.places,
+            "planned",
+            mode="markers",
+            marker=mark,
+            hovertext=ahead.tips,
+            hoverinfo="text",
+        )
     note = [
         "Measured minus predicted, in machine axes; axes and targets with all joints at zero.",
         f"Lines are {times:,.6g} times as long as the residuals.",

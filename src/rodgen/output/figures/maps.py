@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array, Index
 from rodgen.data.drivers import horizontal
 from rodgen.output.figures.drawn_rows import DrawnRows
+from rodgen.output.figures.planned import PlannedRows, planned_rows
 from rodgen.output.figures.style import (
     BLUE,
     INK,
@@ -34,6 +35,7 @@ from rodgen.output.figures.style import (
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.plan import Plan
     from rodgen.data.observations import Observations
 
 FLAT, TALL = 0.5, 1.1
@@ -63,6 +65,7 @@ def residual_map(
     before: FittedModel | None = None,
     exaggeration: float = 0.0,
     selected: Collection[int] = (),
+    planned: Plan | None = None,
     most: int = MOST_ARROWS,
 ) -> go.Figure | None:
     """Return the residuals where they were measured: as arrows over the workspace or on the sky, of distances as signs.
@@ -80,11 +83,14 @@ def residual_map(
         How many times as long as residuals their arrows are, which the note says; left out: so that they can be seen.
     selected : collection of int, optional
         Rows that are marked.
+    planned : Plan, optional
+        Whose readings are marked where the model puts them.
     most : int, optional
         Arrows; of more rows some are drawn, and the note says so.
     """
     rows = DrawnRows(before or fit, None if before is None else fit, kept=selected)
-    return map_of(rows, exaggeration=exaggeration, selected=selected, most=most)
+    ahead = planned_rows(fit, planned)
+    return map_of(rows, exaggeration=exaggeration, selected=selected, planned=ahead, most=most)
 
 
 def map_of(
@@ -93,6 +99,7 @@ def map_of(
     *,
     exaggeration: float = 0.0,
     selected: Collection[int] = (),
+    planned: PlannedRows | None = None,
     most: int = MOST_ARROWS,
 ) -> go.Figure | None:
     """Return the figure of `residual_map` of rows, with a sentence that its note begins with."""
@@ -107,11 +114,11 @@ def map_of(
     names = [name for name, _ in rows.sides]
     if sky:
         pairs = list(zip(names, found, strict=True))
-        figure, times = _on_the_sky(rows, rows.o.take(some), pairs, marks, exaggeration)
+        figure, times = _on_the_sky(rows, rows.o.take(some), pairs, marks, exaggeration, planned)
         name, title, note = "residuals_on_the_sky", "Residuals on the sky", [_sky_note(rows)]
     else:
         pairs = [(name, in_machine_axes(rows.base, r)) for name, r in zip(names, found, strict=True)]
-        figure, times = _in_space(rows, rows.places[some], pairs, marks, exaggeration)
+        figure, times = _in_space(rows, rows.places[some], pairs, marks, exaggeration, planned)
         name, title, note = "residuals_in_space", "Residuals over the workspace", ["In machine axes."]
     if not times:
         note.append("The area of a mark follows the size of the residual.")
@@ -150,7 +157,12 @@ def up_of(fit: FittedModel) -> Array:
 
 
 def _in_space(
-    rows: DrawnRows, places: Array, residuals: Sequence[tuple[str, Array]], marks: Marks, exaggeration: float
+    rows: DrawnRows,
+    places: Array,
+    residuals: Sequence[tuple[str, Array]],
+    marks: Marks,
+    exaggeration: float,
+    planned: PlannedRows | None,
 ) -> tuple[go.Figure, float]:
     """Return maps of residuals over the workspace in two projections, and by how much arrows are too long.
 
@@ -166,7 +178,8 @@ def _in_space(
     if spread[order[2]] > FLAT_SPACE * spread[order[0]] or points:
         planes.append((first[0], int(order[2])))
     size = _rms(residuals[0][1])
-    frames = [_frame(places[:, a], places[:, b]) for a, b in planes]
+    seen = places if planned is None else np.concatenate([places, planned.known_places])
+    frames = [_frame(seen[:, a], seen[:, b]) for a, b in planes]
     wide = [xlim[1] - xlim[0] for xlim, _ in frames]
     panels = [
         Panel(
@@ -191,6 +204,8 @@ def _in_space(
             else:
                 _signs(figure, number, at, r[:, 0], size, name, marks)
         _selected(figure, number, at, marks)
+        if planned is not None:
+            planned.mark(figure, number, planned.places[:, a], planned.places[:, b])
         figure.update_layout(
             {
                 f"xaxis{number + 1}": {"range": list(xlim)},
@@ -273,6 +288,7 @@ def _on_the_sky(
     residuals: Sequence[tuple[str, Array]],
     marks: Marks,
     exaggeration: float,
+    planned: PlannedRows | None,
 ) -> tuple[go.Figure, float]:
     """Return residuals of directions as arrows on the sky, and by how much they are too long.
 
@@ -306,6 +322,10 @@ def _on_the_sky(
         tip = from_zenith(directions + move, x, y, up)
         add_arrows(figure, 0, start, tip, name, COLOURS[name], marks.hover, marks.row)
     _selected(figure, 0, start, marks)
+    if planned is not None:
+        turned = rows.base.machine.measured.frame == "free"  # what is read is in axes of its own
+        ahead = planned.places @ rows.base.solution.frame.rotation.T if turned else planned.places
+        planned.mark(figure, 0, *from_zenith(ahead, x, y, up).T)
     figure.update_xaxes(range=[-far, far], visible=False)
     figure.update_yaxes(range=[-far, far], visible=False)
     _key(figure, scale / (2 * far), size, rows.shown.unit)

@@ -14,6 +14,7 @@ from rodgen.calibration.reading_motion import directions_about
 from rodgen.calibration.words import plain
 from rodgen.data.drivers import goes_round
 from rodgen.output.figures.drawn_rows import MOST_MARKS, DrawnRows
+from rodgen.output.figures.planned import PlannedRows, planned_rows
 from rodgen.output.figures.residuals import Marks, ResidualPanel, add_rows, components_of, file_name
 from rodgen.output.figures.style import (
     GREY,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.plan import Plan
 
 PANEL = 460
 """Height, in pixels."""
@@ -72,6 +74,7 @@ def polar_plot(
     before: FittedModel | None = None,
     selected: Collection[int] = (),
     aside: Collection[int] = (),
+    planned: Plan | None = None,
     most: int = MOST_MARKS,
 ) -> go.Figure:
     """Return residuals around a revolute joint, away from a circle that stands for zero.
@@ -89,6 +92,8 @@ def polar_plot(
         Another model of the same observations, whose residuals are drawn, too.
     selected, aside : collection of int, optional
         Rows that are marked.
+    planned : Plan, optional
+        Whose readings are marked at the inner circle.
     most : int, optional
         Marks of the figure, from which large data are thinned; its note then says so.
 
@@ -98,11 +103,16 @@ def polar_plot(
         When there is no such revolute joint or plane.
     """
     rows = DrawnRows(before or fit, None if before is None else fit, kept=[*selected, *aside], most=most)
-    return polar_of(rows, joint, selected=selected, aside=aside)
+    return polar_of(rows, joint, selected=selected, aside=aside, planned=planned_rows(fit, planned))
 
 
 def polar_of(
-    rows: DrawnRows, joint: str, *, selected: Collection[int] = (), aside: Collection[int] = ()
+    rows: DrawnRows,
+    joint: str,
+    *,
+    selected: Collection[int] = (),
+    aside: Collection[int] = (),
+    planned: PlannedRows | None = None,
 ) -> go.Figure:
     """Return the figure of `polar_plot` of rows that are drawn."""
     machine, o = rows.base.machine, rows.o
@@ -142,6 +152,9 @@ def polar_of(
                 add_rows(
                     figure, number, words, rows, at, x, y, mark, hover + rows.sides[-1][0], panel.values[-1]
                 )
+        if planned is not None and joint in revolute:
+            ahead = planned.o.q[:, [one.name for one in machine.joints].index(joint)]
+            planned.mark(figure, number, *_around(ahead, np.full(planned.o.n, -limit), limit))
         given = {"range": [-ROOM, ROOM], "visible": False}
         figure.update_layout({f"xaxis{number + 1}": given, f"yaxis{number + 1}": given})
     note = [

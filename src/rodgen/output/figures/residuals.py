@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array, Index
 from rodgen.calibration.words import plain
 from rodgen.output.figures.drawn_rows import DEVIATIONS, MOST_MARKS, DrawnRows
+from rodgen.output.figures.planned import AT_EDGE, PlannedRows, planned_rows
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
@@ -39,6 +40,7 @@ from rodgen.output.figures.style import (
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.plan import Plan
     from rodgen.data.drivers import Driver
 
 SEVERAL, SINGLE = 140, 260
@@ -53,6 +55,8 @@ MOST_GROUPS = 10
 """Categories that have a mark of their own."""
 JITTER = 0.25
 """Width over which the marks of a category are spread."""
+EDGE = 0.04
+"""From the lower edge of a panel to planned readings, as a share of its height."""
 MEAN = {"color": INK, "width": 1.6}
 """The line of a curve or a mean among marks."""
 ASIDE = {"symbol": "square-x-open", "size": 9, "color": SOFT}
@@ -82,6 +86,7 @@ def residual_plot(
     colour: str = "",
     selected: Collection[int] = (),
     aside: Collection[int] = (),
+    planned: Plan | None = None,
     most: int = MOST_MARKS,
 ) -> go.Figure:
     """Return the residuals of each row against something that was recorded, of one model or before and after.
@@ -106,6 +111,8 @@ def residual_plot(
         One of `DrawnRows.drivers`, which colours the marks.
     selected, aside : collection of int, optional
         Rows that are marked: chosen by a user, and left out by a user.
+    planned : Plan, optional
+        Whose readings are marked at the lower edge, where it says what they have of `against`.
     most : int, optional
         Marks of the figure, from which large data are thinned; its note then says so.
 
@@ -129,6 +136,7 @@ def residual_plot(
         colour=rows.driver(colour) if colour else None,
         selected=selected,
         aside=aside,
+        planned=planned_rows(fit, planned),
     )
 
 
@@ -197,6 +205,7 @@ def residuals_over(
     colour: Driver | None = None,
     selected: Collection[int] = (),
     aside: Collection[int] = (),
+    planned: PlannedRows | None = None,
     remarks: Sequence[str] = (),
     called: str = "",
 ) -> go.Figure:
@@ -214,6 +223,8 @@ def residuals_over(
         Of the rows that are drawn.
     selected, aside : collection of int
         Rows that are marked.
+    planned : PlannedRows, optional
+        Which are marked at the lower edge.
     remarks : sequence of str
         Sentences of the note.
     called : str
@@ -224,6 +235,7 @@ def residuals_over(
     figure = column([Panel(panel.heading, height, below * (panel is panels[-1])) for panel in panels])
     x, side = _along(rows, driver), rows.sides[-1][0]
     marks = Marks(rows, approach, colour, aside)
+    ahead = None if planned is None else planned.along(driver)
     chosen, beyond = np.isin(rows.chosen, np.asarray([*selected], np.intp)), False
     for number, panel in enumerate(panels):
         good = np.concatenate([values[~marks.out] for values in panel.values])
@@ -248,16 +260,20 @@ def residuals_over(
         if driver.in_time:
             _in_time(figure, number, rows, x[side], panel.values[-1], marks.out)
         low = -0.05 * limit if panel.size else -limit
+        if planned is not None and ahead is not None:
+            planned.mark(figure, number, ahead, np.full(len(ahead), low + EDGE * (limit - low)))
         figure.update_layout({f"yaxis{number + 1}": {"range": [low, limit], "zeroline": True}})
     if marks.bar:
         figure.update_layout(coloraxis=marks.bar)
-    _scale(figure, len(panels), driver, x[side])
+    _scale(figure, len(panels), driver, x[side] if ahead is None else np.concatenate([x[side], ahead]))
     sizes = ", ".join(f"{name} {rows.shown(fit.rms)} {rows.shown.unit}" for name, fit in rows.sides)
     note = [*(remarks or ["Measured minus predicted."]), rows.thinned]
     if driver.in_time:
         note.append(_runs(rows))
     if beyond:
         note.append("What is left out and beyond the axis is drawn at its edge.")
+    if ahead is not None:
+        note.append(AT_EDGE)
     return describe(
         figure,
         called or f"residuals_by_{file_name(driver.name)}",

@@ -1,0 +1,168 @@
+"""What to measure next: the dialog that asks for a plan, and the card that shows it."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from rodgen.calibration.plan import Plan
+from rodgen.calibration.plan.constraints import constraints_of
+from rodgen.errors import InputFileError, RodgenError
+from rodgen.machines.machine import Effect
+from rodgen.output import figures
+from rodgen.workbench.parts import anew, button, card, completing, downloaded, same
+
+if TYPE_CHECKING:
+    from rodgen.calibration.diagnose import Diagnosis
+    from rodgen.calibration.fit import Fit
+    from rodgen.workbench.page import Page
+    from rodgen.workbench.session import State
+
+LIMITS = "limits.toml"
+"""What commands call the file of constraints."""
+_EXAMPLE = 'allowed = ["altitude > 20 deg"]\n[limits]\nC = [0, 270]\n[session]\nreadings = 20'
+PART = 8
+"""Readings at most to part effects."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a plan is to be for."""
+
+    n: int
+    wanted: tuple[str, ...] = ()
+    """Keys of parameters, or of effects, that are to be sharpened."""
+    alternatives: tuple[Effect, ...] = ()
+    """Effects that are to be told apart."""
+    constraints: str = ""
+    """Text of a file of constraints; empty: none."""
+    diagnosed: bool = False
+    """Whether it is of a diagnosis, not of a fit."""
+
+    def plan(self, state: State, subject: Fit | Diagnosis) -> Plan:
+        """Return the plan, of a fit or a diagnosis of a state."""
+        from rodgen.calibration.plan import plan, plan_for
+
+        limits = constraints_of(self.constraints, LIMITS, state.machine) if self.constraints else None
+        if self.alternatives:
+            return plan_for(state.fit, [self.alternatives], self.n, constraints=limits)
+        return plan(subject, self.n, wanted=self.wanted or None, constraints=limits)
+
+    def command(self, machine: str, data: str) -> str:
+        """Return the command that does the same; empty where there is none."""
+        if self.alternatives or not (self.wanted or self.diagnosed):
+            return ""
+        options = [word for key in self.wanted for word in ("--for", key)]
+        options += ["--constraints", LIMITS] if self.constraints else []
+        return shlex.join(["rodgen", "plan", machine, data, "-n", str(self.n), *options, "-o", "plan.csv"])
+
+    def python(self) -> str:
+        """Return the lines of Python that do the same, where `machine`, `observations` and `fit` are known."""
+        lines = ["from rodgen.calibration.plan import load_constraints, plan, plan_for"]
+        if self.diagnosed and not (self.wanted or self.alternatives):
+            lines.append("from rodgen.calibration.diagnose import diagnose")
+        limits = f", constraints=load_constraints({LIMITS!r}, machine)" if self.constraints else ""
+        if self.alternatives:
+            effects = ", ".join(f"machine.effect({e.name!r}, {e.place!r})" for e in self.alternatives)
+            lines.append(f"next_readings = plan_for(fit, [[{effects}]], {self.n}{limits})")
+        elif self.wanted:
+            lines.append(f"next_readings = plan(fit, {self.n}, wanted={[*self.wanted]}{limits})")
+        else:
+            of = "diagnose(machine, observations)" if self.diagnosed else "fit"
+            lines.append(f"next_readings = plan({of}, {self.n}{limits})")
+        return "\n".join([*lines, "next_readings.save('plan.csv')"])
+
+
+class Planning:
+    """The dialog and the card, in one window.
+
+    Parameters
+    ----------
+    page : Page
+    """
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.card = card("Plan")
+        with ui.dialog() as self.dialog, ui.card().style("width:520px;max-width:95vw"):
+            ui.label("What to measure next")
+            self.number = ui.number("Readings at most", value=12, min=1, max=500, step=1)
+            self.wanted = ui.input("To sharpen, or empty", placeholder="C.axis.a, C.backlash")
+            self.limits = ui.textarea("Constraints, or empty", placeholder=_EXAMPLE, on_change=self._check)
+            self.limits.without_auto_validation()
+            completing(self.wanted, self._keys)
+            for each in (self.number, self.wanted, self.limits):
+                each.props("dense outlined maxlength=4000").classes("w-full")
+            self.limits.props("debounce=300 rows=5").classes("mono")
+            ui.label(
+                "What is to be sharpened are parameters, or effects that the model may lack; left empty, what the last "
+                "diagnosis leaves open, else all parameters. Constraints are those of 'rodgen plan --constraints'."
+            ).classes("soft")
+            with ui.element("div").classes("line"):
+                self.make = button("Make the plan", self._make)
+                ui.button("Cancel", on_click=self.dialog.close).props("flat dense no-caps")
+
+    async def open(self) -> None:
+        """Show the dialog."""
+        self.dialog.open()
+
+    def _keys(self) -> list[str]:
+        """Return what may be sharpened."""
+        suspects = self.page.desk.suspects
+        lacking = [s.effect.key("").rstrip(".") for s in suspects.listed] if suspects else []
+        return [*self.page.state.fit.estimates, *lacking]
+
+    def _check(self) -> None:
+        """Say at the constraints what is wrong with them."""
+        text, said = str(self.limits.value or "").strip(), None
+        try:
+            if text:
+                constraints_of(text, LIMITS, self.page.state.machine)
+        except InputFileError as error:
+            said = f"{error.place}: {error.found}; expected {error.expected}"
+        self.limits.error = said
+        self.make.set_enabled(said is None)
+
+    def _wish(self, n: int, wanted: Sequence[str] = (), alternatives: Sequence[Effect] = ()) -> Wish:
+        return Wish(n, tuple(wanted), tuple(alternatives), str(self.limits.value or "").strip())
+
+    async def _make(self) -> None:
+        if self.number.value is None:
+            raise RodgenError("no number of readings; expected one from 1 to 500")
+        wanted = [key.strip() for key in str(self.wanted.value or "").split(",") if key.strip()]
+        self.dialog.close()
+        await self.page.desk.make_plan(self._wish(int(self.number.value), wanted))
+
+    async def part(self, effects: Sequence[Effect]) -> None:
+        """Plan what tells effects apart."""
+        await self.page.desk.make_plan(self._wish(PART, alternatives=effects))
+
+    def fill(self) -> None:
+        """Fill the card anew."""
+        found, page = self.page.desk.plan, self.page
+        self.card.set_visibility(found is not None)
+        if found is None:
+            return
+        state, plan, wish = found
+        with anew(self.card, "Plan"):
+            if state is not page.state:
+                ui.label("Of the model as it was when it was asked for.").classes("soft")
+            drawing = figures.planned_poses(state.fit, plan)
+            page.plots.pop("plan", None)
+            if drawing is not None:
+                page.show("plan", ui.element("div").classes("plot"), drawing, "plan")
+            ui.label(str(plan)).classes("code")
+            with ui.element("div").classes("line"):
+                if plan.count:
+                    save = partial(downloaded, plan.csv(), "plan.csv")
+                    button("Save the list", save, label="Download the plan as a table")
+                if wish.constraints:
+                    save = partial(downloaded, wish.constraints + "\n", LIMITS)
+                    button("Save the constraints", save, label="Download the constraints")
+                button("Discard", page.desk.discard_plan, label="Discard the plan")
+            same(wish.command(state.file, page.desk.session.data_file), wish.python())
