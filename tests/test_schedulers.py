@@ -28,6 +28,12 @@ def dies_once(item, marker):
     return item
 
 
+def dies_at_three(item):
+    if item == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return item
+
+
 def always_dies(item):
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -64,6 +70,11 @@ def test_a_task_of_a_killed_worker_runs_again(processes, tmp_path):
     found = list(processes.each("counting", dies_once, range(8), str(tmp_path / "died")))
     assert sorted(found) == [(k, k) for k in range(8)]
     assert (tmp_path / "died").exists()
+
+
+def test_a_task_that_kills_every_worker_may_have_an_answer_of_its_own(processes):
+    found = processes.each("counting", dies_at_three, range(5), of_killed=lambda number: -number)
+    assert sorted(found) == [(0, 0), (1, 1), (2, 2), (3, -3), (4, 4)]
 
 
 def test_a_task_that_kills_every_worker_ends_with_a_sentence(processes):

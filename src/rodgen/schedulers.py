@@ -64,7 +64,12 @@ class Workers:
         return items if self.are_threads else self._executor.map(_itself, items, pure=False)
 
     def each(
-        self, what: str, function: Callable[..., Result], items: Sequence[Item], *common: Any
+        self,
+        what: str,
+        function: Callable[..., Result],
+        items: Sequence[Item],
+        *common: Any,
+        of_killed: Callable[[int], Result] | None = None,
     ) -> Iterator[tuple[int, Result]]:
         """Yield the number of an item and what a function returns for it, each as soon as it is done.
 
@@ -76,17 +81,22 @@ class Workers:
             Of an item and what all have in common. It may run more than once for an item, where a worker was killed.
         *common
             Further arguments.
+        of_killed : callable, optional
+            Of the number of an item, whose workers were killed several times: what to yield for it.
 
         Raises
         ------
         SchedulerError
-            When workers that ran one task were killed several times.
+            When workers that ran one task were killed several times, without `of_killed`.
         Exception
             What the function raises; the other tasks are then cancelled.
         """
         with stage(what, len(items)):
-            runs = self._in_threads if self.are_threads else self._on_workers
-            for done, answer in enumerate(runs(function, items, common), 1):
+            if self.are_threads:
+                runs = self._in_threads(function, items, common)
+            else:
+                runs = self._on_workers(function, items, common, of_killed)
+            for done, answer in enumerate(runs, 1):
                 step(done)
                 yield answer
 
@@ -102,7 +112,11 @@ class Workers:
                 future.cancel()
 
     def _on_workers(
-        self, function: Callable[..., Result], items: Sequence[Item], common: tuple[Any, ...]
+        self,
+        function: Callable[..., Result],
+        items: Sequence[Item],
+        common: tuple[Any, ...],
+        of_killed: Callable[[int], Result] | None,
     ) -> Iterator[tuple[int, Result]]:
         import distributed
         from distributed.scheduler import KilledWorker
@@ -114,12 +128,16 @@ class Workers:
         del futures  # so that each result leaves the worker as soon as it is here
         try:
             for future in waiting:
-                yield numbers[future.key], future.result()
-        except KilledWorker as error:
-            raise SchedulerError(
-                f"workers of the scheduler were killed {error.allowed_failures + 1} times by one task; expected "
-                "workers with more memory, or smaller parts of the work"
-            ) from None
+                number = numbers[future.key]
+                try:
+                    yield number, future.result()
+                except KilledWorker as error:
+                    if of_killed is None:
+                        raise SchedulerError(
+                            f"workers of the scheduler were killed {error.allowed_failures + 1} times by one task; "
+                            "expected workers with more memory, or smaller parts of the work"
+                        ) from None
+                    yield number, of_killed(number)
         finally:
             waiting.clear()
 
@@ -188,7 +206,7 @@ def _made(address: str | None) -> Iterator[Workers]:
         with _connected(str(address)) as found:
             yield _of(found)
         return
-    count = int(kind[2] or _processors())
+    count = int(kind[2] or processors())
     if kind[1] == "threads":
         with concurrent.futures.ThreadPoolExecutor(count) as pool:
             yield Workers(pool, count)
@@ -203,7 +221,8 @@ def _made(address: str | None) -> Iterator[Workers]:
         yield Workers(client, count)
 
 
-def _processors() -> int:
+def processors() -> int:
+    """Return how many processors this program may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

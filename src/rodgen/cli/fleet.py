@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 
 from rodgen.cli._console import BAD_INPUT, FAILED, INTERNAL, NOT_CONVERGED, OK, Command, show_result
 from rodgen.cli._machine import add_json, add_timings
@@ -42,14 +41,17 @@ def add_to(command: Command) -> None:
     fleet.add_argument("--date", metavar="YYYY-MM-DD", help="when the machines were measured; default: today")
     about = "how many a year are accepted for the whole fleet; default: 1"
     fleet.add_argument("--false-alarms", metavar="NUMBER", type=float, default=1.0, help=about)
-    about = "processes; default: one for each processor"
+    about = "processes of this computer; default: one for each processor"
     fleet.add_argument("--jobs", metavar="N", type=whole(1), default=None, help=about)
+    about = "a Dask scheduler instead of --jobs, tcp://HOST:PORT, whose workers read files by the same names"
+    fleet.add_argument("--scheduler", metavar="WHERE", help=about)
     add_json(fleet)
     add_timings(fleet)
 
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.calibration.fleet import diagnose_fleet, pairs_of
+    from rodgen.schedulers import processors
 
     if not 0 < options.false_alarms < float("inf"):
         raise InputFileError(
@@ -61,7 +63,8 @@ def _run(options: argparse.Namespace) -> int:
         history=options.history,
         date=options.date,
         false_alarms=options.false_alarms,
-        jobs=options.jobs or _processors(),
+        jobs=options.jobs or processors(),
+        scheduler=options.scheduler,
     )
     show_result(options, found.to_dict, found.summary)
     if any(machine.result.get("internal") for machine in found.failed):
@@ -71,7 +74,3 @@ def _run(options: argparse.Namespace) -> int:
     if found.alarms:
         return FAILED
     return OK if all(machine.result["fleet"]["converged"] for machine in found.diagnosed) else NOT_CONVERGED
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import date as calendar
 from datetime import datetime
 from typing import Any
@@ -16,6 +16,7 @@ from rodgen.calibration.fleet.store import Plan, read_plan, read_result, write_p
 from rodgen.calibration.fleet.task import diagnose_pair, failed, key_of
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.files import noting_completed, one_process_in
+from rodgen.schedulers import workers
 from rodgen.stages import stage, step
 from rodgen.statistics.thresholds import FLEET
 
@@ -28,6 +29,7 @@ def diagnose_fleet(
     date: str | None = None,
     false_alarms: float = FLEET.false_alarms,
     jobs: int = 0,
+    scheduler: str | None = None,
 ) -> Fleet:
     """Diagnose machines, and return what they have in common.
 
@@ -47,6 +49,8 @@ def diagnose_fleet(
         For the whole fleet, a year.
     jobs : int, optional
         Processes; 0 is this one. A script that asks for more must guard its entry by ``if __name__ == "__main__"``.
+    scheduler : str, optional
+        As of :func:`rodgen.schedulers.workers`, instead of `jobs`; its workers read the files by the same names.
 
     Returns
     -------
@@ -56,6 +60,8 @@ def diagnose_fleet(
     ------
     InputFileError
         When the folder cannot be written, or another run writes to it.
+    SchedulerError
+        When the scheduler cannot be used.
     """
     folder = os.fspath(results)
     try:
@@ -77,11 +83,9 @@ def diagnose_fleet(
             for pair, key, result in zip(pairs, keys, known, strict=True)
             if result is None or result.get("key") != key or result.get("internal")
         ]
-        with stage("diagnosing machines", len(todo)):
-            for done, (number, result) in enumerate(_each(todo, jobs), 1):
-                with noting_completed():  # an interruption need not name them all
-                    write_result(folder, todo[number].name, result)
-                step(done)
+        for number, result in _each(todo, jobs, scheduler):
+            with noting_completed():  # an interruption need not name them all
+                write_result(folder, todo[number].name, result)
         return Fleet.load(folder)
 
 
@@ -116,12 +120,25 @@ def _check_history(folder: str, plan: Plan) -> None:
         dates[moment(date)] = each
 
 
-def _each(pairs: Sequence[Pair], jobs: int) -> Iterator[tuple[int, dict[str, Any]]]:
-    if jobs < 1:
-        yield from ((number, diagnose_pair(pair)) for number, pair in enumerate(pairs))
+def _each(pairs: Sequence[Pair], jobs: int, scheduler: str | None) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Yield the number of each machine and its result as soon as it is there."""
+    what = "diagnosing machines"
+    if scheduler is not None and pairs:
+        whole = [Pair(p.name, *(f and os.path.abspath(f) for f in (p.machine, p.data))) for p in pairs]
+        with workers(scheduler) as some:
+            yield from some.each(what, diagnose_pair, whole, of_killed=lambda number: _killed(pairs[number]))
         return
-    for number, result in each_in_processes(diagnose_pair, pairs, jobs):
-        if result is None:
-            why = "its process was killed, perhaps for lack of memory; expected more of it, fewer --jobs, or fewer rows"
-            result = failed(why, internal=True) | {"key": key_of(pairs[number])}
-        yield number, result
+    with stage(what, len(pairs)):
+        found: Iterable[tuple[int, dict[str, Any] | None]] = enumerate(map(diagnose_pair, pairs))
+        if jobs > 0:
+            found = each_in_processes(diagnose_pair, pairs, jobs)
+        for done, (number, result) in enumerate(found, 1):
+            step(done)
+            yield number, result or _killed(pairs[number])
+
+
+def _killed(pair: Pair) -> dict[str, Any]:
+    why = (
+        "its process was killed, perhaps for lack of memory; expected more of it, fewer --jobs, or fewer rows"
+    )
+    return failed(why, internal=True) | {"key": key_of(pair)}
