@@ -74,7 +74,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "data": fit.observations.data.file,
         "rows": fit.problem.count,
         "readings": fit.problem.count * fit.problem.components,
-        **fit.problem.countot_here,
+        **fit.observations.not_here,
         "outliers": fit.outlier_numbers,
         "gross": [one.to_dict(fit.observations) for one in fit.gross_readings],
         "converged": fit.solution.converged,
