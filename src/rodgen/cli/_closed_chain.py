@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
+from rodgen.cli._console import refused
 from rodgen.cli._values import Quantity
 from rodgen.errors import InputFileError
 
@@ -30,7 +31,7 @@ def take_machine(options: argparse.Namespace, family: str, names: Sequence[str])
     if any(getattr(options, name) for name in names):
         *most, last = (f"--{name}" for name in names)
         found = f"together with {', '.join(most)} or {last}"
-        raise InputFileError("command line", "--machine", found, "one of the two")
+        raise refused("--machine", found, "one of the two")
     machine = Machine.load(options.machine)
     chain = machine.kinematics
     if chain.family != family:
@@ -48,5 +49,5 @@ def ordered_limits(given: Quantity, unit: str, example: str) -> tuple[float, flo
     if not 0 <= low <= high:
         found = ",".join(f"{x:g}" for x in given.numbers)
         expected = f"the least length first, such as {example}"
-        raise InputFileError("command line", "--limits", found, expected)
+        raise refused("--limits", found, expected)
     return low, high

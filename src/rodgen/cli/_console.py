@@ -64,6 +64,11 @@ def after_fits(converged: bool) -> int:
 # options -----------------------------------------------------------------------------------------------
 
 
+def refused(option: str, found: str, expected: str) -> InputFileError:
+    """Return the error of an option: what was found, and what was expected."""
+    return InputFileError("command line", option, found, expected)
+
+
 class UsageError(Exception):
     """The command line is not a command."""
 
@@ -90,9 +95,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise the message as a `UsageError`."""
-        raise UsageError(
-            InputFileError("command line", self.prog, message, f"what '{self.prog} --help' shows")
-        )
+        raise UsageError(refused(self.prog, message, f"what '{self.prog} --help' shows"))
 
 
 class Command(Protocol):

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rodgen.cli._console import refused
 from rodgen.errors import InputFileError, shown
 from rodgen.files import read_input
 
@@ -53,7 +54,7 @@ class ReadDiagnosis:
         for number in chosen:
             if number > count:
                 some = "1, the only step" if count == 1 else f"1 to {count}"
-                raise InputFileError("command line", "--step", f"{number}", f"{some} of {self.file}")
+                raise refused("--step", f"{number}", f"{some} of {self.file}")
         effects: list[Effect] = []
         there = {effect.identity for effect in machine.effects}
         for number, step in enumerate(steps, 1):

@@ -10,7 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from rodgen.errors import InputFileError, shown
+from rodgen.cli._console import refused
+from rodgen.errors import shown
 
 _NUMBERS = r"\s*([-+.,\deE\s]*\d\.?)\s*([^\d\s,.+-].*?)\s*"
 
@@ -65,7 +66,7 @@ class Quantity:
         try:
             factor = conversion_factor(self.unit, self.dimension, unit)
         except UnitError as error:
-            raise InputFileError("command line", self.option, error.found, error.expected) from None
+            raise refused(self.option, error.found, error.expected) from None
         return tuple(number * factor for number in self.numbers)
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._change import Change, Written, carry_out
-from rodgen.cli._console import Command, UsageError, after_fits, notify, show_result
+from rodgen.cli._console import Command, UsageError, after_fits, notify, refused, show_result
 from rodgen.cli._machine import FILES, add_json, add_loss, add_place
 from rodgen.cli._values import whole
-from rodgen.errors import InputFileError
 
 _ADD = f"""\
 Copy a machine file and add an effect of the catalogue, or the effects and forms that a diagnosis found; the rest of the
@@ -75,7 +74,7 @@ def add_to(command: Command) -> None:
 
 
 def _usage(found: str, expected: str) -> UsageError:
-    return UsageError(InputFileError("command line", "rodgen add", found, expected))
+    return UsageError(refused("rodgen add", found, expected))
 
 
 def _add(options: argparse.Namespace) -> int:
@@ -100,7 +99,7 @@ def _add_one(options: argparse.Namespace) -> int:
         effect = effect_with(machine, options.effect, place, assignments(options.hold))
     except UnfitEffectError as error:
         place = " ".join(["--hold", *error.key.split(".")[1:]])
-        raise InputFileError("command line", place, error.found, error.expected) from None
+        raise refused(place, error.found, error.expected) from None
     machines = (machine, machine.with_effect(effect))
     words = (effect.name, effect.place or "")
     change = Change(machines, (effect,), text_with_effects(options.machine, [effect]), words)

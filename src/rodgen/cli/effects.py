@@ -7,9 +7,8 @@ import itertools
 import textwrap
 from collections.abc import Iterator
 
-from rodgen.cli._console import OK, Command, show, show_json
+from rodgen.cli._console import OK, Command, refused, show, show_json
 from rodgen.cli._machine import add_json
-from rodgen.errors import InputFileError
 
 _EFFECTS = """\
 List the effects that a machine may have: what each changes by which formula, its parameters with their units, its
@@ -61,7 +60,7 @@ def _run(options: argparse.Namespace) -> int:
             else:
                 show(str(term))
             return OK
-        raise InputFileError("command line", "NAME", error.found, error.expected) from None
+        raise refused("NAME", error.found, error.expected) from None
     if options.json:
         show_json([definition.as_dict() for definition in found])
     elif options.name:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import Command, after_fits, notify, show_result
+from rodgen.cli._console import Command, after_fits, notify, refused, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
-from rodgen.errors import InputFileError
 from rodgen.machines.emit import FORMS
 
 _EMIT = f"""\
@@ -64,7 +63,7 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.machine import Machine
 
     if options.into and options.lang != "urdf":
-        raise InputFileError("command line", "--into", f"with --lang {options.lang}", "--lang urdf")
+        raise refused("--into", f"with --lang {options.lang}", "--lang urdf")
     converged, lost, missing = True, 0.0, ""
     given = {"into": options.into, "force": options.force}
     if not options.data:

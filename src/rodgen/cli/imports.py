@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import FAILED, OK, Command, Parser, UsageError, show
+from rodgen.cli._console import FAILED, OK, Command, Parser, UsageError, refused, show
 from rodgen.cli._outputs import Outputs, add_plot, figures_for
 from rodgen.cli._values import Quantity, quantity
 from rodgen.errors import InputFileError, shown
@@ -147,7 +147,7 @@ def _run(options: argparse.Namespace) -> int:
             ("-d", options.data, bool(made.columns)),
         ):
             if bool(wanted) != there:
-                raise InputFileError("command line", "rodgen import", *_MISFITS[name, there])
+                raise refused("rodgen import", *_MISFITS[name, there])
         machine = made.machine
         said = list(made.notes)
         if options.output:
@@ -223,7 +223,7 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
     if options.estimate == "geometry":
         if alone not in ([_URDF], [_TABLE]):
             found = "--estimate geometry, and neither a URDF nor a Denavit-Hartenberg table"
-            raise InputFileError("command line", "--estimate", found, "[estimate] in the machine file")
+            raise refused("--estimate", found, "[estimate] in the machine file")
         parts = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
         estimate = tuple(
             f"{joint.name}.{part}" for joint in made.machine.joints for part in parts[joint.type]
@@ -275,7 +275,7 @@ def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[s
                 raise UnexpectedError(shown(text), "NAME=THEIRS, such as A='-A_axis [deg] + 90'")
             stated[name.strip()] = column_source(rest)
         except UnexpectedError as error:
-            raise InputFileError("command line", "--column", error.found, error.expected) from None
+            raise refused("--column", error.found, error.expected) from None
     units = options.units or (("m", "rad") if _URDF in kinds else None)
     ballbar = None
     if options.ballbar:

@@ -32,6 +32,7 @@ from rodgen.cli._console import (
     UsageError,
     adder,
     notify,
+    refused,
     show,
 )
 from rodgen.cli._progress import Display, display
@@ -156,7 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if extra is None:
             return _internal_error(error, given, debug, completed)
         found, expected = f"no module {error.name!r}", f"it: pip install 'rodgen[{extra}]'"
-        notify(str(InputFileError("command line", given[0], found, expected)))
+        notify(str(refused(given[0], found, expected)))
         return BAD_INPUT
     except RodgenError as error:
         from rodgen.cli.scripts import UnprovedError

@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import math
 
-from rodgen.cli._console import Command, after_fits, show
+from rodgen.cli._console import Command, after_fits, refused, show
 from rodgen.cli._machine import FILES, add_files, add_test, diagnosed
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.stages import stage
@@ -92,6 +92,4 @@ def _radius(text: str) -> tuple[str, float]:
         value = number * conversion_factor(unit, "length", "mm")
         if joint and 0 < value < math.inf:
             return joint, value
-    raise InputFileError(
-        "command line", "--radius", f"{text!r}", "a joint, '=', a length and its unit, such as C=40mm"
-    )
+    raise refused("--radius", f"{text!r}", "a joint, '=', a length and its unit, such as C=40mm")

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from rodgen.cli._console import refused
 from rodgen.errors import InputFileError, RodgenError, shown
 
 if TYPE_CHECKING:
@@ -145,8 +146,8 @@ def check_notebook(output: str | os.PathLike[str]) -> None:
         for package in ("jupytext", "nbclient", "nbformat"):
             importlib.import_module(package)
     except ImportError as error:
-        raise InputFileError(
-            "command line", "--notebook", f"no module {error.name!r}", "it: pip install 'rodgen[notebooks]'"
+        raise refused(
+            "--notebook", f"no module {error.name!r}", "it: pip install 'rodgen[notebooks]'"
         ) from None
 
 

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rodgen.cli._console import OK, Command, UsageError, notify, show_json, show_result
+from rodgen.cli._console import OK, Command, UsageError, notify, refused, show_json, show_result
 from rodgen.cli._machine import add_json, load_data
 from rodgen.cli._outputs import Outputs
 from rodgen.cli._values import whole
@@ -60,7 +60,7 @@ def add_to(command: Command) -> None:
 
 
 def _usage(found: str, expected: str) -> UsageError:
-    return UsageError(InputFileError("command line", "rodgen simulate", found, expected))
+    return UsageError(refused("rodgen simulate", found, expected))
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from rodgen.cli._attitude import ATTITUDE_TEXT, QUATERNION, add_form, columns_of, matrices, quaternions
-from rodgen.cli._console import Command
+from rodgen.cli._console import Command, refused
 from rodgen.cli._tables import add_table, map_rows, named, rows_of
 from rodgen.cli._values import number
-from rodgen.errors import InputFileError, UnexpectedError, shown
+from rodgen.errors import UnexpectedError, shown
 
 _CHI = named("angle", "chi_x chi_y chi_z")
 
@@ -219,7 +219,7 @@ def _rates(options: argparse.Namespace) -> int:
 
     if options.euler_rates and options.form in ("quaternion", "matrix"):
         found = f"--from {options.form}"
-        raise InputFileError("command line", "--euler-rates", found, "a sequence, such as --from ZYX")
+        raise refused("--euler-rates", found, "a sequence, such as --from ZYX")
     attitude = columns_of(options.form)
     turning = "alpha_rate beta_rate gamma_rate" if options.euler_rates else "omega_x omega_y omega_z"
     results = [

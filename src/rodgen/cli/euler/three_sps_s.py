@@ -10,11 +10,10 @@ import numpy as np
 
 from rodgen.cli._attitude import ATTITUDE_TEXT, QUATERNION, add_form, columns_of, matrices
 from rodgen.cli._closed_chain import ordered_limits, take_machine
-from rodgen.cli._console import OK, Command, located, show, show_json
+from rodgen.cli._console import OK, Command, located, refused, show, show_json
 from rodgen.cli._outputs import add_plot, figures_for
 from rodgen.cli._tables import add_table, map_rows, named, rows_of, status_names, write_columns
 from rodgen.cli._values import number, quantity, whole
-from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
     from rodgen.kinematics.three_sps_s import Geometry
@@ -150,7 +149,7 @@ def _machine_of(options: argparse.Namespace, unit: str = "") -> tuple[Geometry, 
     missing = [f"--{name}" for name, value in given.items() if value is None]
     if missing:
         expected = "all of --R, --r and --h, each with its unit, or --machine"
-        raise InputFileError("command line", ", ".join(missing), "nothing", expected)
+        raise refused(", ".join(missing), "nothing", expected)
     for value in given.values():
         value.to("mm")  # checks the dimension of each under its own name
     unit = unit or given["R"].unit
@@ -200,7 +199,7 @@ def _direct(options: argparse.Namespace) -> int:
     from rodgen.kinematics import instantaneous_euler, three_sps_s
 
     if options.all and (options.follow or options.near is not None):
-        raise InputFileError("command line", "--all", "together with --near or --follow", "one of the two")
+        raise refused("--all", "together with --near or --follow", "one of the two")
     results = [
         *([("mode", "count")] if options.all else []),
         *QUATERNION,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import OK, Command, notify, show, show_json
+from rodgen.cli._console import OK, Command, notify, refused, show, show_json
 from rodgen.cli._machine import add_json
 from rodgen.cli._outputs import Outputs, add_plot
 from rodgen.cli.mechanism._mechanism import MECHANISM_TEXT, add_mechanism, chain_of
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.errors import RodgenError, shown
 
 if TYPE_CHECKING:
     from rodgen.kinematics.spatial import Mechanism
@@ -59,13 +59,9 @@ def _check_drawing(options: argparse.Namespace, mechanism: Mechanism) -> None:
     for name in ("input", "output"):
         joint = getattr(options, name)
         if joint is not None and options.plot is None:
-            raise InputFileError(
-                "command line", f"--{name}", "no --plot", "the drawing in which it is marked"
-            )
+            raise refused(f"--{name}", "no --plot", "the drawing in which it is marked")
         if joint is not None and joint not in mechanism.names:
-            raise InputFileError(
-                "command line", f"--{name}", shown(joint), f"one of {', '.join(mechanism.names)}"
-            )
+            raise refused(f"--{name}", shown(joint), f"one of {', '.join(mechanism.names)}")
 
 
 def _data(mechanism: Mechanism) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.cli._attitude import ATTITUDE_TEXT, add_form, columns_of, matrices
-from rodgen.cli._console import Command, located
+from rodgen.cli._console import Command, located, refused
 from rodgen.cli._tables import Columns, map_rows, named, rows_of
 from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
@@ -21,7 +21,7 @@ from rodgen.cli.mechanism._mechanism import (
     quantity_of,
     tool_of,
 )
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import shown
 
 if TYPE_CHECKING:
     from rodgen.kinematics.spatial import Reverse
@@ -88,7 +88,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _robot(options: argparse.Namespace, chain: Chain) -> int:
     if options.given is not None:
-        raise InputFileError("command line", "--given", "for an open chain", "a closed loop, or no --given")
+        raise refused("--given", "for an open chain", "a closed loop, or no --given")
     form = options.form or _USUAL
     columns = [*named("length", "x y z"), *columns_of(form)]
 
@@ -115,9 +115,7 @@ def _loop(options: argparse.Namespace, chain: Chain) -> int:
 
     for option, value in (("--tool", options.tool), ("--from", options.form)):
         if value is not None:
-            raise InputFileError(
-                "command line", option, "for a closed loop", f"an open chain, or no {option}"
-            )
+            raise refused(option, "for a closed loop", f"an open chain, or no {option}")
     mechanism = chain.mechanism
     names = [column_name(mechanism, v) for v in range(len(mechanism.variables))]
     wanted = _given(options, names)
@@ -142,10 +140,10 @@ def _given(options: argparse.Namespace, names: list[str]) -> list[int]:
     wanted = []
     for name in options.given.split(","):
         if name.strip() not in names:
-            raise InputFileError("command line", "--given", shown(name.strip()), f"one of {', '.join(names)}")
+            raise refused("--given", shown(name.strip()), f"one of {', '.join(names)}")
         wanted.append(names.index(name.strip()))
     if len(set(wanted)) < len(wanted):
-        raise InputFileError("command line", "--given", shown(options.given), "every name once")
+        raise refused("--given", shown(options.given), "every name once")
     return wanted
 
 

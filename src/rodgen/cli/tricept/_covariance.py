@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import located
+from rodgen.cli._console import located, refused
 from rodgen.errors import InputFileError, shown
 from rodgen.files import decoded, read_input
 
@@ -92,9 +92,7 @@ def covariance_of(options: argparse.Namespace, unit: str) -> Any:
         places = ("--u", "--correlation")
         return _made(dict(options.u), dict(options.correlation), unit, "command line", places)
     if options.u or options.correlation:
-        raise InputFileError(
-            "command line", "--covariance", "together with --u or --correlation", "one of the two"
-        )
+        raise refused("--covariance", "together with --u or --correlation", "one of the two")
     file = options.covariance
     text = decoded(read_input(file, "a covariance"), file).removeprefix("\ufeff")
     if file.lower().endswith(".toml"):

@@ -6,9 +6,8 @@ import argparse
 from typing import TYPE_CHECKING
 
 from rodgen.cli._closed_chain import ordered_limits, take_machine
-from rodgen.cli._console import located
+from rodgen.cli._console import located, refused
 from rodgen.cli._values import Quantity, quantity
-from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
     from rodgen.kinematics.tricept import Geometry
@@ -53,7 +52,7 @@ def geometry_of(options: argparse.Namespace, unit: str) -> Geometry:
     for name, given in (("R", R), ("r", r)):
         if not given.numbers[0] > 0:
             found = f"{name} = {given.numbers[0]:g} {given.unit}"
-            raise InputFileError("command line", given.option, found, "a positive length")
+            raise refused(given.option, found, "a positive length")
     with located("command line", "--R, --r, --q"):
         return Geometry(R.to(unit)[0], r.to(unit)[0], q)
 
@@ -73,7 +72,7 @@ def limits_of(options: argparse.Namespace, unit: str) -> tuple[float, float] | N
 def needed(limits: tuple[float, float] | None) -> tuple[float, float]:
     """Return limits of the rods; without them a command that needs them cannot run."""
     if limits is None:
-        raise InputFileError("command line", "--limits", "none", "lengths of a rod, such as 568,858mm")
+        raise refused("--limits", "none", "lengths of a rod, such as 568,858mm")
     return limits
 
 

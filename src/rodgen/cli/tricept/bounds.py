@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, located, notify, show, show_json
+from rodgen.cli._console import OK, Command, located, notify, refused, show, show_json
 from rodgen.cli._outputs import add_plot, figures_for
 from rodgen.cli._tables import write_columns
 from rodgen.cli._values import number, quantity, whole
 from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import shown
 
 _TEXT = f"""\
 Bound the six elements of U_y while the tool is anywhere in a cube (or a box): their true range, certified by intervals
@@ -104,12 +104,7 @@ def _run(options: argparse.Namespace) -> int:
             return _influence(options, geometry, limits, (low, high), unit)
         U = covariance_of(options, unit)
         if U[5:, 5:].any():
-            raise InputFileError(
-                "command line",
-                "--u",
-                "parameters beyond the paper's",
-                "A0, A1, A-1, r and R alone (rods, radii)",
-            )
+            raise refused("--u", "parameters beyond the paper's", "A0, A1, A-1, r and R alone (rods, radii)")
         rods = cube.rods if cube else tricept.rod_bounds(low, high, geometry)
         found = tricept.bounds(low, high, geometry, U[:5, :5], gap=options.gap)
     if options.output:
@@ -135,23 +130,17 @@ def _run(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     if options.largest and options.edge:
-        raise InputFileError("command line", "--edge", "together with --largest", "one of the two")
+        raise refused("--edge", "together with --largest", "one of the two")
     if options.largest == "centre" and options.centre is None:
-        raise InputFileError(
-            "command line", "--centre", "nothing", "the centre of the cube, such as 0,0,685mm"
-        )
+        raise refused("--centre", "nothing", "the centre of the cube, such as 0,0,685mm")
     if options.largest in ("axis", "free") and options.centre is not None:
-        raise InputFileError(
-            "command line", "--centre", f"together with --largest {options.largest}", "--largest centre"
-        )
+        raise refused("--centre", f"together with --largest {options.largest}", "--largest centre")
     if not options.largest and (options.centre is None) != (options.edge is None):
-        raise InputFileError("command line", "--centre, --edge", "one of them", "both, or --largest")
+        raise refused("--centre, --edge", "one of them", "both, or --largest")
     if not options.largest and options.centre is None and not options.influence:
-        raise InputFileError("command line", "--centre, --edge", "nothing", "a cube, or --largest")
+        raise refused("--centre, --edge", "nothing", "a cube, or --largest")
     if options.plot and not options.influence:
-        raise InputFileError(
-            "command line", "--plot", "without --influence", "what to draw, such as --influence A0,xx"
-        )
+        raise refused("--plot", "without --influence", "what to draw, such as --influence A0,xx")
 
 
 def _print(found: Any, cube: Any, rods: Any, limits: Any, inside: bool, unit: str) -> None:

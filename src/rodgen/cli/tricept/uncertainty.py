@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, located, show, show_json
+from rodgen.cli._console import OK, Command, located, refused, show, show_json
 from rodgen.cli._outputs import add_plot, figures_for
 from rodgen.cli._tables import Columns, add_table, map_rows, named
 from rodgen.cli._values import number, plane, quantity, whole
@@ -80,21 +80,19 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     if options.point and options.table:
-        raise InputFileError("command line", "--point", "together with a table", "one of the two")
+        raise refused("--point", "together with a table", "one of the two")
     if bool(options.plot) != bool(options.slice):
         missing, other = ("--slice", "y=0mm") if options.plot else ("--plot", "map.png")
-        raise InputFileError("command line", missing, "nothing", f"both --plot and --slice, such as {other}")
+        raise refused(missing, "nothing", f"both --plot and --slice, such as {other}")
     if not (options.point or options.table or options.plot):
-        raise InputFileError("command line", "POINTS", "nothing", "a table, --point, or --plot with --slice")
+        raise refused("POINTS", "nothing", "a table, --point, or --plot with --slice")
     if options.plot:
         _draw(options)
     if options.budget or options.monte_carlo:
         if options.output:
-            raise InputFileError(
-                "command line", "--output", "together with --budget or --monte-carlo", "one of the two"
-            )
+            raise refused("--output", "together with --budget or --monte-carlo", "one of the two")
         if not (options.point or options.table):
-            raise InputFileError("command line", "POINTS", "nothing", "a table, or --point")
+            raise refused("POINTS", "nothing", "a table, or --point")
         return _analyse(options)
     return _table(options) if options.table else _one(options) if options.point else OK
 

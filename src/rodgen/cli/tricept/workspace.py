@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, located, notify, show, show_json
+from rodgen.cli._console import OK, Command, located, notify, refused, show, show_json
 from rodgen.cli._tables import add_output, status_names, write_columns
 from rodgen.cli._values import plane, whole
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
-from rodgen.errors import InputFileError
 
 _TEXT = """\
 Measure the region that the lengths of the rods leave to the point: its volume, extents, greatest tilt, and how near it
@@ -49,9 +48,7 @@ def _run(options: argparse.Namespace) -> int:
     unit = unit_of(options)
     geometry, limits = geometry_of(options, unit), needed(limits_of(options, unit))
     if options.output and not options.slice:
-        raise InputFileError(
-            "command line", "--output", "no --slice", "a plane for the table, --slice z=700mm"
-        )
+        raise refused("--output", "no --slice", "a plane for the table, --slice z=700mm")
     with located("command line", "--limits"):
         if options.slice:
             return _write_slice(options, geometry, limits, unit)
