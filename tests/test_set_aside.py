@@ -280,6 +280,14 @@ def test_a_run_of_another_file_is_another_run(capsys: pytest.CaptureFixture[str]
     assert other.to_dict()["set_aside"]["entries"][1]["count"] is None
 
 
+def test_measurements_that_are_read_in_parts_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    set_aside()
+    machine, data = read()
+    data.to_pandas().to_parquet("part.parquet")
+    with pytest.raises(InputFileError, match=r"rows of part\.parquet, which is read in parts"):
+        fit(machine, Measurements.scan("part.parquet"))
+
+
 def test_copies_of_rows_that_are_set_aside_count_no_more_than_they(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -617,11 +617,17 @@ def observed(machine: Machine, data: Any) -> Observations:
     Raises
     ------
     InputFileError
-        As of `bind_once`; and where the machine stands on legs or its attitudes are measured, for which scans are not
-        read.
+        As of `bind_once`; and where the machine stands on legs, its attitudes are measured, or its file sets rows
+        aside, for which scans are not read.
     """
     if not isinstance(data, Scan):
         return bind_once(machine, data)
+    if machine.measured.set_aside:
+        found, expected = (
+            f"rows of {data.file}, which is read in parts",
+            "none, or one file that is read whole",
+        )
+        raise InputFileError(machine.file or machine.name, "[measured], set_aside", found, expected)
     bind(machine, data.empty)  # columns and units are wrong before anything is read
     if machine.kinematics.is_closed or machine.measurand.has_attitude:
         what = "a machine on legs" if machine.kinematics.is_closed else "attitudes"
