@@ -15,6 +15,7 @@ from rodgen.calibration.fit import Fit, fit
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
+from rodgen.machines.files.edit import text_with_set_aside
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
 
@@ -130,6 +131,10 @@ def test_a_saved_fit_reads_back(capsys: pytest.CaptureFixture[str]) -> None:
         np.testing.assert_array_equal(again.outliers, found.outliers)
         assert again.outlier_numbers == found.outlier_numbers
         assert again.observations.aside.mask.tolist() == found.observations.aside.mask.tolist()
+    copied = {name: np.repeat(values, 2) for name, values in table.items()}
+    found = fit(machine.bringing_back(data), copied, outliers=np.repeat(outlier, 2))
+    found.save("fit.zip")
+    np.testing.assert_array_equal(Fit.load("fit.zip").outliers, found.outliers)
 
 
 def test_rows_stay_the_same_rows(capsys: pytest.CaptureFixture[str]) -> None:
@@ -301,6 +306,16 @@ def test_copies_of_rows_that_are_set_aside_count_no_more_than_they(
     of_first = fit(machine.setting_aside(data, rows="2"), data)
     assert of_first.observations.n == 40  # its copy still counts
     assert of_first.observations.on_rows[1].startswith("39 of the 80 rows of data.csv are copies")
+
+
+def test_a_file_that_could_not_be_read_again_is_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    machine, data = read()
+    entries = machine.setting_aside(data, rows=[*range(3, 40, 2)]).measured.set_aside
+    assert "rows = " in text_with_set_aside("m.toml", entries)
+    monkeypatch.setenv("RODGEN_LIMITS", "file=1000")
+    text = Path("m.toml").read_text()
+    with pytest.raises(InputFileError, match="expected a rule, or longer stretches of rows"):
+        text_with_set_aside("m.toml", entries, text + "#" * 1000)
 
 
 def test_a_list_in_another_form_is_not_edited(capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 
 from rodgen.data.set_aside import SetAside
 from rodgen.errors import InputFileError, shown
+from rodgen.limits import limit
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
 from rodgen.machines.files.write import effect_text, known_line, machine_text, set_aside_text, toml_string
@@ -179,7 +180,7 @@ def text_with_set_aside(source: Source, entries: Sequence[SetAside], text: str |
     Raises
     ------
     InputFileError
-        When `source` is not a machine file, or its table ``[measured]`` cannot be edited.
+        When `source` is not a machine file, its table ``[measured]`` cannot be edited, or the text is too long.
     """
     text, before = _read(source, text)
     changed = replace(before, measured=replace(before.measured, set_aside=tuple(entries)), file=before.file)
@@ -190,8 +191,12 @@ def text_with_set_aside(source: Source, entries: Sequence[SetAside], text: str |
     (place,) = there or [slice(end, end)]
     said = f"{set_aside_text(entries)}\n".replace("\n", new_line) if entries else ""
     gap = new_line if said and not text[: place.start].endswith("\n") else ""
+    text = text[: place.start] + gap + said + text[place.stop :]
+    if len(text.encode()) > limit("file"):  # could not be read any more
+        found = f"rows that make a file of more than {limit('file') / 1e6:g} MB"
+        raise InputFileError(source, "[measured], set_aside", found, "a rule, or longer stretches of rows")
     faults = ("[measured]", "a table or a key set_aside in another form", "both as rodgen writes them")
-    return _checked(text[: place.start] + gap + said + text[place.stop :], changed, source, faults)
+    return _checked(text, changed, source, faults)
 
 
 def text_without_effect(source: Source, name: str, place: str | None, text: str | None = None) -> str:
