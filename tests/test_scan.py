@@ -1,5 +1,7 @@
 """Measurements in many files: read in parts on two processes, with the answers of one table in memory."""
 
+import dataclasses
+import json
 import os
 import shutil
 import signal
@@ -9,10 +11,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from rodgen.calibration.fit import fit
+from rodgen.calibration.diagnose import diagnose
+from rodgen.calibration.fit import FitError, fit
+from rodgen.calibration.problem.blocks import observed
 from rodgen.calibration.simulate import simulate
+from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
+from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.schedulers import workers
 
@@ -195,3 +201,68 @@ def test_files_at_an_address_are_read(machine, folder, in_memory):
     for file in folder.iterdir():
         memory.pipe(f"/week/{file.name}", file.read_bytes())
     assert_same(fit(machine, Measurements.scan("memory://week/*.parquet")), in_memory)
+
+
+@pytest.mark.slow
+def test_a_comparison_and_a_diagnosis_are_those_of_the_table(machine, folder, frame, in_memory, monkeypatch):
+    """Both are decided on the same rows; full fits are of all rows. Folds of poses are dealt otherwise."""
+    monkeypatch.setattr("rodgen.calibration.problem.blocks.STRETCH", 260)
+    expected = in_memory.diagnose()
+    found = diagnose(machine, Measurements.scan(folder))
+    assert found.rows == ROWS
+    assert [step.effect for step in found.steps] == [step.effect for step in expected.steps]
+    assert [step.effect.title for step in found.steps] == ["encoder_ellipticity at C"]
+    assert_same(found.final, expected.final)
+    for own, other in zip(found.fits, expected.fits, strict=True):
+        assert own.held_out().rms == pytest.approx(other.held_out().rms, rel=2e-3)
+        assert own.rms < own.held_out().rms
+    assert found.steps[0].p_value == pytest.approx(expected.steps[0].p_value, rel=1e-3)
+    assert "stretches spread evenly over all" in " ".join(found.summary().split())
+    compared = fit(machine, Measurements.scan(folder)).compare()
+    drivers = [found.along for found in in_memory.compare().search.found]
+    assert [[d.name for d in one.along] for one in compared.search.found] == [
+        [d.name for d in one] for one in drivers
+    ]
+
+
+def test_gross_errors_of_the_sample_are_taken_off_the_sums(machine, frame, tmp_path):
+    """Rows that a diagnosis leaves out are left out of all sums, as in memory."""
+    wrong = np.array([3, 700])
+    x = frame["x [mm]"].copy()
+    x[wrong] += 5.0
+    pq.write_table(pa.table(frame | {"x [mm]": x}), tmp_path / "a.parquet", row_group_size=GROUP)
+    observations = observed(machine, Measurements.scan(tmp_path))
+    outliers = np.isin(observations.given(np.arange(observations.n)), wrong)
+    assert outliers.sum() == 1
+    found = fit(machine, observations, outliers=outliers)
+    table = Measurements.from_frame(frame | {"x [mm]": x})
+    gone = np.zeros(ROWS, bool)
+    gone[observations.given(np.flatnonzero(outliers))] = True
+    expected = fit(machine, table, outliers=gone)
+    assert_same(found, expected)
+    assert found.held_out().rms == pytest.approx(expected.held_out().rms, rel=2e-3)
+
+
+def test_what_is_not_done_in_parts_is_refused(machine, folder, frame):
+    aside = machine.setting_aside(Measurements.from_frame(frame, name="day0.parquet"), rows=[3], why="bumped")
+    with pytest.raises(InputFileError, match=r"\[measured\], set_aside: rows of .*; expected none"):
+        fit(aside, Measurements.scan(folder))
+    poses = dataclasses.replace(machine, measured=Measured("pose", "free"))
+    with pytest.raises(InputFileError):
+        fit(poses, Measurements.scan(folder))
+
+
+def test_a_robust_loss_is_refused(machine, folder):
+    with pytest.raises(FitError, match="loss 'huber' for measurements of many files; expected linear"):
+        fit(machine, Measurements.scan(folder), loss="huber")
+
+
+def test_the_command_line_takes_patterns_and_a_scheduler(machine, folder, tmp_path, capsys):
+    file = tmp_path / "machine.toml"
+    file.write_text(machine_text(machine))
+    assert main(["fit", str(file), f"{folder}/*.parquet", "--scheduler", "threads=2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"] == ROWS
+    assert main(["fit", str(file), str(folder), "--scheduler", "tcp:1"]) == 2
+    assert "scheduler 'tcp:1'; expected threads" in capsys.readouterr().err
+    assert main(["fit", str(file), str(folder), "--residuals", str(tmp_path / "r.csv")]) == 2
+    assert "--residuals of many files; expected one file" in capsys.readouterr().err

@@ -53,6 +53,8 @@ _EXPECTED = "a fit as Fit.save writes it"
 
 def save(fit: Fit, path: str | os.PathLike[str]) -> None:
     """Write a fit; see :meth:`rodgen.calibration.fit.Fit.save`."""
+    if fit.observations.blocks is not None:
+        raise InputFileError(path, "file", "a fit to many files", "a fit to one, which the archive holds")
     start = replace(fit.problem.model.machine, file=None)
     with tempfile.TemporaryDirectory() as folder:
         data, as_it_was = _data_file(fit, Path(folder))

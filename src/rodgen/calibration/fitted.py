@@ -162,12 +162,14 @@ class FittedModel:
         if loss not in LOSSES:
             raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
         observations = observed(machine, data)
+        if loss != "linear" and observations.blocks is not None:
+            raise FitError(f"loss {shown(loss)} for measurements of many files; expected linear")
         if outliers is not None and not isinstance(data, Observations):  # those of all rows
             outliers = observations.counted(outliers)
         if start:
             machine = replace(machine, values={**machine.values, **start})
         if compiled is None:
-            compiled = loss != "linear" or observations.n >= COMPILE_FROM or bool(observations.blocks)
+            compiled = loss != "linear" or observations.n >= COMPILE_FROM or observations.blocks is not None
         model = model_of(machine, observations.travel, observations.run_names, compiled=compiled)
         problem = problem_of(model, observations)
         check_travel(problem)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rodgen.data.measurements import Measurements
+from rodgen.data.measurements import Measurements, Scan
 from rodgen.machines.machine import Machine
 
 MULTIPLICATIONS = 5e9
@@ -17,7 +17,7 @@ COLUMNS = 2000
 """Columns of the file; each is tried in some twenty functions at every sensitivity."""
 
 
-def why_long(machine: Machine, data: Measurements, *, diagnosis: bool = False) -> str:
+def why_long(machine: Machine, data: Measurements | Scan, *, diagnosis: bool = False) -> str:
     """Return one sentence on what will take long, and how to spend less; empty where nothing does.
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 from collections.abc import Collection
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import notify, reading_progress
 from rodgen.errors import RodgenError
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.diagnose import Diagnosis
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.fitted import FittedModel
-    from rodgen.data.measurements import Measurements
+    from rodgen.data.measurements import Measurements, Scan
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
@@ -78,10 +78,15 @@ def add_place(command: argparse.ArgumentParser) -> None:
     place.add_argument("--target", metavar="T", help="the target that the effect is at")
 
 
-def load_data(file: str) -> Measurements:
-    """Read measurements."""
+def load_data(file: str, scheduler: str | None = None) -> Any:
+    """Read measurements; those of many files, or for a scheduler, are a `Scan`, which is read later."""
     with stage("starting"):
         from rodgen.data.measurements import Measurements
+        from rodgen.data.tables.parts import is_many
+
+    if scheduler is not None or is_many(file):
+        with stage("reading"):
+            return Measurements.scan(file)
 
     with stage("reading"), contextlib.ExitStack() as stack:
         return Measurements.load(file, progress=reading_progress(stack))
@@ -95,7 +100,7 @@ def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:
 
     with stage("reading"):
         machine = Machine.load(options.machine)
-    data = load_data(options.data)
+    data = load_data(options.data, getattr(options, "scheduler", None))
     _remark_on_time(machine, data)
     found = fit(machine, data, loss=options.loss)
     if not shown:
@@ -104,7 +109,7 @@ def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:
     return found
 
 
-def _remark_on_time(machine: Machine, data: Measurements, *, diagnosis: bool = False) -> None:
+def _remark_on_time(machine: Machine, data: Measurements | Scan, *, diagnosis: bool = False) -> None:
     """Say on standard error what will take long, before it begins."""
     from rodgen.calibration.long_work import why_long
 
@@ -155,7 +160,7 @@ def diagnosed(
             machine.kind_of(place)
         except RodgenError as error:
             raise RodgenError(f"command line: --prefer {name}@{place}: {error}") from None
-    data = load_data(options.data)
+    data = load_data(options.data, getattr(options, "scheduler", None))
     _remark_on_time(machine, data, diagnosis=True)
     found = diagnose(machine, data, test=load_data(test) if test else None, prefer=prefer)
     if not shown:

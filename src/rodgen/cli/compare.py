@@ -5,7 +5,16 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import Command, after_fits, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted, wrong_file
+from rodgen.cli._machine import (
+    FILES,
+    add_files,
+    add_json,
+    add_loss,
+    add_scheduler,
+    add_timings,
+    fitted,
+    wrong_file,
+)
 from rodgen.stages import stage
 
 _COMPARE = f"""\
@@ -27,6 +36,7 @@ def add_to(command: Command) -> None:
         help="draw the residuals: a page such as residuals.html, or a folder for PNG and SVG",
     )
     add_json(compare)
+    add_scheduler(compare)
     add_timings(compare)
 
 

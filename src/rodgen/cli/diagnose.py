@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import Command, after_fits, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_test, add_timings, diagnosed
+from rodgen.cli._machine import FILES, add_files, add_json, add_scheduler, add_test, add_timings, diagnosed
 from rodgen.cli._outputs import Outputs
 
 _DIAGNOSE = f"""\
@@ -44,6 +44,7 @@ def add_to(command: Command) -> None:
         help="write the machine file with the effects that were found, to be fitted, added to or emitted",
     )
     add_json(diagnose)
+    add_scheduler(diagnose)
     add_timings(diagnose)
 
 

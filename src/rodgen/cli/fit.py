@@ -5,8 +5,18 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import Command, after_fits, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted, wrong_file
+from rodgen.cli._machine import (
+    FILES,
+    add_files,
+    add_json,
+    add_loss,
+    add_scheduler,
+    add_timings,
+    fitted,
+    wrong_file,
+)
 from rodgen.cli._outputs import Outputs
+from rodgen.errors import InputFileError
 from rodgen.stages import stage
 
 _FIT = f"""\
@@ -33,6 +43,7 @@ def add_to(command: Command) -> None:
         help=".csv, .csv.gz or .parquet: the table with the predictions of the model and the residuals added",
     )
     add_json(fit)
+    add_scheduler(fit)
     add_timings(fit)
 
 
@@ -41,7 +52,11 @@ def _run(options: argparse.Namespace) -> int:
         outputs.claim(options.output, options.residuals)
         if options.residuals:
             from rodgen.data.tables import check_output
+            from rodgen.data.tables.parts import is_many
 
+            if is_many(options.data):
+                expected = "one file; 'rodgen predict' writes the predictions for many"
+                raise InputFileError(options.data, "file", "--residuals of many files", expected)
             check_output(options.data, options.residuals)
         fit = fitted(options, shown=True)
         wrong = wrong_file(fit, options)

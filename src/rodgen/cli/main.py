@@ -133,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 return OK
             if getattr(options, "timings", False):
                 options.timings = timings
-            with listening(timings, *filter(None, [shown])):
+            with listening(timings, *filter(None, [shown])), _scheduled(options):
                 code: int = options.run(options)
             return code
     except UsageError as error:
@@ -176,6 +176,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 class _TerminatedError(KeyboardInterrupt):
     """SIGTERM or a terminal that is closed, which end a command as Ctrl-C does: temporary files are removed."""
+
+
+def _scheduled(options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
+    """Return a context in which tasks run where --scheduler says."""
+    where = getattr(options, "scheduler", None)
+    if where is None:
+        return contextlib.nullcontext()
+    from rodgen.schedulers import workers
+
+    return workers(where)
 
 
 def _terminate(*_: object) -> NoReturn:

@@ -187,12 +187,17 @@ class Observations:
 
     @property
     def on_rows(self) -> list[str]:
-        """Sentences on rows of the table that are not here: copies, and those that are set aside."""
+        """Sentences on rows of the table that are not here: copies, those that are set aside, and those of a scan."""
         found = [] if self.aside is None else [self.aside.text]
         if self.copies and self.counted_as is not None:
             found.append(
                 f"{self.copies} of the {len(self.counted_as)} rows of {os.path.basename(self.data.file)} are copies of "
                 "others, their readings included; each is counted once."
+            )
+        if self.blocks is not None and self.n < self.blocks.rows:
+            found.append(
+                f"The fit is to all {self.blocks.rows} rows; what is decided on single rows is decided on {self.n} of "
+                f"them, stretches spread evenly over all."
             )
         return found
 
@@ -200,10 +205,13 @@ class Observations:
     def not_here(self) -> dict[str, Any]:
         """How many rows of the table are copies, and which are set aside, as plain data."""
         nothing = {"rows": 0, "entries": []}
-        return {"copies": self.copies, "set_aside": self.aside.to_dict() if self.aside else nothing}
+        found = {"copies": self.copies, "set_aside": self.aside.to_dict() if self.aside else nothing}
+        return found | ({} if self.blocks is None else {"sample": self.n})
 
     def given(self, rows: NDArray[np.int_]) -> NDArray[np.int_]:
         """Return the numbers, from 0, that rows had in the table as it was given, with those that are not here."""
+        if self.blocks is not None:
+            return self.data.numbers(rows)
         if self.counted_as is None:
             return rows
         there = np.flatnonzero(self.counted_as >= 0)

@@ -125,7 +125,7 @@ def _against_stated(fit: FittedModel) -> LackOfFit | None:
     value = fit.residuals[kept] * fit.problem.base_weight[kept] * fit.unit_factor
     share = _share(value, o.pose[kept], o.target[kept])
     dof = max(share * left, 1.0)
-    ratio = float(np.sum(value**2)) / left
+    ratio = (float(np.sum(value**2)) if o.blocks is None else fit.chi_square) / left
     p = max(float(special.chdtrc(dof, dof * ratio)), SMALLEST_P)
     return LackOfFit(p, float(np.sqrt(ratio)), "stated", dof * ratio, (dof,))
 

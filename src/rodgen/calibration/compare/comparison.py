@@ -182,7 +182,7 @@ class Comparison:
         return {
             "machine": self.fit.machine.name,
             "data": self.fit.observations.data.file,
-            "rows": self.fit.observations.n,
+            "rows": self.fit.problem.count,
             **self.fit.observations.not_here,
             "rows_looked_at": len(self.sample.rows),
             "poses": len(stretches(self.fit.observations.pose)[0]),

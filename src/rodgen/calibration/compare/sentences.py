@@ -286,7 +286,7 @@ def _far_out(comparison: Comparison) -> Iterator[str]:
 
 def _not_asked(comparison: Comparison) -> Iterator[str]:
     """Say what could not be tested."""
-    rows = int((~comparison.fit.outliers).sum())
+    rows = comparison.fit.rows
     if len(comparison.sample.rows) < rows:
         some = f"{len(comparison.sample.rows)} of {rows} rows"
         yield f"Dependences were sought in {some}, in stretches spread over the data."

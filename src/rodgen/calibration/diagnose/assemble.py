@@ -127,7 +127,7 @@ def undecided(subject: Subject, reason: str, notes: Sequence[str] = ()) -> Diagn
     return Diagnosis(
         "cannot_tell",
         reason,
-        subject.observations.n,
+        subject.fitted.problem.count,
         tuple(base.outlier_numbers),
         rms,
         (),
@@ -201,7 +201,7 @@ def assemble_diagnosis(
     return Diagnosis(
         verdict,
         reason,
-        subject.observations.n,
+        subject.fitted.problem.count,
         tuple(evidence.base.outlier_numbers),
         rms,
         tuple(steps),

@@ -40,7 +40,7 @@ from rodgen.calibration.diagnose.validation import bind_validation
 from rodgen.calibration.diagnose.wrong_rows import gross_rows_of, unless_neighbours
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.calibration.problem.binding import bind_once
+from rodgen.calibration.problem.blocks import observed
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.robust import gross_rows
 from rodgen.calibration.solve.staged_fit import FitError
@@ -92,7 +92,7 @@ def diagnose(
     else:
         if data is None:
             raise FitError("a machine without measurements; expected both, or a fit")
-        observations = bind_once(fitted, data)
+        observations = observed(fitted, data)
         # Before the fit, which may take long: a fault of the file is reported at once.
         others = None if test is None else bind_validation(fitted, test)
         with reporting(progress):

@@ -80,6 +80,8 @@ class Survey:
         The rows of the sample, all columns of them; their directions of approach, and the number of the first.
     before : list of int
         How many rows of each joint are before its first motion; none where a column says the directions.
+    poses : int
+        Stretches of rows with equal commands and set-up.
     """
 
     rows: int
@@ -96,6 +98,7 @@ class Survey:
     weights: float
     stretches: list[tuple[Measurements, NDArray[np.int8], int]]
     before: list[int]
+    poses: int
 
 
 @dataclass
@@ -188,9 +191,9 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
     """Return observations as kernels take them."""
     model = model_of(o.machine, o.travel, o.run_names, compiled=False)
     problem = Problem(model, o)
-    fold = hashes([*o.q.T, *([] if o.load is None else [o.load])], o.n) % np.uint64(FOLDS)
+    fold = _folds(o)
     order = np.lexsort((fold, o.run, o.target))
-    code = np.stack([o.target[order], o.run[order], fold[order].astype(np.int32)])
+    code = np.stack([o.target[order], o.run[order], fold[order]])
     starts = np.flatnonzero(np.any(np.diff(code, axis=1, prepend=-1), axis=0))
     groups = [
         (int(code[0, a]), o.run_names[code[1, a]], int(code[2, a]), int(a), int(b))
@@ -214,6 +217,12 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
     survey = _survey(o, problem, stretches)
     early = [place[:rows] for rows in survey.before]
     return _Store(survey, numbers, at, np.ascontiguousarray(o.s.T[:, order]), early, groups)
+
+
+def _folds(o: Observations) -> NDArray[np.int32]:
+    """Return the fold of each row, (n,): the same for equal commands and load, wherever they are."""
+    mixed = hashes([*o.q.T, *([] if o.load is None else [o.load])], o.n)
+    return (mixed % np.uint64(FOLDS)).astype(np.int32)
 
 
 def _columns_of(problem: Problem) -> Iterator[tuple[str, Any]]:
@@ -257,6 +266,7 @@ def _survey(o: Observations, problem: Problem, stretches: Sequence[slice]) -> Su
         weights=float(np.einsum("ij,ij->", problem.weight, problem.weight)),
         stretches=[(_apart(o.data.take(rows)), o.s[rows].copy(), rows.start) for rows in stretches],
         before=still,
+        poses=int(o.pose.max(initial=-1)) + 1,
     )
 
 
@@ -319,11 +329,15 @@ class PartProblem(Problem):
     def _few(self) -> bool:
         return False
 
-    def grams(self, theta: Array, frame: Frame) -> list[tuple[float, Array, Array]]:
+    def equations_of_folds(self, theta: Array, frame: Frame) -> list[tuple[float, Array, Array]]:
         """Return cost, JᵀJ and Jᵀr of each fold."""
         grams, slots = self._grams(theta, frame), self._own_slots(theta)
         numbers = [[k for k, of in enumerate(self.folds) if of == fold] for fold in range(FOLDS)]
         return [self._in_parameters([grams[k] for k in own], [slots[k] for k in own]) for own in numbers]
+
+    def squares_of_folds(self, *points: Place) -> Array:
+        """Return the sum of the squares of the errors of each fold at its own point."""
+        return np.array([self.squares(*point, fold=k).sum() for k, point in enumerate(points)])
 
     def squares(self, theta: Array, frame: Frame, fold: int | None = None) -> Array:
         """Return the sums of the squares of the errors, by component, in internal units; of a fold or of all rows."""
@@ -580,16 +594,45 @@ class BlockProblem(Problem):
     def squares(self, theta: Array, frame: Frame) -> Array:
         """Return the sums of the squares of the errors, by component, (m,); internal units."""
         whole = np.asarray(self.blocks.sum("squares", self.model, theta, frame))
-        if self._aside is None:
-            return whole
-        gone = self.model.structure.measurand.error(self._aside.residuals(theta, frame))
-        return np.asarray(whole - np.einsum("ij,ij->j", gone, gone))
+        return whole if self._aside is None else whole - _squares(self._aside, theta, frame)
+
+    @property
+    def poses(self) -> int:
+        """Number of poses; one that goes on in the next part counts there, too."""
+        return sum(survey.poses for survey in self.blocks.surveys)
+
+    def equations_of_folds(self, theta: Array, frame: Frame) -> list[tuple[float, Array, Array]]:
+        """Return cost, JᵀJ and Jᵀr of each fold of poses, without rows that are left aside."""
+        found: list[Any] = self.blocks.sum("equations_of_folds", self.model, theta, frame)
+        for k, part in self._aside_by_fold():
+            gone = part._summed(theta, frame)
+            found[k] = tuple(a - b for a, b in zip(found[k], gone, strict=True))
+        return found
+
+    def squares_of_folds(self, points: Sequence[Place]) -> Array:
+        """Return the sum of the squares of the errors of each fold at its own point, without rows left aside."""
+        found = np.asarray(self.blocks.sum("squares_of_folds", self.model, *points))
+        for k, part in self._aside_by_fold():
+            found[k] -= _squares(part, *points[k]).sum()
+        return found
+
+    def _aside_by_fold(self) -> Iterator[tuple[int, Problem]]:
+        """Yield the numbers of folds, and the problem of what is left aside of each."""
+        if self._aside is not None:
+            fold = _folds(self._aside.observations)
+            yield from ((int(k), self._aside.take(np.flatnonzero(fold == k))) for k in np.unique(fold))
 
     @property
     def _distance(self) -> float:
         slides = [j for j, joint in enumerate(self.model.machine.joints) if not joint.revolute]
         travel = float(np.ptp(self.model.travel[slides], axis=1).max(initial=0.0))
         return max(float(np.sqrt(self._around / self.count)), self.model.farthest, travel) or 1.0
+
+
+def _squares(problem: Problem, theta: Array, frame: Frame) -> Array:
+    """Return the sums of the squares of the errors, by component, internal units."""
+    error = problem.model.structure.measurand.error(problem.residuals(theta, frame))
+    return np.asarray(np.einsum("ij,ij->j", error, error))
 
 
 def _root(square: Array, triangle: Array) -> Array | None:
@@ -635,6 +678,10 @@ def observed(machine: Machine, data: Any) -> Observations:
             "a chain of joints and points, directions or distances; one file of these is read in memory"
         )
         raise InputFileError(data.file, "file", f"measurements of {what} in parts", expected)
+    if machine.measured.set_aside:
+        expected = "none, or measurements in one file, which is read in memory"
+        place = "[measured], set_aside"
+        raise InputFileError(machine.file or machine.name, place, f"rows of {data.file}", expected)
     if not data.rows:
         bind(machine, data.empty).demand_rows()
     parts = zip(data.parts, _stretches(data), strict=True)
