@@ -178,6 +178,7 @@ def test_rows_stay_the_same_rows(capsys: pytest.CaptureFixture[str]) -> None:
         (["--where", "load < 5 N"], 5),
         (["--where", "load >= 0.005 kN and load<8"], 3),
         (["--where", "run != 1"], 7),
+        (["--where", "run = 3"], 0),
         (["--where", "run = 2.0"], 7),
         (["--run", "1"], 33),
         (["--rows", "2, 4-6,5 - 7"], 5),

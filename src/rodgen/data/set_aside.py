@@ -158,7 +158,12 @@ class SetAside:
         raise UnexpectedError(found, f"{data.counted}s that are")
 
     def _in_run(self, data: Measurements) -> Mask:
-        return _compared(data, "run", "=", self.run)
+        found = _compared(data, "run", "=", self.run)
+        if not found.any():
+            names = data.columns["run"].names  # type: ignore[union-attr]
+            where = f"no run {shown(self.run)} in {os.path.basename(data.file)}"
+            raise UnexpectedError(where, listed(names) if names else "rows")
+        return found
 
     def _by_rule(self, data: Measurements) -> Mask:
         masks = [_compared(data, *comparison) for comparison in self._comparisons()]
@@ -178,10 +183,8 @@ def _compared(data: Measurements, name: str, sign: str, value: str) -> Mask:
         names = column.names
         if sign not in {"=", "!="}:
             raise UnexpectedError(f"{shown(sign)} with {name}, which holds names", "= or !=")
-        wanted = plain_name(value.strip("\"'"))
-        if wanted not in names:
-            raise UnexpectedError(f"no {name} {shown(wanted)} in {of}", listed(names) if names else "rows")
-        return np.asarray(_SIGNS[sign](column.codes, names.index(wanted)))
+        wanted = plain_name(value.strip("\"'"))  # which another file may not have
+        return np.asarray(_SIGNS[sign](column.codes, names.index(wanted) if wanted in names else -1))
     found = number_and_unit(value)
     if found is None:
         raise UnexpectedError(f"{name} {sign} {shown(value)}", "a number, with its unit")
@@ -243,12 +246,11 @@ class RowsAside:
     def text(self) -> str:
         """A sentence."""
         name, count, counted = os.path.basename(self.data.file), int(self.mask.sum()), self.data.counted
-        here = [(f"{entry.named(counted)}", entry.back) for entry, n in self.entries if n is not None]
-        said = "; ".join(f"{'but not ' if back else ''}{what}" for what, back in here)
+        here = [entry for entry, n in self.entries if n is not None]
+        said = "; ".join(f"{'but not ' if entry.back else ''}{entry.named(counted)}" for entry in here)
         are = "is" if count == 1 else "are"
         first = f"{count} of the {len(self.mask)} rows of {name} {are} set aside: {said}."
-        others = (f"{entry.named()} of {entry.file}" for entry, n in self.entries if n is None)
-        elsewhere = "; ".join(others)
+        elsewhere = "; ".join(f"{entry.named()} of {entry.file}" for entry, n in self.entries if n is None)
         further = f"What the machine file sets aside of other files is not in {name}: {elsewhere}."
         return " ".join(filter(None, [first if here else "", further if elsewhere else ""]))
 
@@ -344,10 +346,8 @@ def edited(
         last = kept[-1] if kept else None
         both = last.of(data, compared) if last and last.rows and new.rows else None
         if last and both is not None and last == replace(new, rows=last.rows, check=last.check):
-            kept[-1:], (new,) = (
-                [],
-                of_rows(new, chosen | both),
-            )  # one entry for all that is set aside for one reason
+            kept.pop()  # one entry for all that is set aside for one reason
+            (new,) = of_rows(new, chosen | both)
         return (*kept, new)
     left = rows_aside(kept, data, compared, file)
     if left is not None and left.mask[chosen].any():
