@@ -88,7 +88,7 @@ docs-links: .venv/docs ## check the links of the site to other sites, which need
 notebooks: .venv/notebooks ## execute the derivations into build/notebooks, as .ipynb
 	@$(BIN)/python docs/site/notebooks.py -j $(JOBS)
 
-bench: .venv/test ## measure the speed, compared with other libraries and the limits of the hardware (ONLY=fits, axis, tricept, three_sps_s, robots, spatial or diagnose: one part)
+bench: .venv/test-slow ## measure the speed, compared with other libraries and the limits of the hardware (ONLY=fits, axis, tricept, three_sps_s, robots, spatial, diagnose or workbench: one part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
 
 study: .venv/test ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent, plan or wrong: one part)

@@ -19,16 +19,16 @@ from contenders.base import OWN, YARDSTICK
 HEADERS = {1: "1", 1_000: "1e3", 100_000: "1e5", 10_000_000: "1e7"}
 PACKAGES = ("numpy", "scipy", "lmfit", "casadi", "jax", "sympy", "numba", "wrenfold", "ssik", "eaik")
 
-SUBJECTS = ("tricept", "three_sps_s", "robots", "spatial", "diagnose")
+SUBJECTS = ("tricept", "three_sps_s", "robots", "spatial", "diagnose", "workbench")
 """Parts that are packages of their own, with `measure.measure` and with `caveats`, `headline` and `page` in `page`."""
 
 TITLE = """\
 # Benchmarks
 
 *Written by `make bench` (`python benchmarks/run.py`), or a part of it by `make bench ONLY=fits` (or `axis`,
-`tricept`, `three_sps_s`, `robots`, `spatial`, `diagnose`); do not edit. With `--quick` it only prints a shorter run.
-The peers are installed into environments of their own, `benchmarks/.venv-peers` and `benchmarks/.venv-symforce`, from
-pinned requirements; their generated code is made at each run.*
+`tricept`, `three_sps_s`, `robots`, `spatial`, `diagnose`, `workbench`); do not edit. With `--quick` it only prints a
+shorter run. The peers are installed into environments of their own, `benchmarks/.venv-peers` and
+`benchmarks/.venv-symforce`, from pinned requirements; their generated code is made at each run.*
 
 Read these first:
 
@@ -231,7 +231,7 @@ def compose(parts: dict[str, dict]) -> str:
     }
     if subjects:
         lines += [
-            "Of mechanisms, robots and diagnoses:\n",
+            "Of mechanisms, robots, diagnoses and the workbench:\n",
             "".join(module.caveats() for module, _ in subjects.values()),
         ]
     if axis:

@@ -1,7 +1,7 @@
 """Measure the speed of rodgen, compared with other libraries and with the limits of the hardware.
 
 python benchmarks/run.py                # the full run, below ten minutes; writes docs/benchmarks.md and results/
-python benchmarks/run.py --only fits    # or axis, tricept, three_sps_s, robots, spatial, diagnose; the others stay
+python benchmarks/run.py --only fits    # or axis, ..., diagnose, workbench; the others stay
 python benchmarks/run.py --quick        # a short run of a minute or two; writes nothing
 python benchmarks/run.py --page         # measures nothing; writes the page and draws its picture of what was measured
 """

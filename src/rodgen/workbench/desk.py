@@ -127,7 +127,7 @@ class Desk:
         self.diagnosis: tuple[State, Diagnosis] | None = None
         self.plan: tuple[State, Plan, Wish] | None = None
         self._suspects: dict[int, Suspects] = {}
-        self._turn = asyncio.Lock()
+        self._turn, self._looking = asyncio.Lock(), asyncio.Lock()
         # Fits, tests and diagnoses each tell the BLAS library to use one thread for their time. Here they run in
         # threads of their own, and OpenBLAS may hang where the number changes while it computes in another.
         self._one_thread = one_thread_in_blas()
@@ -174,11 +174,14 @@ class Desk:
             await window.refresh(what)
 
     async def look(self) -> None:
-        """Find what tests of the present state say, and its suspects, and show them."""
+        """Find what tests of the present state say, and its suspects, and show what was not known before."""
         state = self.session.state
-        await asyncio.to_thread(lambda: (state.rung, self.session.ladder.noise))
-        await self.show("ladder")
-        if id(state) not in self._suspects:
+        if "rung" not in state.__dict__:
+            await asyncio.to_thread(lambda: (state.rung, self.session.ladder.noise))
+            await self.show("ladder")
+        async with self._looking:  # of one state at a time; the last is not waited for in vain
+            if id(state) in self._suspects or state is not self.session.state:
+                return
             found = await asyncio.to_thread(self._suspects_of, state)
             if found is None:
                 return

@@ -41,10 +41,12 @@ FIRST_SUSPECTS = 12
 """Suspects that are listed before all are asked for."""
 FEW_REMARKS = 2
 MOST_IN_TABLE = 200
-SENT = 0.03
+SENT = 0.01
 """Seconds after which what was drawn is on its way to the browser."""
 NARROW = 760
 """Width of a window, in pixels, below which its parts stand below each other."""
+PLOTLY = '<script type="module" async>import "nicegui-plotly"</script>'
+"""In the head of the page: its largest part is loaded while the rest is laid out."""
 SELECTED = (
     "(e) => emit({rows: ((e && e.points) || []).map((p) => p.customdata).filter((x) => x !== undefined)})"
 )
@@ -59,15 +61,15 @@ class Slot:
     note, legend : element
     plot : Plotly
     height : int
-    revision : str
-        While it stays the same a user's zoom stays, too.
+    kind : str
+        Of the figure: one of another kind gets a plot of its own.
     """
 
     note: ui.element
     legend: ui.element
     plot: Plotly
     height: int
-    revision: str
+    kind: str
 
 
 class Page:
@@ -110,6 +112,7 @@ class Page:
     def _build(self) -> None:
         desk = self.desk
         ui.add_css(STYLE)
+        ui.add_head_html(PLOTLY)
         self.mode = ui.dark_mode(None)
         self.client = ui.context.client
         ui.keyboard(on_key=guarded(self._key), ignore=["input", "select", "textarea"])
@@ -155,7 +158,7 @@ class Page:
                         slider.style("max-width:280px")
                     self.other = ui.element("div").classes("plot")
                 self.planning = Planning(self)
-        self._draw()
+        self._draw_residuals()
         self._fill_state()
         self._fill_suspects()
         self._fill_work()
@@ -191,7 +194,7 @@ class Page:
             width, dark = self.width, self.dark
         if (int(width), bool(dark)) != (self.width, self.dark):
             self.width, self.dark = int(width), bool(dark)
-            self._draw()
+            await self._draw()
         await self.desk.look()
         await asyncio.to_thread(lambda: self.state.check)
         self._fill_wrong()
@@ -201,8 +204,7 @@ class Page:
         with self.client:
             if what == "state":
                 self.selected &= set(range(self.state.observations.n))
-                self._draw()
-                await asyncio.sleep(SENT)  # the browser draws while the rest is made
+                await self._draw()
                 self._fill_state()
                 self._fill_suspects()
                 self.planning.fill()
@@ -213,7 +215,7 @@ class Page:
             elif what == "work":
                 self._fill_work()
             elif what == "plan":
-                self._draw()
+                await self._draw()
                 self.planning.fill()
 
     def _fill_state(self) -> None:
@@ -399,7 +401,9 @@ class Page:
             self.against = event.value
         else:
             self.options[key] = event.value
-        self._draw()
+        self._draw_residuals()
+        if key == "before" or self.tabs.value == "Polar":
+            self._draw_other()
 
     def _before(self) -> Any:
         wanted = self.options["before"]
@@ -414,7 +418,13 @@ class Page:
     async def _ask_plan(self) -> None:
         await self.planning.open()
 
-    def _draw(self) -> None:
+    async def _draw(self) -> None:
+        """Draw all plots; the browser draws one while the next is made."""
+        for draw in (self._draw_residuals, self._draw_other):
+            draw()
+            await asyncio.sleep(SENT)
+
+    def _draw_residuals(self) -> None:
         self.shown = None
         state, aside = self.state, np.flatnonzero(self.state.aside).tolist()
         figure = figures.residual_plot(
@@ -429,22 +439,24 @@ class Page:
             aside=aside,
             planned=self._planned(),
         )
-        self.content = self.show("residuals", self.residuals, figure, self.against)
-        self._draw_other()
+        self.content = self.show("residuals", self.residuals, figure, revision=self.against)
 
-    def show(self, name: str, place: ui.element, figure: Any, revision: str) -> Drawn:
-        """Draw a figure at its place: into the plot that is there, where it is as high and of the same kind."""
+    def show(self, name: str, place: ui.element, figure: Any, *, kind: str = "", revision: str = "") -> Drawn:
+        """Draw a figure at its place: into the plot that is there, where it is as high and of the same kind.
+
+        While `revision` stays the same a user's zoom stays, too.
+        """
         made = drawn(figure, dark=self.dark, width=self.place, revision=revision)
         height = made.content["layout"]["height"]
         slot = self.plots.get(name)
-        if slot is None or (slot.height, slot.revision) != (height, revision):
+        if slot is None or (slot.height, slot.kind) != (height, kind):
             with anew(place):
                 slot = self.plots[name] = Slot(
                     ui.element("div").classes("soft"),
                     ui.element("div").classes("legend"),
                     ui.plotly(made.content).props('role="img"').style(f"height:{height}px"),
                     height,
-                    revision,
+                    kind,
                 )
                 slot.plot.on("plotly_selected", guarded(self._brushed), js_handler=SELECTED)
                 slot.plot.on("plotly_click", guarded(self._clicked), js_handler=SELECTED)
@@ -486,7 +498,7 @@ class Page:
                     "Residuals of distances, angles and attitudes are no places and no vectors in space."
                 )
             return
-        self.show("other", self.other, made, f"{name} {self._round()}" if name == "Polar" else name)
+        self.show("other", self.other, made, kind=name, revision=self._round() if name == "Polar" else "")
 
     def _round(self) -> str:
         """Return the joint that a polar plot goes round: that of the x axis where it does."""
@@ -501,15 +513,15 @@ class Page:
 
     async def _brushed(self, event: Any) -> None:
         if rows := _rows_of(event):
-            self.select(rows)
+            await self.select(rows)
 
     async def _clicked(self, event: Any) -> None:
-        self.select(self.selected ^ _rows_of(event))
+        await self.select(self.selected ^ _rows_of(event))
 
-    def select(self, rows: set[int]) -> None:
+    async def select(self, rows: set[int]) -> None:
         """Select rows of the observations, and mark them everywhere."""
         self.selected = {row for row in rows if 0 <= row < self.state.observations.n}
-        self._draw()
+        await self._draw()
         self._fill_rows()
 
     def _fill_rows(self) -> None:
@@ -608,7 +620,7 @@ class Page:
         rule = {"where": f"{name.value} {comparison} {text} {unit}".strip()}
         of_column = name.value in self.state.data.columns
         self.ruled = (rows, {"run": text} if name.value == "run" else rule) if of_column else (set(), {})
-        self.select(rows)
+        await self.select(rows)
 
     def _which(self, rows: set[int]) -> dict[str, Any]:
         """Return what an action is told of rows: their rule where they are all that it selected."""
@@ -627,7 +639,7 @@ class Page:
         await self.desk.do(Back(**self._which(gone)) if self.selected else Back())
 
     async def _none(self) -> None:
-        self.select(set())
+        await self.select(set())
 
     # doing -------------------------------------------------------------------------------------------------------
 
@@ -721,7 +733,7 @@ class Page:
     async def _darken(self) -> None:
         self.dark = not self.dark
         self.mode.set_value(self.dark)
-        self._draw()
+        await self._draw()
 
 
 def _rows_of(event: Any) -> set[int]:

@@ -155,7 +155,7 @@ class Planning:
             drawing = figures.planned_poses(state.fit, plan)
             page.plots.pop("plan", None)
             if drawing is not None:
-                page.show("plan", ui.element("div").classes("plot"), drawing, "plan")
+                page.show("plan", ui.element("div").classes("plot"), drawing)
             ui.label(str(plan)).classes("code")
             with ui.element("div").classes("line"):
                 if plan.count:

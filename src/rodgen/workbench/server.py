@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import secrets
 import socket
@@ -16,6 +17,9 @@ from typing import Any
 from rodgen.errors import InputFileError
 
 __all__ = ["prepare", "serve"]
+
+_OF_CLIENTS = ("aiohttp", "requests", "tornado", "websocket")
+"""What the library of web sockets imports where it can, for clients and for other servers: a fifth of a start."""
 
 
 def serve(
@@ -55,6 +59,7 @@ def serve(
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind(("127.0.0.1", port))
+            listening.listen()  # a browser that asks before the page is ready waits
         except OSError as error:
             found = f"{port}, which cannot be used ({error.strerror})"
             raise InputFileError("command line", "--port", found, "another port, or none for any") from None
@@ -64,6 +69,8 @@ def serve(
 
         def begun() -> None:
             said(address)
+            gc.freeze()  # no collection looks at what is there from the start
+            gc.enable()
             if meanwhile is not None:
                 threading.Thread(target=meanwhile, daemon=True).start()
             if browser:
@@ -85,9 +92,20 @@ def serve(
 
 
 def prepare() -> None:
-    """Import NiceGUI, configured to keep nothing and to leave the folders of the user alone."""
+    """Import NiceGUI, configured to keep nothing and to leave the folders of the user alone.
+
+    Until the page is served nothing is collected as garbage: there is next to none among what is imported.
+    """
     os.environ.setdefault("NICEGUI_STORAGE_PATH", os.path.join(tempfile.gettempdir(), "rodgen-nicegui"))
-    import nicegui  # noqa: F401
+    gc.disable()
+    hidden = [name for name in _OF_CLIENTS if name not in sys.modules]
+    for name in hidden:  # whoever imports it now is told that there is none
+        sys.modules[name] = None  # type: ignore[assignment]
+    try:
+        import nicegui  # noqa: F401
+    finally:
+        for name in hidden:
+            del sys.modules[name]
 
 
 def application(
@@ -114,5 +132,6 @@ def application(
         binding_refresh_interval=None,
         reconnect_timeout=30.0,
         favicon="📐",
+        gzip_middleware_factory=None,  # it would take half a second, on the way from this computer to itself
     )
     return Guard(outer, token, port)
