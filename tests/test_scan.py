@@ -13,6 +13,7 @@ import pytest
 
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.fit import FitError, fit
+from rodgen.calibration.predict import predict_parts
 from rodgen.calibration.problem.blocks import observed
 from rodgen.calibration.simulate import simulate
 from rodgen.cli.main import main
@@ -213,6 +214,8 @@ def test_a_comparison_and_a_diagnosis_are_those_of_the_table(machine, folder, fr
     assert [step.effect for step in found.steps] == [step.effect for step in expected.steps]
     assert [step.effect.title for step in found.steps] == ["encoder_ellipticity at C"]
     assert_same(found.final, expected.final)
+    for key, estimate in expected.final.estimates.items():
+        assert found.final.estimates[key].std == pytest.approx(estimate.std, rel=1e-6)
     for own, other in zip(found.fits, expected.fits, strict=True):
         assert own.held_out().rms == pytest.approx(other.held_out().rms, rel=2e-3)
         assert own.rms < own.held_out().rms
@@ -266,3 +269,32 @@ def test_the_command_line_takes_patterns_and_a_scheduler(machine, folder, tmp_pa
     assert "scheduler 'tcp:1'; expected threads" in capsys.readouterr().err
     assert main(["fit", str(file), str(folder), "--residuals", str(tmp_path / "r.csv")]) == 2
     assert "--residuals of many files; expected one file" in capsys.readouterr().err
+
+
+def test_predictions_for_many_files_are_those_for_the_table(machine, in_memory, folder, frame, tmp_path):
+    """The slide stands still where most parts begin: what its backlash does there follows from the parts before."""
+    file = tmp_path / "machine.toml"
+    file.write_text(machine_text(machine))
+    pq.write_table(pa.table(frame), tmp_path / "all.parquet")
+    command = ["predict", str(file), str(tmp_path / "all.parquet"), str(folder), "--all-digits"]
+    assert main([*command, "-o", str(tmp_path / "made")]) == 0
+    made = Measurements.scan(tmp_path / "made")
+    assert made.rows == ROWS
+    found = made.joined([made.load(part) for part in made.parts], range(len(made.parts)))
+    expected = in_memory.predict(Measurements.from_frame(frame))
+    for name, column in expected.columns().items():
+        name = name.partition(" [")[0]
+        assert np.allclose(found.columns[name].values, column, rtol=1e-6, atol=1e-7), name
+    assert np.array_equal(found.columns["humidity"].values, frame["humidity"])
+    assert main([*command, "-o", str(tmp_path / "made")]) == 2  # is there already
+
+
+def test_no_prediction_is_left_where_a_part_is_wrong(machine, in_memory, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "week")
+    file = tmp_path / "week/day3.parquet"
+    table = pq.read_table(file)
+    wrong = pa.array(np.where(np.arange(len(table)) == 900, np.nan, table["C [deg]"].to_numpy()))
+    pq.write_table(table.set_column(1, "C [deg]", wrong), file)
+    with pytest.raises(InputFileError, match=r"day3.parquet: row 900"):
+        predict_parts(in_memory, Measurements.scan(tmp_path / "week"), tmp_path / "made")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["week"]

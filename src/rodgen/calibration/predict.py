@@ -7,8 +7,11 @@ model lacks is not in it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,16 +21,23 @@ from rodgen.array_types import Array
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import open_legs
 from rodgen.calibration.problem.attitudes import attitude_columns
-from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.problem.binding import bind, names_of
+from rodgen.calibration.problem.blocks import Motion, entries
+from rodgen.data.measurements import Scan
 from rodgen.data.observations import Observations
 from rodgen.data.units import ARCSEC, parse_unit
 from rodgen.errors import InputFileError, shown
+from rodgen.files import temporary_folder, unwritable
 from rodgen.machines.measured import TURNS
+from rodgen.schedulers import workers
 from rodgen.statistics.digits import round_by
 from rodgen.views import Tabular
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
+    from rodgen.data.tables.parts import Part
+    from rodgen.machines.machine import Machine
+    from rodgen.machines.model import Frame, Model
 
 
 ROUNDING = 1e-6
@@ -150,43 +160,149 @@ def predict(fit: FittedModel, design: Any) -> Prediction:
     >>> table.fit(data).predict(Measurements.from_frame({"C [deg]": [45.0]})).u.round(5)
     array([[0.00141, 0.00141, 0.00141]])
     """
-    model = fit.problem.model
-    o = bind(fit.machine, design, allow_missing_readings=True)
-    o = _in_known_runs(fit, o)
-    measurand = model.structure.measurand
-    reading = np.ones(o.reading.shape)
-    problem = Problem(model, replace(o, sigma=None, reading=reading))
-    theta, frame = fit.solution.theta, fit.solution.frame
-    with one_thread_in_blas():
-        place = problem.predicted(theta, frame)
-        if problem.is_closed_chain and not np.isfinite(place).all():
-            row = int(np.argmin(np.isfinite(place).all(axis=1)))
-            raise open_legs(o, row, "the fitted machine")
-        jacobian = problem.read_as_predicted(theta, frame).jacobian(theta, frame)
-        jacobian = np.moveaxis(problem.coloured(np.moveaxis(jacobian, 2, 0)), 0, 2)
-        covariance = np.einsum("nip,pq,njq->nij", jacobian, fit.covariance, jacobian, optimize=True)
-        determined = _determined(jacobian, fit.determinacy.null) & np.isfinite(place).all(axis=1)
-        attitude = {}
-        if measurand.has_attitude:
-            arms = np.array([o.arm if name in TURNS else 1.0 for name in measurand.columns])
-            covariance /= arms[:, None] * arms
-            turned = problem.attitudes(theta, frame)
-            attitude = attitude_columns(turned, design, fit.machine.angle_unit)
-    covariance[~determined] = np.nan
-    names = measurand.columns
-    return Prediction(place, covariance, determined, names, fit.unit, attitude, fit.unit_factor)
+    predictor = Predictor.of(fit)
+    return predictor.at(predictor.bound(design))
 
 
-def _in_known_runs(fit: FittedModel, o: Observations) -> Observations:
-    """Return observations whose runs are numbered as those of the fit."""
-    known = {name: i for i, name in enumerate(fit.observations.run_names)}
-    if not fit.problem.model.structure.shift or len(known) == 1:
-        return replace(o, run=np.zeros(o.n, np.int32))
-    unknown = next((name for name in o.run_names if name not in known), None)
-    if unknown is not None:
-        found = f"run {shown(unknown)}, which was not measured"
-        raise InputFileError(o.data.file, "column 'run'", found, f"one of {', '.join(known)}")
-    return replace(o, run=np.array([known[name] for name in o.run_names], np.int32)[o.run])
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """What of a fit predicts: small enough to be sent to a worker."""
+
+    machine: Machine
+    model: Model
+    theta: Array
+    frame: Frame
+    covariance: Array
+    null: Array
+    runs: tuple[str, ...]
+    unit: str
+    factor: float
+
+    @classmethod
+    def of(cls, fit: FittedModel) -> Predictor:
+        """Return that of a fit."""
+        solution, names = fit.solution, fit.observations.run_names
+        at = fit.problem.model, solution.theta, solution.frame
+        return cls(fit.machine, *at, fit.covariance, fit.determinacy.null, names, fit.unit, fit.unit_factor)
+
+    def bound(self, design: Any) -> Observations:
+        """Return a design in internal units, its runs numbered as those of the fit."""
+        o = bind(self.machine, design, allow_missing_readings=True)
+        known = {name: i for i, name in enumerate(self.runs)}
+        if not self.model.structure.shift or len(known) == 1:
+            return replace(o, run=np.zeros(o.n, np.int32))
+        unknown = next((name for name in o.run_names if name not in known), None)
+        if unknown is not None:
+            found = f"run {shown(unknown)}, which was not measured"
+            raise InputFileError(o.data.file, "column 'run'", found, f"one of {', '.join(known)}")
+        return replace(o, run=np.array([known[name] for name in o.run_names], np.int32)[o.run])
+
+    def at(self, o: Observations) -> Prediction:
+        """Return the prediction for a design; see :func:`predict`."""
+        measurand, theta, frame = self.model.structure.measurand, self.theta, self.frame
+        reading = np.ones(o.reading.shape)
+        problem = Problem(self.model, replace(o, sigma=None, reading=reading))
+        with one_thread_in_blas():
+            place = problem.predicted(theta, frame)
+            if problem.is_closed_chain and not np.isfinite(place).all():
+                row = int(np.argmin(np.isfinite(place).all(axis=1)))
+                raise open_legs(o, row, "the fitted machine")
+            jacobian = problem.read_as_predicted(theta, frame).jacobian(theta, frame)
+            jacobian = np.moveaxis(problem.coloured(np.moveaxis(jacobian, 2, 0)), 0, 2)
+            covariance = np.einsum("nip,pq,njq->nij", jacobian, self.covariance, jacobian, optimize=True)
+            determined = _determined(jacobian, self.null) & np.isfinite(place).all(axis=1)
+            attitude = {}
+            if measurand.has_attitude:
+                arms = np.array([o.arm if name in TURNS else 1.0 for name in measurand.columns])
+                covariance /= arms[:, None] * arms
+                turned = problem.attitudes(theta, frame)
+                attitude = attitude_columns(turned, o.data, self.machine.angle_unit)
+        covariance[~determined] = np.nan
+        return Prediction(place, covariance, determined, measurand.columns, self.unit, attitude, self.factor)
+
+
+def predict_parts(
+    fit: FittedModel,
+    design: Scan,
+    folder: str | os.PathLike[str],
+    *,
+    coverage: float | None = None,
+    rounded: bool = False,
+) -> int:
+    """Write where a fitted machine will be at the commands of many files; return how many rows are not determined.
+
+    Each worker writes the parts that it reads, with the predictions as further columns, so that it and the program must
+    see one file system. The folder is there when all of them are.
+
+    Parameters
+    ----------
+    fit : FittedModel
+    design : Scan
+    folder : str or os.PathLike
+        Is made, with a Parquet file for each part.
+    coverage, rounded
+        As of `Prediction.columns`.
+
+    Raises
+    ------
+    InputFileError
+        As of `predict`, and when the folder is there already or cannot be written.
+    """
+    place = Path(folder)
+    if place.exists():
+        raise InputFileError(place, "file", "is there already", "the name of a folder that is not")
+    predictor = Predictor.of(fit)
+    predictor.bound(design.empty)
+    try:
+        with workers() as some, temporary_folder(place.absolute().parent, f".{place.name}.") as made:
+            motions = dict(some.each("looking at the design", _motion, design.parts, predictor))
+            directions = entries([motions[k] for k in range(len(motions))])
+            into = made / "parts"
+            into.mkdir(mode=0o777)
+            options = {"coverage": coverage, "rounded": rounded}
+            undetermined = dict(
+                some.each("predicting", _predict_part, design.parts, predictor, directions, into, options)
+            )
+            into.rename(place)
+    except OSError as error:
+        raise unwritable(os.fspath(place), error) from None
+    return sum(undetermined.values())
+
+
+def _motion(part: Part, predictor: Predictor) -> Motion:
+    return Motion.of(predictor.bound(Scan.load(part, names_of(predictor.machine))))
+
+
+def _predict_part(
+    part: Part,
+    predictor: Predictor,
+    directions: Sequence[NDArray[np.int8]],
+    into: Path,
+    options: Mapping[str, Any],
+) -> int:
+    """Write the rows of a part with their predictions, some at a time; return how many are not determined."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    o = predictor.bound(Scan.load(part))
+    s = o.s.copy()
+    Motion.of(o).enter(s, directions[part.number])
+    o = replace(o, s=s)
+    undetermined, writer = 0, None
+    file = into / f"part-{part.number:05d}.parquet"
+    with contextlib.ExitStack() as stack:
+        table = stack.enter_context(part.open())
+        for start, batch in table.batches():
+            made = predictor.at(o.take(slice(start, start + len(batch))))
+            undetermined += int((~made.determined).sum())
+            further = made.columns(**options)
+            if taken := next((name for name in further if name in batch.schema.names), None):
+                raise InputFileError(part.file, "schema", f"a column {shown(taken)}", "none of this name")
+            arrays = [*batch.columns, *(pa.array(column) for column in further.values())]
+            whole = pa.RecordBatch.from_arrays(arrays, names=[*batch.schema.names, *further])
+            writer = writer or stack.enter_context(pq.ParquetWriter(file, whole.schema))
+            writer.write_batch(whole)
+    return undetermined
 
 
 def _determined(jacobian: Array, null: Array) -> NDArray[np.bool_]:

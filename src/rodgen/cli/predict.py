@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from rodgen.cli._console import Command, after_fits, notify
-from rodgen.cli._machine import add_files, add_loss, fitted, load_data
+from rodgen.cli._machine import add_files, add_loss, add_scheduler, fitted, load_data
 from rodgen.cli._outputs import Outputs
 from rodgen.cli._tables import add_output
 from rodgen.cli._values import number
+from rodgen.errors import InputFileError, shown
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
 
 _PREDICT = """\
 Fit a machine to measurements, and predict its positions at other commands, with their standard uncertainty from the
@@ -20,6 +25,8 @@ T_..., load, run). The output is the same table with the predicted places, their
 the measurements do not determine the position. The uncertainty does not include what the model lacks. It has two
 significant digits, and the place as many decimals. For a certificate, --coverage 2 writes expanded uncertainties
 model_U_..., k = 2 times the standard ones.
+
+Where DESIGN are many Parquet files, a pattern, a folder or an address, the output is a new folder of such.
 """
 
 
@@ -38,12 +45,16 @@ def add_to(command: Command) -> None:
         help="write expanded uncertainties, K times the standard ones",
     )
     predict.add_argument("--all-digits", action="store_true", help="do not round by the uncertainty")
+    add_scheduler(predict)
     add_output(predict)
 
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.data.tables import check_output, copied_with
+    from rodgen.data.tables.parts import is_many
 
+    if is_many(options.design):
+        return _run_parts(options)
     file = None if options.output == "-" else options.output
     with Outputs(options.machine, options.data, options.design) as outputs:
         outputs.claim(file)
@@ -57,9 +68,29 @@ def _run(options: argparse.Namespace) -> int:
             made.columns(coverage=options.coverage, rounded=not options.all_digits),
         ):
             pass
-    open_ = int((~made.determined).sum())
-    more = f"; {open_} not determined by these measurements" if open_ else ""
-    notify(f"{file or 'standard output'}: {design.rows} row{'s' * (design.rows != 1)}{more}")
+    return _end(options, fit, file or "standard output", design.rows, int((~made.determined).sum()))
+
+
+def _run_parts(options: argparse.Namespace) -> int:
+    """Write the predictions for many files into a folder."""
+    from rodgen.calibration.predict import predict_parts
+
+    folder = options.output
+    if folder in {None, "-"} or folder.endswith((".csv", ".csv.gz", ".parquet")):
+        found = "standard output" if folder in {None, "-"} else f"the file {shown(folder)}"
+        raise InputFileError(options.design, "file", f"{found} for many files", "a new folder: -o FOLDER")
+    design = load_data(options.design)
+    fit = fitted(options)
+    undetermined = predict_parts(
+        fit, design, folder, coverage=options.coverage, rounded=not options.all_digits
+    )
+    return _end(options, fit, folder, design.rows, undetermined)
+
+
+def _end(options: argparse.Namespace, fit: Fit, output: str, rows: int, undetermined: int) -> int:
+    """Say what was written, and what its uncertainties are."""
+    more = f"; {undetermined} not determined by these measurements" if undetermined else ""
+    notify(f"{output}: {rows} row{'s' * (rows != 1)}{more}")
     if options.coverage is not None:
         notify(f"Uncertainties are expanded, k = {options.coverage:g}.")
     notify(fit.dependence.text)

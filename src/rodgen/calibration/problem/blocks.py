@@ -20,6 +20,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array
 from rodgen.calibration.problem.binding import bind, bind_once, names_of
 from rodgen.calibration.problem.problem import Group, Problem, one_thread_in_blas, reduced
 from rodgen.data.measurements import Measurements, Scan
@@ -36,7 +37,6 @@ from rodgen.statistics.thresholds import DETERMINACY
 
 __all__ = ["FOLDS", "BlockProblem", "Blocks", "observed", "problem_of"]
 
-Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = tuple[Array, Frame]
 
 STRETCHES, STRETCH = 20, 2_500
@@ -56,8 +56,8 @@ MOST_FILES = 400
 
 
 @dataclass(frozen=True)
-class Survey:
-    """What has to be known of a part before anything is fitted.
+class Motion:
+    """How the joints move in a part, for directions of approach in the next.
 
     Attributes
     ----------
@@ -65,7 +65,67 @@ class Survey:
     first, last : ndarray, shape (J,)
         Commanded coordinates of the first and the last row, as they stand in the file.
     began, ended : ndarray of int8, shape (J,)
-        Directions of the first and the last motion of each joint within the part; 0 of one that does not move.
+        Directions of the first and the last motion of each joint; 0 of one that does not move.
+    before : list of int
+        How many rows of each joint are before its first motion; none where a column says the directions.
+    """
+
+    rows: int
+    first: Array
+    last: Array
+    began: NDArray[np.int8]
+    ended: NDArray[np.int8]
+    before: list[int]
+
+    @classmethod
+    def of(cls, o: Observations) -> Motion:
+        """Return it of the rows of a part."""
+        joints = o.machine.joints
+        began, ended = (np.zeros(len(joints), np.int8) for _ in range(2))
+        first, last = np.zeros(len(joints)), np.zeros(len(joints))
+        before = [0] * len(joints)
+        for j, joint in enumerate(joints):
+            column = o.data.columns[joint.column].values
+            moves = column[1:] != column[:-1]
+            if o.n:
+                first[j], last[j] = column[[0, -1]]
+            if f"dir_{joint.column}" not in o.columns_given:
+                before[j] = int(np.argmax(moves)) + 1 if moves.any() else o.n
+                if moves.any():
+                    began[j], ended[j] = o.s[before[j], j], o.s[-1, j]
+        return cls(o.n, first, last, began, ended, before)
+
+    def enter(self, s: NDArray[np.int8], entry: NDArray[np.int8], start: int = 0) -> None:
+        """Set the directions of rows before the first motion, those from `start`, (n, J), to those of entry, (J,)."""
+        for column, direction, before in zip(s.T, entry, self.before, strict=True):
+            column[: max(before - start, 0)] = direction
+
+
+def entries(motions: Sequence[Motion]) -> list[NDArray[np.int8]]:
+    """Return the directions from which the joints came to the first row of each part, (J,); see `approach`."""
+    now, last = np.zeros_like(motions[0].began), None
+    found = []
+    for motion in motions:
+        if motion.rows:
+            step = np.sign(motion.first - (motion.first if last is None else last)).astype(np.int8)
+            now = np.where(step, step, now)
+        found.append(now)
+        if motion.rows:
+            now, last = np.where(motion.ended, motion.ended, now), motion.last
+    first = np.zeros_like(now)  # of the first motion of each joint at all: rows before it take it
+    for entry, motion in zip(found, motions, strict=True):
+        for known in (entry, motion.began):
+            first = np.where(first, first, known)
+    return [np.where(entry, entry, first).astype(np.int8) for entry in found]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What has to be known of a part before anything is fitted.
+
+    Attributes
+    ----------
+    motion : Motion
     low, high : ndarray, shape (J,)
         Range of the coordinates, internal units.
     runs : tuple of str
@@ -78,17 +138,11 @@ class Survey:
         Sum of the squared weights.
     stretches : list of (Measurements, ndarray of int8, shape (n, J), int)
         The rows of the sample, all columns of them; their directions of approach, and the number of the first.
-    before : list of int
-        How many rows of each joint are before its first motion; none where a column says the directions.
     poses : int
         Stretches of rows with equal commands and set-up.
     """
 
-    rows: int
-    first: Array
-    last: Array
-    began: NDArray[np.int8]
-    ended: NDArray[np.int8]
+    motion: Motion
     low: Array
     high: Array
     runs: tuple[str, ...]
@@ -97,8 +151,12 @@ class Survey:
     largest: float
     weights: float
     stretches: list[tuple[Measurements, NDArray[np.int8], int]]
-    before: list[int]
     poses: int
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return self.motion.rows
 
 
 @dataclass
@@ -215,7 +273,7 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
     place = np.empty(o.n, np.intp)
     place[order] = np.arange(o.n)
     survey = _survey(o, problem, stretches)
-    early = [place[:rows] for rows in survey.before]
+    early = [place[:rows] for rows in survey.motion.before]
     return _Store(survey, numbers, at, np.ascontiguousarray(o.s.T[:, order]), early, groups)
 
 
@@ -241,22 +299,8 @@ def _columns_of(problem: Problem) -> Iterator[tuple[str, Any]]:
 
 def _survey(o: Observations, problem: Problem, stretches: Sequence[slice]) -> Survey:
     """Return what has to be known of a part."""
-    joints = o.machine.joints
-    began, ended = (np.zeros(len(joints), np.int8) for _ in range(2))
-    first, last = np.zeros(len(joints)), np.zeros(len(joints))
-    still = _before_motion(o)
-    for j, (joint, before) in enumerate(zip(joints, still, strict=True)):
-        column = o.data.columns[joint.column].values
-        if o.n:
-            first[j], last[j] = column[[0, -1]]
-        if f"dir_{joint.column}" not in o.columns_given and before < o.n:
-            began[j], ended[j] = o.s[before, j], o.s[-1, j]
     return Survey(
-        rows=o.n,
-        first=first,
-        last=last,
-        began=began,
-        ended=ended,
+        motion=Motion.of(o),
         low=o.q.min(axis=0, initial=np.inf),
         high=o.q.max(axis=0, initial=-np.inf),
         runs=o.run_names,
@@ -265,20 +309,8 @@ def _survey(o: Observations, problem: Problem, stretches: Sequence[slice]) -> Su
         largest=problem.model.structure.measurand.size(o.reading),
         weights=float(np.einsum("ij,ij->", problem.weight, problem.weight)),
         stretches=[(_apart(o.data.take(rows)), o.s[rows].copy(), rows.start) for rows in stretches],
-        before=still,
         poses=int(o.pose.max(initial=-1)) + 1,
     )
-
-
-def _before_motion(o: Observations) -> list[int]:
-    """Return how many rows of each joint are before its first motion; none where a column says the directions."""
-    found = []
-    for joint in o.machine.joints:
-        column = o.data.columns[joint.column].values
-        moves = column[1:] != column[:-1]
-        given = f"dir_{joint.column}" in o.columns_given
-        found.append(0 if given else int(np.argmax(moves)) + 1 if moves.any() else o.n)
-    return found
 
 
 @dataclass(frozen=True)
@@ -414,27 +446,11 @@ class Blocks:
     @cached_property
     def shared(self) -> _Shared:
         """What all parts have to know."""
-        names = dict.fromkeys(name for survey in self.surveys if survey.rows for name in survey.runs)
-        return _Shared({name: k for k, name in enumerate(names or ("",))}, tuple(self._entries()))
-
-    def _entries(self) -> list[NDArray[np.int8]]:
-        """Return the directions from which the joints came to the first row of each part; see `approach`."""
-        full = [survey for survey in self.surveys if survey.rows]
-        now = np.zeros(len(self.parts[0].machine.joints), np.int8)
-        entries, last = [], None
-        for survey in self.surveys:
-            if survey.rows:
-                step = np.sign(survey.first - (survey.first if last is None else last)).astype(np.int8)
-                now = np.where(step, step, now)
-            entries.append(now)
-            if survey.rows:
-                now, last = np.where(survey.ended, survey.ended, now), survey.last
-        first = np.zeros_like(now)  # of the first motion of each joint at all: rows before it take it
-        for entry, survey in zip(entries, self.surveys, strict=True):
-            for known in (entry, survey.began):
-                first = np.where(first, first, known)
-        assert full
-        return [np.where(entry, entry, first).astype(np.int8) for entry in entries]
+        names = dict.fromkeys(name for survey in self.surveys if survey.rows for name in survey.runs) or ("",)
+        return _Shared(
+            {name: k for k, name in enumerate(names or ("",))},
+            tuple(entries([survey.motion for survey in self.surveys])),
+        )
 
     def ask(self, what: str, function: Callable[..., Any], *arguments: Any) -> list[Any]:
         """Return what a function of a part returns, of each part, in their order."""
@@ -453,10 +469,9 @@ class Blocks:
         """Return the rows of all parts that belong to the sample."""
         tables, directions, rows = list[Measurements](), list[NDArray[np.int8]](), list[int]()
         begin = 0
-        for survey, entries in zip(self.surveys, self.shared.entries, strict=True):
+        for survey, entry in zip(self.surveys, self.shared.entries, strict=True):
             for table, s, start in survey.stretches:
-                for column, entry, before in zip(s.T, entries, survey.before, strict=True):
-                    column[: max(before - start, 0)] = entry
+                survey.motion.enter(s, entry, start)
                 tables.append(table)
                 directions.append(s)
                 rows.append(begin + start)

@@ -144,6 +144,13 @@ class ParquetTable(_ArrowTable):
                 raise
             raise self._damaged(error) from None
 
+    def batches(self) -> Iterator[tuple[int, pa.RecordBatch]]:
+        """Yield the rows as they stand in the file, some at a time, with the number of the first among those read."""
+        start = 0
+        for block in self._blocks():
+            yield start, block.data
+            start += len(block.data)
+
     def _damaged(self, error: BaseException) -> InputFileError:
         if getattr(error, "errno", None) is not None:  # of the disk, not of what it holds
             return unreadable(self.file, error, READABLE)
