@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import html
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,14 +17,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fleet_tasks import process_after, squared_unless_killed
+from fleet_tasks import squared_unless_killed
 from simulated_fleet import Truth, make_fleet
 
 from rodgen.calibration.fleet import Fleet, Pair, diagnose_fleet, pairs_of
 from rodgen.calibration.fleet.changes import Changes, Night
 from rodgen.calibration.fleet.processes import each_in_processes
+from rodgen.calibration.fleet.summary import about_machines, parameter_cells, valued
 from rodgen.cli.main import main
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import one_process_in
 from rodgen.statistics.drift import drifts, repeatability
 from rodgen.statistics.random_effects import population
@@ -99,6 +103,59 @@ def test_command_says_what_is_wrong(
     assert "--date" in capsys.readouterr().err
 
 
+def test_report_shows_what_the_fleet_says(
+    fleet: tuple[Path, Truth, Fleet], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, _, _ = fleet
+    found = Fleet.load(folder / "results")
+    page = folder / "fleet.html"
+    assert main(["report", str(folder / "results"), "-o", str(page)]) == 0
+    assert capsys.readouterr().out == f"{page}\n"
+    text = html.unescape(page.read_text())
+    (kind,) = found.kinds
+    (parameter,) = kind.effects[0].parameters
+    mean, spread, _ = parameter_cells(parameter)
+    p, i = parameter.population, parameter.machines.index("m1")
+    alone = valued(float(parameter.values[i]), float(parameter.std[i]), parameter.unit)
+    given = valued(float(p.shrunk[i]), float(p.shrunk_std[i]), parameter.unit)
+    for cell in (mean, spread, alone, given, *(machine.error for machine in found.failed)):
+        assert f">{cell}</td>" in text
+    assert text.count('class="plot"') >= 1
+    assert main(["report", str(folder / "results"), "-o", str(page), "--radius", "AZ=1mm"]) == 2
+    assert "--radius: given with results of a fleet" in capsys.readouterr().err
+    assert main(["report", str(folder / "machines"), "-o", str(page)]) == 2
+    assert "no such file; expected results of 'rodgen fleet'" in capsys.readouterr().err
+
+
+def test_a_machine_of_the_fleet_opens_on_its_own_page(fleet: tuple[Path, Truth, Fleet]) -> None:
+    testing = pytest.importorskip("nicegui.testing")
+    from rodgen.workbench.fleet import FleetDesk
+
+    folder, _, _ = fleet
+    desk = FleetDesk(str(folder / "results"))
+
+    async def run() -> None:
+        async with testing.user_simulation(root=desk.window) as user:
+            user.javascript_rules[re.compile(r".*innerWidth.*")] = lambda _: [1280, False]
+            user.javascript_rules[re.compile(r".*matchMedia.*")] = lambda _: False
+            await user.open("/")
+            await user.should_see(about_machines(desk.fleet))
+            await user.should_see(f"{COUNT} machines: mean")
+            with user, pytest.raises(RodgenError, match="lonely: no machine file; expected both"):
+                await desk.open("lonely")
+            with user:
+                await desk.open("m0")
+            await user.open("/")
+            await user.should_see("Back to the fleet")
+            await user.should_see("per reading")
+            user.find("Back to the fleet").click()
+            await asyncio.sleep(0.1)
+            await user.open("/")
+            await user.should_see(about_machines(desk.fleet))
+
+    asyncio.run(run())
+
+
 def test_two_runs_do_not_write_to_one_folder(tmp_path: Path) -> None:
     with (
         one_process_in(str(tmp_path)),
@@ -142,11 +199,10 @@ def test_pairs_come_from_a_table_from_folders_or_from_one_machine_file(tmp_path:
 
 def test_the_end_of_a_process_is_the_end_of_one_task() -> None:
     found = dict(each_in_processes(squared_unless_killed, [1, 2, 3, 4, 5], 2))
-    assert found == {0: 1, 1: 4, 2: None, 3: 16, 4: 25}
-
-
-def test_a_process_works_on_one_task_after_the_other() -> None:
-    assert len({process for _, process in each_in_processes(process_after, [0.0] * 6, 1)}) == 1
+    answers = {number: answer and answer[0] for number, answer in found.items()}
+    assert answers == {0: 1, 1: 4, 2: None, 3: 16, 4: 25}
+    processes = {answer[1] for answer in found.values() if answer}
+    assert len(processes) <= 2 + 1  # each works on one task after the other; one was killed twice
 
 
 @pytest.mark.slow
@@ -206,7 +262,7 @@ def test_population_is_not_spread_by_the_odd() -> None:
 def test_trends_and_changes_have_their_p_values(nights: int, scatter: float, degrees: int) -> None:
     random = np.random.default_rng(3)
     p = []
-    for _ in range(10):
+    for _ in range(4):
         sigma = random.uniform(0.5, 2.0, (2000, 1)) * random.uniform(0.8, 1.25, (2000, nights))
         values = sigma * random.normal(size=sigma.shape) + scatter * random.normal(size=sigma.shape)
         std = sigma * np.sqrt(random.chisquare(degrees, sigma.shape) / degrees)
@@ -222,7 +278,7 @@ def test_trends_and_changes_have_their_p_values(nights: int, scatter: float, deg
         p.append([found.trend_p, found.change_p])
     for level in (0.01, 0.001):
         trend, change = (np.concatenate(p, axis=1) < level).mean(axis=1)
-        expected = 4 * np.sqrt(level / 20_000)
+        expected = 4 * np.sqrt(level / 8_000)
         assert level * 0.7 - expected < trend < level * 1.15 + expected
         assert change < level * 1.15 + expected  # the number of places bounds it
 

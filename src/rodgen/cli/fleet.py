@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import BAD_INPUT, FAILED, INTERNAL, NOT_CONVERGED, OK, Command, show_result
+from rodgen.cli._console import BAD_INPUT, FAILED, INTERNAL, NOT_CONVERGED, OK, Command, refused, show_result
 from rodgen.cli._machine import add_json, add_timings
 from rodgen.cli._values import whole
-from rodgen.errors import InputFileError
 
 _FLEET = """\
 Diagnose every machine of a fleet, and say which effects are common, which machines are odd, and what changes from night
@@ -54,9 +53,7 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.schedulers import processors
 
     if not 0 < options.false_alarms < float("inf"):
-        raise InputFileError(
-            "command line", "--false-alarms", f"{options.false_alarms:g}", "a positive number"
-        )
+        raise refused("--false-alarms", f"{options.false_alarms:g}", "a positive number")
     found = diagnose_fleet(
         pairs_of(options.machines, options.data),
         options.output,

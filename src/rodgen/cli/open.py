@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+from collections.abc import Callable
 
 from rodgen.cli._console import OK, Command, show
 from rodgen.cli._machine import FILES
@@ -12,11 +14,13 @@ from rodgen.errors import InputFileError
 _OPEN = f"""\
 Open a machine and its measurements on a page in the browser: see the residuals, suspect, add an effect, watch the error
 fall, undo. Nothing leaves this computer: the page is at 127.0.0.1, under an address with a random token, until
-Ctrl-C. A session that was saved (.rodgen) opens with everything that was done.
+Ctrl-C. A session that was saved (.rodgen) opens with everything that was done. The results of a fleet, a folder, open
+on a page of their own, from which each machine is opened.
 
 {FILES}
   rodgen open mount.toml stars.csv
   rodgen open mount.rodgen
+  rodgen open results/
   rodgen open
 """
 
@@ -24,7 +28,7 @@ Ctrl-C. A session that was saved (.rodgen) opens with everything that was done.
 def add_to(command: Command) -> None:
     """Add the command."""
     opened = command("open", _run, "a page on which effects are added and the error falls", _OPEN)
-    about = "the machine file, or a session; left out, the page offers examples, templates and files"
+    about = "the machine file, a session, or results of a fleet; left out, the page offers examples and files"
     opened.add_argument("machine", metavar="MACHINE", nargs="?", help=about)
     opened.add_argument("data", metavar="DATA", nargs="?", help="the measurements; a session knows its own")
     opened.add_argument("--no-browser", action="store_true", help="print the address only")
@@ -32,7 +36,7 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.workbench.server import prepare, serve
+    from rodgen.workbench.server import prepare
 
     prepare()  # a missing library is reported before anything is read
     from rodgen.cli.imports import imported_with
@@ -42,6 +46,8 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.workbench.start import Start
 
     desks: list[Desk] = []
+    if options.machine is not None and options.data is None and os.path.isdir(options.machine):
+        return _of_fleet(options)
     if options.data is not None:
         desks.append(Desk(Session.open(options.machine, options.data)))
     elif options.machine is not None:
@@ -49,13 +55,32 @@ def _run(options: argparse.Namespace) -> int:
             expected = f"it, or a session that ends in {ENDING}"
             raise InputFileError("command line", "rodgen open", "no DATA", expected)
         desks.append(Desk(Session.load(options.machine)))
-    serve(
+    _serve(
+        options,
         lambda: (
             Page(desks[-1]) if desks else Start(lambda session: desks.append(Desk(session)), imported_with)
         ),
+        desks[0].prepare if desks else None,
+    )
+    return OK
+
+
+def _of_fleet(options: argparse.Namespace) -> int:
+    from rodgen.workbench.fleet import FleetDesk
+
+    _serve(options, FleetDesk(options.machine).window)
+    return OK
+
+
+def _serve(
+    options: argparse.Namespace, page: Callable[[], object], meanwhile: Callable[[], object] | None = None
+) -> None:
+    from rodgen.workbench.server import serve
+
+    serve(
+        page,
         port=options.port,
         browser=not options.no_browser,
         said=lambda address: show(f"{address}\nCtrl-C ends it."),
-        meanwhile=desks[0].prepare if desks else None,
+        meanwhile=meanwhile,
     )
-    return OK

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
+import os
 
-from rodgen.cli._console import Command, after_fits, refused, show
+from rodgen.cli._console import OK, Command, after_fits, refused, show
 from rodgen.cli._machine import FILES, add_files, add_test, diagnosed
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.stages import stage
@@ -19,13 +20,17 @@ figures can be zoomed, and saved as PNG and SVG. --images needs Chrome or Chromi
 {FILES}
   rodgen report mount.toml stars.csv -o report.html
   rodgen report table.toml balls.csv -o report.html --radius C=40mm
+
+Of the results of a fleet, a folder in the place of both, the page shows what 'rodgen fleet' says:
+
+  rodgen report results/ -o fleet.html
 """
 
 
 def add_to(command: Command) -> None:
     """Add the command."""
     report = command("report", _run, "the diagnosis of a machine as one page", _REPORT)
-    add_files(report)
+    add_files(report, needed=False)
     report.add_argument("-o", "--output", metavar="PAGE.html", required=True, help="the page")
     add_test(report)
     report.add_argument(
@@ -44,6 +49,8 @@ def _run(options: argparse.Namespace) -> int:
     import jinja2  # noqa: F401 - its absence is reported before a long diagnosis, not after
     import plotly  # noqa: F401
 
+    if options.data is None:
+        return _of_fleet(options)
     from rodgen.calibration.plan import PlanError, plan
     from rodgen.output.report import write_report
 
@@ -63,12 +70,28 @@ def _run(options: argparse.Namespace) -> int:
     return after_fits(all(each.solution.converged for each in found.fits))
 
 
+def _of_fleet(options: argparse.Namespace) -> int:
+    if not os.path.isdir(options.machine):
+        raise refused("rodgen report", "no DATA", "it, or the folder of results of a fleet")
+    if options.test or options.radius:
+        found = "--test" if options.test else "--radius"
+        raise refused(found, "given with results of a fleet", "MACHINE and DATA")
+    from rodgen.calibration.fleet import Fleet
+    from rodgen.output.report.fleet import write_fleet_report
+
+    _check_output(options)
+    fleet = Fleet.load(options.machine)
+    with stage("drawing"):
+        show("\n".join(write_fleet_report(fleet, options.output, images=options.images)))
+    return OK
+
+
 def _check_output(options: argparse.Namespace) -> None:
     """Check that the page can be written, before a long diagnosis."""
     from rodgen.cli._outputs import Outputs
     from rodgen.files import AtomicFile, is_device
 
-    with Outputs(options.machine, options.data, *([options.test] if options.test else [])) as outputs:
+    with Outputs(*filter(None, [options.machine, options.data, options.test])) as outputs:
         outputs.claim(options.output)
     if not is_device(options.output):
         if not options.output.lower().endswith((".html", ".htm")):

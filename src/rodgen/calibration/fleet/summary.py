@@ -134,12 +134,13 @@ def _by_machine(found: Sequence[One], text: Callable[[One], str]) -> list[tuple[
 
 
 def _odd_text(one: Odd) -> str:
-    value = _valued(one.value, one.std, one.unit)
-    others = _valued(one.mean, one.spread or one.mean_std, one.unit)
+    value = valued(one.value, one.std, one.unit)
+    others = valued(one.mean, one.spread or one.mean_std, one.unit)
     return f"{one.key} = {value}, where the others have {others}, p {_sign(one.p_value)}"
 
 
-def _valued(value: float, std: float, unit: str) -> str:
+def valued(value: float, std: float, unit: str) -> str:
+    """Return a value with its standard deviation and unit."""
     factor, unit = readable(unit, max(abs(value), std))
     number, spread = measured(value * factor, std * factor)
     return f"{number} ± {spread}{'' if unit == '1' else f' {unit}'}"
@@ -180,7 +181,7 @@ def _of_most(fleet: Fleet) -> Iterator[str]:
 
 def _change_text(change: Change) -> str:
     by_day = change.what == "trend"
-    size = _valued(change.size, change.std, change.unit)
+    size = valued(change.size, change.std, change.unit)
     new = ", new" if change.new else ""
     what = (
         f"drifts by {size} a day since {change.since}" if by_day else f"changed by {size} on {change.since}"

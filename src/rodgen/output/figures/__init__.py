@@ -26,6 +26,8 @@ if _TYPE_CHECKING:
     from rodgen.output.figures.files import check_place as check_place
     from rodgen.output.figures.files import save_figure as save_figure
     from rodgen.output.figures.files import save_figures as save_figures
+    from rodgen.output.figures.fleets import fleet_nights as fleet_nights
+    from rodgen.output.figures.fleets import fleet_parameter as fleet_parameter
     from rodgen.output.figures.ladders import ladder as ladder
     from rodgen.output.figures.machines import residual_vectors as residual_vectors
     from rodgen.output.figures.machines import skeleton as skeleton
@@ -47,6 +49,8 @@ _PLACES = {
     "comparison": "comparisons",
     "diagnosis": "diagnoses",
     "distribution_of_residuals": "distributions",
+    "fleet_nights": "fleets",
+    "fleet_parameter": "fleets",
     "influence": "parallel",
     "joints_that_go_round": "polar",
     "ladder": "ladders",

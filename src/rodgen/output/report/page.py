@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 RESIDUALS = ("residuals", "around_", "quantiles", "autocorrelation")
 """What names of figures of residuals begin with."""
-_asset = partial(asset, package=__package__)
+report_asset = partial(asset, package=__package__)
 
 
 def write_report(
@@ -87,9 +87,9 @@ def _made(diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float]) -
     # The page has the ranking as a table, with bars of its own.
     drawn = [figure for figure in figures if figure.layout.meta["name"] != "ranking"]
     entries = [{"number": number, **figure.layout.meta} for number, figure in enumerate(drawn)]
-    code = [*scripts(), _asset("report.js")]
+    code = [*scripts(), report_asset("report.js")]
     page = (
-        _environment()
+        environment()
         .get_template("report.html.j2")
         .render(
             **text,
@@ -97,7 +97,7 @@ def _made(diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float]) -
             residuals=[entry for entry in entries if entry["name"].startswith(RESIDUALS)],
             covariates=[entry for entry in entries if entry["name"].startswith("covariate_")],
             drawn=Markup(figures_json(drawn)),
-            style=Markup(asset("figures.css") + "\n" + _asset("report.css")),
+            style=Markup(asset("figures.css") + "\n" + report_asset("report.css")),
             scripts=[Markup(text) for text in code],
             policy=policy(*code),
         )
@@ -113,9 +113,10 @@ def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
             raise InputFileError("command line", "--radius", f"no revolute joint {name!r}", there)
 
 
-def _environment() -> jinja2.Environment:
+def environment() -> jinja2.Environment:
+    """Return what makes pages of the templates here."""
     return jinja2.Environment(
-        loader=jinja2.FunctionLoader(_asset),
+        loader=jinja2.FunctionLoader(report_asset),
         undefined=jinja2.StrictUndefined,
         autoescape=True,
         trim_blocks=True,
