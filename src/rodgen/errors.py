@@ -7,9 +7,10 @@ jump to the place.
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import os
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 __all__ = [
     "InputFileError",
@@ -82,6 +83,15 @@ class NotConvergedError(InputFileError):
     """A fit that did not converge, where its end is needed."""
 
     reason = "the fit did not converge"
+
+
+@contextlib.contextmanager
+def in_file(file: str | os.PathLike[str], place: str) -> Iterator[None]:
+    """Raise an `UnexpectedError` of the block as an `InputFileError` at a place of a file."""
+    try:
+        yield
+    except UnexpectedError as error:
+        raise InputFileError(file, place, error.found, error.expected) from None
 
 
 def shown(text: object, limit: int = 60) -> str:

@@ -10,8 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from rodgen.cli._console import refused
-from rodgen.errors import shown
+from rodgen.errors import in_file, shown
 
 _NUMBERS = r"\s*([-+.,\deE\s]*\d\.?)\s*([^\d\s,.+-].*?)\s*"
 
@@ -61,12 +60,10 @@ class Quantity:
         InputFileError
             When the unit that was typed is unknown or of another dimension.
         """
-        from rodgen.data.units import UnitError, conversion_factor
+        from rodgen.data.units import conversion_factor
 
-        try:
+        with in_file("command line", self.option):
             factor = conversion_factor(self.unit, self.dimension, unit)
-        except UnitError as error:
-            raise refused(self.option, error.found, error.expected) from None
         return tuple(number * factor for number in self.numbers)
 
 

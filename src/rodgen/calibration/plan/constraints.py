@@ -19,13 +19,12 @@ from rodgen.data.units import (
     LENGTH,
     ONE,
     Dimension,
-    UnitError,
     number_and_unit,
     parse_unit,
     unit_factor,
 )
-from rodgen.errors import InputFileError, joined, shown
-from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
+from rodgen.errors import InputFileError, in_file, joined, shown
+from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula
 from rodgen.machines.files.toml import (
     NUMBER,
     PAIR,
@@ -304,20 +303,16 @@ def _region(machine: Machine, top: Table, text: str) -> Region:
     if unknown:
         names = joined([n for n in dimensions if n != "pi"], "or")
         raise InputFileError(top.file, place, f"the name {shown(unknown[0])}", names)
-    try:
+    with in_file(top.file, place):
         dimension = formula.dimension(dimensions)
-    except FormulaError as error:
-        raise InputFileError(top.file, place, error.found, error.expected) from None
     found = number_and_unit(match[3].strip())
     if found is None or dimension is None:
         raise InputFileError(top.file, place, shown(match[3].strip()), expected)
     value, unit_text = found
     if not unit_text:
         return Region(text, formula, match[2] == ">", value * _factor(machine, dimension))
-    try:
+    with in_file(top.file, place):
         unit = parse_unit(unit_text)
-    except UnitError as error:
-        raise InputFileError(top.file, place, error.found, error.expected) from None
     if unit.dimension not in ({ANGLE, ONE} if dimension in (ANGLE, ONE) else {dimension}):
         raise InputFileError(top.file, place, f"unit {shown(unit_text)}", f"a unit of {dimension}")
     return Region(text, formula, match[2] == ">", value * unit.factor(machine.length_unit))

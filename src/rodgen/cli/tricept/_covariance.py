@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rodgen.cli._console import located, refused
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, in_file, shown
 from rodgen.files import decoded, read_input
 
 COVARIANCE_TEXT = """\
@@ -124,15 +124,13 @@ def _made(
 
 
 def _factor(written: str, name: str, unit: str, file: str, place: str) -> float:
-    from rodgen.data.units import UnitError, conversion_factor
+    from rodgen.data.units import conversion_factor
     from rodgen.kinematics.tricept import ANGLES
 
-    try:
+    with in_file(file, f"{place}, {name}"):
         if name in ANGLES:
             return conversion_factor(written, "angle", "rad")
         return conversion_factor(written, "length", unit)
-    except UnitError as error:
-        raise InputFileError(file, f"{place}, {name}", error.found, error.expected) from None
 
 
 def _from_toml(file: str, text: str, unit: str) -> Any:

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from rodgen.data.units import Quantity, UnitError, conversion_factor, is_unit
-from rodgen.errors import InputFileError, nearest_hint, shown
+from rodgen.data.units import Quantity, conversion_factor, is_unit
+from rodgen.errors import InputFileError, in_file, nearest_hint, shown
 
 _NAME_AND_UNIT = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]")
 
@@ -117,14 +117,12 @@ def match_columns(
             continue
         if not unit:
             raise InputFileError(file, where, "no unit", f"one in brackets, such as '{example}'")
-        try:
-            if column.quantity == "length":
-                reference = target = reference or unit
-            else:
-                target = _TARGETS[column.quantity]
+        if column.quantity == "length":
+            reference = target = reference or unit
+        else:
+            target = _TARGETS[column.quantity]
+        with in_file(file, where):
             factor = conversion_factor(unit, column.quantity, target)
-        except UnitError as error:
-            raise InputFileError(file, where, error.found, error.expected) from None
         matches.append(Match(column.name, index, texts[index], unit, factor))
     return matches
 

@@ -16,7 +16,7 @@ from fractions import Fraction
 from typing import Any, cast
 
 from rodgen.data.units import ONE, Dimension
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import in_file, shown
 from rodgen.machines.effects._formula_limits import FUNCTIONS
 from rodgen.machines.effects._formula_parser import parse
 from rodgen.machines.effects._formula_tree import OPERATORS, FormulaError, fold, nonlinear_parts, write
@@ -66,10 +66,8 @@ class Formula:
         rodgen.errors.InputFileError: machine.toml: effect 1, formula: '2q' at character 1, with no operator \
 between; expected '2*q'
         """
-        try:
+        with in_file(file, place):
             return cls(write(_parsed(text)))
-        except FormulaError as error:
-            raise InputFileError(file, place, error.found, error.expected) from None
 
     @functools.cached_property
     def names(self) -> frozenset[str]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rodgen.errors import InputFileError, UnexpectedError, shown
+from rodgen.errors import InputFileError, UnexpectedError, in_file, shown
 from rodgen.machines.files.toml import NUMBER, TEXT, Table
 
 _SOURCE = re.compile(
@@ -60,12 +60,8 @@ def stated_columns(file: str, content: Mapping[str, Any]) -> dict[str, ColumnSou
     found = {}
     for name, entry in content.items():
         if isinstance(entry, str):
-            try:
+            with in_file(file, f"[columns], {shown(name)[1:-1]}"):
                 found[name] = column_source(entry)
-            except UnexpectedError as error:
-                raise InputFileError(
-                    file, f"[columns], {shown(name)[1:-1]}", error.found, error.expected
-                ) from None
             continue
         if not isinstance(entry, dict):
             raise InputFileError(

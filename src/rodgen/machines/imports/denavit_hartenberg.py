@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from rodgen.data.measurements import Measurements, Names
-from rodgen.data.units import ANGLE, LENGTH, Quantity, UnitError, conversion_factor
-from rodgen.errors import InputFileError, listed, shown
+from rodgen.data.units import ANGLE, LENGTH, Quantity, conversion_factor
+from rodgen.errors import InputFileError, in_file, listed, shown
 from rodgen.kinematics.spatial.robots.denavit_hartenberg import (
     from_denavit_hartenberg,
     from_modified_denavit_hartenberg,
@@ -193,10 +193,8 @@ def _factor(table: Measurements, name: str, quantity: Quantity, unit: str) -> fl
     place = f"{table.header_place}, column {shown(column.text)}"
     if isinstance(column, Names) or not column.unit:
         raise InputFileError(table.file, place, "no numbers with a unit", f"a header such as {_EXAMPLE}")
-    try:
+    with in_file(table.file, place):
         return conversion_factor(column.unit, quantity, unit if quantity == "length" else "rad")
-    except UnitError as error:
-        raise InputFileError(table.file, place, error.found, error.expected) from None
 
 
 def _of_toml(file: str, convention: str | None) -> tuple[str, str, str, list[_Row], Any]:

@@ -15,8 +15,8 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.data.tables.foreign import ForeignColumn, ForeignTable
-from rodgen.data.units import Quantity, UnitError, conversion_factor
-from rodgen.errors import InputFileError, listed, shown
+from rodgen.data.units import Quantity, conversion_factor
+from rodgen.errors import InputFileError, in_file, listed, shown
 from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
 
@@ -180,10 +180,8 @@ def _factor(table: ForeignTable, column: ForeignColumn, quantity: Quantity, mach
     place = f"column {shown(column.header)}"
     if not column.unit:
         raise InputFileError(table.file, place, "no unit", "its unit in brackets, such as [um] or [deg]")
-    try:
+    with in_file(table.file, place):
         return conversion_factor(column.unit, quantity, "rad" if quantity == "angle" else machine.length_unit)
-    except UnitError as error:
-        raise InputFileError(table.file, place, error.found, error.expected) from None
 
 
 def _distances(machine: Machine, q: Array) -> Array:

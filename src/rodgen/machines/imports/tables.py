@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, is_number, read_foreign
-from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, parse_unit
-from rodgen.errors import InputFileError, listed, nearest_name, shown
+from rodgen.data.units import ANGLE, LENGTH, TIME, parse_unit
+from rodgen.errors import InputFileError, in_file, listed, nearest_name, shown
 from rodgen.machines.files.columns import ColumnSource
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
@@ -505,12 +505,8 @@ def _unit(
             raise InputFileError(columns.table.file, f"column {shown(column.header)}", "no unit", expected)
         return units[wanted == ANGLE], 1.0
     if unit:
-        try:
+        with in_file(columns.table.file, f"column {shown(column.header)}"):
             dimension = parse_unit(unit).dimension
-        except UnitError as error:
-            raise InputFileError(
-                columns.table.file, f"column {shown(column.header)}", error.found, error.expected
-            ) from None
         if (wanted is not None and dimension != wanted) or (name == "t" and dimension != TIME):
             expected = f"one of {wanted or TIME}, for {name}"
             raise InputFileError(

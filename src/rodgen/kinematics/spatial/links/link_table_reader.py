@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, in_file, shown
 from rodgen.files import decoded, read_input
 from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, Mechanism
 
@@ -123,13 +123,11 @@ def _pitch_field(file: str, place: str, field: _Field, unit: str) -> _Field:
 
 
 def _factor(file: str, where: str, unit: str, quantity: str, target: str) -> float:
-    from rodgen.data.units import UnitError, conversion_factor
+    from rodgen.data.units import conversion_factor
 
-    try:
+    with in_file(file, where):
         unit = "turn" if unit == "rev" else unit  # Pint's name of a revolution
         return conversion_factor(unit, quantity, target)  # type: ignore[arg-type]
-    except UnitError as error:
-        raise InputFileError(file, where, error.found, error.expected) from None
 
 
 class _Row:
