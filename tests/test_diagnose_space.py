@@ -722,7 +722,7 @@ def test_why_names_the_parameters_and_the_forms_that_the_model_has_by_now(parts,
     sensitivities = SimpleNamespace(fit=SimpleNamespace(parameters=parameters, free=(0, 1)))
     space = CandidateSpace(model, [one, other], lambda columns: columns)
     selection = SimpleNamespace(space=space, residual=space.residual(-own[:, :, 0])[0])
-    assert _aliases._why(selection, sensitivities, one, [], [other])[0] == text
+    assert _aliases.why_alike(selection, sensitivities, one, [], [other])[0] == text
 
 
 def test_good_rows_that_looked_wrong_at_first_change_nothing(monkeypatch):

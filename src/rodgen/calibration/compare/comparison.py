@@ -151,7 +151,7 @@ class Comparison:
         -------
         dict
             ``machine``, ``data``, ``rows``, ``copies``, ``set_aside``, ``poses``, ``outliers`` (numbers of rows,
-            from 0), ``unit``, ``rms``;
+            from 0), ``unit``, ``rms``; of ``set_aside`` how many ``rows``, and the ``entries`` of the machine file;
             ``gross``: readings that are grossly wrong: ``row``, ``component``, ``off``, ``others`` (what others are off
             at most);
             ``rows_looked_at``: fewer where there are very many;
