@@ -103,6 +103,9 @@ def drawn(figure: go.Figure, *, dark: bool, width: int, revision: str = "", sele
 
 def _shrink(layout: dict[str, Any], meta: dict[str, Any], width: int) -> None:
     """Make panels whose units are as long both ways as low as they become narrow."""
+    if "scene" in layout:
+        _stand_back(layout, width)
+        return
     heights, margin = meta.get("heights"), layout["margin"]
     share = min(1.0, (width - margin.get("l", 0) - margin.get("r", 0)) / NATURAL)
     if not heights or share == 1 or not any(meta["equal"]):
@@ -116,6 +119,16 @@ def _shrink(layout: dict[str, Any], meta: dict[str, Any], width: int) -> None:
         layout[f"yaxis{i + 1 if i else ''}"]["domain"] = [(top - high) / inner, top / inner]
         top -= high + gap
     layout["height"] = margin["t"] + margin.get("b", 0) + inner
+
+
+def _stand_back(layout: dict[str, Any], width: int) -> None:
+    """Look at a space from so far that it is seen as a whole in a narrow place, too."""
+    layout["margin"] |= {"l": 0, "r": 0, "b": 0}
+    share = min(width / layout["height"], 1.0)
+    if share < 1:
+        layout["height"] = round(layout["height"] * (1 + share) / 2)
+        eye = layout["scene"]["camera"]["eye"]
+        layout["scene"]["camera"]["eye"] = {k: x / share**0.65 for k, x in eye.items()}
 
 
 def _legend(traces: list[dict[str, Any]]) -> dict[tuple[str, str, str], None]:

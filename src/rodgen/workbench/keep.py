@@ -18,7 +18,7 @@ from nicegui import ui
 
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.emit import FORMS
-from rodgen.workbench.parts import button, copied
+from rodgen.workbench.parts import button, copied, dialog
 from rodgen.workbench.session import ENDING
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Keeping:
         session = page.desk.session
         self.folder = os.path.dirname(os.path.abspath(session.state.file))
         stem = os.path.splitext(os.path.basename(session.state.file))[0]
-        with ui.dialog() as self.dialog, ui.card().style("width:560px;max-width:95vw"):
+        with dialog("Keep") as self.dialog:
             ui.label(f"In {self.folder}").classes("soft")
             self.said = ui.label().props('role="status"')
             with ui.element("div").classes("line") as line:

@@ -14,7 +14,7 @@ from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.ties import parameters_to_tie
 from rodgen.workbench.actions import Add, Known, Remove, Tie, Written
-from rodgen.workbench.parts import anew, button, card, completing
+from rodgen.workbench.parts import anew, button, card, completing, dialog
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate
@@ -101,8 +101,7 @@ class Model:
 
     async def _ask_tie(self, estimate: Estimate, others: list[str]) -> None:
         """Ask what a parameter follows from."""
-        with ui.dialog(value=True) as dialog, ui.card():
-            ui.label(f"{estimate.key} is")
+        with dialog(f"Tie {estimate.key}", opened=True) as asked:
             to = ui.input("A sum of multiples of other parameters", placeholder=f"2 * {others[0]}")
             to.props("dense outlined maxlength=2000").classes("w-full")
             completing(to, lambda: others)
@@ -112,11 +111,11 @@ class Model:
                 if not str(to.value or "").strip():
                     raise RodgenError(f"nothing; expected another parameter, such as {others[0]}")
                 await self._tie(estimate.key, str(to.value).strip())
-                dialog.close()
+                asked.close()
 
             with ui.element("div").classes("line"):
                 button("Tie", done, label="Tie it")
-                ui.button("Cancel", on_click=dialog.close).props("flat dense no-caps")
+                ui.button("Cancel", on_click=asked.close).props("flat dense no-caps")
 
     async def _hold(self, effect: Effect, name: str, value: float | None) -> None:
         block = keys(effect, self.page.state.machine)
@@ -127,12 +126,12 @@ class Model:
 
     async def _ask(self, owner: Effect | None, estimate: Estimate) -> None:
         """Ask for the value at which a parameter is held, or for its bounds or prior."""
-        with ui.dialog(value=True) as dialog, ui.card():
+        with dialog(f"{'Bound' if owner is None else 'Hold'} {estimate.key}", opened=True) as asked:
             if owner is not None:
-                ui.label(f"Hold {estimate.key} at, in the units of the machine file")
+                ui.label("In the units of the machine file.").classes("soft")
                 first = ui.input("Value", value="0").props("dense outlined")
             else:
-                ui.label(f"Bounds of {estimate.key}, with units; both empty: none")
+                ui.label("With units; left empty, nothing is known.").classes("soft")
                 first = ui.input("Lowest", placeholder=f"-10 {estimate.unit}").props("dense outlined")
                 second = ui.input("Highest", placeholder=f"10 {estimate.unit}").props("dense outlined")
                 third = ui.input("Or a prior", placeholder=f"0 ± 5 {estimate.unit}").props("dense outlined")
@@ -151,11 +150,11 @@ class Model:
                     if third.value:
                         content["prior"] = third.value
                     await self.page.desk.do(Known(estimate.key, content))
-                dialog.close()
+                asked.close()
 
             with ui.element("div").classes("line"):
                 button("Do it", done)
-                ui.button("Cancel", on_click=dialog.close).props("flat dense no-caps")
+                ui.button("Cancel", on_click=asked.close).props("flat dense no-caps")
 
 
 def _number(text: str) -> float:

@@ -118,8 +118,8 @@ class Page:
         ui.keyboard(on_key=guarded(self._key), ignore=["input", "select", "textarea"])
         with ui.element("header").classes("head"):
             heading(f"{self.state.machine.name}", 1)
-            self.undo = button("Undo", self._undo, icon="undo", tip="Ctrl+Z")
-            self.redo = button("Redo", self._redo, icon="redo", tip="Ctrl+Y")
+            self.undo = button("Undo", self._undo, icon="undo", tip="Undo, Ctrl+Z").classes("sign")
+            self.redo = button("Redo", self._redo, icon="redo", tip="Redo, Ctrl+Y").classes("sign")
             self.asking = button("Diagnose", desk.diagnose, icon="troubleshoot")
             button("Plan", self._ask_plan, icon="add_location")
             self.keeping = Keeping(self)
@@ -129,7 +129,7 @@ class Page:
         self.status = ui.label().props('role="status" aria-live="polite"')
         self.wrong = ui.element("section").classes("card wrong").props('aria-label="A wrong file"')
         self.working = ui.element("section").classes("card").props('aria-label="In the background"')
-        with ui.element("main").classes("desk"):
+        with ui.element("div").classes("desk"):
             with ui.element("div").classes("side"):
                 self.ladder = card("Ladder of the error").classes("second")
                 self.suspects = card("Suspects").classes("second")
@@ -143,7 +143,9 @@ class Page:
                 with ui.element("section").classes("card").props('aria-label="Selected rows"'):
                     self.rows = ui.element("div")
                 with ui.element("section").classes("card").props('aria-label="Further plots"'):
-                    with ui.tabs(on_change=self._draw_other).props("dense no-caps align=left") as self.tabs:
+                    with ui.tabs(on_change=self._draw_other).props(
+                        'dense no-caps align=left aria-label="Further plots"'
+                    ) as self.tabs:
                         goes = ["Polar"] if figures.joints_that_go_round(self.state.fit) else []
                         for name in ("Map", "In space", *goes, "Q-Q", "Autocorrelation", "Errors"):
                             ui.tab(name)
@@ -247,12 +249,13 @@ class Page:
                 text += f"; {noise_name(noise.source)} {figure(noise.value)}"
         self.status.set_text(f"{text}; {os.path.basename(self.state.observations.data.file)}.")
         with anew(self.ladder, "Ladder of the error"):
-            grid = ui.element("div").classes("grid").style("grid-template-columns:1fr repeat(4,auto)")
-            with grid.props('role="table" aria-label="Errors of the models"'):
-                for words in ("", f"fitted [{fit.unit}]", "held out", "F", "p"):
-                    ui.label(words).classes("soft number" if words else "soft")
+            with ui.element("table").classes("ladder").props('aria-label="Errors of the models"'):
+                with ui.element("tr"):
+                    for words in ("model", f"fitted [{fit.unit}]", "held out", "F", "p"):
+                        _in_cell("th", words)
                 for number, state in enumerate(session.states):
-                    self._rung(number, state, figure)
+                    with ui.element("tr").style("opacity:.5" if number > session.at else ""):
+                        self._rung(number, state, figure)
             if known:
                 rung = self.state.rung
                 for sentence in (rung.verdict, self._noise()):
@@ -267,8 +270,8 @@ class Page:
         rung = state.rung if "rung" in state.__dict__ else None
         title = state.action.title if state.action else "as the file is"
         step = rung.step if rung else None
-        gone = "opacity:.5" if number > session.at else ""
-        back = ui.button(title, on_click=guarded(partial(self.desk.go, number))).style(gone)
+        with ui.element("td"):
+            back = ui.button(title, on_click=guarded(partial(self.desk.go, number)))
         back.props("flat dense no-caps align=left")
         back.props["aria-label"] = f"Go back to: {title}"
         if number == session.at:
@@ -280,7 +283,7 @@ class Page:
             probability(step.p_value) if step else "",
         ]
         for words in numbers:
-            ui.label(words).classes("number").style(gone)
+            _in_cell("td", words)
 
     # suspects ----------------------------------------------------------------------------------------------------
 
@@ -300,10 +303,10 @@ class Page:
                 button(f"All {len(found.listed)}", self._list_all, bare=False)
             groups = {s.like for s in listed if s.like is not None}
             for leader in groups:
-                same = [leader, *(s.effect for s in listed if s.like == leader)]
+                alike = [leader, *(s.effect for s in listed if s.like == leader)]
                 button(
-                    f"Where to measure to part {leader.title} from {len(same) - 1} like it",
-                    partial(self.planning.part, same),
+                    f"Where to measure to part {leader.title} from {len(alike) - 1} like it",
+                    partial(self.planning.part, alike),
                 )
 
     def _suspect(self, suspect: Suspect) -> None:
@@ -319,8 +322,6 @@ class Page:
                 said.append(f"would leave {suspect.rms:.3g} {unit}")
                 if not suspect.possible:
                     said.append("of a size or sign that no machine has")
-                if suspect.like:
-                    said.append(f"these data cannot tell it from {suspect.like.title}")
                 ui.label(", ".join(said)).classes("soft")
                 if suspect.why:
                     ui.label(suspect.why).classes("soft")
@@ -387,8 +388,8 @@ class Page:
             known = self.state.observations.approach_known
             marked = [joint for joint, way in zip(joints, known, strict=True) if way]
             if marked:
-                ways = {"": "none"} | {joint: f"of {joint}" for joint in marked}
-                self._choice("approach", ways, "", "Direction of approach")
+                ways = {"": "none"} | {joint: joint for joint in marked}
+                self._choice("approach", ways, "", "Approach of")
             ui.checkbox("whitened", on_change=guarded(partial(self._chosen, "whitened")))
 
     def _choice(self, key: str, options: Any, value: str, text: str) -> None:
@@ -577,10 +578,11 @@ class Page:
                 {"name": f"c{k}", "label": data.columns[name].text, "field": f"c{k}"}
                 for k, name in enumerate(names)
             ),
-            {"name": "state", "label": "", "field": "state"},
+            {"name": "state", "label": "state", "field": "state"},
         ]
-        ui.table(columns=columns, rows=shown, row_key="row", pagination=8).props("dense flat").classes(
-            "w-full"
+        table = ui.table(columns=columns, rows=shown, row_key="row", pagination=8).classes("w-full")
+        table.props(
+            'dense flat :rows-per-page-options="[8]" role=group aria-label="Rows of the measurements"'
         )
 
     def _rule(self) -> None:
@@ -741,6 +743,11 @@ def _rows_of(event: Any) -> set[int]:
     return {
         int(row) for row in event.args.get("rows", ()) if isinstance(row, int | float) and abs(row) < 2**53
     }
+
+
+def _in_cell(kind: str, words: str) -> None:
+    with ui.element(kind):
+        ui.label(words)
 
 
 def _cell(column: Any, row: int) -> Any:

@@ -27,12 +27,15 @@ h2{font-size:1rem;font-weight:650;line-height:1.4;letter-spacing:0;margin:0}
 .w-full{width:100%}
 .head{display:flex;flex-wrap:wrap;gap:6px;align-items:center;width:100%}
 .head h1{margin:0 auto 0 0}
+.q-slider{margin-left:12px}
 .soft{color:var(--soft);font-size:.85rem}
 .legend{display:flex;flex-wrap:wrap;gap:2px 12px;font-size:.82rem}
-.grid{display:grid;gap:2px 10px;width:100%;align-items:center;font-size:.88rem}
-.grid .number{text-align:right;white-space:nowrap}
+.ladder{width:100%;border-collapse:collapse;font-size:.88rem}
+.ladder th{font-weight:400;color:var(--soft);font-size:.85rem}
+.ladder td,.ladder th{padding:1px 0 1px 10px;text-align:right;white-space:nowrap}
+.ladder td:first-child,.ladder th:first-child{padding-left:0;text-align:left;white-space:normal;width:100%}
 .line{display:flex;flex-wrap:wrap;gap:6px;align-items:center;width:100%}
-.suspect{display:flex;gap:8px;align-items:center;width:100%;padding:2px 0;border-top:1px solid var(--line)}
+.suspect{display:flex;gap:8px;align-items:flex-start;width:100%;padding:2px 0;border-top:1px solid var(--line)}
 .suspect .what{flex:1;min-width:0}
 .suspect.like{margin-left:18px;width:calc(100% - 18px)}
 .q-tooltip{max-width:340px;font-size:.8rem}
@@ -46,6 +49,8 @@ h2{font-size:1rem;font-weight:650;line-height:1.4;letter-spacing:0;margin:0}
 .wrong{border-color:#c04d00;border-width:2px}
 .q-btn{text-transform:none}
 @media(max-width:760px){.desk{display:flex;flex-direction:column;gap:8px}.side,.main{display:contents}
+.head h1{width:100%}.head{gap:4px}.head .q-btn{padding:2px 6px}.head .sign .block{display:none}
+.head .sign .on-left{margin-right:0}
 .first{order:-2}.second{order:-1}.last{order:1}.nicegui-content{padding:6px}}
 """
 
@@ -94,6 +99,16 @@ def card(title: str) -> ui.element:
     made = ui.element("section").classes("card")
     made.props["aria-label"] = title
     return made
+
+
+@contextmanager
+def dialog(title: str, *, opened: bool = False) -> Iterator[ui.dialog]:
+    """Fill a dialog, below its title."""
+    made = ui.dialog(value=opened)
+    made.props["aria-label"] = title
+    with made, ui.card().style("width:560px;max-width:95vw"):
+        heading(title)
+        yield made
 
 
 @contextmanager

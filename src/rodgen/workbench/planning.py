@@ -15,7 +15,7 @@ from rodgen.calibration.plan.constraints import constraints_of
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
-from rodgen.workbench.parts import anew, button, card, completing, downloaded, same
+from rodgen.workbench.parts import anew, button, card, completing, dialog, downloaded, same
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose import Diagnosis
@@ -89,8 +89,7 @@ class Planning:
     def __init__(self, page: Page) -> None:
         self.page = page
         self.card = card("Plan")
-        with ui.dialog() as self.dialog, ui.card().style("width:520px;max-width:95vw"):
-            ui.label("What to measure next")
+        with dialog("What to measure next") as self.dialog:
             self.number = ui.number("Readings at most", value=12, min=1, max=500, step=1)
             self.wanted = ui.input("To sharpen, or empty", placeholder="C.axis.a, C.backlash")
             self.limits = ui.textarea("Constraints, or empty", placeholder=_EXAMPLE, on_change=self._check)

@@ -47,7 +47,7 @@ class Start:
         self.opened = opened
         ui.add_css(STYLE)
         ui.dark_mode(None)
-        with ui.element("main").classes("start"):
+        with ui.element("div").classes("start"):
             heading("rodgen: a machine and its measurements", 1)
             self.said = ui.label().props('role="alert"').classes("alert")
             self._files()

@@ -19,6 +19,7 @@ from rodgen.output.figures.style import (
     BLUE,
     GREY,
     INK,
+    LINE,
     ORANGE,
     PURPLE,
     Panel,
@@ -29,16 +30,18 @@ from rodgen.output.figures.style import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Sequence
 
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan import Plan
     from rodgen.data.observations import Observations
-    from rodgen.machines.machine import Machine
+    from rodgen.machines.machine import Joint, Machine
 
 
 HEIGHT = 560
 MOST_READINGS, MOST_VECTORS = 200, 300
+ROOM, CORNER, NUMBERS = 0.05, 0.12, 4
+"""Room around all, as a share of its size; part of an axis, at each end, without numbers; how many there are."""
 SHARE = 0.08
 """Length of the line of a residual of one rms, as a share of the size of all."""
 
@@ -72,6 +75,7 @@ def skeleton(machine: Machine, observations: Observations | None = None) -> go.F
         note += f" The first {MOST_READINGS} readings."
     if seen is not None and machine.measured.frame == "free":
         note += " The readings are moved to where they fit best: their frame is free."
+    _look_at(figure, machine)
     return describe(figure, "skeleton", machine.name, note=note)
 
 
@@ -146,6 +150,7 @@ def residual_vectors(
     ]
     if len(some) < rows.total - int(rows.outlier.sum()):
         note.append(f"{len(some)} of {rows.total} rows are drawn.")
+    _look_at(figure, machine)
     return describe(figure, "residual_vectors", "Residuals in space", note=" ".join(note))
 
 
@@ -171,28 +176,46 @@ def _bones(machine: Machine, seen: Any, *, named: bool = False) -> tuple[go.Figu
     if moving and joints:
         way = np.array([np.zeros(3), *points, places[0]])
         _add(figure, way, "body, all joints at zero", mode="lines", line={"color": GREY, "width": 6})
+    ends = _axis_ends(joints, points, size / 5)
     for kind, colour, dash in (("revolute", BLUE, "solid"), ("prismatic", ORANGE, "dash")):
-        chosen = [(joint, at) for joint, at in zip(joints, points, strict=True) if joint.type == kind]
+        chosen = [(joint, end) for joint, end in zip(joints, ends, strict=True) if joint.type == kind]
         if chosen:
-            _add_axes(figure, chosen, size / 5, f"{kind} axes, positive towards the name", colour, dash)
+            _add_axes(figure, chosen, f"{kind} axes, positive towards the name", colour, dash)
     names = [label(target.name) for target in machine.targets]
     _add(
         figure, np.array(places), "targets at zero", mode="markers+text" if named else "markers", text=names,
         textposition="bottom center", marker={"size": 5, "color": INK, "symbol": "square"},
     )  # fmt: skip
-    figure.update_layout(scene=_scene(f", {machine.length_unit}" if moving else ""), meta={"heights": None})
+    figure.update_layout(meta={"heights": None})
     return figure, size
 
 
-def _scene(unit: str) -> dict[str, Any]:
-    """Return how the space looks, with the unit behind the names of its axes."""
-    axis = {"showbackground": False, "zerolinecolor": GREY}
-    return {
+def _look_at(figure: go.Figure, machine: Machine) -> None:
+    """Show all that was drawn, with few numbers at the axes, none of them where two axes meet."""
+    traces = [np.array([t.x, t.y, t.z], float) for t in figure.data if isinstance(t, go.Scatter3d)]
+    cloud = np.concatenate(traces, axis=1)
+    low, high = np.nanmin(cloud, axis=1), np.nanmax(cloud, axis=1)
+    size = float(np.max(high - low)) or 1.0
+    low, high = low - ROOM * size, high + ROOM * size
+    step = round_size(size / NUMBERS)[1]
+    scene: dict[str, Any] = {
         "aspectmode": "data",
-        "camera": {"eye": {"x": 1.25, "y": -1.42, "z": 0.75}},
+        "camera": {"eye": {"x": 1.22, "y": -1.4, "z": 0.7}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}},
         "domain": {"x": [0, 1], "y": [0, 1]},
-        **{f"{x}axis": {**axis, "title": {"text": f"{x}{unit}"}} for x in "xyz"},
     }
+    for k, name in enumerate("xyz"):
+        corner = CORNER * (high[k] - low[k])
+        first, last = np.ceil((low[k] + corner) / step), np.floor((high[k] - corner) / step)
+        scene[f"{name}axis"] = {
+            "showbackground": False,
+            "zerolinecolor": GREY,
+            "gridcolor": LINE,
+            "range": [low[k], high[k]],
+            "tickvals": (step * np.arange(first, last + 1)).tolist(),
+            "tickfont": {"size": 11},
+            "title": {"text": f"{name}, {machine.length_unit}" if machine.measurand.moving else name},
+        }
+    figure.update_layout(scene=scene)
 
 
 def _add(figure: go.Figure, points: Array, name: str, **given: Any) -> None:
@@ -200,13 +223,23 @@ def _add(figure: go.Figure, points: Array, name: str, **given: Any) -> None:
     figure.add_trace(go.Scatter3d(x=x, y=y, z=z, name=name, **{"hoverinfo": "skip", **given}))
 
 
+def _axis_ends(joints: Sequence[Joint], points: Sequence[Array], length: float) -> list[tuple[Array, Array]]:
+    """Return the ends of the line along each axis, the later ones longer where others end, for their names."""
+    found: list[tuple[Array, Array]] = []
+    for joint, at in zip(joints, points, strict=True):
+        way = length * np.array(joint.axis)
+        while any(np.linalg.norm(at + way - high) < length / 10 for _, high in found):
+            way = way * 1.3
+        found.append((at - way, at + way))
+    return found
+
+
 def _add_axes(
-    figure: go.Figure, chosen: list[tuple[Any, Array]], length: float, name: str, colour: str, dash: str
+    figure: go.Figure, chosen: list[tuple[Joint, tuple[Array, Array]]], name: str, colour: str, dash: str
 ) -> None:
     """Add a line along each axis, with the joint's name at its positive end."""
-    ends = [(at - length * np.array(joint.axis), at + length * np.array(joint.axis)) for joint, at in chosen]
     gap = np.full(3, np.nan)
-    way = np.array([point for low, high in ends for point in (low, high, gap)])
+    way = np.array([point for _, (low, high) in chosen for point in (low, high, gap)])
     text = [word for joint, _ in chosen for word in ("", label(joint.name), "")]
     _add(
         figure, way, name, mode="lines+text", text=text, textfont={"color": colour, "size": 14},
