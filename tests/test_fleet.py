@@ -22,7 +22,9 @@ from simulated_fleet import Truth, make_fleet
 
 from rodgen.calibration.fleet import Fleet, Pair, diagnose_fleet, pairs_of
 from rodgen.calibration.fleet.changes import Changes, Night
+from rodgen.calibration.fleet.fleet import FleetMachine
 from rodgen.calibration.fleet.processes import each_in_processes
+from rodgen.calibration.fleet.store import Plan
 from rodgen.calibration.fleet.summary import about_machines, parameter_cells, valued
 from rodgen.cli.main import main
 from rodgen.errors import InputFileError, RodgenError
@@ -294,6 +296,39 @@ def test_a_trend_and_a_change_are_told_apart() -> None:
     assert found.at[1] == 6
     assert abs(found.slope[0] - 1.0) < 5 * found.slope_std[0]
     assert abs(found.step[1] - 5.0) < 5 * found.step_std[1]
+
+
+def made_machine(
+    name: str, values: Mapping[str, tuple[float, float, str]], found: bool = False
+) -> FleetMachine:
+    """Return a machine with made-up estimates of an effect, which may be found."""
+    step = {"effect": "tube_flexure", "joint": None, "indistinguishable_from": []}
+    estimates = {"values": dict(values), "effects": {"tube_flexure": ["tube_flexure", None]}}
+    return FleetMachine(
+        Pair(name, "", ""),
+        {
+            "verdict": "effects_missing" if found else "nothing_missing",
+            "steps": [step] * found,
+            "rms": {"after": None},
+            "fleet": {"kind": "made", "with_found": estimates, "residual_dof": 100},
+        },
+    )
+
+
+def test_an_effect_that_no_machine_shows_is_there_on_average() -> None:
+    random = np.random.default_rng(9)
+    for truth, there in ((1.0, True), (0.0, False)):
+        values = truth + random.normal(size=60)
+        machines = [
+            made_machine(f"m{i}", {"tube_flexure.a": (value, 1.0, "arcsec")})
+            for i, value in enumerate(values)
+        ]
+        fleet = Fleet("", Plan("2026-11-20", 1.0, (), ()), tuple(machines))
+        (kind,) = fleet.kinds
+        assert [(effect.title, effect.on_average) for effect in kind.effects] == [
+            ("tube_flexure", True)
+        ] * there
+        assert ("found in 0 of 60; there on average" in fleet.summary()) is there
 
 
 @dataclass(frozen=True)

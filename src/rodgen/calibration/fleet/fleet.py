@@ -148,7 +148,7 @@ class FleetParameter:
 
 @dataclass(frozen=True, eq=False)
 class FleetEffect:
-    """An effect that was found in machines of one kind.
+    """An effect of machines of one kind.
 
     Attributes
     ----------
@@ -167,6 +167,11 @@ class FleetEffect:
     parameters: tuple[FleetParameter, ...]
 
     @property
+    def on_average(self) -> bool:
+        """Whether no machine shows it by itself, and all together do."""
+        return not self.found
+
+    @property
     def common(self) -> bool:
         """Whether so many machines have it that it belongs to their design."""
         return self.found + self.alike >= FLEET.common * self.of and self.found > 1
@@ -179,6 +184,7 @@ class FleetEffect:
             "alike": self.alike,
             "of": self.of,
             "common": self.common,
+            "on_average": self.on_average,
             "parameters": [p.to_dict() for p in self.parameters],
         }
 
@@ -194,7 +200,7 @@ class Kind:
     parameters : tuple of FleetParameter
         Those that enough machines have: of the file, of every effect of the catalogue, and the error.
     effects : tuple of FleetEffect
-        Those found in some machine, the commonest first.
+        Those found in some machine, the commonest first, then those that are there on average only.
     """
 
     title: str
@@ -386,13 +392,25 @@ def _kind(title: str, machines: Sequence[FleetMachine]) -> Kind:
         for (key, unit), some in columns.items()
         if len(some) >= FLEET.fewest
     )
+    counts = {p.effect: 0 for p in _there_on_average(parameters)} | found
     effects = tuple(
         FleetEffect(
             effect, n, alike[effect], len(machines), tuple(p for p in parameters if p.effect == effect)
         )
-        for effect, n in sorted(found.items(), key=lambda one: (-one[1], -alike[one[0]], one[0]))
+        for effect, n in sorted(counts.items(), key=lambda one: (-one[1], -alike[one[0]], one[0]))
     )
     return Kind(title, tuple(machines), parameters, effects)
+
+
+def _there_on_average(parameters: Sequence[FleetParameter]) -> list[FleetParameter]:
+    """Return the parameters of effects whose mean over all machines is beyond chance."""
+    from rodgen.statistics.compiled_scipy import special
+
+    some = [p for p in parameters if p.effect]
+    sizes = np.array([abs(p.population.mean) / p.population.mean_std for p in some])
+    degrees = np.array([len(p.machines) - 1.0 for p in some])
+    rates = discovery_rates(2 * special.stdtr(degrees, -sizes))
+    return [p for p, rate in zip(some, rates, strict=True) if rate < FLEET.false_discoveries]
 
 
 def _parameter(key: str, unit: str, effect: str, some: Sequence[tuple[str, float, float]]) -> FleetParameter:

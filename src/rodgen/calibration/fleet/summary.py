@@ -91,12 +91,17 @@ def about_machines(fleet: Fleet) -> str:
 
 def _effect_lines(effect: FleetEffect) -> Iterator[str]:
     alike = f", and may be there in {effect.alike} more" if effect.alike else ""
-    common = "; common" if effect.common else ""
-    yield f"  {effect.title}: found in {effect.found} of {effect.of}{alike}{common}"
+    yield f"  {effect.title}: found in {effect.found} of {effect.of}{alike}{about_effect(effect, '; ')}"
     for parameter in effect.parameters:
         name = parameter.key.rpartition(".")[2]
         mean, spread, alone = parameter_cells(parameter)
         yield f"    {name}: mean {mean}, between machines {spread}; one machine alone is known to {alone}"
+
+
+def about_effect(effect: FleetEffect, before: str = "") -> str:
+    """Return in a few words how common an effect is, after a separator; empty of one of some machines."""
+    words = "common" if effect.common else "there on average" if effect.on_average else ""
+    return words and f"{before}{words}"
 
 
 def parameter_cells(parameter: FleetParameter) -> tuple[str, str, str]:

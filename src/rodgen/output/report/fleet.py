@@ -12,6 +12,7 @@ from markupsafe import Markup
 from rodgen.calibration.fleet.summary import (
     VERDICTS,
     about_alarms,
+    about_effect,
     about_machines,
     changes_text,
     odd_text,
@@ -76,7 +77,7 @@ def _effects(kind: Kind) -> FleetTable:
     rows = []
     for effect in kind.effects:
         head = (
-            effect.title + (" (common)" if effect.common else ""),
+            effect.title + about_effect(effect, ", "),
             f"{effect.found} of {effect.of}",
             f"{effect.alike}",
         )
