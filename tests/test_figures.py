@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from statistics import NormalDist
@@ -20,6 +21,8 @@ from browser import check_layouts, needs_browser
 import rodgen
 from rodgen import Machine, Measurements, figures, spatial, three_sps_s, tricept
 from rodgen.calibration.fit import Fit
+from rodgen.calibration.fleet.changes import Changes, Night
+from rodgen.calibration.fleet.fleet import FleetParameter
 from rodgen.calibration.ladder import Ladder, ladder
 from rodgen.calibration.plan import Plan
 from rodgen.data.tables import read_pairs
@@ -27,6 +30,7 @@ from rodgen.errors import InputFileError
 from rodgen.kinematics.tricept import TriceptStatus
 from rodgen.output.figures import files
 from rodgen.output.figures.drawn_rows import DrawnRows
+from rodgen.statistics.random_effects import population
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 U_PAPER = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
@@ -108,6 +112,52 @@ def of_rows() -> list:
     ]
 
 
+@dataclass(frozen=True)
+class Robot:
+    """A machine of a fleet on one night."""
+
+    estimate: tuple[float, float, str]
+    kind: str = "robots"
+    model: str = "file"
+    found: tuple[str, ...] = ()
+    degrees_of_freedom: float = 200.0
+
+    def estimates(self, which: str = "with_found") -> dict[str, tuple[float, float, str]]:
+        return {"J2.gravity_windup.k": self.estimate}
+
+
+def of_fleets() -> list:
+    random = np.random.default_rng(3)
+    values, std = 0.02 + 0.004 * random.normal(size=40), np.full(40, 0.003)
+    values[7] = 0.09
+    names = tuple(f"robot {i} of the hall <B>" for i in range(40))
+    key, effect = "J2.gravity_windup.k", "gravity_windup at J2"
+    parameter = FleetParameter(key, "mm", effect, names, values, std, population(values, std))
+    nights = []
+    for day in range(1, 12):
+        read = 0.02 + 0.001 * random.normal(size=12)
+        read[7] += 0.0005 * max(day - 5, 0) ** 2
+        robots = {f"robot {i}": Robot((value, 0.001, "mm")) for i, value in enumerate(read.tolist())}
+        nights.append(Night(f"2026-11-{day:02}", robots))
+    changes = Changes(nights, 1.0)
+    return [figures.fleet_parameter(parameter), figures.fleet_nights(changes, changes.found[0])]
+
+
+def test_figures_of_a_fleet_show_each_machine_alone_and_given_the_others() -> None:
+    parameter, nights = of_fleets()
+    by_name = {trace.name: trace for trace in parameter.data}
+    alone, given, odd = (by_name[name] for name in ("one machine alone", "given the others", "odd"))
+    assert list(odd.customdata) == [7]
+    np.testing.assert_allclose(odd.x, [90.0])  # micrometres
+    assert list(alone.customdata) == list(given.customdata)
+    mean = by_name["mean"].x[0]
+    assert np.all(np.abs(np.array(given.x) - mean) < np.abs(np.array(alone.x) - mean))
+    assert "&lt;B&gt;" in alone.text[0]
+    assert [len(trace.x) for trace in nights.data] == [11]
+    assert nights.layout.meta["title"] == "robot 7: J2.gravity_windup.k"
+    assert nights.layout.meta["note"] == "An alarm."
+
+
 @pytest.fixture(scope="module")
 def every() -> list:
     return [
@@ -117,6 +167,7 @@ def every() -> list:
         *comparison_of("mount"),
         *comparison_of("ballbar_gantry"),
         *maps(),
+        *of_fleets(),
     ]
 
 
