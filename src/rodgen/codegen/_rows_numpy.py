@@ -7,10 +7,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from rodgen.array_types import Array
 from rodgen.codegen._array_call import _Functions, _is_foreign, _power_of_two_scale
 from rodgen.codegen.program import GIVEN, Program
-
-Array = np.ndarray[Any, np.dtype[np.float64]]
 
 WORK_BYTES = 1 << 22
 """Room for the numbers of a block: with fewer rows NumPy's calls cost more than the sums, with more the cache ends."""

@@ -29,12 +29,12 @@ from typing import Any
 
 import numpy as np
 
+from rodgen.array_types import Array
 from rodgen.files import temporary_folder
 from rodgen.limits import VARIABLE, limit
 from rodgen.stages import stage
 
 Command = tuple[str, ...]
-Array = np.ndarray[Any, np.dtype[np.float64]]
 
 _BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _MOST_BYTES = 1 << 28

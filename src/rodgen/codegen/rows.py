@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from rodgen.array_types import Array
 from rodgen.codegen._array_call import _checked_out, _namespace, _shape_text
 from rodgen.codegen.build_cache import (
     CompilerError,
@@ -51,7 +52,6 @@ LEVELS = {"baseline": (), "avx2": ("-mavx2", "-mfma")}
 BLOCK = 2048
 """Rows a block on NumPy: few enough for the columns to stay in the cache."""
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
 Shapes = dict[str, tuple[int, ...]]
 
 

@@ -12,7 +12,7 @@ cases: a drift that is overlooked makes false claims, one too many costs a littl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -411,9 +411,10 @@ class RestrictedLikelihood:
         now = self.at((), (), np.inf)
         waiting: dict[str, Callable[[VarianceComponents], VarianceComponents]] = {}
         if wander:
-            waiting["wander"] = self._with_wander
+            times = np.geomspace(self.shortest, self.longest, 6)[1:]
+            waiting["wander"] = lambda now: self._with(now, "wander", times, (0.4, 1.5))
         if pose:
-            waiting["pose"] = self._with_pose
+            waiting["pose"] = lambda now: self._with(now, "pose", [now.time], (0.5, 2.0))
         while waiting:
             tried = {name: add(now) for name, add in waiting.items()}
             gains = {
@@ -436,19 +437,15 @@ class RestrictedLikelihood:
         starts = [self.at(now.names, sizes, now.time) for sizes in (now.sizes, little)]
         return self._climbed(max(starts, key=lambda x: x.likelihood))
 
-    def _with_pose(self, now: VarianceComponents) -> VarianceComponents:
-        names = tuple(f"pose {group}" for group in self.groups)
-        started = [
-            self.at((*now.names, *names), (*now.sizes, *[size] * len(names)), now.time) for size in (0.5, 2.0)
-        ]
-        return self._climbed(max(started, key=lambda x: x.likelihood))
-
-    def _with_wander(self, now: VarianceComponents) -> VarianceComponents:
-        names = tuple(f"wander {group}" for group in self.groups)
+    def _with(
+        self, now: VarianceComponents, part: str, times: Iterable[float], sizes: Sequence[float]
+    ) -> VarianceComponents:
+        """Climb with a further part of each group, from the likeliest of some times and sizes."""
+        names = tuple(f"{part} {group}" for group in self.groups)
         started = [
             self.at((*now.names, *names), (*now.sizes, *[size] * len(names)), time)
-            for time in np.geomspace(self.shortest, self.longest, 6)[1:]
-            for size in (0.4, 1.5)
+            for time in times
+            for size in sizes
         ]
         return self._climbed(max(started, key=lambda x: x.likelihood))
 

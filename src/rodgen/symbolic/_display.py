@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import sympy as sp
 
+from rodgen.errors import joined
 from rodgen.symbolic._latex import rendered_width
 from rodgen.symbolic.factors import factored
 from rodgen.symbolic.reduction import Reduction, Relation, reduction
@@ -260,7 +261,7 @@ def _proof(
 ) -> Iterator[str]:
     opening = [write.heading("Proof."), because]
     if proof.lemmas:
-        opening.append(f"It follows from {_listed([write.link(lemma) for lemma in proof.lemmas])}.")
+        opening.append(f"It follows from {joined([write.link(lemma) for lemma in proof.lemmas])}.")
     if not proof.computations:
         yield " ".join(part for part in opening if part)
         return
@@ -276,7 +277,7 @@ def _proof(
     insert = []
     if names:
         insert.append(
-            f"the definitions of {_listed(names)}" if len(names) > 1 else f"the definition of {names[0]}"
+            f"the definitions of {joined(names)}" if len(names) > 1 else f"the definition of {names[0]}"
         )
     if formulas:
         insert.append("")
@@ -288,10 +289,10 @@ def _proof(
         yield write.equations(formulas)
     notes = []
     if free:
-        notes.append(f"This holds for any {_listed(free)}.")
+        notes.append(f"This holds for any {joined(free)}.")
     relations = _relations(proof, write)
     if relations:
-        notes.append(f"The computation uses {_listed(relations)}.")
+        notes.append(f"The computation uses {joined(relations)}.")
     if notes:
         yield " ".join(notes)
     for number, computation in enumerate(computations[:SHOWN], start=1):
@@ -309,12 +310,6 @@ def _proof(
 
 def _number(count: int) -> str:
     return NUMBERS[count] if count < len(NUMBERS) else str(count)
-
-
-def _listed(parts: Sequence[str]) -> str:
-    if len(parts) < 2:
-        return "".join(parts)
-    return f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def _substitutions(
@@ -500,7 +495,7 @@ def _counted(found: Reduction, normal: sp.Expr | None, proof: Proof, write: _Wri
         for division in found.divisions
     ]
     over = _over(found.denominator(), write)
-    return f"The difference of both sides{over} is a polynomial of {_terms(found.terms)}; {_listed(uses)}."
+    return f"The difference of both sides{over} is a polynomial of {_terms(found.terms)}; {joined(uses)}."
 
 
 def _over(denominator: sp.Expr, write: _Writer) -> str:
