@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
@@ -31,27 +31,50 @@ SHOWN = 3
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
 
-class _Writer(Protocol):
-    """Writes formulas, for a page or for a terminal."""
+class _Writer:
+    """Writes formulas for a terminal, in SymPy's own notation."""
 
-    dots: str
+    dots = "... "
     """What stands for the terms of a sum that are not shown."""
 
-    def typeset(self, formula: sp.Basic) -> str: ...
-    def value(self, value: sp.Basic) -> str: ...
-    def math(self, text: str) -> str: ...
-    def inline(self, formula: sp.Basic) -> str: ...
-    def display(self, formula: sp.Basic) -> str: ...
-    def width(self, text: str) -> int: ...
-    def words(self, text: str) -> str: ...
-    def fraction(self, numerator: str, denominator: str) -> str: ...
-    def chain(self, first: str, *others: tuple[str, str]) -> str: ...
-    def equations(self, pairs: Sequence[tuple[str, ...]]) -> str: ...
-    def link(self, entry: Entry) -> str: ...
-    def heading(self, word: str) -> str: ...
+    def typeset(self, formula: sp.Basic) -> str:
+        return plain(formula)
+
+    def value(self, value: sp.Basic) -> str:
+        return plain(value)
+
+    def math(self, text: str) -> str:
+        return text
+
+    def inline(self, formula: sp.Basic) -> str:
+        return plain(formula)
+
+    def display(self, formula: sp.Basic) -> str:
+        return f"    {plain(formula)}"
+
+    def width(self, text: str) -> int:
+        return len(text)
+
+    def words(self, text: str) -> str:
+        return text
+
+    def fraction(self, numerator: str, denominator: str) -> str:
+        return f"({numerator}) / ({denominator})"
+
+    def chain(self, first: str, *others: tuple[str, str]) -> str:
+        return "\n".join([f"    {first}", *(f"    {sign} {part}" for sign, part in others)])
+
+    def equations(self, pairs: Sequence[tuple[str, ...]]) -> str:
+        return "\n".join(f"    {left} = {right}" for left, right in pairs)
+
+    def link(self, entry: Entry) -> str:
+        return entry.id
+
+    def heading(self, word: str) -> str:
+        return word
 
 
-class _Markdown:
+class _Markdown(_Writer):
     """LaTeX in Markdown."""
 
     dots = r"\cdots\;"
@@ -113,48 +136,6 @@ class _Markdown:
         return f"*{word}*"
 
 
-class _Plain:
-    """SymPy's own notation."""
-
-    dots = "... "
-
-    def typeset(self, formula: sp.Basic) -> str:
-        return plain(formula)
-
-    def value(self, value: sp.Basic) -> str:
-        return plain(value)
-
-    def math(self, text: str) -> str:
-        return text
-
-    def inline(self, formula: sp.Basic) -> str:
-        return plain(formula)
-
-    def display(self, formula: sp.Basic) -> str:
-        return f"    {plain(formula)}"
-
-    def width(self, text: str) -> int:
-        return len(text)
-
-    def words(self, text: str) -> str:
-        return text
-
-    def fraction(self, numerator: str, denominator: str) -> str:
-        return f"({numerator}) / ({denominator})"
-
-    def chain(self, first: str, *others: tuple[str, str]) -> str:
-        return "\n".join([f"    {first}", *(f"    {sign} {part}" for sign, part in others)])
-
-    def equations(self, pairs: Sequence[tuple[str, ...]]) -> str:
-        return "\n".join(f"    {left} = {right}" for left, right in pairs)
-
-    def link(self, entry: Entry) -> str:
-        return entry.id
-
-    def heading(self, word: str) -> str:
-        return word
-
-
 _SIGNS = {"=": "=", "!=": r"\neq"}
 
 
@@ -206,7 +187,7 @@ def steps(entry: Entry) -> str:
         lines.append(
             "Assuming " + "; ".join(a if isinstance(a, str) else plain(a) for a in entry.assumptions) + "."
         )
-    return "\n".join([*lines, *_argument(entry, _Plain())])
+    return "\n".join([*lines, *_argument(entry, _Writer())])
 
 
 def _introductions(entry: Entry, write: _Markdown) -> list[str]:
