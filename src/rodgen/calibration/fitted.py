@@ -27,7 +27,7 @@ from rodgen.calibration.problem.blocks import BlockProblem, observed, problem_of
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.residuals import Residuals
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, nearest
-from rodgen.calibration.solve.robust import robust_fit
+from rodgen.calibration.solve.robust import robust_fit, robust_fit_of_parts
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
 from rodgen.calibration.words import sized
 from rodgen.data.observations import Observations
@@ -162,8 +162,6 @@ class FittedModel:
         if loss not in LOSSES:
             raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
         observations = observed(machine, data)
-        if loss != "linear" and observations.blocks is not None:
-            raise FitError(f"loss {shown(loss)} for measurements of many files; expected linear")
         if outliers is not None and not isinstance(data, Observations):  # those of all rows
             outliers = observations.counted(outliers)
         if start:
@@ -180,6 +178,9 @@ class FittedModel:
                     problem.leave_out(gone)
                 solution, free = fit_in_stages(problem)
                 return cls._finished(problem, solution, free, gone).balanced()
+            if isinstance(problem, BlockProblem):
+                problem, found = robust_fit_of_parts(problem, fit_in_stages)
+                return replace(cls._finished(problem, found.solution, found.free, found.outliers), loss=loss)
             found = robust_fit(problem, lambda: fit_in_stages(problem))
             fit = cls._finished(problem, found.solution, found.free, found.outliers)
             if not observations.arm_is_known:

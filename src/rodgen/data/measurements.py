@@ -376,15 +376,15 @@ class Scan:
         """The columns without rows, by which they are checked before anything is read."""
         return self.load(replace(self.parts[0], file=self.file, groups=()))
 
-    def joined(self, tables: Sequence[Measurements], rows: Sequence[int]) -> Measurements:
-        """Return stretches of the scan as one table.
+    def joined(self, tables: Sequence[Measurements], rows: NDArray[np.int64]) -> Measurements:
+        """Return some rows of the scan as one table.
 
         Parameters
         ----------
         tables : sequence of Measurements
             One at least.
-        rows : sequence of int
-            Numbers of the first row of each, among all rows of the scan; messages show these.
+        rows : ndarray of int, shape (n,)
+            The number of each row among all rows of the scan; messages show it.
         """
         columns: dict[str, Numbers | Names] = {}
         for name, column in tables[0].columns.items():
@@ -396,10 +396,8 @@ class Scan:
                 continue
             names, codes = np.unique(np.concatenate([c.values for c in every]), return_inverse=True)
             columns[name] = Names(name, _read_only(codes.astype(np.int32)), tuple(names.tolist()))
-        counts = np.array([table.rows for table in tables])
-        total = int(counts.sum())
-        places = Places("row", np.cumsum(counts) - counts, np.asarray(rows, np.int64))
-        return Measurements(self.file, total, columns, "schema", places, range(total))
+        places = Places("row", np.arange(len(rows)), rows)
+        return Measurements(self.file, len(rows), columns, "schema", places, range(len(rows)))
 
     @property
     def rows(self) -> int:

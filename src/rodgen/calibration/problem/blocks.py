@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 from rodgen.calibration.problem.binding import bind, bind_once, names_of
-from rodgen.calibration.problem.problem import Group, Problem, one_thread_in_blas, reduced
+from rodgen.calibration.problem.problem import BLOCK, Group, Problem, one_thread_in_blas, reduced
 from rodgen.data.measurements import Measurements, Scan
 from rodgen.data.observations import Observations
 from rodgen.data.poses import hashes
@@ -38,6 +38,8 @@ from rodgen.statistics.thresholds import DETERMINACY
 __all__ = ["FOLDS", "BlockProblem", "Blocks", "observed", "problem_of"]
 
 Place: TypeAlias = tuple[Array, Frame]
+Rows: TypeAlias = tuple[Measurements, NDArray[np.int8], NDArray[np.intp]]
+"""Some rows of a part or a scan, all columns of them; their directions of approach, (n, J), and their numbers, (n,)."""
 
 STRETCHES, STRETCH = 20, 2_500
 """The sample: so many stretches of so many rows, which begin where those of `sample_of` do."""
@@ -48,6 +50,8 @@ EXACT, UNSEEN = 1e-8, 1e-13
 other they are rounding."""
 KEPT_BYTES = 256 << 20
 """What a process keeps of parts in memory; beyond, parts are in files, which leave memory after each question."""
+MOST_FAR = 20_000
+"""Rows of a part that are looked at one by one at most."""
 MOST_FILES = 400
 """Parts in files of a process at most; further ones are read anew for each question."""
 
@@ -136,8 +140,8 @@ class Survey:
         Largest number among the readings.
     weights : float
         Sum of the squared weights.
-    stretches : list of (Measurements, ndarray of int8, shape (n, J), int)
-        The rows of the sample, all columns of them; their directions of approach, and the number of the first.
+    stretches : list of Rows
+        Those of the sample.
     poses : int
         Stretches of rows with equal commands and set-up.
     """
@@ -150,7 +154,7 @@ class Survey:
     squares: Array
     largest: float
     weights: float
-    stretches: list[tuple[Measurements, NDArray[np.int8], int]]
+    stretches: list[Rows]
     poses: int
 
     @property
@@ -250,7 +254,7 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
     model = model_of(o.machine, o.travel, o.run_names, compiled=False)
     problem = Problem(model, o)
     fold = _folds(o)
-    order = np.lexsort((fold, o.run, o.target))
+    order = _order(o)
     code = np.stack([o.target[order], o.run[order], fold[order]])
     starts = np.flatnonzero(np.any(np.diff(code, axis=1, prepend=-1), axis=0))
     groups = [
@@ -261,7 +265,7 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
     columns: list[Array] = []
     for kind, of in _columns_of(problem):
         column = problem._column(kind, of, slice(None))
-        if o.n and np.ptp(column) == 0:
+        if o.n and column[0] == column[-1] and (column == column[0]).all():
             at[kind, of] = float(column[0])
         else:
             at[kind, of] = len(columns)
@@ -275,6 +279,11 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
     survey = _survey(o, problem, stretches)
     early = [place[:rows] for rows in survey.motion.before]
     return _Store(survey, numbers, at, np.ascontiguousarray(o.s.T[:, order]), early, groups)
+
+
+def _order(o: Observations) -> NDArray[np.intp]:
+    """Return the rows, (n,), in the order in which they are laid down."""
+    return np.lexsort((_folds(o), o.run, o.target))
 
 
 def _folds(o: Observations) -> NDArray[np.int32]:
@@ -308,7 +317,10 @@ def _survey(o: Observations, problem: Problem, stretches: Sequence[slice]) -> Su
         squares=np.einsum("ij,ij->j", o.reading, o.reading),
         largest=problem.model.structure.measurand.size(o.reading),
         weights=float(np.einsum("ij,ij->", problem.weight, problem.weight)),
-        stretches=[(_apart(o.data.take(rows)), o.s[rows].copy(), rows.start) for rows in stretches],
+        stretches=[
+            (_apart(o.data.take(rows)), o.s[rows].copy(), np.arange(rows.start, rows.stop))
+            for rows in stretches
+        ],
         poses=int(o.pose.max(initial=-1)) + 1,
     )
 
@@ -386,6 +398,16 @@ class PartProblem(Problem):
             found += np.einsum("ij,ij->j", error, error)
         return found
 
+    def beyond(self, theta: Array, frame: Frame, limit: float) -> NDArray[np.intp]:
+        """Return the rows, in the order in which they are laid down, whose weighted residual is longer than a limit."""
+        evaluation, found = self._evaluation("residual", theta, frame), [np.zeros(0, np.intp)]
+        for block in self._blocks(BLOCK):
+            _, group, start, stop = block
+            residual = self._uncoloured(evaluation(*block), group.block(start, stop))
+            far = ~(np.einsum("ij,ij->i", residual, residual) <= limit**2)
+            found.append(group.block(start, stop).start + np.flatnonzero(far))
+        return np.concatenate(found)
+
     def _uncoloured(self, residual: Array, rows: Any) -> Array:
         """Return weighted residuals with the correlation that is stated, where one is."""
         m = self.components
@@ -408,6 +430,23 @@ def _asked(rows: PartRows, shared: _Shared, model: Model, method: str, arguments
 
 def _surveyed(rows: PartRows) -> Survey:
     return rows.store().survey
+
+
+def _rows_beyond(
+    rows: PartRows, shared: _Shared, model: Model, theta: Array, frame: Frame, limit: float
+) -> Rows | None:
+    """Return the rows of a part that are far from a model, all columns of them, their directions, and their numbers."""
+    far = _asked(rows, shared, model, "beyond", (theta, frame, limit))
+    if not len(far):
+        return None
+    if len(far) > MOST_FAR:
+        raise InputFileError(
+            rows.part.file, "file", f"{len(far)} rows far from the model", "few wrong ones, or another model"
+        )
+    o = bind(rows.machine, Scan.load(rows.part))
+    s, numbers = o.s.copy(), np.sort(_order(o)[far])
+    Motion.of(o).enter(s, shared.entries[rows.part.number])
+    return o.data.take(numbers), s[numbers], numbers
 
 
 def _apart(table: Measurements) -> Measurements:
@@ -465,23 +504,48 @@ class Blocks:
         found = self.ask("all rows", _asked, self.shared, model, method, arguments)
         return _added(found)
 
-    def sample(self, machine: Machine) -> Observations:
-        """Return the rows of all parts that belong to the sample."""
-        tables, directions, rows = list[Measurements](), list[NDArray[np.int8]](), list[int]()
-        begin = 0
-        for survey, entry in zip(self.surveys, self.shared.entries, strict=True):
-            for table, s, start in survey.stretches:
-                survey.motion.enter(s, entry, start)
-                tables.append(table)
-                directions.append(s)
-                rows.append(begin + start)
-            begin += survey.rows
-        counts = np.array([table.rows for table in tables])
-        new = np.array(
-            [False, *(np.array(rows[1:]) != (np.array(rows) + counts)[:-1])]
-        )  # unless it goes on in the next part
-        stretch = np.repeat(np.cumsum(new), counts)
+    def sample(self, machine: Machine, further: Sequence[Rows] = ()) -> Observations:
+        """Return the rows of all parts that belong to the sample, and further ones behind them."""
+        found = list[Rows]()
+        for survey, entry, begin in zip(self.surveys, self.shared.entries, self.begins, strict=True):
+            for table, s, own in survey.stretches:
+                survey.motion.enter(s, entry, int(own[0]))
+                found.append((table, s, own + begin))
+        tables, directions, numbers = zip(*found, *further, strict=True)
+        rows = np.concatenate(numbers)
+        stretch = np.cumsum(np.diff(rows, prepend=rows[0] - 1) != 1)
         return self._bound(machine, self.scan.joined(tables, rows), np.concatenate(directions), stretch)
+
+    @property
+    def begins(self) -> list[int]:
+        """The number of the first row of each part."""
+        counts = [part.rows for part in self.scan.parts]
+        found: list[int] = (np.cumsum(counts) - counts).tolist()
+        return found
+
+    def with_rows_beyond(self, o: Observations, model: Model, solution: Place, limit: float) -> Observations:
+        """Return a sample with all rows that are farther from a model than a limit, behind the others.
+
+        Parameters
+        ----------
+        o
+            The sample.
+        model, solution
+            The model, and the values and the frame of its fit.
+        limit
+            Length of a weighted residual.
+        """
+        there = o.given(np.arange(o.n))
+        further = []
+        found = self.ask("rows far from the model", _rows_beyond, self.shared, model, *solution, limit)
+        for some, begin in zip(found, self.begins, strict=True):
+            if some is None:
+                continue
+            table, s, rows = some
+            new = ~np.isin(rows + begin, there)
+            if new.any():
+                further.append((table.take(new), s[new], rows[new] + begin))
+        return self.sample(self.parts[0].machine, further) if further else o
 
     def _bound(
         self, machine: Machine, table: Measurements, s: NDArray[np.int8], stretch: NDArray[np.int_]

@@ -216,7 +216,10 @@ class Problem:
             return np.broadcast_to(1.0, (self.rows, self.components))
         measurand = self.model.structure.measurand
         basis = o.basis if measurand.is_direction else None
-        return np.asarray(1.0 / measurand.component_sigma(o.sigma, basis))
+        sigma = measurand.component_sigma(o.sigma, basis)
+        if not sigma.strides[0] and self.rows:
+            return np.broadcast_to(1.0 / sigma[0], sigma.shape)
+        return np.asarray(1.0 / sigma)
 
     @functools.cached_property
     def _arms(self) -> Array:

@@ -27,12 +27,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.blocks import BlockProblem
 from rodgen.calibration.solve.least_squares import Solution, minimise, minimise_each
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
@@ -50,6 +52,8 @@ SAMPLE = 2000
 """Rows on which starts are compared: their median is good to 2 %."""
 SPARE_ROWS = 2
 """Rows in a random set beyond those that a fit needs: more determine it better, fewer are more often good."""
+NEARLY = 0.8
+"""Part of the cut from which rows of a scan are looked at one by one: with all rows the cut may be so much lower."""
 HUBER_STEPS, HALVES, BEST_SETS, SETTLED = 20, 6, 3, 50
 
 
@@ -111,6 +115,43 @@ def robust_fit(problem: Problem, solve: Callable[[], tuple[Solution, list[int]]]
     return best
 
 
+def robust_fit_of_parts(
+    problem: BlockProblem, solve: Callable[[Problem], tuple[Solution, list[int]]]
+) -> tuple[BlockProblem, Judgement]:
+    """Fit all rows of a scan, and find those that are not to be believed; see `robust_fit`.
+
+    Where the search ends on the sample, one on all rows begins: all that are nearly beyond the cut are added to the
+    sample, and judged there, while the others stay in the sums.
+
+    Returns
+    -------
+    problem
+        Of the sample with these rows; outliers have no weight in its sums.
+    """
+    sample = Problem(problem.model, problem.observations)
+    found = robust_fit(sample, partial(solve, sample))
+    free = found.free
+    search = _OutlierSearch(problem, free)
+    solution, scale = found.solution, found.scale
+    if not math.isfinite(scale):  # good rows of the sample could differ as much by chance
+        scale = search.rough_scale(search.sizes(solution))
+    limit = NEARLY * search.cut * scale
+    place = solution.theta, solution.frame
+    observations = problem.blocks.with_rows_beyond(problem.observations, problem.model, place, limit)
+    problem = BlockProblem(problem.model, observations)
+    search = _OutlierSearch(problem, free)
+    outliers, scale = search.beyond(solution, scale)
+    for _ in range(SETTLED):
+        solution = minimise(problem, solution.theta, solution.frame, free)
+        before = outliers
+        outliers, scale = search.beyond(solution, scale)
+        if np.array_equal(outliers, before):
+            break
+    best = search.confirmed(Judgement(solution, free, outliers, scale, search.cut, math.inf))
+    problem.leave_out(best.outliers)
+    return problem, best
+
+
 def gross_rows(problem: Problem, solution: Solution, free: Sequence[int]) -> Mask:
     """Return the rows, (n,), that do not agree with the others and a fit of the right model that is close to them.
 
@@ -140,7 +181,7 @@ class _OutlierSearch:
 
     def __init__(self, problem: Problem, free: Sequence[int]) -> None:
         self.problem, self.free = problem, list(free)
-        self.m, self.n, self.p = problem.components, problem.rows, len(free)
+        self.m, self.n, self.p = problem.components, problem.count, len(free)
         self.stated = problem.observations.sigma is not None
         # Exact data leave rounding, of which none is an outlier.
         reading = problem.observations.reading
@@ -195,6 +236,19 @@ class _OutlierSearch:
     def _at_least(self, scale: float) -> float:
         return max(scale, 1.0) if self.stated else max(scale, self.rounding)
 
+    def beyond(self, solution: Solution, scale: float) -> tuple[Mask, float]:
+        """Return the rows beyond the cut of those that are looked at, and s of all others, where most are not."""
+        size = self.sizes(solution)
+        for _ in range(SETTLED):
+            outliers = size > self.cut * scale
+            self.problem.leave_out(outliers)
+            cost = self.problem.cost(solution.theta, solution.frame)
+            new = self._at_least(math.sqrt(cost / (self.m * (self.n - int(outliers.sum())) - self.p)))
+            if np.array_equal(size > self.cut * new, outliers):
+                return outliers, new
+            scale = new
+        return outliers, scale
+
     # from a start to rows that agree -------------------------------------------------------------------------
 
     def settled(self, solution: Solution, scale: float | None = None) -> tuple[Solution, float]:
@@ -217,6 +271,8 @@ class _OutlierSearch:
         """Return a verdict on all rows."""
         size = self.sizes(solution)
         outliers = size > cut * scale
+        if self.problem.rows < self.problem.count:  # what is seen here is not all of the cost
+            return Judgement(solution, tuple(self.free), outliers, scale, cut, math.inf)
         limit = (cut * scale) ** 2
         cost = float(np.sum(np.minimum(size**2, limit)))
         solution = replace(solution, cost=float(np.sum(size[~outliers] ** 2)))
@@ -239,7 +295,7 @@ class _OutlierSearch:
         """Return a judgement, or one without outliers where good rows could differ as much by chance."""
         if not best.outliers.any():
             return best
-        self.problem.leave_out(np.zeros(self.n, bool))
+        self.problem.leave_out(np.zeros(self.problem.rows, bool))
         every = minimise(self.problem, best.solution.theta, best.solution.frame, self.free)
         return self.judgement(every, math.inf, math.inf) if self._may_be_chance(best, every) else best
 
