@@ -371,6 +371,8 @@ COMMANDS = [  # NAME stands for each of MACHINES
     "add NAME.toml scale --joint JOINT -o a.toml",
     "add NAME.toml gravity_windup NAME.csv --joint JOINT --hold k2=0 -o a.toml",
     "remove NAME.toml gravity_windup NAME.csv --joint JOINT -o a.toml",
+    "parameter NAME.toml JOINT.axis.a --bounds -9arcsec,inf -o a.toml --json",
+    "parameter NAME.toml JOINT.axis.a --tie 2*JOINT.axis.b -o a.toml",
     "set-aside NAME.toml NAME.csv --rows 3-5,9 --why clouds -o a.toml",
     "set-aside NAME.toml NAME.csv --where JOINT<-5e3 -o a.toml --json",
     "bring-back NAME.toml NAME.csv --rows 4 -o a.toml",

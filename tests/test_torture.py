@@ -96,6 +96,7 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     "compare --plot folder": (FEW, "compare m.toml d.csv --plot r.html --json", ""),
     "add with data": (FEW, "add m.toml gravity_windup d.csv --joint C -o a.toml", "a.toml"),
     "remove": (WITH_EFFECT, "remove m.toml gravity_windup d.csv --joint C -o a.toml", ""),
+    "parameter": (FEW, "parameter m.toml C.axis.a --prior 0±9arcsec -o a.toml", "a.toml"),
     "set-aside": (FEW, "set-aside m.toml d.csv --rows 3-5 -o a.toml", "a.toml"),
     "emit c": (FEW, "emit m.toml d.csv --lang c -o code/deep", ""),
     "emit numpy": (FEW, "emit m.toml d.csv --lang numpy -o code", ""),

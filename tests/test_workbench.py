@@ -189,6 +189,13 @@ def test_commands_and_python_do_the_same(session, files, tmp_path):
     session.do(Aside([5, 7], why="it's dusk"))
     session.do(Aside(where="EL < 25 deg"))
     session.do(Back([7]))
+    session.do(Known("tube_flexure.a", {"prior": "-1 ± 2 arcsec", "bounds": ["-9 arcsec", float("inf")]}))
+    session.do(Known("tube_flexure.a", {"bounds": ["-9 arcsec", "9 arcsec"]}))
+    session.do(Known("EL.axis.b", {"prior": "0 ± 1 deg"}))
+    session.do(Known("EL.axis.b"))
+    session.do(Tie("AZ.axis.a", "-2 * EL.axis.a"))
+    session.do(Tie("AZ.axis.b", "EL.axis.a"))
+    session.do(Tie("AZ.axis.b"))
     session.do(Add(REFRACTION))
     session.do(Remove("tube_flexure"))
     made = {}

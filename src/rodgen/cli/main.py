@@ -56,6 +56,7 @@ _COMMANDS = {
     "fleet": ("fleet",),
     "open": ("open",),
     "change": ("add", "remove"),
+    "parameter": ("parameter",),
     "aside": ("set-aside", "bring-back"),
     "emit": ("emit",),
     "simulate": ("simulate",),
@@ -82,6 +83,7 @@ _GROUPS = {
         "plan",
         "predict",
         "remove",
+        "parameter",
         "set-aside",
         "bring-back",
         "simulate",
@@ -96,7 +98,10 @@ _GROUPS = {
 
 _ENDING = [signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else [])]
 
-_WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool", "--latitude", "--why", "--where")
+_WITH_A_MINUS = (
+    *("--point", "--hold", "--effect", "--q", "--tool", "--latitude"),
+    *("--why", "--where", "--prior", "--bounds", "--tie"),
+)
 """Options whose value may start with a minus sign."""
 
 
@@ -287,7 +292,7 @@ def _joined(arguments: list[str]) -> list[str]:
     """Join ``--point -1,2,3`` with an equals sign: argparse takes "-1,2,3" for an option."""
     joined: list[str] = []
     for argument in arguments:
-        if joined and joined[-1] in _WITH_A_MINUS and re.match(r"-[\d.]", argument):
+        if joined and joined[-1] in _WITH_A_MINUS and re.match(r"-([\d.]|inf\b)", argument):
             joined[-1] += f"={argument}"
         else:
             joined.append(argument)

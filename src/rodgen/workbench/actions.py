@@ -5,6 +5,7 @@ An action says which command and which line of Python do the same.
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -86,6 +87,10 @@ def _titled(name: str, place: Place) -> str:
 
 def _words(*words: str) -> str:
     return shlex.join(["rodgen", *words])
+
+
+def _option(name: str, text: str) -> list[str]:
+    return [f"{name}={text}"] if text.startswith("-") else [name, text]
 
 
 @dataclass(frozen=True)
@@ -267,11 +272,18 @@ class Known(Action):
         """Return the text of the machine file after it."""
         return text_with_known(state.file, self.key, self.content, state.text)
 
+    def command(self, machine: str, data: str) -> str:
+        """Return the command that does the same."""
+        options = _option("--prior", str(self.content["prior"])) if "prior" in self.content else []
+        if "bounds" in self.content:
+            options += _option("--bounds", ",".join(map(str, self.content["bounds"])))
+        return _words("parameter", machine, self.key, *(options or ["--free"]), "-o", machine)
+
     def python(self) -> str:
         """Return the lines of Python that do the same."""
         if not self.content:
             return f"machine = {_without('known', self.key)}\n{FIT}"
-        given = ", ".join(f"{key}={value!r}" for key, value in self.content.items())
+        given = ", ".join(f"{key}={_in_python(value)}" for key, value in self.content.items())
         return f"machine = machine.knowing({self.key!r}, {given})\n{FIT}"
 
 
@@ -300,11 +312,22 @@ class Tie(Action):
         """Return the text of the machine file after it."""
         return text_with_tie(state.file, self.key, self.to, state.text)
 
+    def command(self, machine: str, data: str) -> str:
+        """Return the command that does the same."""
+        options = _option("--tie", self.to) if self.to else ["--free"]
+        return _words("parameter", machine, self.key, *options, "-o", machine)
+
     def python(self) -> str:
         """Return the lines of Python that do the same."""
         if not self.to:
             return f"machine = {_without('ties', self.key)}\n{FIT}"
         return f"machine = machine.tying({self.key!r}, {self.to!r})\n{FIT}"
+
+
+def _in_python(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_in_python, value))}]"
+    return f"float('{value}')" if value in (math.inf, -math.inf) else repr(value)
 
 
 def _without(table: str, key: str) -> str:

@@ -1,0 +1,60 @@
+"""``rodgen parameter``: what a machine file says of a parameter, and nothing else of it changed."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from rodgen import Machine
+from rodgen.data.units import ARCSEC
+
+MOUNT = Path(__file__).parents[1] / "examples/machines/mount/machine.toml"
+
+
+@pytest.fixture
+def file(tmp_path):
+    return shutil.copy(MOUNT, tmp_path / "m.toml")
+
+
+def test_a_prior_bounds_and_a_tie_are_written_and_taken_away(file, rodgen_command):
+    def done(*arguments):
+        code, out, err = rodgen_command("parameter", file, *arguments, "-o", file)
+        assert (code, err) == (0, "")
+        return out
+
+    text = file.read_text()
+    assert 'bounds = [-inf, "9 arcsec"]' in done(
+        "EL.axis.a", "--prior", "0 ± 5 arcsec", "--bounds", "-inf,9arcsec"
+    )
+    known = Machine.load(file).known["EL.axis.a"]
+    assert known.prior == pytest.approx((0, 5 * ARCSEC))
+    assert known.bounds == pytest.approx((float("-inf"), 9 * ARCSEC))
+    done("EL.axis.a", "--free")
+    assert done("EL.axis.a", "--tie", "-2*EL.axis.b") == f"{file}: EL.axis.a = -2*EL.axis.b\n"
+    assert Machine.load(file).ties.keys() == {"EL.axis.a"}
+    assert json.loads(done("EL.axis.a", "--free", "--json"))["tied_to"] is None
+    machine = Machine.load(file)
+    assert (machine.known, machine.ties) == ({}, {})
+    assert file.read_text().startswith(text.rstrip())  # but for headers of tables that are empty now
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["EL.axis.a"], "expected a prior, bounds, or both; or --tie; or --free"),
+        (["EL.axis.a", "--free", "--tie", "EL.axis.b"], "none, or too much"),
+        (["EL.axis.a", "--free"], "[known] and [ties]: nothing of 'EL.axis.a'"),
+        (["EL.axis.c", "--prior", "0 ± 5 arcsec"], "no such parameter"),
+        (["EL.axis.a", "--prior", "5"], "[known], EL.axis.a, prior"),
+        (["EL.axis.a", "--bounds", "9 arcsec,3 arcsec"], "[known], EL.axis.a, bounds"),
+        (["EL.axis.a", "--bounds", "9 arcsec"], "[known], EL.axis.a, bounds"),
+        (["EL.axis.a", "--tie", "EL.axis.a"], "[ties], EL.axis.a: itself"),
+    ],
+)
+def test_what_cannot_be_said_is_one_line_and_nothing_is_written(file, rodgen_command, arguments, message):
+    text = file.read_text()
+    code, out, err = rodgen_command("parameter", file, *arguments, "-o", file)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert message in err
+    assert file.read_text() == text
