@@ -294,3 +294,13 @@ def test_operations_of_the_arm_are_counted(benchmark: Import) -> None:
         counts[name]["mul"] > counts[name]["sin"] > 0 for name in ("residual", "residual_and_jacobian")
     )
     check_page(benchmark, "fits", {"kernels": KEPT["fits"]["kernels"] | {"operations": counts}})
+
+
+def test_scale(benchmark: Import, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    scale = with_sizes(benchmark("scale"), monkeypatch, FILE_ROWS=1000)
+    scale.make(tmp_path, 3000)
+    found = scale.measure(tmp_path, "threads=2", diagnosed=False)
+    assert found["rows"] == 3000
+    assert found["parts"] == 3
+    assert min(found[name] for name in ("fit_s", "fit_cpu_s", "pass_s", "pass_cpu_s", "largest_GB")) > 0
+    assert found["reduced_B"] > 8 * 39**2  # a triangle would do

@@ -307,3 +307,20 @@ def test_no_prediction_is_left_where_a_part_is_wrong(machine, in_memory, folder,
     with pytest.raises(InputFileError, match=r"day3.parquet: row 900"):
         predict_parts(in_memory, Measurements.scan(tmp_path / "week"), tmp_path / "made")
     assert [entry.name for entry in tmp_path.iterdir()] == ["week"]
+
+
+def test_axes_of_many_files_are_those_of_each(tmp_path, capsys):
+    random = np.random.default_rng(2)
+    (tmp_path / "pairs").mkdir()
+    names = [f"{point}_{x} [mm]" for point in ("rho", "rho_prime") for x in "xyz"]
+    for k in range(3):
+        table = {name: random.normal(size=50) for name in names} | {"angle [deg]": random.uniform(10, 90, 50)}
+        pq.write_table(pa.table(table), tmp_path / f"pairs/{k}.parquet")
+    assert (
+        main(["solve", str(tmp_path / "pairs"), "-o", str(tmp_path / "axes"), "--scheduler", "threads=2"])
+        == 0
+    )
+    assert "150 pairs: " in capsys.readouterr().err
+    assert main(["solve", str(tmp_path / "pairs/1.parquet"), "-o", str(tmp_path / "one.parquet")]) == 0
+    assert pq.read_table(tmp_path / "axes/00001-1.parquet").equals(pq.read_table(tmp_path / "one.parquet"))
+    assert main(["solve", str(tmp_path / "pairs"), "-o", str(tmp_path / "axes")]) == 2

@@ -322,6 +322,27 @@ def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
+def new_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a folder for files that appear together: it takes its name when the block ends without an error.
+
+    Raises
+    ------
+    InputFileError
+        When something has this name already, or it cannot be written.
+    """
+    place = Path(path)
+    if place.exists():
+        raise InputFileError(place, "file", "is there already", "the name of a new folder")
+    try:
+        with temporary_folder(place.absolute().parent, f".{place.name}.") as made:
+            (made / "made").mkdir()
+            yield made / "made"
+            (made / "made").rename(place)
+    except OSError as error:
+        raise unwritable(os.fspath(place), error) from None
+
+
+@contextlib.contextmanager
 def one_process_in(folder: str) -> Iterator[None]:
     """Hold a folder for this process: another one that asks for it meanwhile is refused.
 

@@ -27,7 +27,7 @@ from rodgen.data.measurements import Scan
 from rodgen.data.observations import Observations
 from rodgen.data.units import ARCSEC, parse_unit
 from rodgen.errors import InputFileError, shown
-from rodgen.files import temporary_folder, unwritable
+from rodgen.files import new_folder
 from rodgen.machines.measured import TURNS
 from rodgen.schedulers import workers
 from rodgen.statistics.digits import round_by
@@ -160,6 +160,9 @@ def predict(fit: FittedModel, design: Any) -> Prediction:
     >>> table.fit(data).predict(Measurements.from_frame({"C [deg]": [45.0]})).u.round(5)
     array([[0.00141, 0.00141, 0.00141]])
     """
+    if isinstance(design, Scan):
+        expected = "one table, or predict_parts, which writes a folder"
+        raise InputFileError(design.file, "file", "commands in many files", expected)
     predictor = Predictor.of(fit)
     return predictor.at(predictor.bound(design))
 
@@ -248,25 +251,14 @@ def predict_parts(
     InputFileError
         As of `predict`, and when the folder is there already or cannot be written.
     """
-    place = Path(folder)
-    if place.exists():
-        raise InputFileError(place, "file", "is there already", "the name of a folder that is not")
     predictor = Predictor.of(fit)
     predictor.bound(design.empty)
-    try:
-        with workers() as some, temporary_folder(place.absolute().parent, f".{place.name}.") as made:
-            motions = dict(some.each("looking at the design", _motion, design.parts, predictor))
-            directions = entries([motions[k] for k in range(len(motions))])
-            into = made / "parts"
-            into.mkdir(mode=0o777)
-            options = {"coverage": coverage, "rounded": rounded}
-            undetermined = dict(
-                some.each("predicting", _predict_part, design.parts, predictor, directions, into, options)
-            )
-            into.rename(place)
-    except OSError as error:
-        raise unwritable(os.fspath(place), error) from None
-    return sum(undetermined.values())
+    options = {"coverage": coverage, "rounded": rounded}
+    with new_folder(folder) as into, workers() as some:
+        motions = dict(some.each("looking at the design", _motion, design.parts, predictor))
+        directions = entries([motions[k] for k in range(len(motions))])
+        common = predictor, directions, into, options
+        return sum(count for _, count in some.each("predicting", _predict_part, design.parts, *common))
 
 
 def _motion(part: Part, predictor: Predictor) -> Motion:

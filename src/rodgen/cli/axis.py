@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import OK, Command, notify, reading_progress, show
+from rodgen.cli._machine import add_scheduler
 from rodgen.cli._outputs import add_plot, figures_for
-from rodgen.cli._tables import add_table, counted
+from rodgen.cli._tables import add_table, counted, map_files
 from rodgen.cli._values import number, quantity
 from rodgen.errors import InputFileError, RodgenError, shown
 
@@ -37,6 +38,8 @@ The output gets every column of the table, then
                                   invalid
   length_mismatch                 |rho'|/|rho| - 1
   condition                       factor by which errors of the points grow in the axes
+
+Where PAIRS are many Parquet files, a pattern or a folder, the output is a new folder of such.
 """
 
 _FIT = f"""\
@@ -50,6 +53,7 @@ def add_to(command: Command) -> None:
     """Add the commands."""
     solve = command("solve", _solve, "axes of every pair of points of a table", _SOLVE)
     add_table(solve, "PAIRS")
+    add_scheduler(solve)
     solve.add_argument(
         "--length-tolerance",
         metavar="RATIO",
@@ -135,8 +139,13 @@ def solve_table(path: str, output: str | None = None, *, progress: Any = None, *
 
 def _solve(options: argparse.Namespace) -> int:
     given = {} if options.length_tolerance is None else {"length_tolerance": options.length_tolerance}
-    with contextlib.ExitStack() as stack:
-        summary = solve_table(options.table, options.output, progress=reading_progress(stack), **given)
+    from rodgen.data.tables.parts import is_many
+
+    if is_many(options.table):
+        summary = map_files(options.table, options.output, lambda file, to: solve_table(file, to, **given))
+    else:
+        with contextlib.ExitStack() as stack:
+            summary = solve_table(options.table, options.output, progress=reading_progress(stack), **given)
     hint = " (see --length-tolerance)" if "lengths_differ" in summary.counts else ""
     notify(counted(options.table, summary, "pair") + hint)
     return OK
