@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import closing
 from datetime import date as calendar
 from datetime import datetime
 from typing import Any
@@ -83,9 +84,10 @@ def diagnose_fleet(
             for pair, key, result in zip(pairs, keys, known, strict=True)
             if result is None or result.get("key") != key or result.get("internal")
         ]
-        for number, result in _each(todo, jobs, scheduler):
-            with noting_completed():  # an interruption need not name them all
-                write_result(folder, todo[number].name, result)
+        with closing(_each(todo, jobs, scheduler)) as found:
+            for number, result in found:
+                with noting_completed():  # an interruption need not name them all
+                    write_result(folder, todo[number].name, result)
         return Fleet.load(folder)
 
 
@@ -120,7 +122,9 @@ def _check_history(folder: str, plan: Plan) -> None:
         dates[moment(date)] = each
 
 
-def _each(pairs: Sequence[Pair], jobs: int, scheduler: str | None) -> Iterator[tuple[int, dict[str, Any]]]:
+def _each(
+    pairs: Sequence[Pair], jobs: int, scheduler: str | None
+) -> Generator[tuple[int, dict[str, Any]], None, None]:
     """Yield the number of each machine and its result as soon as it is there."""
     what = "diagnosing machines"
     if scheduler is not None and pairs:
