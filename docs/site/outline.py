@@ -53,6 +53,7 @@ OUTLINE = (
             "import": "docs/import.md",
             "similar_effects": "docs/similar_effects.md",
             "plan": "docs/plan.md",
+            "watch": "docs/watch.md",
             "workbench": "docs/workbench.md",
             "fleet": "docs/fleet.md",
             "python": "docs/python.md",

@@ -11,6 +11,7 @@ from typing import Any as _Any
 if _TYPE_CHECKING:
     from rodgen.calibration.fit import Fit as Fit
     from rodgen.calibration.simulate import simulate as simulate
+    from rodgen.calibration.watch import Watch as Watch
     from rodgen.data.measurements import Measurements as Measurements
     from rodgen.errors import RodgenError
     from rodgen.kinematics import hexapod as hexapod
@@ -71,6 +72,7 @@ _LATER = {
     "Measurements": "rodgen.data.measurements",
     "write_report": "rodgen.output.report",
     "Target": "rodgen.machines.machine",
+    "Watch": "rodgen.calibration.watch",
     "simulate": "rodgen.calibration.simulate",
 }
 _SUBJECTS = {

@@ -142,12 +142,20 @@ def problem_with(
     (Problem, ndarray of shape (parameters,))
     """
     o = fit.observations if len(rows) == fit.observations.n else fit.observations.take(rows)
-    whole = replace(fit.machine, effects=(*fit.machine.effects, *effects))
-    model = Model(whole, fit.problem.model.travel, o.run_names, compiled=False)
+    model, theta = model_with(fit, effects)
     problem = Problem(model, o)
     problem.set_weight((fit.problem.weight / fit.problem.base_weight)[rows, 0])
+    return problem, theta
+
+
+def model_with(
+    fit: FittedModel, effects: Iterable[Effect], *, compiled: bool = False
+) -> tuple[Model, NDArray[np.float64]]:
+    """Return the model of a fit with further effects, and its parameters there, these at zero."""
+    whole = replace(fit.machine, effects=(*fit.machine.effects, *effects))
+    model = Model(whole, fit.problem.model.travel, fit.observations.run_names, compiled=compiled)
     found = dict(zip((p.key for p in fit.parameters), fit.solution.theta, strict=True))
     start = model.start()
-    return problem, np.array(
+    return model, np.array(
         [found.get(p.key, value) for p, value in zip(model.parameters, start, strict=True)]
     )

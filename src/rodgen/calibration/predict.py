@@ -191,14 +191,7 @@ class Predictor:
     def bound(self, design: Any) -> Observations:
         """Return a design in internal units, its runs numbered as those of the fit."""
         o = bind(self.machine, design, allow_missing_readings=True)
-        known = {name: i for i, name in enumerate(self.runs)}
-        if not self.model.structure.shift or len(known) == 1:
-            return replace(o, run=np.zeros(o.n, np.int32))
-        unknown = next((name for name in o.run_names if name not in known), None)
-        if unknown is not None:
-            found = f"run {shown(unknown)}, which was not measured"
-            raise InputFileError(o.data.file, "column 'run'", found, f"one of {', '.join(known)}")
-        return replace(o, run=np.array([known[name] for name in o.run_names], np.int32)[o.run])
+        return in_known_runs(o, self.model, self.runs)
 
     def at(self, o: Observations) -> Prediction:
         """Return the prediction for a design; see :func:`predict`."""
@@ -295,6 +288,18 @@ def _predict_part(
             writer = writer or stack.enter_context(pq.ParquetWriter(file, whole.schema))
             writer.write_batch(whole)
     return undetermined
+
+
+def in_known_runs(o: Observations, model: Model, runs: Sequence[str]) -> Observations:
+    """Return observations whose runs are numbered as those of a fit."""
+    known = {name: i for i, name in enumerate(runs)}
+    if not model.structure.shift or len(known) == 1:
+        return replace(o, run=np.zeros(o.n, np.int32))
+    unknown = next((name for name in o.run_names if name not in known), None)
+    if unknown is not None:
+        found = f"run {shown(unknown)}, which was not measured"
+        raise InputFileError(o.data.file, "column 'run'", found, f"one of {', '.join(known)}")
+    return replace(o, run=np.array([known[name] for name in o.run_names], np.int32)[o.run])
 
 
 def _determined(jacobian: Array, null: Array) -> NDArray[np.bool_]:

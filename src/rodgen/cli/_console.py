@@ -20,8 +20,8 @@ INTERRUPTED, READER_GONE, TERMINATED = 130, 141, 143
 EXIT_CODES = """\
 exit codes:
   0  done
-  1  a check failed: a statement is not proved, generated files are stale, a file is wrong, a fleet has an alarm, or
-     the installation is broken
+  1  a check failed: a statement is not proved, generated files are stale, a file is wrong, a fleet or a watch has an
+     alarm, or the installation is broken
   2  bad input: one line on standard error, FILE: PLACE: what was found; what was expected
   3  a fit did not converge: the numbers are where it stopped
   70  an error in rodgen itself: one line on standard error; with --debug, where
@@ -184,6 +184,13 @@ def show_json(data: Any) -> None:
     import json
 
     show(json.dumps(_plain(data), indent=2, allow_nan=False))
+
+
+def show_json_line(data: Any) -> None:
+    """Print data as JSON on one line, as `show_json` does."""
+    import json
+
+    show(json.dumps(_plain(data), allow_nan=False))
 
 
 def show_result(options: argparse.Namespace, data: Callable[[], Any], text: Callable[[], str]) -> None:

@@ -7,6 +7,7 @@ the file, the line and the column.
 
 from __future__ import annotations
 
+import io
 import os
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.data.spool import GrowingArray
-from rodgen.data.tables import Progress, open_frame, open_table
+from rodgen.data.tables import Progress, open_csv, open_frame, open_table
 from rodgen.data.tables.columns import MEASUREMENTS
 from rodgen.data.tables.parts import Part, parts_of
 from rodgen.data.tables.table import places_of, row_place, values_of
@@ -60,6 +61,10 @@ class Numbers:
         """Return some of the rows: a mask, indices or a slice."""
         return Numbers(self.name, self.unit, self.values[rows])
 
+    def after(self, before: Any) -> Numbers:
+        """Return the rows of another such column, then these."""
+        return Numbers(self.name, self.unit, np.concatenate([before.values, self.values]))
+
 
 @dataclass(frozen=True, eq=False)
 class Names:
@@ -96,6 +101,12 @@ class Names:
     def take(self, rows: Any) -> Names:
         """Return some of the rows: a mask, indices or a slice."""
         return Names(self.name, self.codes[rows], self.names)
+
+    def after(self, before: Any) -> Names:
+        """Return the rows of another such column, then these."""
+        names = {name: i for i, name in enumerate(dict.fromkeys([*before.names, *self.names]))}
+        new = np.array([names[name] for name in self.names], np.int32)[self.codes]
+        return Names(self.name, np.concatenate([before.codes, new]).astype(np.int32), tuple(names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +213,38 @@ class Measurements:
             When there is no such file, one cannot be read, or has other columns or units than the first.
         """
         return Scan.of(pattern)
+
+    @classmethod
+    def from_lines(cls, header: bytes, lines: bytes, first: int, *, name: str) -> Measurements:
+        """Return the measurements of some whole lines of a CSV file.
+
+        Parameters
+        ----------
+        header : bytes
+            The line with the columns' names.
+        lines : bytes
+        first : int
+            Number of the first of them in the file, from 1.
+        name : str
+            Of the file.
+
+        Raises
+        ------
+        InputFileError
+            As :meth:`load`.
+        """
+        stream = io.BytesIO(header.rstrip(b"\r\n") + b"\n" + lines)
+        try:
+            with open_csv(name, stream, MEASUREMENTS) as table, ExitStack() as stack:
+                found = cls._read(table, stack, None)
+        except InputFileError as error:
+            line = re.match(r"line (\d+)", error.place)
+            if not line or line[1] == "1":
+                raise
+            place = f"line {int(line[1]) + first - 2}{error.place[line.end() :]}"
+            raise InputFileError(name, place, error.found, error.expected) from None
+        before = found._places
+        return replace(found, _places=replace(before, number=before.number + (first - 2)))
 
     @classmethod
     def of(cls, data: Any) -> Measurements:
@@ -323,6 +366,17 @@ class Measurements:
         row_in_file = before[rows]
         count = len(row_in_file)
         return Measurements(self.file, count, columns, self.header_place, self._places, row_in_file)
+
+    def after(self, before: Measurements) -> Measurements:
+        """Return the rows of other measurements, with the same columns, then these; each keeps its place."""
+        columns = {name: column.after(before.columns[name]) for name, column in self.columns.items()}
+        both = replace(self, rows=before.rows + self.rows, columns=columns)
+        return both.placed(np.concatenate([part.numbers(np.arange(part.rows)) for part in (before, self)]))
+
+    def placed(self, numbers: Sequence[int] | NDArray[np.int64]) -> Measurements:
+        """Return the measurements with other numbers of their rows, for `place`."""
+        places = Places(self.counted, np.arange(self.rows), np.asarray(numbers, np.int64))
+        return replace(self, _places=places, _row_in_file=range(self.rows))
 
     def to_pandas(self) -> Any:
         """Return the columns, named with their units, as a DataFrame."""

@@ -581,6 +581,69 @@ class FleetPolicy(NamedTuple):
     """False alarms of a whole fleet in a year, unless a user asks for another rate: each costs a visit."""
 
 
+class WatchPolicy(NamedTuple):
+    """What a watch of new readings counts as a change (tests/test_change_detector.py, tests/test_watch.py)."""
+
+    clipped: float = 0.003
+    """Part of good readings that are clipped: with fewer a bad one counts more, with more a good one counts less."""
+    at_once: float = 0.01
+    """Part of the time between false alarms that a change between the reference and the first new reading stands for:
+    there is more time there than between two readings."""
+    confirmed: int = 2
+    """Readings after which an alarm must still stand: no single bad reading is a change."""
+    levels: int = 12
+    """Levels of times at which a change may have begun, ..."""
+    kept: int = 4
+    """... of which each keeps so many: the oldest began 8192 blocks ago. In so many readings a change of a tenth of the
+    noise is seen, and none of a thirtieth matters."""
+    looks: int = 8
+    """Times that a level is looked at in one of its steps: a change is seen later by an eighth at most."""
+    exact: float = 0.05
+    """Part of all readings up to which those since a change leave what was known before it as it is; to neglect that
+    makes the sum smaller, by as little."""
+    sizes: tuple[float, ...] = (0.1, 0.5, 2.5)
+    """Standard deviations of a change, as rms per reading, in units of the noise: in steps of five, as each is good for
+    changes of half and of twice as much. Three cost log 3."""
+    unseen: float = 1.0
+    """Standard deviation of what an effect that the model lacks does to the reference readings, in units of their
+    residuals: they show what is there, and it is no change."""
+    unknown: float = 1e5
+    """The same of parameters of the model, of which nothing but the reference readings says anything."""
+    noise: float = 0.1
+    """Part of the false alarms that a change of the noise may have."""
+    bins: tuple[float, ...] = (0.5, 0.8, 0.95, 0.99)
+    """Parts of normal readings that are nearer than the bounds between which they are counted."""
+    rounds: int = 5
+    """Times that the reference readings are clipped anew."""
+    recent: int = 256
+    """Readings that are kept as they are: a change that is seen only after more of them is so small that none is
+    clipped."""
+    settled: int = 32
+    """Blocks after an alarm until a change is named for good, and things are taken for what they are since."""
+    wrong: float = 10.0
+    """Standard deviations beyond which a reading says no more of a change than that it is wrong."""
+    large: tuple[float, ...] = (0.1, 0.5, 2.5, 12.5, 62.5, 312.5)
+    """The same as `sizes` where readings are as they are."""
+    waited: int = 10
+    """Blocks after which a reading that was far off is an outlier: a change as large would have raised an alarm."""
+    stuck: float = 6.0
+    """Standard deviations by which what is predicted must move while a reading repeats its digits, ..."""
+    stuck_times: int = 3
+    """... and how often, one after the other: noise makes up for it once in 40,000, three times in 1e13."""
+    fewest: float = 20.0
+    """Degrees of freedom that the reference must leave: with fewer its noise is hardly known to a fifth."""
+    outside: float = 0.1
+    """Probability that a change began outside of the readings that are named."""
+    likely: float = 0.05
+    """Probability from which on an alternative is named: of those that are not, one may be true once in twenty."""
+
+    def clip(self, components: int) -> float:
+        """Return the length of a reading's error, in standard deviations, beyond which it is clipped."""
+        from rodgen.statistics.compiled_scipy import special
+
+        return math.sqrt(float(special.chdtri(components, self.clipped)))
+
+
 CHECK = CheckPolicy()
 EVIDENCE = EvidencePolicy()
 OUTLIERS = OutlierPolicy()
@@ -599,3 +662,4 @@ GROSS = GrossPolicy()
 DETERMINACY = DeterminacyPolicy()
 COMPARISON = ComparisonPolicy()
 PLAN = PlanPolicy()
+WATCH = WatchPolicy()

@@ -83,13 +83,8 @@ def candidates(
     prefer : collection of (name, place)
         Effects that a user holds for the likeliest; see :func:`rodgen.machines.effects.plausibility.plausibility`.
     """
-    machine = sensitivities.fit.machine
-    priors = {effect.identity: plausibility(machine, effect, prefer) for effect in effects}
-    effects = [
-        effect
-        for effect in effects
-        if priors[effect.identity].log_odds > -np.inf and not _weightless(sensitivities, effect)
-    ]
+    priors = possible(sensitivities, effects, prefer)
+    effects = [effect for effect in effects if effect.identity in priors]
     found = [c for effect in effects if is_direct(effect) for c in _direct(sensitivities, effect)]
     products = [effect for effect in effects if not is_direct(effect)]
     for effect in products:
@@ -106,6 +101,29 @@ def candidates(
     order = {effect.identity: i for i, effect in enumerate(effects)}
     found = [replace(candidate, prior=priors[candidate.key]) for candidate in found]
     return sorted(found, key=lambda c: order[c.key])
+
+
+def possible(
+    sensitivities: Sensitivities, effects: Sequence[Effect], prefer: Collection[tuple[str, str | None]] = ()
+) -> dict[tuple[str, str | None], Plausibility]:
+    """Return what is known before the data of those effects that the machine may have, by name and place."""
+    machine = sensitivities.fit.machine
+    priors = {effect.identity: plausibility(machine, effect, prefer) for effect in effects}
+    return {
+        effect.identity: priors[effect.identity]
+        for effect in effects
+        if priors[effect.identity].log_odds > -np.inf and not _weightless(sensitivities, effect)
+    }
+
+
+def unsearched(sensitivities: Sensitivities, effect: Effect) -> Candidate | None:
+    """Return an effect with its own columns, without weights at later joints; None where a value is to be searched."""
+    if is_direct(effect):
+        return next(_direct(sensitivities, effect))
+    if effect.definition.searched and effect.definition.follows_time:
+        return None
+    values = list(_tried(sensitivities, effect))
+    return _product(sensitivities, effect, values[0]) if len(values) == 1 else None
 
 
 def without_imitated(found: Sequence[Candidate], model: Array) -> list[Candidate]:

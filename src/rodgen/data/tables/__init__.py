@@ -20,7 +20,7 @@ from rodgen.data.tables.annotated import check_output, copied_with
 from rodgen.data.tables.columns import Column, EveryColumn
 from rodgen.data.tables.mapped import Answer, MapSummary, Progress, Result, map_table
 from rodgen.data.tables.pairs import PAIR_COLUMNS, Pairs, read_pairs
-from rodgen.data.tables.reader import Rows, Table, open_frame, open_table
+from rodgen.data.tables.reader import Rows, Table, open_csv, open_frame, open_table
 from rodgen.data.tables.writer import open_sink, table_bytes
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "check_output",
     "copied_with",
     "map_table",
+    "open_csv",
     "open_frame",
     "open_sink",
     "open_table",

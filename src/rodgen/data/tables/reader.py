@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import IO, Any
 
 from rodgen.data.tables._arrow import FrameTable, ParquetTable
 from rodgen.data.tables._csv import CsvTable
@@ -14,7 +14,7 @@ from rodgen.data.tables.table import READABLE, Rows, Table
 from rodgen.errors import InputFileError
 from rodgen.files import open_input, unreadable
 
-__all__ = ["Rows", "Table", "open_frame", "open_table"]
+__all__ = ["Rows", "Table", "open_csv", "open_frame", "open_table"]
 
 
 def open_table(
@@ -61,6 +61,11 @@ def open_table(
     except BaseException:
         stream.close()
         raise
+
+
+def open_csv(name: str, stream: IO[bytes], columns: Sequence[Column] | EveryColumn) -> Table:
+    """Return CSV from a stream, open for reading in blocks, as `open_table` does; `name` is that of messages."""
+    return CsvTable(name, stream, columns, keep_text=True)
 
 
 def open_frame(frame: Any, columns: EveryColumn, name: str) -> Table:

@@ -39,6 +39,7 @@ if _TYPE_CHECKING:
     from rodgen.output.figures.polar import joints_that_go_round as joints_that_go_round
     from rodgen.output.figures.polar import polar_plot as polar_plot
     from rodgen.output.figures.residuals import residual_plot as residual_plot
+    from rodgen.output.figures.watches import watched as watched
 
 _PLACES = {
     "autocorrelation_of_residuals": "distributions",
@@ -68,6 +69,7 @@ _PLACES = {
     "save_figures": "files",
     "skeleton": "machines",
     "uncertainty_map": "parallel",
+    "watched": "watches",
 }
 """The module of each function."""
 

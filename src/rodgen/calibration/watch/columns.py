@@ -1,0 +1,161 @@
+"""What new readings of a fitted machine say: residuals, and their derivatives by everything that may change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from rodgen.array_types import Array
+from rodgen.calibration.diagnose.candidates import Candidate, possible, unsearched
+from rodgen.calibration.diagnose.sensitivities import Sensitivities, is_direct
+from rodgen.calibration.possible_effects import bare_effects, catalogue_effects, model_with
+from rodgen.calibration.predict import in_known_runs
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.problem.binding import bind
+from rodgen.data.units import unit_factor
+from rodgen.errors import InputFileError
+from rodgen.machines.effects.plausibility import Plausibility
+from rodgen.machines.machine import Effect
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
+    from rodgen.data.measurements import Measurements
+    from rodgen.data.observations import Observations
+
+Title: TypeAlias = tuple[str, str | None]
+
+
+SEVERAL = "several of them at once"
+"""The title of a change of all columns: of a machine that was set up anew."""
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Something that may change: a parameter of the model, or an effect of the catalogue that the model lacks.
+
+    Attributes
+    ----------
+    title : str
+    columns : tuple of int
+        Numbers of its columns.
+    names, units : tuple of str
+        Of its parameters, ...
+    factors : tuple of float
+        ... and the internal value of one unit.
+    effect : Effect or None
+        None of what the model adjusts already.
+    prior : Plausibility
+        What is known of it before any readings.
+    """
+
+    title: str
+    columns: tuple[int, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    factors: tuple[float, ...]
+    effect: Effect | None = None
+    prior: Plausibility = field(default_factory=Plausibility)
+
+
+class WatchedColumns:
+    """The columns of new readings, in the same order as those of the readings of a fit.
+
+    Parameters
+    ----------
+    fit : FittedModel
+        The reference.
+
+    Attributes
+    ----------
+    columns, readings : ndarray, shape (n, m, d) and (n, m)
+        Of the reference: derivatives of what weighted readings would be, and what they are more than the fit predicts.
+    free : int
+        The first so many columns are of what the fit adjusted.
+    alternatives : list of Alternative
+        The last is a change of all columns.
+    """
+
+    def __init__(self, fit: FittedModel) -> None:
+        self.fit = fit
+        # rows that the machine file sets aside are those of the reference
+        self._machine = replace(fit.machine, measured=replace(fit.machine.measured, set_aside=()))
+        effects = [
+            effect
+            for effect in catalogue_effects(fit.machine, fit.observations)
+            if not effect.definition.follows_time
+        ]
+        sensitivities = Sensitivities.of(fit, effects)
+        known = possible(sensitivities, effects)
+        found = {
+            effect.identity: candidate
+            for effect in effects
+            if effect.identity in known and (candidate := unsearched(sensitivities, effect)) is not None
+        }
+        self._effects = [effect for effect in effects if effect.identity in found]
+        extra = [*(e for e in effects if is_direct(e)), *bare_effects(fit.machine)]
+        self._model, self._theta = model_with(fit, extra, compiled=True)
+        self.columns = self._stacked(sensitivities, list(found.values()))
+        self.readings = sensitivities.residual
+        self.free = len(fit.moving)
+        self.alternatives = list(self._alternatives(found, known))
+
+    def _alternatives(
+        self, found: Mapping[Title, Candidate], known: Mapping[Title, Plausibility]
+    ) -> Iterator[Alternative]:
+        machine = self.fit.machine
+        groups: dict[str, list[int]] = {}  # an axis, a target or the frame moves as a whole
+        for i, number in enumerate(self.fit.moving):
+            groups.setdefault(self.fit.parameters[number].key.rpartition(".")[0], []).append(i)
+        for title, own in groups.items():
+            some = [self.fit.parameters[self.fit.moving[i]] for i in own]
+            names = tuple(p.key.rpartition(".")[2] for p in some)
+            yield Alternative(
+                title, tuple(own), names, tuple(p.unit for p in some), tuple(p.factor for p in some)
+            )
+        i = self.free
+        for effect in self._effects:
+            names = tuple(found[effect.identity].short_names)
+            units = tuple(effect.units(machine)[name] for name in names)
+            factors = tuple(unit_factor(unit, machine.length_unit)[0] for unit in units)
+            columns = tuple(range(i, i + len(names)))
+            i += len(names)
+            yield Alternative(effect.title, columns, names, units, factors, effect, known[effect.identity])
+        yield Alternative(SEVERAL, tuple(range(i)), (), (), ())
+
+    def _stacked(self, sensitivities: Sensitivities, found: Sequence[Candidate]) -> Array:
+        """Return the columns of the model and of effects, as what readings are more: the residuals' signs turned."""
+        columns = [sensitivities.model, *(candidate.columns for candidate in found)]
+        return -np.concatenate(columns, axis=2)
+
+    def bound(self, data: Measurements) -> Observations:
+        """Return new measurements as observations of the fit."""
+        o = in_known_runs(bind(self._machine, data), self.fit.problem.model, self.fit.observations.run_names)
+        return replace(o, arm=self.fit.observations.arm, arm_is_known=True)
+
+    def of(self, o: Observations) -> tuple[Array, Array, Array]:
+        """Return the columns, (n, m, d), the weighted residuals, (n, m), and the predicted readings of observations.
+
+        Raises
+        ------
+        InputFileError
+            When the model cannot predict a row.
+        """
+        problem, frame = Problem(self._model, o), self.fit.solution.frame
+        with one_thread_in_blas():
+            columns = problem.jacobian(self._theta, frame)
+            residual = problem.residuals(self._theta, frame, weighted=True)
+            predicted = problem.predicted(self._theta, frame)
+        index = {parameter.key: i for i, parameter in enumerate(self._model.parameters)}
+        sensitivities = Sensitivities(self.fit, np.arange(o.n), o, problem.weight, residual, columns, index)
+        found = [unsearched(sensitivities, effect) for effect in self._effects]
+        stacked = self._stacked(sensitivities, [candidate for candidate in found if candidate])
+        finite = np.isfinite(residual).all(axis=1) & np.isfinite(stacked).all(axis=(1, 2))
+        if not finite.all():
+            row = int(np.argmin(finite))
+            raise InputFileError(
+                o.data.file, o.data.place(row), "no prediction of the model there", "a place that it reaches"
+            )
+        return stacked, residual, predicted

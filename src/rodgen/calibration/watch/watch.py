@@ -1,0 +1,540 @@
+"""Watch a fitted machine: readings as they come, against the model, until something is no longer as it was.
+
+The statistics are in :mod:`rodgen.statistics.change_detector`. What is added here: the columns of the readings, rates
+and times, what an alarm means in words and units, outliers, stuck readings, and a state that survives restarts.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import math
+import os
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rodgen.array_types import Array
+from rodgen.calibration.fitted import Estimate
+from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.watch.columns import WatchedColumns
+from rodgen.calibration.watch.events import Changed, Event, Likely, OutlierSeen, Stuck
+from rodgen.data.measurements import Measurements
+from rodgen.data.units import TIME, UnitError, parse_unit
+from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.files import read_input
+from rodgen.statistics.change_detector import ChangeDetector, Found
+from rodgen.statistics.thresholds import WATCH
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
+    from rodgen.data.observations import Observations
+
+__all__ = ["Stored", "Watch", "frequency", "stored"]
+
+
+BLOCK_SECONDS = 10.0
+"""Readings that come within so many seconds are looked at together, so that the time a year takes does not grow."""
+MOST_ROWS = 1000
+"""The same, at most."""
+HISTORY = 1000
+"""Points of the curve that is drawn: each is the largest of some blocks."""
+FORMAT = 1
+LARGEST_STATE = 500_000_000
+"""Bytes of a state that is read: that of a robot has 10 MB."""
+
+
+def frequency(text: str) -> float:
+    """Return how often something happens, per second, as ``"100/h"`` or ``"1/year"`` says it.
+
+    Raises
+    ------
+    RodgenError
+
+    Examples
+    --------
+    >>> round(frequency("100/h") * 3600, 9), round(1 / frequency("1/year"))
+    (100.0, 31557600)
+    """
+    number, _, unit = text.partition("/")
+    try:
+        of = parse_unit(unit.strip())
+        found = float(number) / of.factor()
+        if of.dimension == TIME and 0 < found < math.inf:
+            return found
+    except (UnitError, ValueError):
+        pass
+    raise RodgenError(f"{shown(text)}; expected a number above 0 per time, such as 100/h or 1/year")
+
+
+class Watch:
+    """New readings of a machine, compared with a fit as they come.
+
+    Parameters
+    ----------
+    fit : Fit
+        The reference: a model fitted to readings of the machine as it should stay.
+    rate : str or float, optional
+        How often readings come, such as ``"100/h"``, or per second. Left out: by the column ``t``, or 100 an hour.
+    false_alarms : str or float
+        How often an alarm may come while nothing changes.
+
+    Attributes
+    ----------
+    rows : int
+        That were taken in.
+    alarms : int
+        That were raised.
+    alarm_rows : list of int
+        How many rows had been taken in then, of the last ones.
+    history : list of (float, float)
+        Rows, and the largest :attr:`evidence` since the point before; a thousand points at most.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen.data.measurements import Measurements
+    >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
+    >>> table = Machine(
+    ...     "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
+    ...     (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"), estimate=("target",),
+    ... )
+    >>> random = np.random.default_rng(1)
+    >>> def measured(n, ball=100.0):
+    ...     C = random.uniform(0, 360, n)
+    ...     place = ball * np.cos(np.radians(C)), ball * np.sin(np.radians(C)), np.zeros(n)
+    ...     read = (x + random.normal(0, 0.002, n) for x in place)
+    ...     return {"C [deg]": C} | dict(zip(("x [mm]", "y [mm]", "z [mm]"), read))
+    >>> watch = Watch(table.fit(Measurements.from_frame(measured(60))), rate="100/h")
+    >>> watch.update(measured(100))
+    []
+    >>> alarm, named = watch.update(measured(50, ball=100.01))
+    >>> alarm.after, named.settled
+    (99, True)
+    """
+
+    def __init__(
+        self, fit: FittedModel, *, rate: str | float | None = None, false_alarms: str | float = "1/year"
+    ) -> None:
+        self.fit = fit
+        self._watched = WatchedColumns(fit)
+        self._rate = frequency(rate) if isinstance(rate, str) else rate
+        self._limit = 1 / (frequency(false_alarms) if isinstance(false_alarms, str) else false_alarms)
+        self.alternatives = self._watched.alternatives
+        self.detector = ChangeDetector(
+            self._watched.columns,
+            self._watched.readings,
+            self._watched.free,
+            [alternative.columns for alternative in self.alternatives],
+            len(self.alternatives) - 1,
+            self._limit,
+            np.array([-1.0, np.nan]),
+        )
+        if self.detector.dof < WATCH.fewest:
+            rows, file = fit.observations.n, fit.observations.data.file
+            found = f"{rows} rows, which leave {self.detector.dof:.0f} degrees of freedom"
+            raise InputFileError(
+                file, "file", found, f"a reference that leaves {WATCH.fewest:.0f}: more rows"
+            )
+        self.rows = self.blocks = 0
+        self._counted = "line"
+        self._per_block = self._block_of(fit.observations.t)
+        self._pending = self._nothing()
+        self._context: Measurements | None = None
+        self._last_t = math.nan
+        self._settling = 0
+        self.alarms, self.alarm_rows = 0, list[int]()
+        self._outliers: list[tuple[int, float, int]] = []
+        self._repeated: dict[str, tuple[float, float, int, int]] = {}  # value, prediction, times, since
+        self.history: list[tuple[float, float]] = []
+        self._every, self._best = 1, -math.inf
+
+    def _nothing(self) -> tuple[Array, Array, Array]:
+        m, d = self._watched.columns.shape[1:]
+        return np.empty((0, m, d)), np.empty((0, m)), np.empty((0, 2))
+
+    def _block_of(self, t: Array | None) -> int:
+        rate = self._rate
+        if rate is None and t is not None and len(t) > 1:
+            gaps = np.abs(np.diff(t))
+            middle = float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else math.inf
+            rate = 1 / middle
+        rows = BLOCK_SECONDS * (self.usual_rate if rate is None else rate)
+        return int(min(max(1.0, rows), MOST_ROWS))
+
+    @property
+    def usual_rate(self) -> float:
+        """How often readings come, per second, where neither an option nor a column of times says it."""
+        return frequency("100/h")
+
+    @property
+    def evidence(self) -> float:
+        """Logarithm of the sum that raises an alarm, less that of its limit: an alarm is raised above 0."""
+        return self.detector.log_sum - self.log_limit
+
+    @property
+    def text(self) -> str:
+        """A sentence on what is watched, and how."""
+        titles = len(self.alternatives) - 1
+        every = "each row" if self._per_block == 1 else f"every {self._per_block} rows"
+        timed = self._rate is not None or self.fit.observations.t is not None
+        assumed = "" if timed else ", 100 rows an hour assumed (--rate)"
+        o = self.fit.observations
+        return (
+            f"Reference: {o.n} rows of {o.data.file}. Watched: {titles} parameters and effects, and the noise, "
+            f"after {every}; an alarm by chance once in {_duration(self._limit)} at most{assumed}."
+        )
+
+    @property
+    def log_limit(self) -> float:
+        """Logarithm of the limit of the sum."""
+        return math.log(self._limit)
+
+    def _count_alarm(self, row: int) -> None:
+        self.alarms += 1
+        self.alarm_rows = [*self.alarm_rows, row][-HISTORY:]
+
+    def update(self, data: Any) -> list[Event]:
+        """Take new readings in, and return what they show.
+
+        Parameters
+        ----------
+        data : Measurements, or a table in memory
+            With the columns of a measurement file; the rows that came since the last update.
+
+        Returns
+        -------
+        list of Event
+            Alarms and what they are named, outliers, readings that are stuck; in order, mostly none.
+
+        Raises
+        ------
+        InputFileError
+            When a row does not fit the machine; then no row was taken in.
+        """
+        frame = not isinstance(data, Measurements)
+        data = Measurements.of(data)
+        if not data.rows:
+            return []
+        numbers = data.numbers(np.arange(data.rows)).astype(float) + (self.rows if frame else 0)
+        self._counted = data.counted
+        before = self._context
+        follows = before is not None and _texts(before) == _texts(data)
+        whole = data.after(before) if before is not None and follows else data
+        bound = self._watched.bound(whole)
+        o = bound.take(slice(whole.rows - data.rows, None))
+        columns, readings, predicted = self._watched.of(o)
+        marks = np.column_stack([numbers, np.full(o.n, np.nan) if o.t is None else o.t])
+        self._keep_context(whole, bound)
+        self.rows += o.n
+        events = list(self._stuck(data, predicted, numbers))
+        self._pending = tuple(  # type: ignore[assignment]
+            np.concatenate(parts) for parts in zip(self._pending, (columns, readings, marks), strict=True)
+        )
+        while len(self._pending[0]) >= self._per_block:
+            block = [part[: self._per_block] for part in self._pending]
+            self._pending = tuple(part[self._per_block :] for part in self._pending)  # type: ignore[assignment]
+            with one_thread_in_blas():
+                events += self._block(*block)
+        return sorted(events, key=lambda event: event.at)
+
+    def finish(self) -> list[Event]:
+        """Return what the readings since an alarm say of it, where these are all that come."""
+        if not self._settling:
+            return []
+        self._settling = 0
+        with one_thread_in_blas():
+            found = self._found()
+            self.detector.go_on(found)
+        return [self._changed(found, int(self.detector.recent.marks[-1, 0]), settled=True)]
+
+    def _keep_context(self, whole: Measurements, o: Observations) -> None:
+        """Keep the rows that tell directions of approach: those between which each joint moved last, and the last."""
+        rows = {o.n - 1}
+        for moved in (np.diff(o.q, axis=0) != 0).T:
+            if moved.any():
+                last = int(np.flatnonzero(moved)[-1])
+                rows |= {last, last + 1}
+        self._context = whole.take(np.array(sorted(rows)))
+
+    # blocks ------------------------------------------------------------------------------------------------------
+
+    def _block(self, columns: Array, readings: Array, marks: Array) -> Iterator[Event]:
+        far = self.detector.update(columns, readings, self._passed(marks), marks)
+        self.blocks += 1
+        self._remember()
+        at, blocks = int(marks[-1, 0]), self.blocks
+        if self._settling:
+            self._settling -= 1
+            if not self._settling:
+                found = self._found()
+                yield self._changed(found, at, settled=True)
+                self.detector.go_on(found)
+                self._outliers = []
+            return
+        rare = max(self._time_of_a_row / self._limit, 1e-12)
+        bound = self.detector.distance_of(rare)
+        self._outliers += [
+            (int(mark), float(x), blocks) for mark, x in zip(marks[:, 0], far, strict=True) if x > bound
+        ]
+        if self.detector.alarm:
+            self._count_alarm(self.rows - len(self._pending[0]))
+            self._settling = max(WATCH.settled // self._per_block, 1)
+            found = self._found()
+            yield from self._released(at, before=found.first[0])
+            yield self._changed(found, at, settled=False)
+        elif not self.detector.suspects:
+            yield from self._released(at, at_block=blocks - WATCH.waited)
+
+    def _released(self, at: int, *, at_block: float = math.inf, before: float = math.inf) -> Iterator[Event]:
+        """Yield outliers that no change explains."""
+        for row, distance, block in self._outliers:
+            if block <= at_block and row <= before:
+                yield OutlierSeen(at, self._counted, row, distance)
+        self._outliers = [one for one in self._outliers if one[2] > at_block] if at_block < math.inf else []
+
+    @property
+    def _time_of_a_row(self) -> float:
+        return self.detector.time / max(self.detector.blocks * self._per_block, 1)
+
+    def _passed(self, marks: Array) -> float:
+        """Return the time that passed since the block before, seconds."""
+        t = float(marks[-1, 1])
+        if self._rate is not None or math.isnan(t):
+            return len(marks) / (self.usual_rate if self._rate is None else self._rate)
+        passed = t - self._last_t if not math.isnan(self._last_t) else t - float(marks[0, 1])
+        self._last_t = t
+        return max(passed, 0.0)
+
+    def _remember(self) -> None:
+        """Keep the largest evidence of every few blocks: of twice as many where the curve is full."""
+        self._best = max(self._best, self.evidence)
+        if self.blocks % self._every == 0:
+            self.history.append((float(self.rows - len(self._pending[0])), self._best))
+            self._best = -math.inf
+        if len(self.history) >= HISTORY:
+            pairs = zip(self.history[::2], self.history[1::2], strict=False)
+            self.history = [(b[0], max(a[1], b[1])) for a, b in pairs]
+            self._every *= 2
+
+    # what it means -----------------------------------------------------------------------------------------------
+
+    def _found(self) -> Found:
+        """Return what changed; what no machine has so much of is ruled out, and what few have is less likely."""
+        found = self.detector.found()
+        with np.errstate(divide="ignore"):
+            log = np.log(found.weights)
+        for k, one in enumerate(self.alternatives):
+            log[k] += one.prior.log_odds
+            std = np.sqrt(np.diag(found.covariances[k]))
+            for name, size, u in zip(one.names, found.sizes[k], std, strict=False):
+                known = one.prior.sizes.get(name)
+                if known and abs(size) > known.largest + 2 * u:
+                    log[k] = -np.inf
+        weights = np.exp(log - log.max())
+        return replace(found, weights=weights / weights.sum())
+
+    def _changed(self, found: Found, at: int, *, settled: bool) -> Changed:
+        order = np.argsort(-found.weights, kind="stable")
+        likely = [self._likely(found, int(k)) for k in order if found.weights[k] >= WATCH.likely]
+        likely = likely or [self._likely(found, int(order[0]))]
+        t = [None if math.isnan(mark[1]) else float(mark[1]) for mark in (found.first, found.last)]
+        return Changed(
+            at,
+            self._counted,
+            int(found.first[0]),
+            int(found.last[0]),
+            tuple(likely),
+            found.noise if likely[0].title == "noise" else 1.0,
+            settled,
+            self.evidence,
+            *t,
+        )
+
+    def _likely(self, found: Found, k: int) -> Likely:
+        probability = float(found.weights[k])
+        if k == len(self.alternatives):
+            return Likely("noise", None, None, probability, ())
+        one = self.alternatives[k]
+        std = np.sqrt(np.diag(found.covariances[k]))
+        changes = tuple(
+            Estimate(name, unit, float(value / factor), float(u / factor), False, True)
+            for name, unit, factor, value, u in zip(
+                one.names, one.units, one.factors, found.sizes[k], std, strict=False
+            )
+        )
+        effect = one.effect
+        name, place = (None, None) if effect is None else effect.identity
+        return Likely(one.title, name, place, probability, changes)
+
+    def _stuck(self, data: Measurements, predicted: Array, numbers: Array) -> Iterator[Event]:
+        """Yield columns of readings that repeat a value although what is predicted moves away from it."""
+        least = WATCH.stuck * self.fit.rms * self.fit.unit_factor
+        for name, expected in zip(self.fit.machine.measurand.columns, predicted.T, strict=False):
+            if name not in data.columns:
+                continue
+            values = data.columns[name].values
+            for value, there, number in zip(
+                values.tolist(), expected.tolist(), numbers.tolist(), strict=True
+            ):
+                last, before, times, since = self._repeated.get(name, (math.nan, 0.0, 0, 0))
+                if value != last:
+                    times, since = 0, int(number)
+                elif abs(there - before) > least:
+                    times += 1
+                    if times == WATCH.stuck_times:
+                        self._count_alarm(self.rows)
+                        yield Stuck(int(number), data.counted, name, since)
+                self._repeated[name] = value, there, times, since
+
+    # kept in a file ----------------------------------------------------------------------------------------------
+
+    def state(self, place: Mapping[str, Any] | None = None, learned: Measurements | None = None) -> bytes:
+        """Return everything that a later watch of the same fit needs to go on, for a file.
+
+        Parameters
+        ----------
+        place : mapping, optional
+            How far the file of the readings was read; kept with it.
+        learned : Measurements, optional
+            The reference, where it is in no file of its own; kept with it.
+        """
+        about = {
+            "format": FORMAT,
+            "fit": self._fingerprint,
+            "place": place,
+            "learned": _as_dict(learned),
+            "context": _as_dict(self._context),
+            "rows": self.rows,
+            "blocks": self.blocks,
+            "last_t": self._last_t,
+            "settling": self._settling,
+            "alarms": self.alarms,
+            "alarm_rows": self.alarm_rows,
+            "outliers": self._outliers,
+            "repeated": self._repeated,
+            "history": self.history,
+            "every": self._every,
+            "best": self._best,
+        }
+        arrays = self.detector.state() | dict(
+            zip(("columns", "readings", "marks"), self._pending, strict=True)
+        )
+        arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
+        stream = io.BytesIO()
+        np.savez(stream, **arrays)  # type: ignore[arg-type]
+        return stream.getvalue()
+
+    def restore(self, kept: Stored) -> None:
+        """Go on from what :meth:`state` returned, as :func:`stored` reads it.
+
+        Raises
+        ------
+        InputFileError
+            When it is of another fit.
+        """
+        about, arrays = kept.about, dict(kept.arrays)
+        if about["fit"] != self._fingerprint:
+            found = "the state of a watch with another machine, reference or rate"
+            raise InputFileError(kept.file, "file", found, "the same as before, or another name")
+        try:
+            self._pending = tuple(arrays.pop(key) for key in ("columns", "readings", "marks"))  # type: ignore[assignment]
+            self.detector.restore(arrays)
+            self.rows, self.blocks, self._last_t = about["rows"], about["blocks"], about["last_t"]
+            self._settling, self.alarms = about["settling"], about["alarms"]
+            self.alarm_rows = about["alarm_rows"]
+            self._outliers = [(int(row), far, int(block)) for row, far, block in about["outliers"]]
+            self._repeated = {key: tuple(of) for key, of in about["repeated"].items()}
+            self.history = [(row, best) for row, best in about["history"]]
+            self._every, self._best = about["every"], about["best"]
+            self._context = _from_dict(about["context"])
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
+            raise _no_state(kept.file) from error
+
+    @property
+    def _fingerprint(self) -> str:
+        told = hashlib.sha256(json.dumps([self._per_block, self._rate, self._limit]).encode())
+        for part in (self._watched.columns, self._watched.readings):
+            told.update(np.ascontiguousarray(part.astype(np.float32)).tobytes())
+        return told.hexdigest()
+
+
+def _duration(seconds: float) -> str:
+    """Return a time in words."""
+    for size, name in ((31557600.0, "year"), (86400.0, "day"), (3600.0, "hour")):
+        if seconds > 0.99 * size:
+            count = seconds / size
+            return f"a {name}" if abs(count - 1) < 0.01 else f"{count:.3g} {name}s"
+    return f"{seconds:.3g} seconds"
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """A state that was read.
+
+    Attributes
+    ----------
+    file : str
+    place : dict or None
+        How far the file of the readings was read.
+    learned : Measurements or None
+        The reference, where it is in no file of its own.
+    about, arrays : dict
+        The rest.
+    """
+
+    file: str
+    place: dict[str, Any] | None
+    learned: Measurements | None
+    about: dict[str, Any]
+    arrays: dict[str, Array]
+
+
+def stored(file: str) -> Stored | None:
+    """Return the state in a file; None where there is no such file.
+
+    Raises
+    ------
+    InputFileError
+        When it is no state.
+    """
+    if not os.path.exists(file):
+        return None
+    content = read_input(file, "a state as --state writes it", largest=LARGEST_STATE)
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            arrays = {key: archive[key] for key in archive.files}
+        about = json.loads(arrays.pop("about").tobytes())
+        if about["format"] != FORMAT:
+            raise InputFileError(file, "format", str(about["format"]), str(FORMAT))
+        return Stored(file, about["place"], _from_dict(about["learned"]), about, arrays)
+    except InputFileError:
+        raise
+    except (ValueError, LookupError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise _no_state(file) from error
+
+
+def _no_state(file: str) -> InputFileError:
+    return InputFileError(file, "file", "no state of a watch", "one that --state wrote, or another name")
+
+
+def _as_dict(data: Measurements | None) -> dict[str, Any] | None:
+    if data is None:
+        return None
+    columns = {column.text: column.values.tolist() for column in data.columns.values()}
+    numbers = data.numbers(np.arange(data.rows)).tolist()
+    return {"file": data.file, "columns": columns, "numbers": numbers}
+
+
+def _from_dict(kept: Mapping[str, Any] | None) -> Measurements | None:
+    if kept is None:
+        return None
+    return Measurements.from_frame(kept["columns"], name=kept["file"]).placed(kept["numbers"])
+
+
+def _texts(data: Measurements) -> list[str]:
+    return [column.text for column in data.columns.values()]

@@ -1,0 +1,307 @@
+"""``rodgen watch``: readings as they come, against a fitted machine, until something is no longer as it was."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rodgen.cli._console import FAILED, OK, Command, notify, show, show_json_line
+from rodgen.cli._machine import add_json, load_data
+from rodgen.cli._outputs import Outputs, add_plot, figures_for
+from rodgen.cli._values import whole
+from rodgen.errors import InputFileError, RodgenError
+
+if TYPE_CHECKING:
+    from rodgen.calibration.watch import Watch
+    from rodgen.calibration.watch.events import Event
+    from rodgen.data.measurements import Measurements
+    from rodgen.data.tail import Lines, Tail
+
+LEARNED = 200
+"""Rows at the beginning that are the reference where none is given."""
+SAVED_EVERY = 10.0
+"""Seconds between two times that the state is written, at least."""
+
+_WATCH = f"""\
+Compare new readings of a machine with what it was, as they come, and report when something has changed: what it looks
+like, by how much, and since when. The reference is a fit to the measurements of --reference, or to the first {LEARNED}
+rows of DATA. An alarm comes by chance no more often than --false-alarms says, however long the watch is.
+
+DATA is a measurement file that may grow (--follow), or '-', CSV on standard input.
+
+  rodgen watch mount.toml tonight.csv --reference stars.csv
+  rodgen watch arm.toml readings.csv --reference calibration.csv --follow --state arm.watch
+  tracker | rodgen watch arm.toml - --reference calibration.csv --rate 10/s --json
+
+The exit code is 1 where there was an alarm.
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    watch = command("watch", _run, "readings as they come: has the machine changed?", _WATCH)
+    watch.add_argument("machine", metavar="MACHINE", help="the machine file")
+    watch.add_argument("data", metavar="DATA", help="the new readings; '-' is CSV on standard input")
+    watch.add_argument("--reference", metavar="FILE", help="measurements of the machine as it should stay")
+    watch.add_argument(
+        "--learn",
+        metavar="ROWS",
+        type=whole(1),
+        default=LEARNED,
+        help=f"without --reference, rows of DATA that are the reference (default: {LEARNED})",
+    )
+    watch.add_argument(
+        "--follow", action="store_true", help="wait for more rows at the end of DATA, until Ctrl-C"
+    )
+    watch.add_argument(
+        "--rate",
+        metavar="N/TIME",
+        type=_frequency,
+        help="how often readings come, such as 100/h; default: by the column t, or 100/h",
+    )
+    watch.add_argument(
+        "--false-alarms",
+        metavar="N/TIME",
+        type=_frequency,
+        default=_frequency("1/year"),
+        help="how often an alarm may come while nothing changes (default: 1/year)",
+    )
+    for name, stop, about in (
+        ("alarm", "end after the first alarm", "after an alarm"),
+        ("bad-row", "end with an error", "at a row that cannot be read"),
+    ):
+        watch.add_argument(
+            f"--on-{name}",
+            choices=("go-on", "stop"),
+            default="go-on",
+            help=f"{about}: say so and go on (default), or {stop}",
+        )
+    watch.add_argument(
+        "--state", metavar="FILE", help="keep there what was seen; a later call goes on from it"
+    )
+    add_plot(watch, "the evidence for a change over the rows")
+    add_json(watch)
+
+
+def _frequency(text: str) -> float:
+    from rodgen.calibration.watch.watch import frequency
+
+    try:
+        return frequency(text)
+    except RodgenError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _run(options: argparse.Namespace) -> int:
+    figures = figures_for(options.plot)
+    inputs = [options.machine, options.data, *filter(None, [options.reference])]
+    with Outputs(*inputs) as outputs:
+        outputs.claim(options.plot, options.state)
+    with _stopping() as stop:
+        watching = _Watching(options, stop)
+        try:
+            watching.run()
+        finally:
+            watching.save()
+            if figures and watching.watch is not None:
+                figures.save_figure(figures.watched(watching.watch), options.plot)
+    return FAILED if watching.alarms else OK
+
+
+class _Stop:
+    """Whether a signal asked for the end."""
+
+    signal = 0
+
+    def __call__(self, *_: Any) -> bool:
+        return bool(self.signal)
+
+
+@contextlib.contextmanager
+def _stopping() -> Iterator[_Stop]:
+    """Note signals in the block, so that no row is half counted; let them do what they do at its end."""
+    stop, before = _Stop(), {}
+
+    def note(number: int, _: Any) -> None:
+        stop.signal = number
+
+    if threading.current_thread() is threading.main_thread():
+        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if stop.signal:
+            signal.raise_signal(stop.signal)
+
+
+class _Watching:
+    """A watch, from files to lines on standard output."""
+
+    def __init__(self, options: argparse.Namespace, stop: _Stop) -> None:
+        self.options, self.stop = options, stop
+        self.watch: Watch | None = None
+        self.alarms = 0
+        self._ended = False
+        self._tail: Tail | None = None
+        self._learned: Measurements | None = None
+        self._place: dict[str, Any] | None = None
+        self._saved = time.monotonic()
+
+    def run(self) -> None:
+        """Read until the end, a signal, or what an option says."""
+        from rodgen.calibration.watch.watch import stored
+        from rodgen.data.tail import Tail
+
+        kept = stored(self.options.state) if self.options.state else None
+        if self.options.reference is not None:
+            self._begin(load_data(self.options.reference))
+        elif kept is not None and kept.learned is not None:
+            self._learned = kept.learned
+            self._begin(kept.learned)
+        if kept is not None:
+            if self.watch is None:
+                found = "a state without a reference"
+                raise InputFileError(
+                    self.options.state, "file", found, "--reference as before, or another name"
+                )
+            self.watch.restore(kept)
+            self._place = kept.place
+            notify(f"{self.options.state}: goes on after {self.watch.rows} rows")
+        if _is_table(self.options.data):
+            self._take(load_data(self.options.data))
+            self._end(self.options.data)
+            return
+        self._tail = Tail(
+            self.options.data,
+            follow=self.options.follow,
+            place=self._place,
+            stopped=lambda: bool(self.stop.signal) or self._ended,
+        )
+        with contextlib.closing(self._tail) as tail:
+            for lines in tail:
+                if lines.notice:
+                    notify(f"{tail.file} {lines.notice}")
+                for data in self._measured(lines, tail.file) if lines.text else ():
+                    self._take(data)
+                self._place = tail.place
+                if time.monotonic() - self._saved > SAVED_EVERY:
+                    self.save()
+        self._end(tail.file)
+
+    def _end(self, file: str) -> None:
+        """Say what there is to say at the end of the rows."""
+        if self.stop.signal:
+            return
+        if self.watch is None:
+            rows = 0 if self._learned is None else self._learned.rows
+            expected = f"{self.options.learn} to learn from, or --reference"
+            raise InputFileError(file, "file", f"{rows} rows", expected)
+        if not self.options.state and not self._ended:
+            self._report_all(self.watch.finish())
+
+    def _measured(self, lines: Lines, file: str) -> Iterator[Measurements]:
+        """Yield the rows of lines that can be read; of others, say why they cannot."""
+        from rodgen.data.measurements import Measurements
+
+        try:
+            yield Measurements.from_lines(lines.header, lines.text, lines.first, name=file)
+        except InputFileError as error:
+            yield from self._one_by_one(lines, file, error)
+
+    def _one_by_one(self, lines: Lines, file: str, error: InputFileError) -> Iterator[Measurements]:
+        from rodgen.data.measurements import Measurements
+
+        if not error.place.startswith("line") or error.place.partition(",")[0] == "line 1":
+            raise error
+        for i, line in enumerate(lines.text.splitlines(keepends=True)):
+            try:
+                yield Measurements.from_lines(lines.header, line, lines.first + i, name=file)
+            except InputFileError as fault:
+                self._bad(fault)
+
+    def _bad(self, error: InputFileError) -> None:
+        """Say that a row is left out, or end."""
+        if self.options.on_bad_row == "stop":
+            raise error
+        if self.options.json:
+            show_json_line({"event": "bad_row", "place": error.place, "found": error.found})
+        notify(f"{error}; the row is left out")
+
+    def _take(self, data: Measurements) -> None:
+        """Give rows to the watch, or to the reference as long as it is not complete."""
+        if self._ended:
+            return
+        if self.watch is None:
+            self._learned = data if self._learned is None else data.after(self._learned)
+            if self._learned.rows < self.options.learn:
+                return
+            further = self._learned.take(slice(self.options.learn, None))
+            self._learned = self._learned.take(slice(0, self.options.learn))
+            self._begin(self._learned)
+            data = further
+        assert self.watch is not None
+        try:
+            events = self.watch.update(data)
+        except InputFileError as error:
+            place = error.place.partition(",")[0]
+            if not place.startswith(data.counted) or place == data.header_place:
+                raise
+            if data.rows == 1:
+                self._bad(error)
+                return
+            for row in range(data.rows):
+                self._take(data.take(slice(row, row + 1)))
+            return
+        self._report_all(events)
+
+    def _report_all(self, events: Sequence[Event]) -> None:
+        for event in events:
+            self._report(event)
+            if event.is_alarm:
+                self.alarms += 1
+                if self.options.on_alarm == "stop":
+                    self._ended = True
+                    return
+
+    def _report(self, event: Event) -> None:
+        if self.options.json:
+            show_json_line(event.to_dict())
+            return
+        show(event.text)
+        if event.settles:
+            show(
+                f"To see more, write the rows from {event.counted} {event.since} on into a file of their own, and run "
+                f"'rodgen diagnose {self.options.machine} FILE'."
+            )
+
+    def _begin(self, reference: Measurements) -> None:
+        """Begin to watch."""
+        from rodgen.calibration.fit import fit
+        from rodgen.calibration.watch import Watch
+        from rodgen.machines.machine import Machine
+
+        found = fit(Machine.load(self.options.machine), reference, loss="huber")
+        self.watch = Watch(found, rate=self.options.rate, false_alarms=self.options.false_alarms)
+        notify(self.watch.text)
+
+    def save(self) -> None:
+        """Write the state, where it is wanted and there is one."""
+        if self.options.state and self.watch is not None:
+            from rodgen.files import write_file
+
+            write_file(self.options.state, self.watch.state(self._place, self._learned))
+        self._saved = time.monotonic()
+
+
+def _is_table(file: str) -> bool:
+    """Return whether a file is no plain CSV, which is read as it grows: Parquet, or packed."""
+    from rodgen.files import read_start
+
+    return file != "-" and read_start(file, "CSV or Parquet", 4).startswith((b"PAR1", b"\x1f\x8b"))

@@ -1,0 +1,538 @@
+"""Find changes in a sequence of readings with a linear model, by a test that is valid at every time.
+
+Readings r of unit weight have columns W, of the parameters of a model (δ, unknown but for the reference readings)
+and of effects that the model lacks (small, with a normal prior). As long as nothing changes,
+
+    r_i = W_i δ + e_i,     e_i independent, of variance σ²,
+
+and all of δ and σ is what the reference readings, and the new ones, leave of it. A change at j of a group k of
+columns adds W_i^k b from there on, b ~ N(0, s² σ²). The ratio of the likelihoods with and without it, δ, b and σ
+integrated, is
+
+    Λ_jk = |I + s² A|^(-1/2) (1 - uᵀ(A + s⁻²)⁻¹u / S)^(-ν/2),
+
+u and A the score and the information of b given δ: differences of sums from one time to another. Without a change
+Λ_jk has the expectation 1 at every time, since it began at j (an e-process). A sum of Λ_jk over j with weights that
+are, up to any time, at most the time that has passed has at most that time as its expectation (an e-detector: Shin,
+Ramdas and Rinaldo, "E-detectors", 2022; for simple alternatives, Shiryaev and Roberts). So the mean time until it
+exceeds A is at least A, by Ward's optional stopping, for any A and any number of readings.
+
+Beginnings j are tried at all multiples of 2^v of level v, as long as they are no more than four steps old: of what
+began a readings ago some are within a/2. What is left out makes the sum smaller, and no false alarm more frequent.
+
+A reading that is far from what was expected counts as if it were at a distance that normal readings seldom exceed
+(Huber's ψ of its length, in standard deviations). Clipping is a contraction, so that the moments of the scores of
+normal errors become less: the bound stays. Neither can a single reading add more than half of that distance's
+square to log Λ.
+
+How often readings are near, far and very far from what is expected is counted; a change of these frequencies, with
+Dirichlet priors, is one more alternative: another noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rodgen.array_types import Array
+from rodgen.statistics.recent_change import recent_change
+from rodgen.statistics.thresholds import WATCH
+
+ROUNDING = 1e-12
+"""Part of a column's information that keeps rounding out of the inverse: what no reading sees stays open."""
+SMALLEST = 1e-300
+REFRESHED = 256
+"""Updates after which the inverse of the information is computed anew."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Sums over all readings up to a time."""
+
+    mark: Array  # what the user calls the last reading
+    rows: Array
+    scatter: Array  # of squares of what was not expected, clipped
+    square: Array  # (d, d), WᵀW
+    onto: Array  # (d,), Wᵀr, r clipped
+    bins: Array  # how many readings were how far from what was expected
+
+    def less(self, other: _Sums) -> _Sums:
+        """Return the sums since another time."""
+        return _Sums(*(getattr(self, f.name) - getattr(other, f.name) for f in fields(_Sums)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    block: int
+    weight: float  # the time that it stands for
+    sums: _Sums
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What changed, when the sum exceeded its limit.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (K + 1,)
+        Probability of each alternative, if one of them is true and all were equally likely; the last is the noise.
+    first, last : ndarray
+        Marks of the readings between which it began with a probability of 90 %.
+    sizes, covariances : tuple of ndarray
+        Of each alternative but the noise the change of its coefficients, and its covariance.
+    noise : float
+        Factor of the distances from what was expected.
+    """
+
+    weights: Array
+    first: Array
+    last: Array
+    sizes: tuple[Array, ...]
+    covariances: tuple[Array, ...]
+    noise: float
+    _before: _Sums
+    _since: _Sums
+
+
+class _Recent(NamedTuple):
+    """The last readings, as they are."""
+
+    columns: Array
+    readings: Array
+    marks: Array
+
+
+class ChangeDetector:
+    """An e-detector of changes of the coefficients of a linear model, and of its noise.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, m, d)
+        Of the reference readings.
+    readings : ndarray, shape (n, m)
+        Whitened: their errors are independent and have one variance.
+    free : int
+        The first so many columns have coefficients of which nothing is known; those of the others are small.
+    groups : sequence of sequences of int
+        The columns that change together, of each alternative.
+    tested : int
+        The first so many of these are looked for; the others are only named where they explain more.
+    limit : float
+        What the sum must exceed: the mean time between false alarms, in the unit of the time that passes.
+    mark : ndarray
+        What the user calls the last of them.
+
+    Attributes
+    ----------
+    log_sum : float
+        Of the e-detector, at the last update.
+    components : int
+        m.
+    """
+
+    def __init__(
+        self,
+        columns: Array,
+        readings: Array,
+        free: int,
+        groups: Sequence[Sequence[int]],
+        tested: int,
+        limit: float,
+        mark: Array,
+    ) -> None:
+        d = columns.shape[2]
+        self.limit, self.groups = limit, [np.asarray(group) for group in groups]
+        self.tested = tested
+        length = np.sqrt(np.mean(columns**2, axis=(0, 1)))
+        self.scale = float(np.sqrt(np.mean(readings**2))) or 1.0
+        self.unit = np.divide(self.scale, length, out=np.zeros(d), where=length > 0)
+        self.components, of_width = columns.shape[1], dict[int, list[int]]()
+        for k, group in enumerate(self.groups[:tested]):
+            of_width.setdefault(len(group), []).append(k)
+        self._widths = [(some, np.stack([self.groups[k] for k in some])) for some in of_width.values()]
+        self.base = np.diag(np.where(np.arange(d) < free, WATCH.unknown, WATCH.unseen) ** -2.0)
+        self._learn(columns * (self.unit / self.scale), readings / self.scale, mark)
+        self.recent = _Recent(
+            np.empty((0, *columns.shape[1:])), np.empty((0, columns.shape[1])), mark[None][:0]
+        )
+        self._begin()
+
+    def _learn(self, columns: Array, readings: Array, mark: Array) -> None:
+        """Take the reference readings in."""
+        n, m, d = columns.shape
+        flat = columns.reshape(-1, d)
+        square = flat.T @ flat
+        self.covariance = self._inverse(square)
+        leverage = columns @ self.covariance @ np.swapaxes(columns, 1, 2)
+        self.lost = float(np.einsum("nii->", leverage))
+        dof = max(n * m - self.lost, 1.0)
+        clipped, variance, far = readings, 1.0, np.zeros(n)
+        for _ in range(WATCH.rounds):
+            self.mean = self.covariance @ (flat.T @ clipped.ravel())
+            error = readings - columns @ self.mean
+            far = _distance(error, (np.eye(m) - leverage) * variance)
+            near = _kept(far, m)
+            clipped = readings - error * (1 - near)[:, None]
+            variance = float(np.sum((error * near[:, None]) ** 2)) / dof
+        bins = _counted(far, m) + 0.5
+        scatter = np.array(variance * dof)
+        self.sums = _Sums(mark, np.array(float(n)), scatter, square, flat.T @ clipped.ravel(), bins)
+
+    def _begin(self) -> None:
+        """Forget all beginnings."""
+        self.blocks, self.time, self.log_sum = 0, 0.0, -np.inf
+        self.levels: list[list[_Start]] = [[] for _ in range(WATCH.levels)]
+        self._begun, self._suspected = [0.0] * WATCH.levels, -1
+        self._start()
+
+    def distance_of(self, probability: float) -> float:
+        """Return the distance, in standard deviations, that a good reading exceeds with a probability."""
+        from rodgen.statistics.compiled_scipy import special
+
+        return float(np.sqrt(special.chdtri(self.components, probability)))
+
+    @property
+    def dof(self) -> float:
+        """ν, of the variance that is known so far."""
+        return self._dof_of(self.sums)
+
+    @property
+    def variance(self) -> float:
+        """σ², relative to the mean square of the reference readings."""
+        return self._variance_of(self.sums)
+
+    def _variance_of(self, sums: _Sums) -> float:
+        return float(sums.scatter) / self._dof_of(sums)
+
+    def _dof_of(self, sums: _Sums) -> float:
+        return float(max(sums.rows * self.components - self.lost, 1.0))
+
+    def _typical(self, bins: Array) -> float:
+        return _typical(bins, self.components)
+
+    # new readings ----------------------------------------------------------------------------------------------
+
+    def update(self, columns: Array, readings: Array, time: float, marks: Array) -> Array:
+        """Take a block of readings in; return how far each is from what was expected, in standard deviations, (n,).
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, m, d)
+        readings : ndarray, shape (n, m)
+        time : float
+            That has passed since the block before.
+        marks : ndarray, shape (n, k)
+            What the user calls them.
+        """
+        n, m, d = columns.shape
+        columns, readings = columns * (self.unit / self.scale), readings / self.scale
+        new = _Recent(columns, readings, marks)
+        self.recent = _Recent(
+            *(np.concatenate(parts)[-WATCH.recent :] for parts in zip(self.recent, new, strict=True))
+        )
+        variance, flat, s = self.variance, columns.reshape(-1, d), self.sums
+        error = readings - columns @ self.mean
+        spread = np.eye(m) + columns @ self.covariance @ np.swapaxes(columns, 1, 2)
+        far = _distance(error, spread * variance)
+        near = _kept(far, m)
+        clipped = readings - error * (1 - near)[:, None]
+        self.sums = _Sums(
+            marks[-1],
+            s.rows + n,
+            s.scatter + variance * np.sum((far * near) ** 2),
+            s.square + flat.T @ flat,
+            s.onto + flat.T @ clipped.ravel(),
+            s.bins + _counted(far, m),
+        )
+        self.blocks += 1
+        self.time += max(time, 0.0)
+        if len(flat) < d and self.blocks % REFRESHED:
+            across = self.covariance @ flat.T
+            inner = np.eye(len(flat)) + flat @ across
+            self.covariance = self.covariance - across @ np.linalg.solve(inner, across.T)
+        else:
+            self.covariance = self._inverse(self.sums.square)
+        self.mean = self.covariance @ self.sums.onto
+        self.log_sum = self._log_sum()
+        self._start()
+        return far
+
+    def _inverse(self, square: Array) -> Array:
+        found = np.linalg.inv(self.base + square + ROUNDING * np.diag(np.diag(square)))
+        return np.asarray((found + found.T) / 2)
+
+    def _start(self) -> None:
+        """Begin new processes where it is time to: each stands for the time since the one before on its level."""
+        for level, starts in enumerate(self.levels):
+            if self.blocks % (1 << level) == 0:
+                stood_for = self.time - self._begun[level] if starts else WATCH.at_once * self.limit
+                self._begun[level] = self.time
+                starts.append(_Start(self.blocks, stood_for / WATCH.levels, self.sums))
+                del starts[: -WATCH.kept]
+
+    # the sum ---------------------------------------------------------------------------------------------------
+
+    def _tried(self, whole: bool) -> list[_Start]:
+        """Return the beginnings that are looked at now: the older ones of each level, all of the first.
+
+        Those that began long ago are looked at less often, unless the `whole` sum is wanted.
+        """
+        return [
+            start
+            for level, starts in enumerate(self.levels)
+            if whole or self.blocks % max(1, (1 << level) // WATCH.looks) == 0
+            for start in starts
+            if start.weight > 0 and (not level or self.blocks - start.block > 2 << level)
+        ]
+
+    def _log_sum(self, *, whole: bool = False) -> float:
+        starts = self._tried(whole)
+        return float(_log_add(self._log_parts(starts)[0])) if starts else -np.inf
+
+    def _log_parts(self, starts: Sequence[_Start]) -> tuple[Array, Array, Array]:
+        """Return the logarithms of the parts of the sum, (starts, K + 1), and scores and WᵀW since each start."""
+        since = [self.sums.less(start.sums) for start in starts]
+        square = np.stack([each.square for each in since])
+        score = np.stack([each.onto for each in since]) - square @ self.mean
+        # of few readings, what δ is uncertain by hardly matters
+        exact = [i for i, each in enumerate(since) if each.rows > WATCH.exact * self.sums.rows]
+        known = square[exact]
+        lost = self.covariance @ known
+        effects = np.empty((len(starts), self.tested))
+        for some, index in self._widths:
+            A = square[:, index[:, :, None], index[:, None, :]]
+            A[exact] -= np.einsum("jdka,jdkb->jkab", known[:, :, index], lost[:, :, index], optimize=True)
+            effects[:, some] = self._log_ratio(score[:, index], A)
+        share = np.log((1 - WATCH.noise) / self.tested)
+        noise = [
+            self._log_of_noise(start.sums.bins, each.bins) for start, each in zip(starts, since, strict=True)
+        ]
+        found = np.column_stack([effects + share, np.array(noise) + np.log(WATCH.noise)])
+        return found + np.log([start.weight for start in starts])[:, None], score, square
+
+    def _log_ratio(self, u: Array, A: Array) -> Array:
+        """Return log Λ, (...), from scores u, (..., p), and information A, (..., p, p); the mean over the sizes."""
+        of_sizes = []
+        for size in WATCH.sizes:
+            inner = A * size**2 + np.eye(u.shape[-1])
+            q = size**2 * np.einsum("...a,...a->...", u, np.linalg.solve(inner, u[..., None])[..., 0])
+            part = np.minimum(q / self.sums.scatter, 1 - ROUNDING)
+            of_sizes.append(-np.linalg.slogdet(inner)[1] / 2 - self.dof / 2 * np.log1p(-part))
+        return np.asarray(_log_add(np.array(of_sizes), axis=0) - np.log(len(of_sizes)))
+
+    @staticmethod
+    def _log_of_noise(before: Array, since: Array) -> float:
+        alike = np.ones(len(since))
+        return (
+            _log_dirichlet(alike + since)
+            - _log_dirichlet(alike)
+            - _log_dirichlet(before + since)
+            + _log_dirichlet(before)
+        )
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the sum exceeds the limit, and did so already `WATCH.confirmed` blocks ago; asked once a block.
+
+        What a single bad reading did, later ones take back.
+        """
+        limit = float(np.log(self.limit * (1 + WATCH.at_once)))
+        if self._suspected < 0:
+            self._suspected = self.blocks if self.log_sum >= limit else -1
+        elif self.blocks - self._suspected >= WATCH.confirmed:
+            if self._log_sum(whole=True) >= limit:
+                return True
+            self._suspected = -1
+        return False
+
+    @property
+    def suspects(self) -> bool:
+        """Whether the sum exceeded the limit, and later readings are waited for."""
+        return self._suspected >= 0
+
+    # what changed ----------------------------------------------------------------------------------------------
+
+    def found(self) -> Found:
+        """Return what changed, as far as the readings tell it."""
+        starts = {start.block: start for starts in self.levels for start in starts if start.weight > 0}
+        tried = [starts[block] for block in sorted(starts) if block < self.blocks]
+        parts, score, square = self._log_parts(tried)
+        of_starts = np.exp(_log_add(parts, axis=1) - _log_add(parts))
+        probable = np.cumsum(of_starts)
+        first = max(int(np.searchsorted(probable, WATCH.outside / 2)) - 1, 0)
+        last = min(int(np.searchsorted(probable, 1 - WATCH.outside / 2)), len(tried) - 1)
+        since = int(self.sums.rows - tried[first].sums.rows)
+        if since <= len(self.recent.readings):
+            return self._close_up(tried[first].sums, since)
+        at = int(np.argmax(of_starts))
+        before, after = tried[at].sums, self.sums.less(tried[at].sums)
+        square, sizes, covariances, evidence = square[at], [], [], []
+        A = square - square @ self.covariance @ square
+        for group in self.groups:
+            u, own, unit = score[at, group], A[np.ix_(group, group)], self.unit[group]
+            evidence.append(float(self._log_ratio(u, own)))
+            inverse = np.linalg.inv(own + np.eye(len(group)) * WATCH.unknown**-2.0)
+            sizes.append(inverse @ u * unit)
+            covariances.append(inverse * self.variance * np.outer(unit, unit))
+        evidence.append(self._log_of_noise(before.bins, after.bins))
+        weights = np.exp(evidence - _log_add(np.array(evidence)))
+        noise = self._typical(after.bins + 0.1) / self._typical(before.bins)
+        if weights[-1] >= WATCH.likely:  # counted in units of the noise that was
+            after = replace(after, bins=after.rows * np.diff([0.0, *WATCH.bins, 1.0]))
+        marks = tried[first].sums.mark, tried[last].sums.mark
+        return Found(weights, *marks, tuple(sizes), tuple(covariances), noise, before, after)
+
+    def _close_up(self, before: _Sums, since: int) -> Found:
+        """Return what changed among the last readings, as they are, of which so many came after a time `before` it."""
+        columns, readings, marks = (part[-since:] for part in self.recent)
+        covariance = self._inverse(before.square)
+        mean = covariance @ before.onto
+        variance = self._variance_of(before)
+        error = readings - columns @ mean
+        spread = (np.eye(self.components) + columns @ covariance @ np.swapaxes(columns, 1, 2)) * variance
+        root = np.linalg.inv(np.linalg.cholesky(spread))
+        white, unexpected = root @ columns, (root @ error[..., None])[..., 0]
+        *found, noisier = recent_change(white, unexpected, self.groups)
+        evidence = np.array([each.log_evidence for each in (*found, noisier)])
+        weights, best = np.exp(evidence - _log_add(evidence)), int(np.argmax(evidence))
+        noisy = best == len(found)
+        began = (noisier if noisy else found[best]).began
+        probable = np.cumsum(began)
+        first = int(np.searchsorted(probable, WATCH.outside / 2))
+        last = min(int(np.searchsorted(probable, 1 - WATCH.outside / 2)), since - 1)
+        at, noise = int(np.argmax(began)), float(noisier.size[0])
+        expected, after = mean.copy(), variance * noise**2
+        if not noisy:
+            after = variance
+            expected[self.groups[best]] += found[best].size
+        same = self._summed(columns[:at], readings[:at], mean, variance)
+        changed = self._summed(columns[at:], readings[at:], expected, after)
+        units = [self.unit[group] for group in self.groups]
+        return Found(
+            weights,
+            marks[first - 1] if first else before.mark,
+            marks[last - 1] if last else before.mark,
+            tuple(each.size * unit for each, unit in zip(found, units, strict=True)),
+            tuple(each.covariance * np.outer(unit, unit) for each, unit in zip(found, units, strict=True)),
+            noise,
+            _Sums(*(getattr(before, f.name) + getattr(same, f.name) for f in fields(_Sums))),
+            changed,
+        )
+
+    def _summed(self, columns: Array, readings: Array, mean: Array, variance: float) -> _Sums:
+        """Return the sums of readings of which some are expected."""
+        n, m, d = columns.shape
+        error, flat = readings - columns @ mean, columns.reshape(-1, d)
+        far = np.linalg.norm(error, axis=1) / np.sqrt(variance)
+        near = _kept(far, m)
+        clipped = readings - error * (1 - near)[:, None]
+        scatter = np.asarray(variance * np.sum((far * near) ** 2))
+        return _Sums(
+            np.zeros_like(self.sums.mark),
+            np.array(float(n)),
+            scatter,
+            flat.T @ flat,
+            flat.T @ clipped.ravel(),
+            _counted(far, m),
+        )
+
+    def go_on(self, found: Found) -> None:
+        """Take what was found for how things are from now on; changes from there are looked for."""
+        before, since = found._before, found._since
+        rows, scatter, bins = before.rows, before.scatter, before.bins
+        if found.weights[-1] >= WATCH.likely:
+            rows, bins = since.rows, since.bins + 0.5
+            scatter = self._variance_of(before) * found.noise**2 * rows * self.components
+            self.lost = 0.0
+        likely = [group for group, w in zip(self.groups, found.weights, strict=False) if w >= WATCH.likely]
+        moved = np.unique(np.concatenate([np.array([], np.intp), *likely]))
+        covariance = self._inverse(before.square)
+        mean = covariance @ before.onto
+        covariance[moved, moved] += WATCH.unknown**2
+        self.base = np.asarray(np.linalg.inv(covariance))
+        self.sums = _Sums(
+            self.sums.mark, rows, np.asarray(scatter), since.square, self.base @ mean + since.onto, bins
+        )
+        self.covariance = self._inverse(self.sums.square)
+        self.mean = self.covariance @ self.sums.onto
+        self._begin()
+
+    # kept in a file --------------------------------------------------------------------------------------------
+
+    def state(self) -> dict[str, Array]:
+        """Return everything that readings have changed, as arrays."""
+        unique = {id(start.sums): start.sums for starts in self.levels for start in starts}
+        number = {key: i for i, key in enumerate(unique)}
+        every = [*unique.values(), self.sums]
+        kept = {f"sums.{f.name}": np.stack([getattr(sums, f.name) for sums in every]) for f in fields(_Sums)}
+        starts = [
+            (level, start.block, start.weight, number[id(start.sums)])
+            for level, of in enumerate(self.levels)
+            for start in of
+        ]
+        counts = (self.blocks, self.time, self.log_sum, self.lost, self._suspected, *self._begun)
+        return (
+            kept
+            | {"starts": np.array(starts, float), "counts": np.array(counts, float), "base": self.base}
+            | {f"recent.{name}": part for name, part in self.recent._asdict().items()}
+        )
+
+    def restore(self, state: Mapping[str, Array]) -> None:
+        """Go on from a state."""
+        columns = [state[f"sums.{f.name}"] for f in fields(_Sums)]
+        *sums, self.sums = [_Sums(*(column[i] for column in columns)) for i in range(len(columns[0]))]
+        blocks, self.time, self.log_sum, self.lost, suspected, *begun = state["counts"].tolist()
+        self.blocks, self._suspected, self._begun = int(blocks), int(suspected), begun
+        self.levels = [[] for _ in range(WATCH.levels)]
+        for level, block, weight, number in state["starts"].tolist():
+            self.levels[int(level)].append(_Start(int(block), weight, sums[int(number)]))
+        self.base = state["base"]
+        self.recent = _Recent(*(state[f"recent.{name}"] for name in _Recent._fields))
+        self.covariance = self._inverse(self.sums.square)
+        self.mean = self.covariance @ self.sums.onto
+
+
+def _distance(error: Array, spread: Array) -> Array:
+    """Return the length of each error in standard deviations, (n,)."""
+    squares = np.einsum("ni,ni->n", error, np.linalg.solve(spread, error[..., None])[..., 0])
+    return np.asarray(np.sqrt(squares))
+
+
+def _kept(far: Array, components: int) -> Array:
+    """Return the part of each error that is left when it is clipped."""
+    return np.asarray(np.minimum(1.0, WATCH.clip(components) / np.maximum(far, SMALLEST)))
+
+
+def _bounds(components: int) -> Array:
+    from rodgen.statistics.compiled_scipy import special
+
+    return np.asarray(np.sqrt(special.chdtri(components, 1 - np.array(WATCH.bins))))
+
+
+def _counted(far: Array, components: int) -> Array:
+    """Return how many errors are between each two bounds."""
+    found = np.searchsorted(_bounds(components), far)
+    return np.bincount(found, minlength=len(WATCH.bins) + 1).astype(float)
+
+
+def _typical(bins: Array, components: int) -> float:
+    """Return the standard deviation at which such counts are likeliest."""
+    from rodgen.statistics.compiled_scipy import special
+
+    tried = np.geomspace(0.05, 20, 241)
+    below = special.chdtr(components, (_bounds(components) / tried[:, None]) ** 2)
+    parts = np.diff(below, prepend=0.0, append=1.0)
+    return float(tried[np.argmax(np.log(np.maximum(parts, SMALLEST)) @ bins)])
+
+
+def _log_dirichlet(counts: Array) -> float:
+    from rodgen.statistics.compiled_scipy import special
+
+    return float(np.sum(special.gammaln(counts)) - special.gammaln(np.sum(counts)))
+
+
+def _log_add(logarithms: Array, axis: int | None = None) -> Any:
+    return np.logaddexp.reduce(logarithms.ravel() if axis is None else logarithms, axis=axis or 0)

@@ -1,0 +1,153 @@
+"""The detector against what theory says of it: an e-process on exact rows, robust to single readings, right names."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rodgen.statistics.change_detector import ChangeDetector
+from rodgen.statistics.thresholds import WATCH
+
+GROUPS = [[0], [1], [2, 3], [4]]
+FREE, D, M = 2, 5, 2
+
+
+class Bench:
+    """Exact rows of a linear model: two parameters of any size, effects that are not there."""
+
+    def __init__(self, seed: int, noise: str = "normal") -> None:
+        self.random = np.random.default_rng(seed)
+        self.theta = np.array([30.0, -7.0, 0.0, 0.0, 0.0])
+        self.noise = noise
+
+    def rows(self, n: int, change: np.ndarray | float = 0.0, factor: float = 1.0):
+        columns = self.random.normal(size=(n, M, D))
+        if self.noise == "normal":
+            error = self.random.normal(size=(n, M))
+        else:  # one scale for each row: 3 degrees of freedom
+            error = self.random.normal(size=(n, M)) / np.sqrt(self.random.chisquare(3, (n, 1)) / 3)
+        return columns, columns @ (self.theta + change) + 0.01 * factor * error
+
+    def detector(self, rows: int = 60, limit: float = 1000.0) -> ChangeDetector:
+        return ChangeDetector(*self.rows(rows), FREE, GROUPS, len(GROUPS), limit, np.array([-1.0]))
+
+    def watch(self, detector, rows: int, first: int = 0, **changed) -> int | None:
+        """Update row by row until an alarm; give the number of rows to it."""
+        for i in range(rows):
+            detector.update(*self.rows(1, **changed), 1.0, np.array([[float(first + i)]]))
+            if detector.alarm:
+                return i + 1
+        return None
+
+
+def change(*values: float) -> np.ndarray:
+    return 0.01 * np.array(values)
+
+
+def test_parts_of_the_sum_have_an_expectation_of_one_without_a_change() -> None:
+    """Each process starts at one, and its mean stays there: the reference's uncertainty is in it, too.
+
+    From a reference of 12 rows for two parameters: plugged in, they would be off by half of the noise.
+    """
+    found, tried = [], 150
+    for seed in range(tried):
+        bench = Bench(seed)
+        detector = bench.detector(12)
+        start = detector.levels[0][0]
+        for _ in range(12):
+            detector.update(*bench.rows(1), 1.0, np.zeros((1, 1)))
+        parts, _, _ = detector._log_parts([start])
+        found.append(np.exp(np.logaddexp.reduce(parts[0]) - np.log(start.weight)))
+    assert np.mean(found) < 1 + 3 * np.std(found) / np.sqrt(tried)
+    assert np.mean(found) > 0.1
+
+
+def test_a_constant_machine_raises_no_alarm_in_the_time_between_false_ones() -> None:
+    assert all(Bench(seed).watch(Bench(seed).detector(), 300) is None for seed in range(3))
+
+
+@pytest.mark.parametrize(
+    ("moved", "group", "within"),
+    [((0, 3, 0, 0, 0), 1, 20), ((0, 0, 1.5, -1.5, 0), 2, 40), ((0, 0, 0, 0, 60), 3, 12)],
+    ids=["a parameter of the model", "an effect", "a large effect"],
+)
+def test_a_change_is_found_named_sized_and_dated(moved, group, within) -> None:
+    bench = Bench(5)
+    detector = bench.detector()
+    assert bench.watch(detector, 100) is None
+    delay = bench.watch(detector, 100, 100, change=change(*moved))
+    assert delay is not None
+    assert delay <= within
+    for i in range(WATCH.settled):
+        detector.update(*bench.rows(1, change(*moved)), 1.0, np.array([[100.0 + delay + i]]))
+    found = detector.found()
+    assert int(np.argmax(found.weights)) == group
+    assert found.weights[group] > 0.9
+    size, std = found.sizes[group], np.sqrt(np.diag(found.covariances[group]))
+    assert np.all(np.abs(size - change(*moved)[GROUPS[group]]) < 4 * std)
+    assert np.all(std < 0.01)
+    assert found.first[0] <= 99 <= found.last[0]
+    assert found.last[0] - found.first[0] < 20
+    # what is found is how things are now
+    detector.go_on(found)
+    assert bench.watch(detector, 200, change=change(*moved)) is None
+
+
+def test_another_noise_is_found_and_then_usual() -> None:
+    bench = Bench(3)
+    detector = bench.detector()
+    assert bench.watch(detector, 100) is None
+    delay = bench.watch(detector, 60, 100, factor=3.0)
+    assert delay is not None
+    for i in range(WATCH.settled):
+        detector.update(*bench.rows(1, factor=3.0), 1.0, np.array([[100.0 + delay + i]]))
+    found = detector.found()
+    assert int(np.argmax(found.weights)) == len(GROUPS)
+    assert found.noise == pytest.approx(3, rel=0.4)
+    detector.go_on(found)
+    assert bench.watch(detector, 200, factor=3.0) is None
+
+
+def test_single_bad_readings_are_no_change() -> None:
+    bench = Bench(4)
+    detector = bench.detector()
+    for i in range(300):
+        columns, readings = bench.rows(1)
+        if i % 30 == 17:
+            readings = readings + 5.0
+        far = detector.update(columns, readings, 1.0, np.zeros((1, 1)))
+        assert (far[0] > 20) == (i % 30 == 17)
+        assert not detector.alarm
+
+
+def test_heavy_tails_are_no_change() -> None:
+    bench = Bench(6, "tails")
+    assert bench.watch(bench.detector(200), 600) is None
+
+
+def test_a_state_goes_on_as_if_nothing_had_been_between() -> None:
+    whole, parts = Bench(7), Bench(7)
+    one, other = whole.detector(), parts.detector()
+    for i in range(90):
+        mark = np.array([[float(i)]])
+        moved = change(0, 2 * (i > 80), 0, 0, 0)
+        one.update(*whole.rows(1, moved), 1.0, mark)
+        other.update(*parts.rows(1, moved), 1.0, mark)
+        assert one.alarm == other.alarm
+        if i == 60:
+            state = other.state()
+            other = Bench(7).detector()
+            other.restore(state)
+    assert other.log_sum == pytest.approx(one.log_sum, rel=1e-9)
+    assert other.found().weights == pytest.approx(one.found().weights, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", ["normal", "tails"])
+def test_the_mean_time_between_false_alarms_is_at_least_the_limit(noise) -> None:
+    """With a limit of 300 rows, the mean of 40 times, of which each stops at 1500."""
+    times = []
+    for seed in range(40):
+        bench = Bench(seed, noise)
+        times.append(bench.watch(bench.detector(limit=300.0), 1500) or 1500)
+    assert np.mean(times) > 300

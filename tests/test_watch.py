@@ -1,0 +1,323 @@
+"""A watch of simulated machines that change at a hidden time, from Python and on the command line."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import hidden_effects
+import numpy as np
+import pytest
+
+import rodgen
+from rodgen.calibration.fit import fit
+from rodgen.calibration.watch import Watch
+from rodgen.cli import main as cli
+from rodgen.data.tail import Tail
+from rodgen.errors import InputFileError, RodgenError
+from rodgen.files import write_file
+
+TARGETS = ("b1", "b2")
+REFERENCE, BEFORE = 120, 60
+
+
+@cache
+def bench() -> hidden_effects.Bench:
+    return hidden_effects.trunnion(np.random.default_rng(11))
+
+
+def readings(rows: int, seed: int, **effects: float) -> dict:
+    """Give rows of a trunnion, anywhere, with independent noise of 2 um."""
+    random, b = np.random.default_rng(seed), bench()
+    q = random.uniform([-95, 0], [35, 360], size=(rows, 2)).round(3)
+    target = [TARGETS[i] for i in random.integers(0, 2, rows)]
+    some = replace(b, q=q, target=target, columns={})
+    read = some.measure(dict(effects)) + b.sigma * random.normal(size=(rows, 3))
+    columns = {"A [deg]": q[:, 0], "C [deg]": q[:, 1], "target": target}
+    return columns | dict(zip(("x [mm]", "y [mm]", "z [mm]"), read.T, strict=True))
+
+
+def joined(*frames: dict) -> dict:
+    return {name: np.concatenate([frame[name] for frame in frames]) for name in frames[0]}
+
+
+def csv_lines(frame: dict) -> list[str]:
+    rows = zip(*(frame[name] for name in frame), strict=True)
+    return [",".join(frame) + "\n", *(",".join(map(str, row)) + "\n" for row in rows)]
+
+
+@cache
+def reference():
+    machine = rodgen.Machine.load(io_machine())
+    return fit(machine, rodgen.Measurements.from_frame(readings(REFERENCE, 1)))
+
+
+@cache
+def io_machine() -> Path:
+    import tempfile
+
+    path = Path(tempfile.mkdtemp()) / "machine.toml"
+    path.write_text(bench().text.replace("{noise}", ""))
+    return path
+
+
+def sigmas(**effects: float) -> float:
+    """Give what effects do to readings, rms in units of the noise."""
+    q = readings(200, 5)
+    some = replace(
+        bench(), q=np.column_stack([q["A [deg]"], q["C [deg]"]]), target=list(q["target"]), columns={}
+    )
+    return float(np.std(some.measure(dict(effects)) - some.measure({})) / bench().sigma)
+
+
+@pytest.mark.parametrize(
+    ("title", "key", "size"),
+    [
+        ("zero_offset at C", "C.zero_offset.a", 1.0),
+        ("encoder_eccentricity at C", "C.encoder_eccentricity.a", 1.5),
+        ("target.b1", "target.b1.z", 2.0),
+        ("axial_error_motion at C", "C.axial_error_motion.c1", 4.0),
+    ],
+)
+def test_a_hidden_change_raises_an_alarm_and_gets_its_name_size_and_time(title, key, size) -> None:
+    value = size / sigmas(**{key: 0.01}) * 0.01  # mm or degrees
+    moved = {key: bench().wrong.get(key, 0.0) + value}
+    watch = Watch(reference(), rate="100/h")
+    assert watch.update(readings(BEFORE, 2)) == []
+    alarm, named, *more = watch.update(readings(100, 3, **moved))
+    assert not more
+    assert alarm.is_alarm
+    assert not named.is_alarm
+    assert watch.alarms == 1
+    assert alarm.at - BEFORE < 40
+    assert named.after < BEFORE + 1 <= named.by + 3
+    assert named.by - named.after < 25
+    (found,) = (one for one in named.likely if one.title == title)
+    assert found.probability > 0.3
+    (change,) = (one for one in found.changes if one.key == key.rpartition(".")[2])
+    assert change.value == pytest.approx(value * (3600 if change.unit == "arcsec" else 1), abs=4 * change.std)
+    assert title in alarm.text + named.text
+
+
+def test_what_was_always_there_is_no_change() -> None:
+    """Effects that the model lacks are in the reference's readings, too."""
+    effects = {"C.encoder_eccentricity.a": 0.006, "A.tilt_error_motion.u_c1": 0.003}
+    machine = rodgen.Machine.load(io_machine())
+    found = fit(machine, rodgen.Measurements.from_frame(readings(REFERENCE, 1, **effects)))
+    assert found.rms > 1.5 * bench().sigma
+    watch = Watch(found, rate="100/h")
+    assert watch.update(readings(300, 2, **effects)) == []
+
+
+def test_one_bad_reading_is_an_outlier_and_a_stuck_one_is_said() -> None:
+    rows = readings(120, 4)
+    rows["y [mm]"][30] += 0.5
+    rows["x [mm]"][80:] = rows["x [mm]"][80]
+    events = Watch(reference()).update(rows)
+    outlier, stuck = events[:2]
+    assert outlier.to_dict() == {"event": "outlier", "row": 30, "distance": outlier.distance}
+    assert outlier.distance > 50
+    assert stuck.to_dict() == {"event": "stuck", "row": 83, "column": "x", "since": 80}
+
+
+def test_rows_may_come_in_any_parts() -> None:
+    rows = readings(90, 6, **{"C.zero_offset.a": 0.002})
+    at_once = Watch(reference()).update(rows)
+    watch, found = Watch(reference()), []
+    for start, stop in ((0, 1), (1, 2), (2, 40), (40, 90)):
+        found += watch.update({name: column[start:stop] for name, column in rows.items()})
+    assert [event.at for event in found] == [event.at for event in at_once]
+    assert found[0].likely[0].title == at_once[0].likely[0].title
+
+
+def test_directions_of_approach_follow_from_the_rows_before() -> None:
+    rows = readings(40, 6)
+    watch = Watch(reference())
+    watch.update({name: column[:30] for name, column in rows.items()})
+    columns = watch._watched
+    whole = columns.bound(rodgen.Measurements.from_frame(rows))
+    after = {name: column[30:] for name, column in rows.items()}
+    part = columns.bound(rodgen.Measurements.from_frame(after).after(watch._context))
+    assert np.array_equal(part.s[-10:], whole.s[-10:])
+
+
+def test_a_reference_that_leaves_no_freedom_is_refused() -> None:
+    few = fit(rodgen.Machine.load(io_machine()), rodgen.Measurements.from_frame(readings(9, 1)))
+    with pytest.raises(InputFileError, match=r"degrees of freedom; expected a reference that leaves 20"):
+        Watch(few)
+    with pytest.raises(RodgenError, match="such as 100/h"):
+        Watch(reference(), rate="often")
+
+
+# the command line ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def files(tmp_path):
+    (tmp_path / "m.toml").write_text(io_machine().read_text())
+    (tmp_path / "ref.csv").write_text("".join(csv_lines(readings(REFERENCE, 1))))
+    return tmp_path
+
+
+def changed() -> list[str]:
+    return csv_lines(joined(readings(BEFORE, 2), readings(60, 3, **{"C.zero_offset.a": 0.002})))
+
+
+def run(folder: Path, *more: str, data: str = "new.csv") -> int:
+    ref = ["--reference", str(folder / "ref.csv")] if "--learn" not in more else []
+    return cli.main(["watch", str(folder / "m.toml"), str(folder / data), *ref, *more])
+
+
+def test_the_command_reports_lines_and_its_exit_code_is_that_of_an_alarm(files, capsys) -> None:
+    (files / "new.csv").write_text("".join(csv_lines(readings(BEFORE, 2))))
+    assert run(files) == 0
+    assert capsys.readouterr().out == ""
+    (files / "new.csv").write_text("".join(changed()))
+    assert run(files, "--json") == 1
+    alarm, named = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (alarm["event"], named["event"]) == ("alarm", "named")
+    assert named["after"] <= BEFORE + 1 <= named["by"] + 1  # the first changed line is 62
+    assert "zero_offset at C" in [one["title"] for one in named["likely"]]
+    assert run(files, "--on-alarm", "stop", "--plot", str(files / "plot.html")) == 1
+    out = capsys.readouterr().out
+    assert out.count("alarm") == 1
+    assert "zero_offset at C" in out
+    assert (files / "plot.html").stat().st_size > 1000
+
+
+def test_a_bad_row_is_named_and_left_out_or_ends_the_watch(files, capsys) -> None:
+    lines = csv_lines(readings(30, 2))
+    lines[10] = lines[10].replace(",b", ",nobody", 1)
+    lines[20] = "1,2,b1,oops,0,0\n"
+    (files / "new.csv").write_text("".join(lines))
+    assert run(files) == 0
+    err = capsys.readouterr().err
+    assert "new.csv: line 11, column 'target'" in err
+    assert "new.csv: line 21, column 'x [mm]': 'oops'" in err
+    assert err.count("the row is left out") == 2
+    assert run(files, "--on-bad-row", "stop") == 2
+    assert "left out" not in capsys.readouterr().err
+    (files / "new.csv").write_text(lines[0].replace("x [mm]", "x [kg]") + lines[1])
+    assert run(files) == 2
+    assert capsys.readouterr().err.splitlines()[-1].count("line 1, column 'x [kg]'") == 1
+
+
+def test_a_state_goes_on_and_counts_no_row_twice(files, capsys) -> None:
+    lines, state = changed(), str(files / "kept.watch")
+    (files / "new.csv").write_text("".join(lines))
+    assert run(files, "--json") == 1
+    whole = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    found = []
+    for end in (40, 40, 64, len(lines)):
+        (files / "new.csv").write_text("".join(lines[:end]))
+        run(files, "--json", "--state", state)
+        found += [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [one["event"] for one in found] == [one["event"] for one in whole]
+    assert found[0]["line"] == whole[0]["line"]
+    # another file of the same name is read from its beginning
+    (files / "new.csv").write_text("".join(csv_lines(readings(20, 9, **{"C.zero_offset.a": 0.002}))))
+    assert run(files, "--state", state) == 0
+    assert "is another file than before" in capsys.readouterr().err
+    # a state of another reference is refused
+    (files / "ref.csv").write_text("".join(csv_lines(readings(REFERENCE, 8))))
+    assert run(files, "--state", state) == 2
+    assert "kept.watch: file: the state of a watch with another" in capsys.readouterr().err
+    write_file(state, b"something")
+    assert run(files, "--state", state) == 2
+
+
+def test_the_first_rows_are_the_reference_where_none_is_given(files, capsys) -> None:
+    lines = csv_lines(
+        joined(readings(REFERENCE, 1), readings(BEFORE, 2), readings(60, 3, **{"C.zero_offset.a": 0.002}))
+    )
+    (files / "new.csv").write_text("".join(lines))
+    state = str(files / "kept.watch")
+    assert run(files, "--learn", "120", "--json", "--state", state) == 1
+    alarm = json.loads(capsys.readouterr().out.splitlines()[0])
+    assert alarm["after"] <= REFERENCE + BEFORE + 1 <= alarm["by"] + 1
+    assert run(files, "--learn", "120", "--state", state) == 0
+    assert "goes on after 120 rows" in capsys.readouterr().err
+    assert run(files, "--learn", "1000") == 2
+    assert "240 rows; expected 1000 to learn from, or --reference" in capsys.readouterr().err
+
+
+def test_standard_input_is_watched(files, capsys, monkeypatch) -> None:
+    read, write = os.pipe()
+    os.write(write, "".join(changed()).encode())
+    os.close(write)
+    with os.fdopen(read, "rb") as stream:
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(stream))
+        ref = str(files / "ref.csv")
+        assert cli.main(["watch", str(files / "m.toml"), "-", "--reference", ref]) == 1
+    assert "zero_offset at C" in capsys.readouterr().out
+
+
+def test_a_growing_file_is_read_line_by_line(tmp_path) -> None:
+    path = tmp_path / "grows.csv"
+    path.write_text("a,b\n1,2\n3,")
+    with contextlib.closing(Tail(str(path), follow=True, place=None, stopped=lambda: False)) as whole:
+        _grow(path, iter(whole))
+
+
+def _grow(path, tail) -> None:
+    assert next(tail).text == b"1,2\n"
+    assert next(tail).text == b""  # half a line waits
+    with path.open("a") as stream:
+        stream.write("4\n5,6\n")
+    lines = next(tail)
+    assert (lines.header, lines.text, lines.first) == (b"a,b", b"3,4\n5,6\n", 3)
+    path.write_text("a,b\n7,8\n")
+    found = next(line for line in tail if line.text)
+    assert (found.text, found.first, found.notice) == (
+        b"7,8\n",
+        2,
+        "became shorter, and is read from its beginning",
+    )
+    path.rename(path.with_name("old.csv"))
+    path.write_text("a,b\n9,9\n")
+    found = next(line for line in tail if line.text)
+    assert (found.text, found.notice) == (
+        b"9,9\n",
+        "was replaced by another file, which is read from its beginning",
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_a_watch_with_its_state_whole(files, number, code) -> None:
+    lines, data = changed(), files / "new.csv"
+    data.write_text("".join(lines[:30]))
+    command = [
+        sys.executable,
+        "-m",
+        "rodgen.cli.main",
+        "watch",
+        "m.toml",
+        "new.csv",
+        "--reference",
+        "ref.csv",
+    ]
+    watching = subprocess.Popen(
+        [*command, "--follow", "--state", "kept.watch"], cwd=files, stdout=subprocess.PIPE, text=True
+    )
+    assert watching.stdout is not None
+    try:
+        time.sleep(2)
+        with data.open("a") as stream:
+            stream.write("".join(lines[30:]))
+        assert "alarm" in watching.stdout.readline()
+        watching.send_signal(number)
+        assert watching.wait(timeout=30) == code
+    finally:
+        watching.kill()
+        watching.stdout.close()
+    assert (files / "kept.watch").exists()
