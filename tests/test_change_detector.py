@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from rodgen.statistics.change_detector import ChangeDetector
+from rodgen.statistics.stream_whitening import StreamWhitener
 from rodgen.statistics.thresholds import WATCH
+from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion, Whitener
 
 GROUPS = [[0], [1], [2, 3], [4]]
 FREE, D, M = 2, 5, 2
@@ -140,6 +142,26 @@ def test_a_state_goes_on_as_if_nothing_had_been_between() -> None:
             other.restore(state)
     assert other.log_sum == pytest.approx(one.log_sum, rel=1e-9)
     assert other.found().weights == pytest.approx(one.found().weights, abs=1e-9)
+
+
+def test_rows_are_whitened_one_by_one_as_all_at_once() -> None:
+    """Two factors of one covariance give the same products."""
+    random = np.random.default_rng(0)
+    pose = np.repeat(np.arange(20), 3)
+    run, t = (pose >= 10).astype(int), np.repeat(np.cumsum(random.uniform(1, 3, 20)), 3)
+    motion = SharedMotion(Poses.among(pose, run, t), random.normal(size=(60, 3, 6)))
+    deviations = MotionDeviations(np.repeat([0.7, 0.0], 3), np.repeat([0.0, 0.5], 3), 4.0)
+    columns = random.normal(size=(60, 3, 4)) * [1, 1, 1, 0.01]
+    at_once = Whitener(motion, deviations)(columns).reshape(-1, 4)
+    gap = np.diff(t, prepend=t[0])
+    gap[[0, 30]] = np.inf
+    stream = StreamWhitener(deviations, 4, 1.0)
+    parts = [
+        stream(columns[i : i + 7], motion.columns[i : i + 7], gap[i : i + 7], np.zeros(3))
+        for i in range(0, 60, 7)
+    ]
+    one_by_one = np.concatenate(parts).reshape(-1, 4)
+    assert one_by_one.T @ one_by_one == pytest.approx(at_once.T @ at_once, rel=1e-9)
 
 
 @pytest.mark.slow

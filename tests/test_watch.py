@@ -129,6 +129,29 @@ def test_one_bad_reading_is_an_outlier_and_a_stuck_one_is_said() -> None:
     assert stuck.to_dict() == {"event": "stuck", "row": 83, "column": "x", "since": 80}
 
 
+def wandering(rows: int, seed: int) -> dict:
+    """Give readings with a set-up that wanders by twice the noise within ten poses."""
+    found, random = readings(rows, seed), np.random.default_rng(seed + 100)
+    keeps, walk = np.exp(-1 / 10), [random.normal(size=3)]
+    for _ in range(rows - 1):
+        walk.append(keeps * walk[-1] + np.sqrt(1 - keeps**2) * random.normal(size=3))
+    for name, x in zip(("x [mm]", "y [mm]", "z [mm]"), np.transpose(walk), strict=True):
+        found[name] = found[name] + 0.004 * x
+    return found
+
+
+def test_a_set_up_that_wanders_as_it_did_is_no_change() -> None:
+    machine = rodgen.Machine.load(io_machine())
+    watch = Watch(fit(machine, rodgen.Measurements.from_frame(wandering(200, 1))), rate="100/h")
+    assert "The set-up wanders by" in watch.text
+    rows = wandering(100, 2)
+    parts = [{name: column[i : i + 25] for name, column in rows.items()} for i in range(0, 100, 25)]
+    assert [event for part in parts for event in watch.update(part)] == []
+    careless = Watch(watch.fit, rate="100/h")
+    careless._whitener = None
+    assert careless.update(rows)[0].is_alarm
+
+
 def test_rows_may_come_in_any_parts() -> None:
     rows = readings(90, 6, **{"C.zero_offset.a": 0.002})
     at_once = Watch(reference()).update(rows)

@@ -131,6 +131,16 @@ class MotionDeviations:
     time: float
     """After which x has forgotten 63 % of what it was."""
 
+    def times(self, one: MotionDeviations, other: MotionDeviations) -> MotionDeviations:
+        """Return these, times the ratio of one to another."""
+        ratios = [
+            np.divide(a, b, out=np.ones_like(b), where=b > 0)
+            for a, b in ((one.shared, other.shared), (one.wander, other.wander))
+        ]
+        return MotionDeviations(
+            self.shared * ratios[0], self.wander * ratios[1], self.time * one.time / other.time
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class _Filter:

@@ -21,7 +21,7 @@ from rodgen.array_types import Array
 from rodgen.calibration.noise.frame_motion import frame_motion
 from rodgen.calibration.noise.sampled_rows import sample_of
 from rodgen.calibration.possible_effects import bare_effects, bare_key, problem_with
-from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.data.observations import Observations
 from rodgen.machines.machine import Effect
 from rodgen.machines.structure import CLOSED, GRAVITY, TENSION
@@ -90,6 +90,13 @@ class Sensitivities:
         """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions."""
         model, solution = self.fit.problem.model, self.fit.solution
         return frame_motion(model, self.observations, solution.theta, solution.frame, self.weight)
+
+    @property
+    def middle(self) -> Array:
+        """The middle of the places that were measured, (3,)."""
+        solution = self.fit.solution
+        places = Problem(self.fit.problem.model, self.observations).places(solution.theta, solution.frame)
+        return np.asarray(places.mean(axis=0))
 
     def component(self, place: Place, component: str) -> Array | None:
         """Return the derivative with respect to a component of a place, (n, m); None where the place lacks it.

@@ -136,6 +136,17 @@ class Correlation:
             enlarged = 1 / np.sqrt(1 - np.minimum(error, VARIANCES.uncertain))
             return np.asarray(self.white**2 * spread * np.outer(enlarged, enlarged))
 
+    @property
+    def cautious(self) -> MotionDeviations | None:
+        """Deviations that are one standard error larger along each direction in which they were estimated."""
+        found = estimated = self.deviations
+        if found is None or estimated is None:
+            return None
+        for pair in self._within_error:
+            larger = max(pair, key=lambda end: float(np.sum(end.shared**2) + np.sum(end.wander**2)))
+            found = found.times(larger, estimated)
+        return found
+
     @cached_property
     def _whitener(self) -> Whitener | None:
         if self._motion is None or self.deviations is None:

@@ -14,7 +14,15 @@ if TYPE_CHECKING:
     from rodgen.machines.model import Frame, Model
 
 
-def frame_motion(model: Model, o: Observations, theta: Array, frame: Frame, weight: Array) -> Array:
+def frame_motion(
+    model: Model,
+    o: Observations,
+    theta: Array,
+    frame: Frame,
+    weight: Array,
+    *,
+    middle: Array | None = None,
+) -> Array:
     """Return the derivatives of weighted residuals with respect to a motion of the whole frame, (n, m, 6).
 
     Translations along the machine's axes, then turns about the middle of the places that were measured. Directions are
@@ -25,19 +33,22 @@ def frame_motion(model: Model, o: Observations, theta: Array, frame: Frame, weig
     theta, frame : ndarray, Frame
         Of the fit.
     weight : ndarray, shape (n, m)
+    middle : ndarray, shape (3,), optional
+        Another point than the middle.
     """
-    found, whitening = _independent(model, o, theta, frame, weight), o.whitening
+    found, whitening = _independent(model, o, theta, frame, weight, middle), o.whitening
     return found if whitening is None else whitening @ found
 
 
-def _independent(model: Model, o: Observations, theta: Array, frame: Frame, weight: Array) -> Array:
+def _independent(
+    model: Model, o: Observations, theta: Array, frame: Frame, weight: Array, middle: Array | None
+) -> Array:
     """Return them of independent errors."""
     with one_thread_in_blas():
         place = Problem(model, o).places(theta, frame)
     axes, measurand = frame.rotation.T, model.structure.measurand
-    turns = np.stack(
-        [np.cross(axis, place if not measurand.moving else place - place.mean(axis=0)) for axis in axes]
-    )
+    middle = place.mean(axis=0) if middle is None else middle
+    turns = np.stack([np.cross(axis, place - middle if measurand.moving else place) for axis in axes])
     if measurand.has_zero:
         line = model.line(theta)
         if not measurand.has_axes:  # what rises above the horizon turns about a level axis

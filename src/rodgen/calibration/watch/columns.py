@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeAlias
@@ -11,6 +12,8 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.calibration.diagnose.candidates import Candidate, possible, unsearched
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, is_direct
+from rodgen.calibration.noise.correlation import estimate_correlation, shared_motion
+from rodgen.calibration.noise.frame_motion import frame_motion
 from rodgen.calibration.possible_effects import bare_effects, catalogue_effects, model_with
 from rodgen.calibration.predict import in_known_runs
 from rodgen.calibration.problem import Problem, one_thread_in_blas
@@ -19,6 +22,8 @@ from rodgen.data.units import unit_factor
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.plausibility import Plausibility
 from rodgen.machines.machine import Effect
+from rodgen.statistics.stream_whitening import StreamWhitener
+from rodgen.statistics.whitening import SHORTEST
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -71,7 +76,9 @@ class WatchedColumns:
     Attributes
     ----------
     columns, readings : ndarray, shape (n, m, d) and (n, m)
-        Of the reference: derivatives of what weighted readings would be, and what they are more than the fit predicts.
+        Of the reference: derivatives of what weighted readings would be, and what they are more than the fit predicts;
+        without what readings share.
+    correlation : Correlation
     free : int
         The first so many columns are of what the fit adjusted.
     alternatives : list of Alternative
@@ -99,8 +106,50 @@ class WatchedColumns:
         self._model, self._theta = model_with(fit, extra, compiled=True)
         self.columns = self._stacked(sensitivities, list(found.values()))
         self.readings = sensitivities.residual
+        self.correlation = estimate_correlation(sensitivities, [c.columns for c in found.values()])
+        self._motion(sensitivities)
         self.free = len(fit.moving)
         self.alternatives = list(self._alternatives(found, known))
+
+    def _motion(self, sensitivities: Sensitivities) -> None:
+        """Whiten the reference row by row, in the order of time, as new readings will be."""
+        o, deviations, self._scale = sensitivities.observations, self.correlation.cautious, np.zeros(0)
+        self._middle = sensitivities.middle if deviations is not None else None
+        self._spacing = self.duration = math.inf
+        self._timed = False
+        if deviations is None:
+            return
+        motion, groups = shared_motion(sensitivities)
+        scale = np.zeros(motion.dof)
+        for of in groups.values():
+            scale[of] = np.sqrt(
+                np.sum(motion.columns[..., of] ** 2) / np.sum(sensitivities.frame[..., of] ** 2)
+            )
+        self._scale, self._spacing, self.duration = scale, motion.poses.spacing, motion.poses.duration
+        self._timed = motion.poses.timed
+        time = o.t if self._timed and o.t is not None else np.arange(o.n)
+        order = np.lexsort((np.arange(o.n), time, o.run))
+        both = np.concatenate([self.columns, self.readings[..., None]], axis=2)[order]
+        white = self.whitener()
+        assert white is not None
+        nothing = np.zeros(both.shape[2] - 1)
+        both = white(both, motion.columns[order], self.gaps(o.take(order)), nothing)
+        self.columns, self.readings = both[..., :-1], both[..., -1]
+
+    def whitener(self) -> StreamWhitener | None:
+        """Return what whitens readings from the first new one on; None where they are independent."""
+        deviations = self.correlation.cautious
+        if deviations is None:
+            return None
+        return StreamWhitener(deviations, self.columns.shape[2] + 1, self.correlation.white)
+
+    def gaps(self, o: Observations) -> Array:
+        """Return the time since the row before, (n,): 0 of one pose, infinite at the beginning of a run."""
+        passed = np.diff(o.t) if self._timed and o.t is not None else np.full(o.n - 1, self._spacing)
+        passed = np.maximum(passed, SHORTEST * self._spacing)
+        passed[np.diff(o.pose) == 0] = 0.0
+        passed[np.diff(o.run) != 0] = np.inf
+        return np.concatenate([[np.inf], passed])
 
     def _alternatives(
         self, found: Mapping[Title, Candidate], known: Mapping[Title, Plausibility]
@@ -134,6 +183,14 @@ class WatchedColumns:
         """Return new measurements as observations of the fit."""
         o = in_known_runs(bind(self._machine, data), self.fit.problem.model, self.fit.observations.run_names)
         return replace(o, arm=self.fit.observations.arm, arm_is_known=True)
+
+    def motion(self, o: Observations) -> Array:
+        """Return what a motion that readings share does to them, (n, m, k)."""
+        weight = Problem(self._model, o).weight
+        found = frame_motion(
+            self._model, o, self._theta, self.fit.solution.frame, weight, middle=self._middle
+        )
+        return np.asarray(found * self._scale)
 
     def of(self, o: Observations) -> tuple[Array, Array, Array]:
         """Return the columns, (n, m, d), the weighted residuals, (n, m), and the predicted readings of observations.

@@ -140,6 +140,7 @@ class Watch:
             raise InputFileError(
                 file, "file", found, f"a reference that leaves {WATCH.fewest:.0f}: more rows"
             )
+        self._whitener = self._watched.whitener()
         self.rows = self.blocks = 0
         self._counted = "line"
         self._per_block = self._block_of(fit.observations.t)
@@ -186,8 +187,20 @@ class Watch:
         o = self.fit.observations
         return (
             f"Reference: {o.n} rows of {o.data.file}. Watched: {titles} parameters and effects, and the noise, "
-            f"after {every}; an alarm by chance once in {_duration(self._limit)} at most{assumed}."
+            f"after {every}; an alarm by chance once in {_duration(self._limit)} at most{assumed}.{self._shared}"
         )
+
+    @property
+    def _shared(self) -> str:
+        """What is said of errors that readings share."""
+        found = self._watched.correlation
+        if found.independent:
+            return ""
+        text = f" {found.text}" if found.text else " Readings may share errors."
+        text += " That is allowed for."
+        if found.wanders and found.time > self._watched.duration / 2:
+            text += " How it wanders in a longer time than the reference took is unknown, and may look like a change."
+        return text
 
     @property
     def log_limit(self) -> float:
@@ -228,6 +241,11 @@ class Watch:
         bound = self._watched.bound(whole)
         o = bound.take(slice(whole.rows - data.rows, None))
         columns, readings, predicted = self._watched.of(o)
+        if self._whitener is not None:
+            motion, gap = self._watched.motion(o), self._watched.gaps(bound)[-o.n :]
+            both = np.concatenate([columns, readings[..., None]], axis=2)
+            both = self._whitener(both, motion, gap, self.detector.mean * self.detector.unit)
+            columns, readings = both[..., :-1], both[..., -1]
         marks = np.column_stack([numbers, np.full(o.n, np.nan) if o.t is None else o.t])
         self._keep_context(whole, bound)
         self.rows += o.n
@@ -424,6 +442,8 @@ class Watch:
         arrays = self.detector.state() | dict(
             zip(("columns", "readings", "marks"), self._pending, strict=True)
         )
+        if self._whitener is not None:
+            arrays |= self._whitener.state()
         arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
         stream = io.BytesIO()
         np.savez(stream, **arrays)  # type: ignore[arg-type]
@@ -444,6 +464,8 @@ class Watch:
         try:
             self._pending = tuple(arrays.pop(key) for key in ("columns", "readings", "marks"))  # type: ignore[assignment]
             self.detector.restore(arrays)
+            if self._whitener is not None:
+                self._whitener.restore(arrays)
             self.rows, self.blocks, self._last_t = about["rows"], about["blocks"], about["last_t"]
             self._settling, self.alarms = about["settling"], about["alarms"]
             self.alarm_rows = about["alarm_rows"]
