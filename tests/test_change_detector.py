@@ -31,7 +31,7 @@ class Bench:
         return columns, columns @ (self.theta + change) + 0.01 * factor * error
 
     def detector(self, rows: int = 60, limit: float = 1000.0) -> ChangeDetector:
-        return ChangeDetector(*self.rows(rows), FREE, GROUPS, len(GROUPS), limit, np.array([-1.0]))
+        return ChangeDetector(*self.rows(rows), FREE, GROUPS, limit, np.array([-1.0]))
 
     def watch(self, detector, rows: int, first: int = 0, **changed) -> int | None:
         """Update row by row until an alarm; give the number of rows to it."""
@@ -104,7 +104,7 @@ def test_another_noise_is_found_and_then_usual() -> None:
     for i in range(WATCH.settled):
         detector.update(*bench.rows(1, factor=3.0), 1.0, np.array([[100.0 + delay + i]]))
     found = detector.found()
-    assert int(np.argmax(found.weights)) == len(GROUPS)
+    assert int(np.argmax(found.weights)) == len(GROUPS) + 1
     assert found.noise == pytest.approx(3, rel=0.4)
     detector.go_on(found)
     assert bench.watch(detector, 200, factor=3.0) is None

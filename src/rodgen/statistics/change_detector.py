@@ -77,17 +77,22 @@ class Found:
 
     Attributes
     ----------
-    weights : ndarray, shape (K + 1,)
-        Probability of each alternative, if one of them is true and all were equally likely; the last is the noise.
+    weights : ndarray, shape (K + 2,)
+        Probability of each alternative, if one of them is true and all were equally likely; then of several together,
+        and of another noise.
+    together : tuple of int
+        The alternatives of which several changed together, in the order of what they explain; one, where one does.
     first, last : ndarray
         Marks of the readings between which it began with a probability of 90 %.
     sizes, covariances : tuple of ndarray
-        Of each alternative but the noise the change of its coefficients, and its covariance.
+        Of each alternative the change of its coefficients, and its covariance; last of all that changed together, where
+        several did.
     noise : float
         Factor of the distances from what was expected.
     """
 
     weights: Array
+    together: tuple[int, ...]
     first: Array
     last: Array
     sizes: tuple[Array, ...]
@@ -118,12 +123,12 @@ class ChangeDetector:
         The first so many columns have coefficients of which nothing is known; those of the others are small.
     groups : sequence of sequences of int
         The columns that change together, of each alternative.
-    tested : int
-        The first so many of these are looked for; the others are only named where they explain more.
     limit : float
         What the sum must exceed: the mean time between false alarms, in the unit of the time that passes.
     mark : ndarray
         What the user calls the last of them.
+    largest : ndarray, shape (d,), optional
+        What no coefficient exceeds.
 
     Attributes
     ----------
@@ -139,18 +144,20 @@ class ChangeDetector:
         readings: Array,
         free: int,
         groups: Sequence[Sequence[int]],
-        tested: int,
         limit: float,
         mark: Array,
+        largest: Array | None = None,
     ) -> None:
         d = columns.shape[2]
         self.limit, self.groups = limit, [np.asarray(group) for group in groups]
-        self.tested = tested
         length = np.sqrt(np.mean(columns**2, axis=(0, 1)))
         self.scale = float(np.sqrt(np.mean(readings**2))) or 1.0
         self.unit = np.divide(self.scale, length, out=np.zeros(d), where=length > 0)
+        self._largest = np.full(d, np.inf)
+        if largest is not None:
+            np.divide(largest, self.unit, out=self._largest, where=self.unit > 0)
         self.components, of_width = columns.shape[1], dict[int, list[int]]()
-        for k, group in enumerate(self.groups[:tested]):
+        for k, group in enumerate(self.groups):
             of_width.setdefault(len(group), []).append(k)
         self._widths = [(some, np.stack([self.groups[k] for k in some])) for some in of_width.values()]
         self.base = np.diag(np.where(np.arange(d) < free, WATCH.unknown, WATCH.unseen) ** -2.0)
@@ -301,12 +308,12 @@ class ChangeDetector:
         exact = [i for i, each in enumerate(since) if each.rows > WATCH.exact * self.sums.rows]
         known = square[exact]
         lost = self.covariance @ known
-        effects = np.empty((len(starts), self.tested))
+        effects = np.empty((len(starts), len(self.groups)))
         for some, index in self._widths:
             A = square[:, index[:, :, None], index[:, None, :]]
             A[exact] -= np.einsum("jdka,jdkb->jkab", known[:, :, index], lost[:, :, index], optimize=True)
             effects[:, some] = self._log_ratio(score[:, index], A)
-        share = np.log((1 - WATCH.noise) / self.tested)
+        share = np.log((1 - WATCH.noise) / len(self.groups))
         noise = [
             self._log_of_noise(start.sums.bins, each.bins) for start, each in zip(starts, since, strict=True)
         ]
@@ -377,13 +384,14 @@ class ChangeDetector:
             inverse = np.linalg.inv(own + np.eye(len(group)) * WATCH.unknown**-2.0)
             sizes.append(inverse @ u * unit)
             covariances.append(inverse * self.variance * np.outer(unit, unit))
-        evidence.append(self._log_of_noise(before.bins, after.bins))
+        one = int(np.argmax(evidence))
+        evidence += [-np.inf, self._log_of_noise(before.bins, after.bins)]
         weights = np.exp(evidence - _log_add(np.array(evidence)))
         noise = self._typical(after.bins + 0.1) / self._typical(before.bins)
         if weights[-1] >= WATCH.likely:  # counted in units of the noise that was
             after = replace(after, bins=after.rows * np.diff([0.0, *WATCH.bins, 1.0]))
         marks = tried[first].sums.mark, tried[last].sums.mark
-        return Found(weights, *marks, tuple(sizes), tuple(covariances), noise, before, after)
+        return Found(weights, (one,), *marks, tuple(sizes), tuple(covariances), noise, before, after)
 
     def _close_up(self, before: _Sums, since: int) -> Found:
         """Return what changed among the last readings, as they are, of which so many came after a time `before` it."""
@@ -395,10 +403,12 @@ class ChangeDetector:
         spread = (np.eye(self.components) + columns @ covariance @ np.swapaxes(columns, 1, 2)) * variance
         root = np.linalg.inv(np.linalg.cholesky(spread))
         white, unexpected = root @ columns, (root @ error[..., None])[..., 0]
-        *found, noisier = recent_change(white, unexpected, self.groups)
-        evidence = np.array([each.log_evidence for each in (*found, noisier)])
+        found, together, noisier = recent_change(white, unexpected, self.groups, self._largest)
+        groups = [*self.groups, np.concatenate([self.groups[k] for k in together])]
+        several = [] if len(found) == len(groups) else [-np.inf]
+        evidence = np.array([*(each.log_evidence for each in found), *several, noisier.log_evidence])
         weights, best = np.exp(evidence - _log_add(evidence)), int(np.argmax(evidence))
-        noisy = best == len(found)
+        noisy = best == len(groups)
         began = (noisier if noisy else found[best]).began
         probable = np.cumsum(began)
         first = int(np.searchsorted(probable, WATCH.outside / 2))
@@ -407,12 +417,13 @@ class ChangeDetector:
         expected, after = mean.copy(), variance * noise**2
         if not noisy:
             after = variance
-            expected[self.groups[best]] += found[best].size
+            expected[groups[best]] += found[best].size
         same = self._summed(columns[:at], readings[:at], mean, variance)
         changed = self._summed(columns[at:], readings[at:], expected, after)
-        units = [self.unit[group] for group in self.groups]
+        units = [self.unit[group] for group in groups[: len(found)]]
         return Found(
             weights,
+            together,
             marks[first - 1] if first else before.mark,
             marks[last - 1] if last else before.mark,
             tuple(each.size * unit for each, unit in zip(found, units, strict=True)),
@@ -447,7 +458,8 @@ class ChangeDetector:
             rows, bins = since.rows, since.bins + 0.5
             scatter = self._variance_of(before) * found.noise**2 * rows * self.components
             self.lost = 0.0
-        likely = [group for group, w in zip(self.groups, found.weights, strict=False) if w >= WATCH.likely]
+        groups = [*self.groups, np.concatenate([self.groups[k] for k in found.together])]
+        likely = [group for group, w in zip(groups, found.weights, strict=False) if w >= WATCH.likely]
         moved = np.unique(np.concatenate([np.array([], np.intp), *likely]))
         covariance = self._inverse(before.square)
         mean = covariance @ before.onto

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rodgen.array_types import Array
+from rodgen.array_types import Array, Index
 from rodgen.statistics.thresholds import WATCH
 
 
@@ -37,8 +37,12 @@ class RecentChange(NamedTuple):
     covariance: Array
 
 
-def recent_change(columns: Array, error: Array, groups: Sequence[Array]) -> list[RecentChange]:
-    """Return what each alternative would be, and last a change of the noise.
+def recent_change(
+    columns: Array, error: Array, groups: Sequence[Index], largest: Array
+) -> tuple[list[RecentChange], tuple[int, ...], RecentChange]:
+    """Return what each alternative would be, which of them changed together, and what a change of the noise would be.
+
+    The last but one of the changes is that of all that changed together, where these are several.
 
     Parameters
     ----------
@@ -47,19 +51,43 @@ def recent_change(columns: Array, error: Array, groups: Sequence[Array]) -> list
         Of readings, less what was expected before the change, with variance 1.
     groups : sequence of ndarray of int
         Columns of each alternative.
+    largest : ndarray, shape (d,)
+        What no coefficient exceeds.
     """
     before = _loss(np.sum(error**2, axis=1))
-    found = [_moved(columns[:, :, group], error, before) for group in groups]
-    return [*found, _noisier(error, before)]
+    found = [_moved(columns[:, :, group], error, before, largest[group]) for group in groups]
+    together = [int(np.argmax([each.log_evidence for each in found]))]
+    best = found[together[0]]
+    while len(together) < WATCH.together:
+        union = np.concatenate([groups[k] for k in together])
+        left = error - columns[:, :, union] @ best.size
+        after = slice(int(np.argmax(best.began)), None)
+        gains = [_gain(columns[after][:, :, group], left[after], largest[group]) for group in groups]
+        further = int(np.argmax([-np.inf if k in together else gain for k, gain in enumerate(gains)]))
+        wider = np.concatenate([union, groups[further]])
+        more = _moved(columns[:, :, wider], error, before, largest[wider])
+        if more.log_evidence < best.log_evidence + WATCH.further:
+            break
+        together, best = [*together, further], more
+    return [*found, *([best] if len(together) > 1 else [])], tuple(together), _noisier(error, before)
+
+
+def _gain(columns: Array, left: Array, largest: Array) -> float:
+    """Return by how much columns lower half the sum of squares."""
+    flat, across = columns.reshape(-1, columns.shape[2]), np.einsum("nik,ni->k", columns, left)
+    inner = flat.T @ flat
+    prior = np.diag(np.minimum(WATCH.large[-1], largest) ** -2.0)
+    return float(across @ np.linalg.solve(inner + prior, across)) / 2
 
 
 def _loss(squares: Array) -> Array:
     return np.asarray(np.minimum(squares, WATCH.wrong**2) / 2)
 
 
-def _moved(columns: Array, error: Array, before: Array) -> RecentChange:
+def _moved(columns: Array, error: Array, before: Array, largest: Array) -> RecentChange:
     n, m, p = columns.shape
-    usual, limit = np.array(WATCH.large), WATCH.clip(m) ** 2
+    usual, limit = np.minimum(np.array(WATCH.large)[:, None], largest), WATCH.clip(m) ** 2
+    prior = np.diag(usual[-1] ** -2.0)
     weight = (np.arange(n) >= n // 2).astype(float)  # what is last has changed, if anything has
     size, inner, since = np.zeros(p), np.eye(p), np.zeros(n)
     for _ in range(WATCH.rounds):
@@ -68,7 +96,7 @@ def _moved(columns: Array, error: Array, before: Array) -> RecentChange:
             weighted = columns * weight[:, None, None]
             inner = np.einsum("nik,nil->kl", weighted, columns)
             across = np.einsum("nik,ni->k", weighted, error)
-            size = np.linalg.solve(inner + np.eye(p) / usual[-1] ** 2, across)
+            size = np.linalg.solve(inner + prior, across)
             left = np.sum((error - columns @ size) ** 2, axis=1)
             scale = max(float(np.median(left[weight > 0])), 1.0)
             weight = np.where(weight > 0, 1 / (1 + left / (limit * scale)), 0.0)
@@ -76,12 +104,12 @@ def _moved(columns: Array, error: Array, before: Array) -> RecentChange:
         after = np.arange(n) >= int(np.argmax(since))
         weight = np.where(after & (left < limit), 1.0, 0.0) if np.any(after & (left < limit)) else after * 1.0
     began = np.exp(since - since.max())
-    _, information = np.linalg.slogdet(np.eye(p) + inner * usual[:, None, None] ** 2)
-    occam = np.logaddexp.reduce(-information / 2 - size @ size / usual**2 / 2) - np.log(len(usual))
-    evidence = float(np.log(np.mean(began)) + since.max() + occam)
-    return RecentChange(
-        evidence, began / began.sum(), size, np.linalg.inv(inner + np.eye(p) / usual[-1] ** 2)
+    _, information = np.linalg.slogdet(np.eye(p) + inner * usual[:, :, None] * usual[:, None, :])
+    occam = np.logaddexp.reduce(-information / 2 - np.sum((size / usual) ** 2, axis=1) / 2) - np.log(
+        len(usual)
     )
+    evidence = float(np.log(np.mean(began)) + since.max() + occam)
+    return RecentChange(evidence, began / began.sum(), size, np.asarray(np.linalg.inv(inner + prior)))
 
 
 def _noisier(error: Array, before: Array) -> RecentChange:

@@ -624,6 +624,10 @@ class WatchPolicy(NamedTuple):
     """Standard deviations beyond which a reading says no more of a change than that it is wrong."""
     large: tuple[float, ...] = (0.1, 0.5, 2.5, 12.5, 62.5, 312.5)
     """The same as `sizes` where readings are as they are."""
+    together: int = 6
+    """Alternatives that may change together, at most, as where a machine was set up anew, ..."""
+    further: float = 5.0
+    """... each of which must make the readings e^5 times as likely, the choice among hundred of them counted."""
     waited: int = 10
     """Blocks after which a reading that was far off is an outlier: a change as large would have raised an alarm."""
     stuck: float = 6.0

@@ -19,7 +19,7 @@ from rodgen.calibration.predict import in_known_runs
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.units import unit_factor
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, joined
 from rodgen.machines.effects.plausibility import Plausibility
 from rodgen.machines.machine import Effect
 from rodgen.statistics.stream_whitening import StreamWhitener
@@ -31,10 +31,6 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
 Title: TypeAlias = tuple[str, str | None]
-
-
-SEVERAL = "several of them at once"
-"""The title of a change of all columns: of a machine that was set up anew."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +60,22 @@ class Alternative:
     effect: Effect | None = None
     prior: Plausibility = field(default_factory=Plausibility)
 
+    @property
+    def largest(self) -> list[float]:
+        """What no parameter exceeds, internal units."""
+        return [self.prior.sizes[n].largest if n in self.prior.sizes else math.inf for n in self.names]
+
+    @classmethod
+    def together(cls, several: Sequence[Alternative]) -> Alternative:
+        """Return several that change together."""
+        return cls(
+            joined(one.title for one in several),
+            tuple(i for one in several for i in one.columns),
+            tuple(f"{one.title} {name}" for one in several for name in one.names),
+            tuple(unit for one in several for unit in one.units),
+            tuple(factor for one in several for factor in one.factors),
+        )
+
 
 class WatchedColumns:
     """The columns of new readings, in the same order as those of the readings of a fit.
@@ -82,7 +94,6 @@ class WatchedColumns:
     free : int
         The first so many columns are of what the fit adjusted.
     alternatives : list of Alternative
-        The last is a change of all columns.
     """
 
     def __init__(self, fit: FittedModel) -> None:
@@ -172,7 +183,6 @@ class WatchedColumns:
             columns = tuple(range(i, i + len(names)))
             i += len(names)
             yield Alternative(effect.title, columns, names, units, factors, effect, known[effect.identity])
-        yield Alternative(SEVERAL, tuple(range(i)), (), (), ())
 
     def _stacked(self, sensitivities: Sensitivities, found: Sequence[Candidate]) -> Array:
         """Return the columns of the model and of effects, as what readings are more: the residuals' signs turned."""

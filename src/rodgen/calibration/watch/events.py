@@ -11,6 +11,8 @@ from rodgen.views import html_of
 
 LARGE = 3.0
 """Factor of the noise beyond which it may as well be that several effects have changed: instruments seldom do that."""
+FEW = 4
+"""Parameters that are all given; of more, those that are beyond two standard deviations."""
 MOST = 8
 """Alternatives that are listed."""
 
@@ -83,7 +85,8 @@ class Likely:
     @property
     def text(self) -> str:
         """It with the size, such as ``"scale at EL (97 %): k = 12.1 ± 0.8 arcsec/rad"``."""
-        sizes = ", ".join(f"{e.key} = {e.text}" for e in self.changes)
+        seen = [e for e in self.changes if len(self.changes) <= FEW or abs(e.value) > 2 * (e.std or 0.0)]
+        sizes = ", ".join(f"{e.key} = {e.text}" for e in seen)
         return f"{self.title} ({100 * self.probability:.0f} %)" + (f": {sizes}" if sizes else "")
 
     def to_dict(self) -> dict[str, Any]:

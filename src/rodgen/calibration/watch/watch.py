@@ -21,7 +21,7 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.calibration.watch.columns import WatchedColumns
+from rodgen.calibration.watch.columns import Alternative, WatchedColumns
 from rodgen.calibration.watch.events import Changed, Event, Likely, OutlierSeen, Stuck
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import TIME, UnitError, parse_unit
@@ -130,9 +130,9 @@ class Watch:
             self._watched.readings,
             self._watched.free,
             [alternative.columns for alternative in self.alternatives],
-            len(self.alternatives) - 1,
             self._limit,
             np.array([-1.0, np.nan]),
+            np.array([size for alternative in self.alternatives for size in alternative.largest]),
         )
         if self.detector.dof < WATCH.fewest:
             rows, file = fit.observations.n, fit.observations.data.file
@@ -180,7 +180,7 @@ class Watch:
     @property
     def text(self) -> str:
         """A sentence on what is watched, and how."""
-        titles = len(self.alternatives) - 1
+        titles = len(self.alternatives)
         every = "each row" if self._per_block == 1 else f"every {self._per_block} rows"
         timed = self._rate is not None or self.fit.observations.t is not None
         assumed = "" if timed else ", 100 rows an hour assumed (--rate)"
@@ -341,18 +341,22 @@ class Watch:
 
     # what it means -----------------------------------------------------------------------------------------------
 
+    def _alternatives_of(self, found: Found) -> list[Alternative]:
+        """Return the alternatives, with what changed together, where several did, as the last."""
+        if len(found.sizes) == len(self.alternatives):
+            return self.alternatives
+        return [*self.alternatives, Alternative.together([self.alternatives[k] for k in found.together])]
+
     def _found(self) -> Found:
         """Return what changed; what no machine has so much of is ruled out, and what few have is less likely."""
         found = self.detector.found()
         with np.errstate(divide="ignore"):
             log = np.log(found.weights)
-        for k, one in enumerate(self.alternatives):
+        for k, one in enumerate(self._alternatives_of(found)):
             log[k] += one.prior.log_odds
             std = np.sqrt(np.diag(found.covariances[k]))
-            for name, size, u in zip(one.names, found.sizes[k], std, strict=False):
-                known = one.prior.sizes.get(name)
-                if known and abs(size) > known.largest + 2 * u:
-                    log[k] = -np.inf
+            if np.any(np.abs(found.sizes[k]) > one.largest + 2 * std):
+                log[k] = -np.inf
         weights = np.exp(log - log.max())
         return replace(found, weights=weights / weights.sum())
 
@@ -375,14 +379,14 @@ class Watch:
 
     def _likely(self, found: Found, k: int) -> Likely:
         probability = float(found.weights[k])
-        if k == len(self.alternatives):
+        if k == len(found.weights) - 1:
             return Likely("noise", None, None, probability, ())
-        one = self.alternatives[k]
+        one = self._alternatives_of(found)[k]
         std = np.sqrt(np.diag(found.covariances[k]))
         changes = tuple(
             Estimate(name, unit, float(value / factor), float(u / factor), False, True)
             for name, unit, factor, value, u in zip(
-                one.names, one.units, one.factors, found.sizes[k], std, strict=False
+                one.names, one.units, one.factors, found.sizes[k], std, strict=True
             )
         )
         effect = one.effect
