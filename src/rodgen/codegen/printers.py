@@ -43,6 +43,12 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
 
     language = "a kernel language"
     functions: ClassVar[dict[str, str]] = {}
+    constants: ClassVar[dict[sp.Symbol, str]] = {}
+    literal, not_a_number = "{!r}", ""
+    square_root, general_power = "", ""
+    choice = ""
+    """Of a condition, the value where it holds, and the other."""
+    truth = "True", "False"
     largest_power_as_product = 4
     conjunction, disjunction, negation = " & ", " | ", "~"
     times, over, unequal = "*", "/", "!="
@@ -65,7 +71,7 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
 
     def number(self, value: float) -> str:
         """Write a floating-point constant."""
-        return repr(float(value))
+        return self.literal.format(float(value))
 
     def _print_Integer(self, expr: sp.Integer) -> str:
         return self.number(int(expr)) if expr >= 0 else f"-{self.number(-int(expr))}"
@@ -84,22 +90,10 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
     def _print_NumberSymbol(self, expr: sp.Basic) -> str:
         return self.number(float(expr))
 
-    def not_a_number(self) -> str:
-        """Write NaN."""
-        raise NotImplementedError
-
     def _print_NaN(self, expr: sp.Basic) -> str:
-        return self.not_a_number()
+        return self.not_a_number
 
     # operators ---------------------------------------------------------------
-
-    def square_root(self, argument: str) -> str:
-        """Write a square root."""
-        raise NotImplementedError
-
-    def power(self, base: str, exponent: str) -> str:
-        """Write a general power."""
-        raise NotImplementedError
 
     def _print_Pow(self, expr: sp.Pow) -> str:
         base, exponent = expr.args
@@ -109,11 +103,11 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
         if exponent == 1:
             return str(self._print(base))
         if exponent == sp.S.Half:
-            return self.square_root(self._print(base))
+            return self.square_root.format(self._print(base))
         if exponent.is_Integer and exponent <= self.largest_power_as_product:
             factor = self.parenthesize(base, PRECEDENCE["Pow"])
             return "(" + self.times.join([factor] * int(exponent)) + ")"
-        return self.power(self._print(base), self._print(exponent))
+        return self.general_power.format(self._print(base), self._print(exponent))
 
     def _print_Mul(self, expr: sp.Mul) -> str:
         coefficient, rest = expr.as_coeff_Mul()
@@ -162,7 +156,10 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
             binds = PRECEDENCE["Mul"]
         return f"({printed})" if binds < level or (strict and binds == level) else printed
 
-    # functions ---------------------------------------------------------------
+    # names and functions -----------------------------------------------------
+
+    def _print_Symbol(self, expr: sp.Symbol) -> str:
+        return self.constants.get(expr, str(expr.name))
 
     def _print_Function(self, expr: sp.Function) -> str:
         name = type(expr).__name__
@@ -192,6 +189,19 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
     def _print_Not(self, expr: sp.Not) -> str:
         return f"{self.negation}({self._print(expr.args[0])})"
 
+    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
+        *cases, (last, _) = expr.args
+        text = str(self._print(last))
+        for value, condition in reversed(cases):
+            text = self.choice.format(self._print(condition), self._print(value), text)
+        return text
+
+    def _print_BooleanTrue(self, expr: sp.Basic) -> str:
+        return self.truth[0]
+
+    def _print_BooleanFalse(self, expr: sp.Basic) -> str:
+        return self.truth[1]
+
 
 class ArrayPrinter(KernelPrinter):
     """Expressions on whole arrays, with the names of the array API standard, which NumPy and others have.
@@ -206,24 +216,14 @@ class ArrayPrinter(KernelPrinter):
 
     def __init__(self, namespace: str = "np") -> None:
         super().__init__()
-        self.namespace = namespace
+        self.not_a_number = f"{namespace}.nan"
+        self.square_root, self.general_power = f"{namespace}.sqrt({{}})", f"{namespace}.pow({{}}, {{}})"
+        self.choice = f"{namespace}.where({{}}, {{}}, {{}})"
         self.functions = {  # type: ignore[misc]  # a table for each namespace
             **{name: f"{namespace}.{name}" for name in (*ELEMENTARY, "sign")},
             "Abs": f"{namespace}.abs",
             "power_of_two_scale": "_power_of_two_scale",
         }
-
-    def not_a_number(self) -> str:
-        """Write NaN."""
-        return f"{self.namespace}.nan"
-
-    def square_root(self, argument: str) -> str:
-        """Write a square root."""
-        return f"{self.namespace}.sqrt({argument})"
-
-    def power(self, base: str, exponent: str) -> str:
-        """Write a general power."""
-        return f"{self.namespace}.pow({base}, {exponent})"
 
     def _print_Pow(self, expr: sp.Pow) -> str:
         of_arrays = expr.free_symbols - {EPS, LARGEST}  # which the functions of the standard take
@@ -233,28 +233,14 @@ class ArrayPrinter(KernelPrinter):
             return self.number(float(expr))
         return f"{self.parenthesize(expr.base, PRECEDENCE['Pow'])}**{self.number(expr.exp)}"
 
-    def _print_Symbol(self, expr: sp.Symbol) -> str:
-        return str(expr.name)
-
-    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
-        *cases, (last, _) = expr.args
-        text = str(self._print(last))
-        for value, condition in reversed(cases):
-            text = f"{self.namespace}.where({self._print(condition)}, {self._print(value)}, {text})"
-        return text
-
-    def _print_BooleanTrue(self, expr: sp.Basic) -> str:
-        return "True"
-
-    def _print_BooleanFalse(self, expr: sp.Basic) -> str:
-        return "False"
-
 
 class MatlabPrinter(KernelPrinter):
     """Expressions on rows of numbers in MATLAB and GNU Octave, where `kind` is the class of the numbers."""
 
     language = "MATLAB"
     times, over, unequal = ".*", "./", "~="
+    not_a_number, truth = "NaN", ("true", "false")
+    square_root, general_power, choice = "real_sqrt({})", "real_power({}, {})", "select({}, {}, {})"
     functions: ClassVar[dict[str, str]] = {
         **{name: name for name in (*ELEMENTARY, "power_of_two_scale")},
         **{name: f"real_{name}" for name in ("asin", "acos", "log")},
@@ -265,40 +251,14 @@ class MatlabPrinter(KernelPrinter):
     reserved = frozenset({*MATLAB_WORDS.split(), *_MATLAB_NAMES.split(), *functions.values()})
     longest_name = 63
 
-    def not_a_number(self) -> str:
-        """Write NaN."""
-        return "NaN"
-
-    def square_root(self, argument: str) -> str:
-        """Write a square root."""
-        return f"real_sqrt({argument})"
-
-    def power(self, base: str, exponent: str) -> str:
-        """Write a general power."""
-        return f"real_power({base}, {exponent})"
-
-    def _print_Symbol(self, expr: sp.Symbol) -> str:
-        return self.constants.get(expr, str(expr.name))
-
-    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
-        *cases, (last, _) = expr.args
-        text = str(self._print(last))
-        for value, condition in reversed(cases):
-            text = f"select({self._print(condition)}, {self._print(value)}, {text})"
-        return text
-
-    def _print_BooleanTrue(self, expr: sp.Basic) -> str:
-        return "true"
-
-    def _print_BooleanFalse(self, expr: sp.Basic) -> str:
-        return "false"
-
 
 class CPrinter(KernelPrinter):
     """C99 expressions on scalars of type ``double``."""
 
     language = "C"
     real, condition = "double", "int"
+    not_a_number, truth = "(double)NAN", ("1", "0")  # NAN is a float
+    square_root, general_power, choice = "sqrt({})", "pow({}, {})", "(({}) ? {} : {})"
     conjunction, disjunction, negation = " && ", " || ", "!"
     functions: ClassVar[dict[str, str]] = {
         **{name: name for name in ELEMENTARY},
@@ -315,34 +275,6 @@ class CPrinter(KernelPrinter):
     def code(self, port: Port, value: str) -> str:
         """Write a number as a code of a status."""
         return f"(int8_t){value}"
-
-    def not_a_number(self) -> str:
-        """Write NaN."""
-        return f"({self.real})NAN"  # NAN is a float
-
-    def square_root(self, argument: str) -> str:
-        """Write a square root."""
-        return f"sqrt({argument})"
-
-    def power(self, base: str, exponent: str) -> str:
-        """Write a general power."""
-        return f"pow({base}, {exponent})"
-
-    def _print_Symbol(self, expr: sp.Symbol) -> str:
-        return self.constants.get(expr, str(expr.name))
-
-    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
-        *cases, (last, _) = expr.args
-        text = str(self._print(last))
-        for value, condition in reversed(cases):
-            text = f"(({self._print(condition)}) ? {self._print(value)} : {text})"
-        return text
-
-    def _print_BooleanTrue(self, expr: sp.Basic) -> str:
-        return "1"
-
-    def _print_BooleanFalse(self, expr: sp.Basic) -> str:
-        return "0"
 
 
 C_MACROS = {
@@ -364,23 +296,13 @@ class RealCPrinter(CPrinter):
     """
 
     real = "REAL"
+    literal, not_a_number = "K({!r})", "(REAL)NAN"
+    square_root, general_power = "SQRT({})", "POW({}, {})"
     functions: ClassVar[dict[str, str]] = {
         **{name: name.upper() for name in (*ELEMENTARY, "sign", "power_of_two_scale")},
         "Abs": "FABS",
     }
     constants: ClassVar[dict[sp.Symbol, str]] = {EPS: "REAL_EPSILON", LARGEST: "REAL_MAX"}
-
-    def number(self, value: float) -> str:
-        """Write a floating-point constant."""
-        return f"K({float(value)!r})"
-
-    def square_root(self, argument: str) -> str:
-        """Write a square root."""
-        return f"SQRT({argument})"
-
-    def power(self, base: str, exponent: str) -> str:
-        """Write a general power."""
-        return f"POW({base}, {exponent})"
 
 
 class CppPrinter(CPrinter):
@@ -394,6 +316,8 @@ class CppPrinter(CPrinter):
 
     language = "C++"
     real, condition = "Real", "bool"
+    literal, not_a_number = "Real({!r})", "std::numeric_limits<Real>::quiet_NaN()"
+    square_root, general_power, truth = "std::sqrt({})", "std::pow({}, {})", ("true", "false")
     functions: ClassVar[dict[str, str]] = {
         **{name: f"std::{name}" for name in ELEMENTARY},
         "Abs": "std::fabs",
@@ -409,10 +333,6 @@ class CppPrinter(CPrinter):
         super().__init__()
         self.only = only
 
-    def number(self, value: float) -> str:
-        """Write a floating-point constant."""
-        return f"Real({float(value)!r})"
-
     def component(self, port: Port, number: int) -> str:
         """Write what a component of an output is stored in: matrices are arrays of rows."""
         places = np.unravel_index(number, port.shape) if port.shape else ()
@@ -421,24 +341,6 @@ class CppPrinter(CPrinter):
     def code(self, port: Port, value: str) -> str:
         """Write a number as a code of a status."""
         return f"static_cast<{port.enum.__name__ if port.enum else 'int'}>({value})"
-
-    def not_a_number(self) -> str:
-        """Write NaN."""
-        return "std::numeric_limits<Real>::quiet_NaN()"
-
-    def square_root(self, argument: str) -> str:
-        """Write a square root."""
-        return f"std::sqrt({argument})"
-
-    def power(self, base: str, exponent: str) -> str:
-        """Write a general power."""
-        return f"std::pow({base}, {exponent})"
-
-    def _print_BooleanTrue(self, expr: sp.Basic) -> str:
-        return "true"
-
-    def _print_BooleanFalse(self, expr: sp.Basic) -> str:
-        return "false"
 
 
 class VectorCPrinter(RealCPrinter):
@@ -450,6 +352,7 @@ class VectorCPrinter(RealCPrinter):
     """
 
     mask = "REAL_MASK"
+    choice, truth = "TYPED(blend)({}, {}, {})", (f"({mask})-1", f"({mask})0")
     conjunction, disjunction, negation = (
         KernelPrinter.conjunction,
         KernelPrinter.disjunction,
@@ -461,18 +364,5 @@ class VectorCPrinter(RealCPrinter):
         "Abs": "FABS",
     }
 
-    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
-        *cases, (last, _) = expr.args
-        text = str(self._print(last))
-        for value, condition in reversed(cases):
-            text = f"TYPED(blend)({self._print(condition)}, {self._print(value)}, {text})"
-        return text
-
     def _print_Relational(self, expr: Relational) -> str:
         return f"TYPED(mask)({super()._print_Relational(expr)})"
-
-    def _print_BooleanTrue(self, expr: sp.Basic) -> str:
-        return f"({self.mask})-1"
-
-    def _print_BooleanFalse(self, expr: sp.Basic) -> str:
-        return f"({self.mask})0"
