@@ -95,17 +95,8 @@ def residual_vectors(
 
     Parameters
     ----------
-    fit : FittedModel
-    before : FittedModel, optional
-        Another model of the same observations, whose residuals are drawn, too.
-    exaggeration : float, optional
-        How many times as long as residuals their lines are, which the note says; left out: so that they can be seen.
-    selected : collection of int, optional
-        Rows that are marked.
-    planned : Plan, optional
-        Whose readings are marked where the model puts them.
-    most : int, optional
-        Lines; of more rows some are drawn, and the note says so.
+    fit, before, exaggeration, selected, planned, most
+        As of :func:`residual_map`, with lines for its arrows.
     """
     machine, measurand = fit.machine, fit.machine.measurand
     if not measurand.is_place or not (measurand.moving or measurand.is_direction):
