@@ -275,7 +275,6 @@ def test_trends_and_changes_have_their_p_values(nights: int, scatter: float, deg
             np.full(sigma.shape, float(degrees)),
             np.arange(nights) * 1.0,
             repeatability(values, std),
-            3,
         )
         p.append([found.trend_p, found.change_p])
     for level in (0.01, 0.001):
@@ -285,12 +284,23 @@ def test_trends_and_changes_have_their_p_values(nights: int, scatter: float, deg
         assert change < level * 1.15 + expected  # the number of places bounds it
 
 
+@pytest.mark.parametrize(("machines", "nights"), [(1, 10), (3, 5), (12, 2)])
+def test_scatter_that_few_differences_tell_is_not_taken_for_known(machines: int, nights: int) -> None:
+    random, p = np.random.default_rng(5), []
+    std, degrees = np.ones((machines, nights)), np.full((machines, nights), np.inf)
+    for _ in range(3000 // machines):
+        values = np.sqrt(1 + 2.0**2) * random.normal(size=std.shape)
+        found = drifts(values, std, degrees, np.arange(nights) * 1.0, repeatability(values, std))
+        p.append([found.trend_p, found.change_p])
+    assert (np.concatenate(p, axis=1) < 0.001).mean() < 0.002
+
+
 def test_a_trend_and_a_change_are_told_apart() -> None:
     times, std = np.arange(10.0), np.full((50, 10), 0.5)
     values = 0.5 * np.random.default_rng(4).normal(size=(50, 10))
     values[0] += times
     values[1, 6:] += 5.0
-    found = drifts(values, std, np.full((50, 10), np.inf), times, repeatability(values, std), 3)
+    found = drifts(values, std, np.full((50, 10), np.inf), times, repeatability(values, std))
     assert found.trend_p[0] < found.change_p[0]
     assert found.change_p[1] < found.trend_p[1]
     assert found.at[1] == 6
@@ -385,6 +395,11 @@ def test_alarms_come_when_a_machine_changes() -> None:
     assert first.since == nights[8].date
     assert {change.machine for change in found.found if change.alarm} == {"m4"}
     assert not Changes(nights[:8], 1.0).found
+    (change,) = Changes(nights[7:9], 1.0).found  # which shows on two nights, too
+    assert (change.machine, change.key, change.what, change.alarm, change.new) == (
+        "m4", "p2", "change", True, True,
+    )  # fmt: skip
+    assert not Changes(nights[8:9], 1.0).found
 
 
 @pytest.mark.slow

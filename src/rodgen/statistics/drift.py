@@ -1,9 +1,9 @@
 """Trends and changes in many short series of values with standard deviations, such as those of a machine's nights.
 
 A value scatters by more than its own standard deviation says: machines do not repeat themselves exactly. How much is
-estimated from the successive differences of all series together, by their median, which neither trends nor a few
-changes move. Each series is then held against a constant in two ways: a straight line (generalised least squares), and
-one change of the level, at whichever place it fits best.
+estimated from the successive differences of all series together, the large ones cut off, so that neither trends nor
+a few changes move it much. Each series is then held against a constant in two ways: a straight line (generalised least
+squares), and one change of the level, at whichever place it fits best.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ import numpy as np
 
 from rodgen.array_types import Array, Index, Mask
 
-HALF_OF_CHI_SQUARE = 0.4549364
-"""Median of chi-square with one degree of freedom."""
-EFFICIENCY = 0.25
-"""Degrees of freedom that a median of squared successive differences has, for each difference: 0.37 by the median, two
-thirds of that because successive differences share a value."""
+LARGEST, USUAL = 2.25, 0.7785
+"""Squared differences count as so many variances at most, and are as large as the other on average where they are
+normal: a third of them may be of changes."""
+EFFICIENCY = 0.725
+"""Degrees of freedom that such a variance has, for each difference; two thirds of that where each shares a value with
+the one before and the one after it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,10 @@ class Drifts:
 
 
 def repeatability(values: Array, std: Array) -> tuple[float, float]:
-    """Return the standard deviation by which values of series scatter beyond their own, and its degrees of freedom.
+    """Return the variance by which values of series scatter beyond their own, and half the variance of that number.
+
+    What is estimated is the scatter in all; how uncertain it is does not become less where the values' own variances
+    happen to explain it.
 
     Parameters
     ----------
@@ -58,21 +62,22 @@ def repeatability(values: Array, std: Array) -> tuple[float, float]:
     """
     before, after, known = _pairs(values, std)
     if not known.any():
-        return 0.0, 1.0
+        return 0.0, 0.0
     squares = (after[0] - before[0]) ** 2
     single = before[1] ** 2 + after[1] ** 2
-    degrees = max(EFFICIENCY * len(squares), 1.0)
+    degrees = EFFICIENCY * len(squares) / (1 + float(np.mean(known[1:] & known[:-1])) / 2)
 
     def excess(variance: float) -> float:
-        return float(np.median(squares / (single + 2 * variance))) - HALF_OF_CHI_SQUARE
+        return float(np.mean(np.minimum(squares / (single + 2 * variance), LARGEST))) - USUAL
 
-    if excess(0.0) <= 0:
-        return 0.0, degrees
-    low, high = 0.0, float(squares.max()) / HALF_OF_CHI_SQUARE
+    low = high = 0.0
+    if excess(0.0) > 0:
+        high = float(squares.max()) / USUAL
     while high - low > 1e-9 * high:
         middle = (low + high) / 2
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    return float(np.sqrt((low + high) / 2)), degrees
+    variance = (low + high) / 2
+    return variance, (variance + float(np.median(single)) / 2) ** 2 / max(degrees, 1.0)
 
 
 def _pairs(values: Array, std: Array) -> tuple[tuple[Array, Array], tuple[Array, Array], Mask]:
@@ -99,9 +104,7 @@ def _smoothed(squares: Array, degrees: Array, known: Mask) -> Array:
     return np.asarray(np.exp(mean + kept * (logs - mean)))
 
 
-def drifts(
-    values: Array, std: Array, degrees: Array, times: Array, repeat: tuple[float, float], fewest: int
-) -> Drifts:
+def drifts(values: Array, std: Array, degrees: Array, times: Array, repeat: tuple[float, float]) -> Drifts:
     """Return the tests of series.
 
     Parameters
@@ -112,28 +115,25 @@ def drifts(
         Increasing.
     repeat : pair of floats
         As of `repeatability`.
-    fewest : int
-        Values of a series, at least, for a test; at least 3.
 
     Notes
     -----
     Both are contrasts Σ cₜ yₜ with the variance Σ cₜ² (sₜ² + ω²), whose degrees of freedom are those of Satterthwaite
     (1946). The p-value of a change is that of the best place times the number of places (Bonferroni).
     """
-    omega, of_omega = repeat[0] ** 2, repeat[1]
+    omega, of_omega = repeat
     known = np.isfinite(values) & np.isfinite(std)
     y, s = np.where(known, values, 0.0), np.where(known, std, 1.0) ** 2
     nu = np.where(known & np.isfinite(degrees), degrees, 1e9)
     weight = known / (_smoothed(s, nu, known) + omega)
     s = s * (1 + 4 / nu)  # what weights that follow them make too small (Meier 1953)
     count, total = known.sum(axis=1), np.maximum(weight.sum(axis=1), 1e-300)
-    enough = count >= fewest
 
     def tail(size: Array, variance: Array, squares: Array, fourths: Array) -> Array:
         """Return p of contrasts, given their variances, Σc² and Σc⁴s⁴/ν."""
         from rodgen.statistics.compiled_scipy import special
 
-        spread = fourths + (squares * omega) ** 2 / of_omega
+        spread = fourths + squares**2 * of_omega
         dof = np.clip(
             np.divide(variance**2, spread, out=np.full_like(spread, 1e9), where=spread > 0), 1.0, 1e9
         )
@@ -171,9 +171,9 @@ def drifts(
     return Drifts(
         slope,
         np.sqrt(slope_var),
-        np.where(enough, trend_p, 1.0),
+        np.where(count > 2, trend_p, 1.0),
         step[row, best],
         np.sqrt(variance[row, best]),
         best + 1,
-        np.where(enough, change_p, 1.0),
+        np.where(count > 1, change_p, 1.0),
     )

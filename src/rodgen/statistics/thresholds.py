@@ -573,8 +573,6 @@ class FleetPolicy(NamedTuple):
     """Part of the machines that may be odd in one parameter: beyond, the others are no population."""
     common: float = 0.5
     """Part of the machines in which an effect is found, or may be there, from which on it belongs to their design."""
-    fewest_nights: int = 3
-    """Nights from which on a change is looked for: of two, nobody knows how well a machine repeats itself."""
     nights: float = 365.0
     """Nights of a year, for the rate of false alarms."""
     false_alarms: float = 1.0

@@ -129,10 +129,8 @@ class _Rows:
     degrees: Array
 
     def tests(self, times: Array, nights: int) -> Drifts:
-        some = slice(nights)
-        values, std = self.values[:, some], self.std[:, some]
-        repeat = repeatability(values, std)
-        return drifts(values, std, self.degrees[:, some], times[some], repeat, FLEET.fewest_nights)
+        values = np.where(np.arange(len(times)) < nights, self.values, np.nan)
+        return drifts(values, self.std, self.degrees, times, repeatability(values, self.std))
 
 
 class Changes:
@@ -162,7 +160,7 @@ class Changes:
                 for key, (value, std, unit) in machine.estimates(which).items():
                     points.setdefault((key, unit), []).append((t, value, std, machine.degrees_of_freedom))
             for (key, unit), some in points.items():
-                if len(some) >= FLEET.fewest_nights and some[-1][0] == len(self.nights) - 1:
+                if len(some) > 1 and some[-1][0] == len(self.nights) - 1:
                     by.setdefault((tonight.kind, key, unit), []).append((name, some))
         return [self._row(key, unit, each) for (_, key, unit), each in by.items()]
 

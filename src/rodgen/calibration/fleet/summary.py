@@ -163,9 +163,7 @@ def about_alarms(fleet: Fleet) -> str:
     alarmed = _count(len({change.machine for change in fleet.alarms}), "machine")
     head = f"{len(changes.nights)} nights, {first} to {last}: {alarmed} with an alarm"
     if not changes.tests:
-        return (
-            f"{head}; changes are looked for from {FLEET.fewest_nights} nights of the same machine file on."
-        )
+        return f"{head}; changes are looked for from two nights of the same machine file on."
     rate = f"{changes.false_alarms:g} false alarm{'s' * (changes.false_alarms != 1)} a year"
     said = (
         f"{head}. By chance the whole fleet has {rate}: {changes.tests} tests a night, {FLEET.nights:g} nights a year, "
