@@ -487,6 +487,8 @@ def test_plots_of_further_kinds_and_the_plan(files, serve, opened):
     with page.expect_download() as started:
         page.get_by_label("Download the plan as a table").click()
     assert started.value.path().read_text().startswith("AZ [deg],EL [deg]")
+    page.evaluate("scrollTo(0, 0)")
+    page.wait_for_timeout(500)
     picture(page, "plan")
     page.get_by_label("Discard the plan").click()
     page.get_by_text("Planned readings, which have no residual yet").wait_for(state="hidden")

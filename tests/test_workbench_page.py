@@ -291,8 +291,9 @@ def test_a_diagnosis_runs_in_the_background_and_its_steps_are_taken_or_left(file
     assert session.state.action.why == "diagnosis"
 
 
-def test_a_plan_within_constraints_is_marked_in_the_plots_and_discarded(files):
+def test_a_plan_within_constraints_is_marked_in_the_plots_and_discarded(files, monkeypatch):
     session = Session.open(*files)
+    monkeypatch.chdir(files[0].parent)
 
     async def user(walker):
         def marked():
@@ -319,7 +320,11 @@ def test_a_plan_within_constraints_is_marked_in_the_plots_and_discarded(files):
         walker.types("Readings at most", 6)
         await walker.press("Make the plan")
         await walker.until(lambda: walker.desk.plan is not None and len(marked()) >= 2)
-        _, plan, _ = walker.desk.plan
+        _, plan, wish = walker.desk.plan
+        (files[0].parent / "limits.toml").write_text(wish.constraints)
+        made = {}
+        exec(session.python() + wish.python(), made)
+        assert made["next_readings"].rows == plan.rows
         assert all(30 <= el <= 60 for el in plan.rows["EL [deg]"])
         await walker.sees("-n 6 --for AZ.axis.a --constraints limits.toml -o plan.csv")
         await walker.press("Discard the plan")

@@ -329,7 +329,8 @@ class Page:
             row.on(event, partial(self._preview, suspect.effect), args=[])
         for event in ("mouseleave", "focusout"):
             row.on(event, self._no_preview, args=[])
-        add.tooltip(suspect.effect.definition.meaning)
+        with add:  # later than what it would explain is drawn
+            ui.tooltip(suspect.effect.definition.meaning).props("delay=700")
 
     async def _list_all(self) -> None:
         self.all_suspects = True

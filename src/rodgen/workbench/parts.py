@@ -49,7 +49,7 @@ h2{font-size:1rem;font-weight:650;line-height:1.4;letter-spacing:0;margin:0}
 .wrong{border-color:#c04d00;border-width:2px}
 .q-btn{text-transform:none}
 @media(max-width:760px){.desk{display:flex;flex-direction:column;gap:8px}.side,.main{display:contents}
-.head h1{width:100%}.head{gap:4px}.head .q-btn{padding:2px 6px}.head .sign .block{display:none}
+.head>:first-child{width:100%}.head{gap:4px}.head .q-btn{padding:2px 5px!important}.head .sign .block{font-size:0}
 .head .sign .on-left{margin-right:0}
 .first{order:-2}.second{order:-1}.last{order:1}.nicegui-content{padding:6px}}
 """

@@ -62,7 +62,7 @@ class Wish:
         return shlex.join(["rodgen", "plan", machine, data, "-n", str(self.n), *options, "-o", "plan.csv"])
 
     def python(self) -> str:
-        """Return the lines of Python that do the same, where `machine`, `observations` and `fit` are known."""
+        """Return the lines of Python that do the same, where `machine`, `data` and `fit` are known."""
         lines = ["from rodgen.calibration.plan import load_constraints, plan, plan_for"]
         if self.diagnosed and not (self.wanted or self.alternatives):
             lines.append("from rodgen.calibration.diagnose import diagnose")
@@ -73,9 +73,9 @@ class Wish:
         elif self.wanted:
             lines.append(f"next_readings = plan(fit, {self.n}, wanted={[*self.wanted]}{limits})")
         else:
-            of = "diagnose(machine, observations)" if self.diagnosed else "fit"
+            of = "diagnose(machine, data)" if self.diagnosed else "fit"
             lines.append(f"next_readings = plan({of}, {self.n}{limits})")
-        return "\n".join([*lines, "next_readings.save('plan.csv')"])
+        return "\n".join([*lines, "print(next_readings)"])
 
 
 class Planning:
@@ -96,7 +96,7 @@ class Planning:
             self.limits.without_auto_validation()
             completing(self.wanted, self._keys)
             for each in (self.number, self.wanted, self.limits):
-                each.props("dense outlined maxlength=4000").classes("w-full")
+                each.props("dense outlined stack-label maxlength=4000").classes("w-full")
             self.limits.props("debounce=300 rows=5").classes("mono")
             ui.label(
                 "What is to be sharpened are parameters, or effects that the model may lack; left empty, what the last "
