@@ -563,6 +563,28 @@ def test_ball_bar_is_drawn_in_the_planes_that_it_swept() -> None:
     np.testing.assert_allclose((np.hypot(trace.x, trace.y) - 1) * 2 * limit, trace.text, atol=1e-9)
 
 
+def test_axes_in_space_have_few_numbers_none_at_corners_and_names_apart() -> None:
+    for name in ("gantry_rotary", "robot_6r_tracker", "mount"):
+        figure = figures.skeleton(*machine_and_data(name)[:1])
+        scene = figure.layout.scene
+        for axis in (scene.xaxis, scene.yaxis, scene.zaxis):
+            low, high = axis.range
+            assert len(axis.tickvals) <= 8
+            assert all(low + 0.1 * (high - low) < at < high - 0.1 * (high - low) for at in axis.tickvals)
+        size = max(axis.range[1] - axis.range[0] for axis in (scene.xaxis, scene.yaxis, scene.zaxis))
+        ends = np.array(
+            [
+                (x, y, z)
+                for trace in figure.data
+                if trace.mode == "lines+text"
+                for x, y, z, text in zip(trace.x, trace.y, trace.z, trace.text, strict=True)
+                if text
+            ]
+        )
+        apart = np.linalg.norm(ends[:, None] - ends, axis=2)[~np.eye(len(ends), dtype=bool)]
+        assert np.all(apart > 0.01 * size)
+
+
 def test_residuals_stand_in_space_with_the_machine() -> None:
     fit = fitted("gantry_rotary")
     figure = figures.residual_vectors(fit, exaggeration=1000.0, selected=[3])

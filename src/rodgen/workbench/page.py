@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import html
 import os
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -729,6 +730,8 @@ class Page:
                         ui.label(said).classes("soft")
             with ui.expansion("What it says").props("dense").classes("w-full"):
                 ui.label(diagnosis.summary()).classes("code")
+            command = shlex.join(["rodgen", "diagnose", state.file, self.desk.session.data_file])
+            same(command, "from rodgen.calibration.diagnose import diagnose\nprint(diagnose(machine, data))")
 
     async def _take(self, one: Any) -> None:
         await self.desk.do(Add(keys(one.effect, self.state.machine), why="diagnosis"))
