@@ -372,6 +372,7 @@ COMMANDS = [  # NAME stands for each of MACHINES
     "add NAME.toml gravity_windup NAME.csv --joint JOINT --hold k2=0 -o a.toml",
     "remove NAME.toml gravity_windup NAME.csv --joint JOINT -o a.toml",
     "parameter NAME.toml JOINT.axis.a --bounds -9arcsec,inf -o a.toml --json",
+    "add NAME.toml own --joint JOINT --formula k*cos(q) --parameter k=1 --hold k=2 -o a.toml",
     "parameter NAME.toml JOINT.axis.a --tie 2*JOINT.axis.b -o a.toml",
     "set-aside NAME.toml NAME.csv --rows 3-5,9 --why clouds -o a.toml",
     "set-aside NAME.toml NAME.csv --where JOINT<-5e3 -o a.toml --json",

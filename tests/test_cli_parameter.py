@@ -58,3 +58,20 @@ def test_what_cannot_be_said_is_one_line_and_nothing_is_written(file, rodgen_com
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert message in err
     assert file.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["sag", "--parameter", "k=arcsec"], "--component or --parameter without --formula"),
+        (["sag", "--joint", "EL", "--formula", "k*cos(q"], "effect sag, formula"),
+        (["sag", "--joint", "EL", "--formula", "k*cos(q)", "--parameter", "k"], "expected NAME=UNIT"),
+        (["tube_flexure", "--formula", "1"], "which the catalogue has"),
+        (["sag", "--joint", "EL", "--formula", "k*q", "--parameter", "k=N"], "effect sag"),
+    ],
+)
+def test_a_formula_of_ones_own_that_cannot_be_is_one_line(file, rodgen_command, arguments, message):
+    code, out, err = rodgen_command("add", file, *arguments, "-o", file)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert message in err
+    assert file.read_text() == MOUNT.read_text()

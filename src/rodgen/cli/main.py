@@ -102,7 +102,7 @@ _ENDING = [signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else [])
 
 _WITH_A_MINUS = (
     *("--point", "--hold", "--effect", "--q", "--tool", "--latitude"),
-    *("--why", "--where", "--prior", "--bounds", "--tie"),
+    *("--why", "--where", "--prior", "--bounds", "--tie", "--formula"),
 )
 """Options whose value may start with a minus sign."""
 

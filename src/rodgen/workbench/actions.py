@@ -93,6 +93,10 @@ def _option(name: str, text: str) -> list[str]:
     return [f"{name}={text}"] if text.startswith("-") else [name, text]
 
 
+_TYPED = {"name", "joint", "target", "component", "formula", "parameters", "hold"}
+"""Keys of an effect with a formula that 'rodgen add' takes."""
+
+
 @dataclass(frozen=True)
 class _OfEffect(Action):
     """An action on the keys of an ``[[effect]]``: of the catalogue, or with a formula of its own."""
@@ -122,14 +126,18 @@ class _OfEffect(Action):
         return [word for key in keys for word in (f"--{key}", str(self.effect[key]))]
 
     def _add_command(self, machine: str, data: str) -> str:
+        """Return the command that adds it; empty where it changes several components, or says more."""
+        options = self._where()
         if self._is_own:
-            return ""
-        held = [
-            word
-            for key, value in self.effect.get("hold", {}).items()
-            for word in ("--hold", f"{key}={value}")
-        ]
-        return _words("add", machine, self.name, data, *self._where(), *held, "-o", machine)
+            if not self.effect.keys() <= _TYPED or not isinstance(self.effect.get("formula"), str):
+                return ""
+            options += _option("--formula", self.effect["formula"])
+            options += ["--component", self.effect.get("component", "reading")]
+            for name, unit in self.effect.get("parameters", {}).items():
+                options += ["--parameter", f"{name}={unit}"]
+        for key, value in self.effect.get("hold", {}).items():
+            options += ["--hold", f"{key}={value}"]
+        return _words("add", machine, self.name, data, *options, "-o", machine)
 
     def _added(self, machine: str = "machine") -> str:
         if self._is_own:
@@ -166,7 +174,7 @@ class Add(_OfEffect):
         return text_with_effects(state.file, [self.made(state.machine)], state.text)
 
     def command(self, machine: str, data: str) -> str:
-        """Return the command that does the same; empty for a formula of the user's own."""
+        """Return the command that does the same; empty where there is none."""
         return self._add_command(machine, data)
 
     def python(self) -> str:
@@ -193,7 +201,7 @@ class Written(_OfEffect):
         return text_with_effect(state.file, self.made(without), state.text)
 
     def command(self, machine: str, data: str) -> str:
-        """Return the commands that do the same; empty for a formula of the user's own."""
+        """Return the commands that do the same; empty where there are none."""
         removed = _words("remove", machine, self.name, *self._where(), "-o", machine)
         added = self._add_command(machine, data)
         return f"{removed}\n{added}" if added else ""

@@ -7,7 +7,7 @@ have a unit; without one it is in the units of the machine file. ``frame_shift[2
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -89,8 +89,15 @@ def effect_with(machine: Machine, name: str, place: str | None, numbers: Mapping
     UnfitEffectError
         When a number is none, or its unit does not fit.
     """
-    units = machine.effect(name, place).units(machine)
-    hold = {}
+    return holding(machine, lambda hold: machine.effect(name, place, hold=hold), numbers)
+
+
+def holding(
+    machine: Machine, made: Callable[[Mapping[str, float]], Effect], numbers: Mapping[str, str]
+) -> Effect:
+    """Return an effect, made of what it holds, that holds typed numbers; see `effect_with`."""
+    units = made({}).units(machine)
+    hold: dict[str, float] = {}
     for parameter, text in numbers.items():
         number = number_and_unit(text)
         if number is None:
@@ -98,7 +105,7 @@ def effect_with(machine: Machine, name: str, place: str | None, numbers: Mapping
         hold[parameter], unit = number
         if unit and parameter in units:  # unknown names are reported where the hold is checked
             hold[parameter] *= _in_file_units(machine, parameter, unit, units[parameter])
-    return machine.effect(name, place, hold=hold)
+    return made(hold)
 
 
 def _in_file_units(machine: Machine, name: str, text: str, own: str) -> float:
