@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import needs_browser
 
 from rodgen import backend
 from rodgen.calibration.solve import least_squares
@@ -304,3 +305,21 @@ def test_scale(benchmark: Import, monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
     assert found["parts"] == 3
     assert min(found[name] for name in ("fit_s", "fit_cpu_s", "pass_s", "pass_cpu_s", "largest_GB")) > 0
     assert found["reduced_B"] > 8 * 39**2  # a triangle would do
+
+
+# the workbench ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@needs_browser
+def test_workbench(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("nicegui")
+    measure, cases = benchmark("workbench.measure"), benchmark("workbench.cases")
+    monkeypatch.setattr(measure, "CASES", {"telescope, 40 rows": cases.Telescope(40)})
+    found = measure.measure(quick=True)
+    (case,) = found["cases"].values()
+    assert {"first view", "add", "undo", "redo", "another covariate", "brush"} < set(case)
+    assert all(min(item.values()) >= 0 < item["wall"] for item in case.values())
+    page = benchmark("workbench.page")
+    assert "telescope, 40 rows: brush" in page.page(found)
+    assert "40 rows: first view" in page.headline(found)[0]

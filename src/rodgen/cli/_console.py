@@ -47,6 +47,7 @@ EXTRAS = {
     "erfa": "import",
     "openpyxl": "import",
     "nicegui": "app",
+    "uvicorn": "app",
 }
 """Modules that only some commands need, and the extra that installs them."""
 

@@ -36,14 +36,8 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.workbench.server import prepare
-
-    prepare()  # a missing library is reported before anything is read
-    from rodgen.cli.imports import imported_with
     from rodgen.workbench.desk import Desk
-    from rodgen.workbench.page import Page
     from rodgen.workbench.session import ENDING, Session
-    from rodgen.workbench.start import Start
 
     desks: list[Desk] = []
     if options.machine is not None and options.data is None and os.path.isdir(options.machine):
@@ -55,26 +49,31 @@ def _run(options: argparse.Namespace) -> int:
             expected = f"it, or a session that ends in {ENDING}"
             raise InputFileError("command line", "rodgen open", "no DATA", expected)
         desks.append(Desk(Session.load(options.machine)))
-    _serve(
-        options,
-        lambda: (
-            Page(desks[-1]) if desks else Start(lambda session: desks.append(Desk(session)), imported_with)
-        ),
-        desks[0].prepare if desks else None,
-    )
-    return OK
+
+    def page() -> Callable[[], object]:
+        from rodgen.cli.imports import imported_with
+        from rodgen.workbench.page import Page
+        from rodgen.workbench.start import Start
+
+        def opened(session: Session) -> None:
+            desks.append(Desk(session))
+
+        return lambda: Page(desks[-1]) if desks else Start(opened, imported_with)
+
+    return _served(options, page)
 
 
 def _of_fleet(options: argparse.Namespace) -> int:
+    from rodgen.workbench.server import prepare
+
+    prepare()
     from rodgen.workbench.fleet import FleetDesk
 
-    _serve(options, FleetDesk(options.machine).window)
-    return OK
+    desk = FleetDesk(options.machine)
+    return _served(options, lambda: desk.window)
 
 
-def _serve(
-    options: argparse.Namespace, page: Callable[[], object], meanwhile: Callable[[], object] | None = None
-) -> None:
+def _served(options: argparse.Namespace, page: Callable[[], Callable[[], object]]) -> int:
     from rodgen.workbench.server import serve
 
     serve(
@@ -82,5 +81,5 @@ def _serve(
         port=options.port,
         browser=not options.no_browser,
         said=lambda address: show(f"{address}\nCtrl-C ends it."),
-        meanwhile=meanwhile,
     )
+    return OK

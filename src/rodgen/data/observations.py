@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from rodgen.data.drivers import Driver, Kind, drivers
 from rodgen.data.poses import groups, originals
 from rodgen.data.spool import empty
+from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError
 from rodgen.statistics.thresholds import EVIDENCE
 
@@ -249,6 +250,11 @@ class Observations:
         if self.counted_as is not None:
             counted_as = np.where(self.counted_as < 0, -1, counted_as[self.counted_as])
         return replace(self.take(kept), counted_as=counted_as, aside=self.aside)
+
+    def unit_of(self, column: str, usual: str = "") -> tuple[str, float]:
+        """Return the unit of a column of the data, `usual` where it states none, and its internal value."""
+        unit = self.data.columns[column].unit or usual
+        return unit, parse_unit(unit).factor(self.machine.length_unit)
 
     def read_as(self, other: Observations) -> Observations:
         """Return the observations with the readings of others, row by row."""

@@ -132,14 +132,6 @@ class Desk:
         # threads of their own, and OpenBLAS may hang where the number changes while it computes in another.
         self._one_thread = one_thread_in_blas()
 
-    def prepare(self) -> None:
-        """Do what the first window waits for: libraries are imported, and figures drawn once."""
-        from rodgen.output import figures
-
-        with suppress(RodgenError, ValueError):
-            figures.residual_plot(self.session.state.fit)
-            figures.residual_map(self.session.state.fit)
-
     async def do(self, action: Action) -> None:
         """Do something, and show it in all windows.
 

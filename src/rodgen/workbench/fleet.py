@@ -68,7 +68,6 @@ class FleetPage:
     def __init__(self, desk: FleetDesk) -> None:
         self.desk = desk
         ui.add_css(STYLE)
-        ui.dark_mode(None)
         self.client = ui.context.client
         with ui.element("header").classes("head"):
             heading(f"Fleet, {desk.fleet.plan.date}", 1)

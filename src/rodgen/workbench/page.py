@@ -114,7 +114,6 @@ class Page:
         desk = self.desk
         ui.add_css(STYLE)
         ui.add_head_html(PLOTLY)
-        self.mode = ui.dark_mode(None)
         self.client = ui.context.client
         ui.keyboard(on_key=guarded(self._key), ignore=["input", "select", "textarea"])
         with ui.element("header").classes("head"):
@@ -738,7 +737,8 @@ class Page:
 
     async def _darken(self) -> None:
         self.dark = not self.dark
-        self.mode.set_value(self.dark)
+        # an element for it has the browser compute the style of the whole page anew with whatever is drawn
+        ui.run_javascript(f"Quasar.Dark.set({str(self.dark).lower()})")
         await self._draw()
 
 

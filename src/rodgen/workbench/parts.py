@@ -41,7 +41,7 @@ h2{font-size:1rem;font-weight:650;line-height:1.4;letter-spacing:0;margin:0}
 .q-tooltip{max-width:340px;font-size:.8rem}
 .code{font-family:ui-monospace,monospace;font-size:.8rem;white-space:pre-wrap;background:var(--wash);padding:6px;width:100%}
 .mono textarea{font-family:ui-monospace,monospace}
-.plot{width:100%;overflow-x:auto}
+.plot{width:100%;overflow-x:auto;contain:paint}
 .start{max-width:760px;width:100%;margin:0 auto;display:grid;gap:12px}
 .start .card{display:flex;flex-direction:column;gap:8px;align-items:flex-start;padding:10px 12px}
 .alert{color:#c04d00;position:sticky;top:0;z-index:2;background:var(--paper)}

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from rodgen.calibration.plan import Plan
-from rodgen.calibration.plan.constraints import constraints_of
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
@@ -20,6 +18,7 @@ from rodgen.workbench.parts import anew, button, card, completing, dialog, downl
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose import Diagnosis
     from rodgen.calibration.fit import Fit
+    from rodgen.calibration.plan import Plan
     from rodgen.workbench.page import Page
     from rodgen.workbench.session import State
 
@@ -47,6 +46,7 @@ class Wish:
     def plan(self, state: State, subject: Fit | Diagnosis) -> Plan:
         """Return the plan, of a fit or a diagnosis of a state."""
         from rodgen.calibration.plan import plan, plan_for
+        from rodgen.calibration.plan.constraints import constraints_of
 
         limits = constraints_of(self.constraints, LIMITS, state.machine) if self.constraints else None
         if self.alternatives:
@@ -118,6 +118,8 @@ class Planning:
 
     def _check(self) -> None:
         """Say at the constraints what is wrong with them."""
+        from rodgen.calibration.plan.constraints import constraints_of
+
         text, said = str(self.limits.value or "").strip(), None
         try:
             if text:

@@ -23,35 +23,32 @@ _OF_CLIENTS = ("aiohttp", "requests", "tornado", "websocket")
 
 
 def serve(
-    page: Callable[[], Any],
+    page: Callable[[], Callable[[], Any]],
     *,
     port: int = 0,
     browser: bool = True,
     said: Callable[[str], object] = print,
-    meanwhile: Callable[[], object] | None = None,
 ) -> None:
     """Show a page until Ctrl-C.
 
     Parameters
     ----------
     page : callable
-        Makes the page; called for each window.
+        Imports what the page needs, while the browser starts; returns what makes the page, which is called for each
+        window.
     port : int, optional
         Of 127.0.0.1; 0 is any that is free.
     browser : bool, optional
         Whether to open the browser.
     said : callable, optional
-        Called with the address.
-    meanwhile : callable, optional
-        Called while the browser starts, in a thread of its own.
+        Called with the address. Who asks there before the page is ready waits.
 
     Raises
     ------
     InputFileError
         When the port is taken.
     """
-    prepare()
-    import uvicorn
+    import uvicorn  # a missing library is reported before the browser is opened
 
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     with contextlib.closing(listening):
@@ -59,36 +56,35 @@ def serve(
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind(("127.0.0.1", port))
-            listening.listen()  # a browser that asks before the page is ready waits
+            listening.listen()
         except OSError as error:
             found = f"{port}, which cannot be used ({error.strerror})"
             raise InputFileError("command line", "--port", found, "another port, or none for any") from None
         port = listening.getsockname()[1]
         token = secrets.token_urlsafe(24)
         address = f"http://127.0.0.1:{port}/{token}/"
-
-        def begun() -> None:
-            said(address)
-            gc.freeze()  # no collection looks at what is there from the start
-            gc.enable()
-            if meanwhile is not None:
-                threading.Thread(target=meanwhile, daemon=True).start()
-            if browser:
-                webbrowser.open(address)
-
-        config = uvicorn.Config(
-            application(page, token, port, begun),
-            log_level="error",
-            access_log=False,
-            server_header=False,
-            ws_max_size=4_000_000,
-            timeout_graceful_shutdown=2,
-        )
         try:
+            said(address)
+            if browser:  # its start may take seconds
+                threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+            prepare()
+            config = uvicorn.Config(
+                application(page(), token, port, _begun),
+                log_level="error",
+                access_log=False,
+                server_header=False,
+                ws_max_size=4_000_000,
+                timeout_graceful_shutdown=2,
+            )
             uvicorn.Server(config).run(sockets=[listening])
         except KeyboardInterrupt as error:
             if type(error) is not KeyboardInterrupt:  # a signal that ends the process, not Ctrl-C
                 raise
+
+
+def _begun() -> None:
+    gc.freeze()  # no collection looks at what is there from the start
+    gc.enable()
 
 
 def prepare() -> None:

@@ -46,7 +46,6 @@ class Start:
     def __init__(self, opened: Callable[[Session], object], importer: Importer) -> None:
         self.opened = opened
         ui.add_css(STYLE)
-        ui.dark_mode(None)
         with ui.element("div").classes("start"):
             heading("rodgen: a machine and its measurements", 1)
             self.said = ui.label().props('role="alert"').classes("alert")

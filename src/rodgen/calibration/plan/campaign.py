@@ -21,7 +21,6 @@ from rodgen.calibration.plan.design import PARTS, Coordinates, Moves, Pair, Shar
 from rodgen.calibration.plan.pool import READINGS, levels, readings
 from rodgen.calibration.plan.rivals import Rival, Rivals
 from rodgen.calibration.plan.rows import Rows, Surroundings
-from rodgen.calibration.plan.words import column_unit
 from rodgen.calibration.problem import Problem
 from rodgen.errors import InputFileError, joined
 from rodgen.statistics.thresholds import DETERMINACY, PLAN, SELECTION
@@ -239,7 +238,7 @@ class Campaign:
 
     def _readings(self, travel: Array | None = None, **how: Any) -> Rows:
         """Return readings within the travel, or another one; see :func:`rodgen.calibration.plan.pool.readings`."""
-        units = np.array([column_unit(self.o, joint.column)[1] for joint in self.machine.joints])
+        units = np.array([self.o.unit_of(joint.column)[1] for joint in self.machine.joints])
         within = self.travel if travel is None else travel
         return readings(self.machine, self.o, within, units, self.choice, **how)
 

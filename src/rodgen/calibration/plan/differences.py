@@ -9,7 +9,7 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.calibration.plan.variations import about_axis
-from rodgen.calibration.plan.words import column_unit, number, range_text, values_text
+from rodgen.calibration.plan.words import number, range_text, values_text
 from rodgen.errors import joined
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def _differences(campaign: Campaign, rows: Rows) -> Iterator[str]:
     yield from _speeds(o, rows, choice)
     yield from _temperatures(o, rows, choice)
     if wait > 0 and o.t is not None:
-        end = (float(o.t.max()) + wait * float(np.ptp(o.t))) / column_unit(o, "t", "s")[1]
+        end = (float(o.t.max()) + wait * float(np.ptp(o.t))) / o.unit_of("t", "s")[1]
         yield (
             f"Measure later, from t = {end:.3g} {o.data.columns['t'].unit} on: what moves with time has then moved "
             f"further, or has come to rest."
@@ -113,7 +113,7 @@ def _sides(o: Observations, rows: Rows, choice: Levels) -> Iterator[str]:
 def _loads(o: Observations, rows: Rows, load: bool) -> Iterator[str]:
     if o.load is None or not load:
         return
-    unit, factor = column_unit(o, "load", "N")
+    unit, factor = o.unit_of("load", "N")
     new = np.unique(rows.load)
     fresh = [x for x in new if not np.any(np.isclose(x, o.load))]
     if len(new) < 2 and not fresh:
@@ -121,7 +121,7 @@ def _loads(o: Observations, rows: Rows, load: bool) -> Iterator[str]:
     where = []
     for joint, q in zip(o.machine.joints, rows.q.T, strict=True):
         if np.ptp(q) > 0 and joint.is_read:
-            of_joint, size = column_unit(o, joint.column)
+            of_joint, size = o.unit_of(joint.column)
             where.append(f"{joint.column} = {values_text(q / size, of_joint)}")
     words = {1: "Another load", 2: "Two loads"}.get(len(new), f"{len(new)} loads")
     at = f" at {'; '.join(where)}" if where else ""
@@ -133,7 +133,7 @@ def _positions(o: Observations, rows: Rows, j: int, travel: Array) -> Iterator[s
     span = max(float(np.ptp(travel[j])), float(np.ptp(old)))
     if span <= 0:
         return
-    unit, factor = column_unit(o, name)
+    unit, factor = o.unit_of(name)
     if np.ptp(old) == 0:
         off = new[np.abs(new - old[0]) > 1e-9 * span]
         if len(off):
@@ -175,7 +175,7 @@ def _speeds(o: Observations, rows: Rows, choice: Levels) -> Iterator[str]:
     for j in choice.speeds:
         name = o.machine.joints[j].column
         if f"v_{name}" in o.data.columns and np.ptp(rows.v[:, j]) > 0:
-            unit, factor = column_unit(o, f"v_{name}")
+            unit, factor = o.unit_of(f"v_{name}")
             yield f"Read {name} in motion at {values_text(np.abs(rows.v[:, j]) / factor, unit)}, both ways."
 
 

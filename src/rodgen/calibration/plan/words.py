@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.data.units import parse_unit
 from rodgen.errors import joined
 
 if TYPE_CHECKING:
@@ -22,15 +21,9 @@ def number(value: float) -> str:
     return f"{value + 0.0:.4g}"
 
 
-def column_unit(o: Observations, name: str, usual: str = "") -> tuple[str, float]:
-    """Return the unit of a column of the data, `usual` where it states none, and its internal value."""
-    unit = o.data.columns[name].unit or usual
-    return unit, parse_unit(unit).factor(o.machine.length_unit)
-
-
 def range_text(o: Observations, j: int, values: NDArray[Any]) -> str:
     """Write a range of coordinates, or the one."""
-    unit, factor = column_unit(o, o.machine.joints[j].column)
+    unit, factor = o.unit_of(o.machine.joints[j].column)
     low, high = number(np.min(values) / factor), number(np.max(values) / factor)
     return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rodgen.array_types import Array, Index
-from rodgen.calibration.plan.words import column_unit
 from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
 from rodgen.calibration.words import plain, three_digits
 from rodgen.data.drivers import Driver, drivers_of_place, order_of_rows
@@ -228,7 +227,7 @@ def taken(driver: Driver, rows: Index) -> Driver:
 
 def coordinate(o: Observations, joint: int) -> tuple[str, float]:
     """Return the unit in which a joint's coordinate is shown, that of the data, and its internal value."""
-    return column_unit(o, o.machine.joints[joint].column)
+    return o.unit_of(o.machine.joints[joint].column)
 
 
 def _signed(value: float) -> str:
