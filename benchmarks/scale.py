@@ -1,7 +1,7 @@
 """Measure fits and diagnoses of a 6R arm in many files, for docs/scale.md: time, processor time, memory and bytes.
 
-python benchmarks/scale.py --rows 1e6 1e7 --workers 1 2            # makes the files first; removes them in the end
-python benchmarks/scale.py --rows 1e7 --in-memory --diagnose
+python benchmarks/scale.py --rows 1e6 1e7                          # makes the files first; removes them in the end
+python benchmarks/scale.py --rows 1e7 --where threads=2 --diagnose
 """
 
 from __future__ import annotations
@@ -108,14 +108,14 @@ def _largest() -> int:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rows", type=float, nargs="+", default=[1e6])
-    parser.add_argument("--workers", type=int, nargs="*", default=[1, 2])
-    parser.add_argument("--in-memory", action="store_true")
+    parser.add_argument("--where", nargs="+", default=["memory", "threads=2", "processes=1", "processes=2"])
     parser.add_argument("--diagnose", action="store_true")
     parser.add_argument("--folder", help="where the files are made, or were made before")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.one is not None:
-        found = measure(Path(arguments.folder), arguments.one or None, diagnosed=arguments.diagnose)
+        where = None if arguments.one == "memory" else arguments.one
+        found = measure(Path(arguments.folder), where, diagnosed=arguments.diagnose)
         print(json.dumps(found))
         return
     for rows in map(int, arguments.rows):
@@ -124,12 +124,11 @@ def main() -> None:
             if not folder.exists():
                 folder.mkdir(parents=True)
                 make(folder, rows)
-            cases = [f"processes={n}" for n in arguments.workers] + [""] * arguments.in_memory
-            for where in cases:
+            for where in arguments.where:
                 command = [sys.executable, __file__, "--one", where, "--folder", str(folder)]
                 command += ["--diagnose"] * arguments.diagnose
                 done = subprocess.run(command, capture_output=True, text=True, check=True)
-                print(where or "in memory", done.stdout.strip(), flush=True)
+                print(where, done.stdout.strip(), flush=True)
 
 
 if __name__ == "__main__":

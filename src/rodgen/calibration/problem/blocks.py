@@ -177,6 +177,8 @@ class _Store:
     early : list of ndarray of int
         Of each joint the rows before its first motion; none where a column says the directions.
     groups : list of (target, name of the set-up, fold, first row, last row + 1)
+    in_file : bool
+        Whether `numbers` and `directions` are in a temporary file.
     """
 
     survey: Survey
@@ -185,6 +187,7 @@ class _Store:
     directions: NDArray[np.int8]
     early: list[NDArray[np.intp]]
     groups: list[tuple[int, str, int, int, int]]
+    in_file: bool
 
     @property
     def bytes(self) -> int:
@@ -199,13 +202,12 @@ class _Kept:
 
     def add(self, part: PartRows, store: _Store) -> bool:
         """Return whether a part is kept, and count it until it is gone."""
-        in_file = store.numbers.base is not None
-        if in_file and self.files >= MOST_FILES:
+        if store.in_file and self.files >= MOST_FILES:
             return False
-        size = 0 if in_file else store.bytes
+        size = 0 if store.in_file else store.bytes
         self.bytes += size
-        self.files += in_file
-        weakref.finalize(part, self._gone, size, in_file)
+        self.files += store.in_file
+        weakref.finalize(part, self._gone, size, store.in_file)
         return True
 
     def _gone(self, size: int, in_file: bool) -> None:
@@ -270,15 +272,19 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
         else:
             at[kind, of] = len(columns)
             columns.append(column)
-    shape = (len(columns), o.n)
-    numbers = np.empty(shape) if in_memory or not min(shape) else empty(shape, large=0)
+    size = 8 * len(columns) * o.n
+    in_file = not in_memory and size > 0
+    room = empty((size + o.s.size,), np.int8, large=0 if in_file else size + o.s.size)
+    numbers = room[:size].view(float).reshape(len(columns), o.n)
     for row, column in zip(numbers, columns, strict=True):
         np.take(column, order, out=row)
+    directions = room[size:].reshape(-1, o.n) if o.n else o.s.T.copy()
+    directions[:] = o.s.T[:, order]
     place = np.empty(o.n, np.intp)
     place[order] = np.arange(o.n)
     survey = _survey(o, problem, stretches)
     early = [place[:rows] for rows in survey.motion.before]
-    return _Store(survey, numbers, at, np.ascontiguousarray(o.s.T[:, order]), early, groups)
+    return _Store(survey, numbers, at, directions, early, groups, in_file)
 
 
 def _order(o: Observations) -> NDArray[np.intp]:
@@ -429,7 +435,9 @@ def _asked(rows: PartRows, shared: _Shared, model: Model, method: str, arguments
 
 
 def _surveyed(rows: PartRows) -> Survey:
-    return rows.store().survey
+    store = rows.store()
+    release(store.numbers)
+    return store.survey
 
 
 def _rows_beyond(
@@ -485,11 +493,9 @@ class Blocks:
     @cached_property
     def shared(self) -> _Shared:
         """What all parts have to know."""
-        names = dict.fromkeys(name for survey in self.surveys if survey.rows for name in survey.runs) or ("",)
-        return _Shared(
-            {name: k for k, name in enumerate(names or ("",))},
-            tuple(entries([survey.motion for survey in self.surveys])),
-        )
+        names = dict.fromkeys(name for survey in self.surveys if survey.rows for name in survey.runs)
+        directions = entries([survey.motion for survey in self.surveys])
+        return _Shared({name: k for k, name in enumerate(names)}, tuple(directions))
 
     def ask(self, what: str, function: Callable[..., Any], *arguments: Any) -> list[Any]:
         """Return what a function of a part returns, of each part, in their order."""
@@ -655,7 +661,7 @@ class BlockProblem(Problem):
 
         Orthogonal transformations take twenty times as long as the normal equations, which are there already. So which
         combinations change nothing is seen in the sample; where the others are far from that, the normal equations
-        are good enough for them. Else all rows are decomposed.
+        are good enough for them. Else all rows are decomposed, those that are left aside with them.
         """
         _, square, _ = self.normal_equations(theta, frame)
         found = _root(
@@ -757,10 +763,6 @@ def observed(machine: Machine, data: Any) -> Observations:
             "a chain of joints and points, directions or distances; one file of these is read in memory"
         )
         raise InputFileError(data.file, "file", f"measurements of {what} in parts", expected)
-    if machine.measured.set_aside:
-        expected = "none, or measurements in one file, which is read in memory"
-        place = "[measured], set_aside"
-        raise InputFileError(machine.file or machine.name, place, f"rows of {data.file}", expected)
     if not data.rows:
         bind(machine, data.empty).demand_rows()
     parts = zip(data.parts, _stretches(data), strict=True)
