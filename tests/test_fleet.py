@@ -83,9 +83,10 @@ def test_what_is_done_is_not_done_again(fleet: tuple[Path, Truth, Fleet]) -> Non
     table = folder / "data-0/m1.csv"
     table.write_text(table.read_text() + "\n")
     (results / "m2.json").write_text('{"half')
+    (results / "m4.json").write_text('{"key": 3}')
     diagnose_fleet(pairs_of(str(folder / "machines"), str(folder / "data-0")), folder / "results")
     changed = {file.name for file in results.iterdir() if file.stat().st_mtime_ns != times[file.name]}
-    assert changed == {"m1.json", "m2.json"}
+    assert changed == {"m1.json", "m2.json", "m4.json"}
 
 
 def test_command_says_what_is_wrong(

@@ -21,6 +21,7 @@ ROWS = 25
 """Rows of a table that are shown at a time."""
 WIDTH = 1000
 """Of the figures, in pixels."""
+COLUMN = "display:grid;gap:12px;grid-template-columns:minmax(0,1fr)"
 CLICKED = "(e) => emit((((e && e.points) || [])[0] || {}).customdata)"
 
 
@@ -72,10 +73,10 @@ class FleetPage:
         with ui.element("header").classes("head"):
             heading(f"Fleet, {desk.fleet.plan.date}", 1)
         ui.label(about_machines(desk.fleet)).props('role="status"')
-        with ui.element("main").style("width:100%;display:grid;gap:12px"):
+        with ui.element("div").style(f"width:100%;{COLUMN}"):
             for table in fleet_tables(desk.fleet):
                 self._table(table)
-            self.plots = ui.element("div").style("display:grid;gap:12px")
+            self.plots = ui.element("div").style(COLUMN)
             for table in machine_tables(desk.fleet):
                 self._table(table)
         self._draw()

@@ -20,6 +20,8 @@ from rodgen.errors import InputFileError
 from rodgen.files import read_input, write_file
 
 PLAN, MACHINES = "fleet.json", "machines"
+FORMAT = 1
+"""Of a result; those of another one are made anew."""
 LARGEST = 50_000_000
 _EXPECTED = "results of 'rodgen fleet'"
 
@@ -92,10 +94,13 @@ def _place(folder: str, name: str) -> str:
 
 
 def read_result(folder: str, name: str) -> dict[str, Any] | None:
-    """Return the result of a machine; None where there is none, or none that can be read."""
-    with contextlib.suppress(InputFileError):
-        return dict(_read(_place(folder, name)))
-    return None
+    """Return the result of a machine; None where there is none, or none that this version wrote."""
+    try:
+        found = _read(_place(folder, name))
+        known = found["key"]["format"] == FORMAT and not {"error", "fleet"}.isdisjoint(found)
+    except (InputFileError, LookupError, TypeError):
+        return None
+    return found if known else None
 
 
 def write_result(folder: str, name: str, result: Mapping[str, Any]) -> None:

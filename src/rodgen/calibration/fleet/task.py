@@ -10,14 +10,12 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from rodgen.calibration.fleet.pairs import Pair
+from rodgen.calibration.fleet.store import FORMAT
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import unreadable
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose import Diagnosis
-
-FORMAT = 1
-"""Of what is written; another one is diagnosed anew."""
 
 
 def key_of(pair: Pair) -> dict[str, Any]:
