@@ -194,6 +194,8 @@ def test_pairs_come_from_a_table_from_folders_or_from_one_machine_file(tmp_path:
     assert pairs_of(str(tmp_path / "pairs.csv"), None) == [Pair("first", machine, a)]
     (tmp_path / "pairs.csv").unlink()
     assert pairs_of(machine, str(tmp_path)) == [Pair("a", machine, a), Pair("b", machine, b)]
+    with pytest.raises(InputFileError, match=r"c\.toml: file: no such file"):
+        pairs_of(str(tmp_path / "c.toml"), str(tmp_path))
     assert pairs_of(str(tmp_path), str(tmp_path)) == [Pair("a", machine, a), Pair("b", "", b)]
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from rodgen.errors import InputFileError, listed, shown
-from rodgen.files import decoded, read_input
+from rodgen.files import decoded, read_input, unreadable
 
 DATA = (".csv", ".csv.gz", ".parquet")
 """Endings of measurement files."""
@@ -57,6 +57,8 @@ def pairs_of(machines: str, data: str | None) -> list[Pair]:
         found = [*_of_table(machines)]
     elif os.path.isdir(machines):
         found = [*_matched(_files(machines, (".toml",)), _files(data, DATA))]
+    elif not os.path.exists(machines):
+        raise unreadable(machines, FileNotFoundError(), "a folder of machine files, or one machine file")
     else:
         files = _files(data, DATA)
         found = [Pair(name, machines, file) for name, file in sorted(files.items())]
