@@ -103,6 +103,7 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     "emit matlab": (FEW, "emit m.toml d.csv --lang matlab -o code", ""),
     "plan": (FEW, "plan m.toml d.csv -n 3 -o p.csv", "p.csv"),
     "predict": (FEW, "predict m.toml d.csv d.csv -o p.parquet", "p.parquet"),
+    "watch": (FEW, "watch m.toml d.csv --reference d.csv --state s.watch --plot w.html", "w.html"),
     "report": (FEW, "report m.toml d.csv -o r.html", "r.html"),
     "simulate": (FEW, "simulate m.toml d.csv --hidden --truth t.json --seed 1 -o s.csv", "s.csv t.json"),
     "fit-axis": (PAIRS, "fit-axis p.csv --plot a.html --json", ""),
@@ -140,6 +141,7 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
 QUICK = list(COMMANDS)[:5]
 LONG = {
     "report",
+    "watch",
     "plan",
     "tricept bounds",
     "euler workspace",

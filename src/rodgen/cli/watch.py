@@ -68,7 +68,7 @@ def add_to(command: Command) -> None:
         "--false-alarms",
         metavar="N/TIME",
         type=_frequency,
-        default=_frequency("1/year"),
+        default="1/year",
         help="how often an alarm may come while nothing changes (default: 1/year)",
     )
     for name, stop, about in (
@@ -104,12 +104,10 @@ def _run(options: argparse.Namespace) -> int:
         outputs.claim(options.plot, options.state)
     with _stopping() as stop:
         watching = _Watching(options, stop)
-        try:
-            watching.run()
-        finally:
-            watching.save()
-            if figures and watching.watch is not None:
-                figures.save_figure(figures.watched(watching.watch), options.plot)
+        watching.run()
+        watching.save()
+        if figures and watching.watch is not None:
+            figures.save_figure(figures.watched(watching.watch), options.plot)
     return FAILED if watching.alarms else OK
 
 

@@ -15,8 +15,8 @@ from rodgen.data.tables.table import READABLE
 from rodgen.errors import InputFileError
 from rodgen.files import open_input, unreadable
 
-AT_ONCE = 1 << 18
-"""Bytes that are read at once."""
+AT_ONCE = 1 << 14
+"""Bytes that are read at once: some hundred rows, after which a signal is heard."""
 POLL = 0.2
 """Seconds between two looks at a file that does not grow."""
 COMPARED = 4096
@@ -89,14 +89,17 @@ class Tail:
         """Return a hash of the header and of what stands before a place."""
         if self._stdin:
             return ""
-        with open(self.file, "rb") as stream:
-            stream.seek(max(offset - COMPARED, 0))
-            text = stream.read(min(offset, COMPARED))
+        try:
+            with open_input(self.file, READABLE) as stream:
+                stream.seek(max(offset - COMPARED, 0))
+                text = stream.read(min(offset, COMPARED))
+        except OSError as error:
+            raise unreadable(self.file, error, READABLE) from None
         return hashlib.sha256(text).hexdigest()
 
     def _go_to(self, place: Mapping[str, Any]) -> None:
         offset = int(place["offset"])
-        if os.path.getsize(self.file) < offset or self._before(offset) != place["before"]:
+        if self._before(offset) != place["before"]:
             self._notice = "is another file than before, and is read from its beginning"
             return
         for lines in self._whole_lines():  # the header
