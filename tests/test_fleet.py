@@ -80,13 +80,13 @@ def test_what_is_done_is_not_done_again(fleet: tuple[Path, Truth, Fleet]) -> Non
     folder, _, _ = fleet
     results = folder / "results/machines"
     times = {file.name: file.stat().st_mtime_ns for file in results.iterdir()}
-    table = folder / "data-0/m1.csv"
+    table = folder / "data-0/broken.csv"  # which is soon done
     table.write_text(table.read_text() + "\n")
     (results / "m2.json").write_text('{"half')
-    (results / "m4.json").write_text('{"key": 3}')
+    (results / "lonely.json").write_text('{"key": 3}')
     diagnose_fleet(pairs_of(str(folder / "machines"), str(folder / "data-0")), folder / "results")
     changed = {file.name for file in results.iterdir() if file.stat().st_mtime_ns != times[file.name]}
-    assert changed == {"m1.json", "m2.json", "m4.json"}
+    assert changed == {"broken.json", "m2.json", "lonely.json"}
 
 
 def test_command_says_what_is_wrong(
@@ -130,6 +130,7 @@ def test_report_shows_what_the_fleet_says(
     assert "no such file; expected results of 'rodgen fleet'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_machine_of_the_fleet_opens_on_its_own_page(fleet: tuple[Path, Truth, Fleet]) -> None:
     testing = pytest.importorskip("nicegui.testing")
     from rodgen.workbench.fleet import FleetDesk
