@@ -276,6 +276,8 @@ def test_the_command_line_takes_patterns_and_a_scheduler(machine, folder, tmp_pa
     assert json.loads(capsys.readouterr().out)["rows"] == ROWS
     assert main(["fit", str(file), str(folder), "--scheduler", "tcp:1"]) == 2
     assert "scheduler 'tcp:1'; expected threads" in capsys.readouterr().err
+    assert main(["check", str(file), str(folder)]) == 2
+    assert "many files; expected one, as this is not done in parts" in capsys.readouterr().err
     assert main(["fit", str(file), str(folder), "--residuals", str(tmp_path / "r.csv")]) == 2
     assert "--residuals of many files; expected one file" in capsys.readouterr().err
 

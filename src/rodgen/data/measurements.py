@@ -249,6 +249,8 @@ class Measurements:
     @classmethod
     def of(cls, data: Any) -> Measurements:
         """Return measurements as they are, and those of a table in memory as :meth:`from_frame` does."""
+        if isinstance(data, Scan):
+            raise InputFileError(data.file, "file", "many files", "one, as this is not done in parts")
         return data if isinstance(data, cls) else cls.from_frame(data)
 
     @classmethod

@@ -283,7 +283,7 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
     place = np.empty(o.n, np.intp)
     place[order] = np.arange(o.n)
     survey = _survey(o, problem, stretches)
-    early = [place[:rows] for rows in survey.motion.before]
+    early = [place[:rows].copy() for rows in survey.motion.before]  # a view would hold all of it
     return _Store(survey, numbers, at, directions, early, groups, in_file)
 
 
