@@ -146,6 +146,7 @@ MODULES = {
     "rodgen.calibration.compare": "Residuals compared with everything that was recorded.",
     "rodgen.calibration.diagnose": "The physical effect that a model lacks.",
     "rodgen.calibration.plan": "What to measure next.",
+    "rodgen.calibration.watch": "New readings, watched for a change of the machine.",
     "rodgen.calibration.noise": "The noise of readings.",
     "rodgen.calibration.determinacy": "What the data determine.",
     "rodgen.calibration.simulate": "Simulated measurements.",

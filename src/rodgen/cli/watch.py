@@ -203,6 +203,10 @@ class _Watching:
             raise InputFileError(file, "file", f"{rows} rows", expected)
         if not self.options.state and not self._ended:
             self._report_all(self.watch.finish())
+        count = self.watch.rows
+        notify(
+            f"{file}: {count} row{'s' * (count != 1)} watched, {self.alarms or 'no'} alarm{'s' * (self.alarms > 1)}"
+        )
 
     def _measured(self, lines: Lines, file: str) -> Iterator[Measurements]:
         """Yield the rows of lines that can be read; of others, say why they cannot."""
