@@ -108,6 +108,17 @@ def test_a_hidden_change_raises_an_alarm_and_gets_its_name_size_and_time(title, 
     assert title in alarm.text + named.text
 
 
+def test_a_clock_that_jumps_or_stands_still_neither_raises_an_alarm_nor_prevents_one() -> None:
+    seconds = 36.0 * np.arange(BEFORE)
+    seconds[30:] += 1.7e9  # set after the controller was switched on
+    watch = Watch(reference())
+    assert watch.update(readings(BEFORE, 2) | {"t [s]": seconds}) == []
+    still = watch.update(readings(80, 3, **{"C.zero_offset.a": 0.004}) | {"t [s]": np.full(80, 5.0)})
+    assert still[0].is_alarm
+    assert still[0].at - BEFORE < 20
+    assert still[0].after >= BEFORE - 2
+
+
 @pytest.mark.slow
 def test_what_was_always_there_is_no_change() -> None:
     """Effects that the model lacks are in the reference's readings, too."""

@@ -41,6 +41,8 @@ BLOCK_SECONDS = 10.0
 """Readings that come within so many seconds are looked at together, so that the time a year takes does not grow."""
 MOST_ROWS = 1000
 """The same, at most."""
+PAUSE = 10.0
+"""Times that the usual gap between readings is exceeded by a pause."""
 HISTORY = 1000
 """Points of the curve that is drawn: each is the largest of some blocks."""
 FORMAT = 1
@@ -143,10 +145,12 @@ class Watch:
         self._whitener = self._watched.whitener()
         self.rows = self.blocks = 0
         self._counted = "line"
-        self._per_block = self._block_of(fit.observations.t)
+        self._row_time = self._time_of_a_row()
+        self._per_block = int(min(max(1.0, BLOCK_SECONDS / self._row_time), MOST_ROWS))
         self._pending = self._nothing()
         self._context: Measurements | None = None
         self._last_t = math.nan
+        self._ahead = 0.0  # seconds that were counted while the clock stood still
         self._settling = 0
         self.alarms, self.alarm_rows = 0, list[int]()
         self._outliers: list[tuple[int, float, int]] = []
@@ -158,19 +162,14 @@ class Watch:
         m, d = self._watched.columns.shape[1:]
         return np.empty((0, m, d)), np.empty((0, m)), np.empty((0, 2))
 
-    def _block_of(self, t: Array | None) -> int:
-        rate = self._rate
-        if rate is None and t is not None and len(t) > 1:
+    def _time_of_a_row(self) -> float:
+        """Return the time from one reading to the next, seconds; that of the reference, without its pauses."""
+        t = self.fit.observations.t
+        if self._rate is None and t is not None:
             gaps = np.abs(np.diff(t))
-            middle = float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else math.inf
-            rate = 1 / middle
-        rows = BLOCK_SECONDS * (self.usual_rate if rate is None else rate)
-        return int(min(max(1.0, rows), MOST_ROWS))
-
-    @property
-    def usual_rate(self) -> float:
-        """How often readings come, per second, where neither an option nor a column of times says it."""
-        return frequency("100/h")
+            if gaps.any():
+                return float(np.mean(gaps[gaps <= PAUSE * np.median(gaps[gaps > 0])]))
+        return 1 / (self._rate or frequency("100/h"))
 
     @property
     def evidence(self) -> float:
@@ -294,7 +293,7 @@ class Watch:
                 self.detector.go_on(found)
                 self._outliers = []
             return
-        rare = max(self._time_of_a_row / self._limit, 1e-12)
+        rare = max(self._row_time / self._limit, 1e-12)
         bound = self.detector.distance_of(rare)
         self._outliers += [
             (int(mark), float(x), blocks) for mark, x in zip(marks[:, 0], far, strict=True) if x > bound
@@ -315,18 +314,24 @@ class Watch:
                 yield OutlierSeen(at, self._counted, row, distance)
         self._outliers = [one for one in self._outliers if one[2] > at_block] if at_block < math.inf else []
 
-    @property
-    def _time_of_a_row(self) -> float:
-        return self.detector.time / max(self.detector.blocks * self._per_block, 1)
-
     def _passed(self, marks: Array) -> float:
-        """Return the time that passed since the block before, seconds."""
-        t = float(marks[-1, 1])
+        """Return the time that passed since the block before, seconds.
+
+        A clock that stands still, or is set back, does not stop the watch; and one that is set forward, or a long
+        pause, is no more time than there is before the first reading: else it alone would be as much as a false
+        alarm takes.
+        """
+        t, usual = float(marks[-1, 1]), len(marks) * self._row_time
         if self._rate is not None or math.isnan(t):
-            return len(marks) / (self.usual_rate if self._rate is None else self._rate)
-        passed = t - self._last_t if not math.isnan(self._last_t) else t - float(marks[0, 1])
+            return usual
+        gap = t - (float(marks[0, 1]) if math.isnan(self._last_t) else self._last_t)
         self._last_t = t
-        return max(passed, 0.0)
+        if gap <= 0:
+            self._ahead += usual
+            return usual
+        passed = max(gap - self._ahead, 0.0)
+        self._ahead = max(self._ahead - gap, 0.0)
+        return min(passed, max(usual, WATCH.at_once * self._limit))
 
     def _remember(self) -> None:
         """Keep the largest evidence of every few blocks: of twice as many where the curve is full."""
@@ -434,6 +439,7 @@ class Watch:
             "rows": self.rows,
             "blocks": self.blocks,
             "last_t": self._last_t,
+            "ahead": self._ahead,
             "settling": self._settling,
             "alarms": self.alarms,
             "alarm_rows": self.alarm_rows,
@@ -470,7 +476,8 @@ class Watch:
             self.detector.restore(arrays)
             if self._whitener is not None:
                 self._whitener.restore(arrays)
-            self.rows, self.blocks, self._last_t = about["rows"], about["blocks"], about["last_t"]
+            self.rows, self.blocks = about["rows"], about["blocks"]
+            self._last_t, self._ahead = about["last_t"], about["ahead"]
             self._settling, self.alarms = about["settling"], about["alarms"]
             self.alarm_rows = about["alarm_rows"]
             self._outliers = [(int(row), far, int(block)) for row, far, block in about["outliers"]]
