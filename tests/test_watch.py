@@ -119,6 +119,20 @@ def test_a_clock_that_jumps_or_stands_still_neither_raises_an_alarm_nor_prevents
     assert still[0].after >= BEFORE - 2
 
 
+def test_rows_that_a_rule_or_a_run_sets_aside_are_not_watched() -> None:
+    wrong = readings(400, 3, **{"C.zero_offset.a": 0.004}) | {"run": np.repeat(["bumped", "a"], (40, 360))}
+    new = rodgen.Measurements.from_frame(wrong, name="new.csv")
+    plain = rodgen.Measurements.from_frame(readings(REFERENCE, 1))
+    machine = rodgen.Machine.load(io_machine()).setting_aside(plain, where="C > 300 deg", why="cables")
+    watch = Watch(machine.setting_aside(new, run="bumped").fit(plain))
+    assert watch.text.endswith("are left out: C > 300 deg (cables) and run bumped.")
+    assert watch.update(new.take(slice(0, 40))) == []
+    assert watch.update(new.take(np.flatnonzero(wrong["C [deg]"] > 300))) == []
+    alarm = watch.update(new.take(slice(40, None)))[0]
+    assert alarm.is_alarm
+    assert alarm.after in {-1, 40, 41}
+
+
 @pytest.mark.slow
 def test_what_was_always_there_is_no_change() -> None:
     """Effects that the model lacks are in the reference's readings, too."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from rodgen.array_types import Array
+from rodgen.array_types import Array, Mask
 from rodgen.calibration.diagnose.candidates import Candidate, possible, unsearched
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, is_direct
 from rodgen.calibration.noise.correlation import estimate_correlation, shared_motion
@@ -19,7 +19,7 @@ from rodgen.calibration.predict import in_known_runs
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.units import unit_factor
-from rodgen.errors import InputFileError, joined
+from rodgen.errors import InputFileError, UnexpectedError, joined
 from rodgen.machines.effects.plausibility import Plausibility
 from rodgen.machines.machine import Effect
 from rodgen.statistics.stream_whitening import StreamWhitener
@@ -94,11 +94,13 @@ class WatchedColumns:
     free : int
         The first so many columns are of what the fit adjusted.
     alternatives : list of Alternative
+    rules : list of SetAside
+        What the machine file sets aside by rule or run; rows by their numbers are those of the reference.
     """
 
     def __init__(self, fit: FittedModel) -> None:
         self.fit = fit
-        # rows that the machine file sets aside are those of the reference
+        self.rules = [entry for entry in fit.machine.measured.set_aside if not entry.rows]
         self._machine = replace(fit.machine, measured=replace(fit.machine.measured, set_aside=()))
         effects = [
             effect
@@ -193,6 +195,30 @@ class WatchedColumns:
         """Return new measurements as observations of the fit."""
         o = in_known_runs(bind(self._machine, data), self.fit.problem.model, self.fit.observations.run_names)
         return replace(o, arm=self.fit.observations.arm, arm_is_known=True)
+
+    def counts(self, data: Measurements) -> Mask:
+        """Return which new measurements the machine file does not set aside, (n,).
+
+        Raises
+        ------
+        InputFileError
+            When a rule is on a column that is not there.
+        """
+        aside = np.zeros(data.rows, bool)
+        for entry in self.rules:
+            try:
+                found = entry.of(data, ())
+            except UnexpectedError as error:
+                if entry.run:  # of other rows
+                    continue
+                machine = self.fit.machine
+                place = "[measured], set_aside"
+                raise InputFileError(
+                    machine.file or machine.name, place, error.found, error.expected
+                ) from None
+            if found is not None:
+                aside = aside & ~found if entry.back else aside | found
+        return ~aside
 
     def motion(self, o: Observations) -> Array:
         """Return what a motion that readings share does to them, (n, m, k)."""

@@ -25,7 +25,7 @@ from rodgen.calibration.watch.columns import Alternative, WatchedColumns
 from rodgen.calibration.watch.events import Changed, Event, Likely, OutlierSeen, Stuck
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import TIME, UnitError, parse_unit
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.errors import InputFileError, RodgenError, joined, shown
 from rodgen.files import read_input
 from rodgen.statistics.change_detector import ChangeDetector, Found
 from rodgen.statistics.thresholds import WATCH
@@ -186,8 +186,14 @@ class Watch:
         o = self.fit.observations
         return (
             f"Reference: {o.n} rows of {o.data.file}. Watched: {titles} parameters and effects, and the noise, "
-            f"after {every}; an alarm by chance once in {_duration(self._limit)} at most{assumed}.{self._shared}"
+            f"after {every}; an alarm by chance once in {_duration(self._limit)} at most{assumed}.{self._shared}{self._left_out}"
         )
+
+    @property
+    def _left_out(self) -> str:
+        """What is said of rows that the machine file sets aside."""
+        rules = joined(entry.named() for entry in self._watched.rules if not entry.back)
+        return f" Readings that the machine file sets aside are left out: {rules}." if rules else ""
 
     @property
     def _shared(self) -> str:
@@ -237,18 +243,22 @@ class Watch:
         before = self._context
         follows = before is not None and _texts(before) == _texts(data)
         whole = data.after(before) if before is not None and follows else data
-        bound = self._watched.bound(whole)
-        o = bound.take(slice(whole.rows - data.rows, None))
+        bound, old = self._watched.bound(whole), whole.rows - data.rows
+        new = np.flatnonzero(self._watched.counts(data))
+        if not len(new):
+            self._count(whole, bound, data.rows)
+            return []
+        o = bound.take(old + new)
         columns, readings, predicted = self._watched.of(o)
         if self._whitener is not None:
-            motion, gap = self._watched.motion(o), self._watched.gaps(bound)[-o.n :]
+            gap = self._watched.gaps(bound.take(np.append(np.arange(old), old + new)))[old:]
+            motion = self._watched.motion(o)
             both = np.concatenate([columns, readings[..., None]], axis=2)
             both = self._whitener(both, motion, gap, self.detector.mean * self.detector.unit)
             columns, readings = both[..., :-1], both[..., -1]
-        marks = np.column_stack([numbers, np.full(o.n, np.nan) if o.t is None else o.t])
-        self._keep_context(whole, bound)
-        self.rows += o.n
-        events = list(self._stuck(data, predicted, numbers))
+        marks = np.column_stack([numbers[new], np.full(o.n, np.nan) if o.t is None else o.t])
+        self._count(whole, bound, data.rows)
+        events = list(self._stuck(data.take(new), predicted, numbers[new]))
         self._pending = tuple(  # type: ignore[assignment]
             np.concatenate(parts) for parts in zip(self._pending, (columns, readings, marks), strict=True)
         )
@@ -269,8 +279,9 @@ class Watch:
             self.detector.go_on(found)
         return [self._changed(found, int(self.detector.recent.marks[-1, 0]), settled=True)]
 
-    def _keep_context(self, whole: Measurements, o: Observations) -> None:
-        """Keep the rows that tell directions of approach: those between which each joint moved last, and the last."""
+    def _count(self, whole: Measurements, o: Observations, new: int) -> None:
+        """Count new rows; keep those that tell directions: between which each joint moved last, and the last."""
+        self.rows += new
         rows = {o.n - 1}
         for moved in (np.diff(o.q, axis=0) != 0).T:
             if moved.any():
