@@ -186,7 +186,8 @@ class Watch:
         o = self.fit.observations
         return (
             f"Reference: {o.n} rows of {o.data.file}. Watched: {titles} parameters and effects, and the noise, "
-            f"after {every}; an alarm by chance once in {_duration(self._limit)} at most{assumed}.{self._shared}{self._left_out}"
+            f"after {every}; an alarm by chance once in {_duration(self._limit)} at most{assumed}."
+            f"{self._shared}{self._left_out}"
         )
 
     @property
