@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gzip
 import io
 import json
 import os
@@ -204,6 +205,8 @@ def test_a_reference_that_leaves_no_freedom_is_refused() -> None:
     few = fit(rodgen.Machine.load(io_machine()), rodgen.Measurements.from_frame(readings(9, 1)))
     with pytest.raises(InputFileError, match=r"degrees of freedom; expected a reference that leaves 20"):
         Watch(few)
+    with pytest.raises(InputFileError, match=r"1 rows?, which leave 0 degrees of freedom"):
+        Watch(fit(rodgen.Machine.load(io_machine()), rodgen.Measurements.from_frame(readings(1, 1))))
     with pytest.raises(RodgenError, match="such as 100/h"):
         Watch(reference(), rate="often")
 
@@ -231,6 +234,13 @@ def test_the_command_reports_lines_and_its_exit_code_is_that_of_an_alarm(files, 
     (files / "new.csv").write_text("".join(csv_lines(readings(BEFORE, 2))))
     assert run(files) == 0
     assert capsys.readouterr().out == ""
+    with gzip.open(files / "new.csv.gz", "wt") as packed:
+        packed.writelines(csv_lines(readings(40, 3, **{"C.zero_offset.a": 0.004})))
+    assert run(files, data="new.csv.gz") == 1
+    assert "write all rows into a file of their own" in capsys.readouterr().out
+    for option in (["--follow"], ["--state", str(files / "kept.watch")]):
+        assert run(files, *option, data="new.csv.gz") == 2
+        assert f"{option[0]}: given with" in capsys.readouterr().err
     (files / "new.csv").write_text("".join(changed()))
     assert run(files, "--json") == 1
     alarm, named = map(json.loads, capsys.readouterr().out.splitlines())

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import FAILED, OK, Command, notify, show, show_json_line
+from rodgen.cli._console import FAILED, OK, Command, notify, refused, show, show_json_line
 from rodgen.cli._machine import add_json, load_data
 from rodgen.cli._outputs import Outputs, add_plot, figures_for
 from rodgen.cli._values import whole
@@ -173,6 +173,10 @@ class _Watching:
             self._place = kept.place
             notify(f"{self.options.state}: goes on after {self.watch.rows} rows")
         if _is_table(self.options.data):
+            for option in ("follow", "state"):
+                if getattr(self.options, option):
+                    found = f"given with {self.options.data}, which is not read as it grows"
+                    raise refused(f"--{option}", found, "a plain CSV file with it")
             self._take(load_data(self.options.data))
             self._end(self.options.data)
             return
@@ -278,8 +282,9 @@ class _Watching:
             return
         show(event.text)
         if event.settles:
+            rows = "all rows" if event.since < 0 else f"the rows from {event.counted} {event.since} on"
             show(
-                f"To see more, write the rows from {event.counted} {event.since} on into a file of their own, and run "
+                f"To see more, write {rows} into a file of their own, and run "
                 f"'rodgen diagnose {self.options.machine} FILE'."
             )
 

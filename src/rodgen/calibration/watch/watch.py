@@ -123,6 +123,7 @@ class Watch:
         self, fit: FittedModel, *, rate: str | float | None = None, false_alarms: str | float = "1/year"
     ) -> None:
         self.fit = fit
+        self._demand(fit.degrees_of_freedom)
         self._watched = WatchedColumns(fit)
         self._rate = frequency(rate) if isinstance(rate, str) else rate
         self._limit = 1 / (frequency(false_alarms) if isinstance(false_alarms, str) else false_alarms)
@@ -136,12 +137,7 @@ class Watch:
             np.array([-1.0, np.nan]),
             np.array([size for alternative in self.alternatives for size in alternative.largest]),
         )
-        if self.detector.dof < WATCH.fewest:
-            rows, file = fit.observations.n, fit.observations.data.file
-            found = f"{rows} rows, which leave {self.detector.dof:.0f} degrees of freedom"
-            raise InputFileError(
-                file, "file", found, f"a reference that leaves {WATCH.fewest:.0f}: more rows"
-            )
+        self._demand(self.detector.dof)
         self._whitener = self._watched.whitener()
         self.rows = self.blocks = 0
         self._counted = "line"
@@ -157,6 +153,17 @@ class Watch:
         self._repeated: dict[str, tuple[float, float, int, int]] = {}  # value, prediction, times, since
         self.history: list[tuple[float, float]] = []
         self._every, self._best = 1, -math.inf
+
+    def _demand(self, degrees: float) -> None:
+        """Refuse a reference that leaves too few degrees of freedom."""
+        if degrees < WATCH.fewest:
+            rows, file = self.fit.observations.n, self.fit.observations.data.file
+            found = (
+                f"{rows} row{'s' * (rows != 1)}, which leave {math.floor(max(degrees, 0))} degrees of freedom"
+            )
+            raise InputFileError(
+                file, "file", found, f"a reference that leaves {WATCH.fewest:.0f}: more rows"
+            )
 
     def _nothing(self) -> tuple[Array, Array, Array]:
         m, d = self._watched.columns.shape[1:]
