@@ -24,7 +24,7 @@ from rodgen.machines.machine import Machine
 
 VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
-KEYS = {"verdict", "rows", "outliers", "rms", "steps", "unexplained", "dependence"}
+KEYS = {"verdict", "rows", "copies", "set_aside", "outliers", "rms", "steps", "unexplained", "dependence"}
 RMS = {"before", "after", "before_held_out", "after_held_out", "noise", "unit"}
 STEP = {
     "effect",

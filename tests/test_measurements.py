@@ -918,7 +918,7 @@ def test_groups_are_equal_rows(hashes, rows):
     table = [np.array(column) for column in zip(*rows, strict=True)]
     with pytest.MonkeyPatch.context() as patch:
         if hashes == "all alike":
-            patch.setattr(_poses, "_hashes", lambda columns, n: np.zeros(n, np.uint64))
+            patch.setattr(_poses, "hashes", lambda columns, n: np.zeros(n, np.uint64))
         found = _poses.groups(table, len(rows)).tolist()
     number = {}
     expected = [number.setdefault(row, len(number)) for row in rows]

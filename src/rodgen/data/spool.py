@@ -85,12 +85,14 @@ class GrowingArray:
         return whole
 
 
-def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64, *, large: int = IN_MEMORY) -> NDArray[Any]:
+def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64, *, large: int | None = None) -> NDArray[Any]:
     """Return a writable array of any content, in a temporary file when it is large.
 
     Parameters
     ----------
     shape : tuple of int
+    large : int, optional
+        Bytes up to which it stays in memory; default: `IN_MEMORY`.
 
     Raises
     ------
@@ -98,7 +100,7 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64, *, large: int =
         When the folder of temporary files has no room for it.
     """
     size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
-    if size <= large:
+    if size <= (IN_MEMORY if large is None else large):
         return np.empty(shape, dtype)
     with _disk_faults(), tempfile.TemporaryFile() as file:
         # Writing to a mapped file with holes kills the process when the disk is full: reserve the room first.
