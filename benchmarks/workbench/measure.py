@@ -22,7 +22,7 @@ from typing import Any
 from workbench.browser import Browser, Window, browser, used
 from workbench.cases import CASES
 
-REPEATS = 5
+REPEATS = 3
 QUIET = 1.5
 """Seconds without a drawing after which the last one was the last."""
 PLOTS = 2
