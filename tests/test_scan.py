@@ -194,6 +194,22 @@ def test_no_file_and_no_rows_are_told(machine, frame, tmp_path):
         fit(machine, Measurements.scan(tmp_path))
 
 
+def test_a_file_without_rows_among_others_changes_nothing(machine, folder, frame, in_memory, tmp_path):
+    shutil.copytree(folder, tmp_path / "week")
+    pq.write_table(pa.table(frame).slice(0, 0), tmp_path / "week/day1b.parquet")
+    assert_same(fit(machine, Measurements.scan(tmp_path / "week")), in_memory)
+
+
+def test_few_rows_in_many_files_are_as_one_table(machine, folder, in_memory, monkeypatch):
+    """Also what is decided on single rows: the folds of poses that the fit does not see."""
+    monkeypatch.setattr("rodgen.calibration.problem.blocks.STRETCH", ROWS // 20)
+    found = fit(machine, Measurements.scan(folder))
+    assert found.observations.blocks is None
+    assert_same(found, in_memory)
+    assert found.held_out().rms == pytest.approx(in_memory.held_out().rms, rel=1e-9)
+    assert found.observations.data.place(4500) == "row 4500 (from 0)"
+
+
 def test_files_at_an_address_are_read(machine, folder, in_memory):
     scan = Measurements.scan(f"file://{folder}/day*.parquet")
     assert scan.rows == ROWS

@@ -432,6 +432,11 @@ class Scan:
         """The columns without rows, by which they are checked before anything is read."""
         return self.load(replace(self.parts[0], file=self.file, groups=()))
 
+    def whole(self) -> Measurements:
+        """Return all rows as one table in memory."""
+        tables = [self.load(part) for part in self.parts]
+        return self.joined(tables, np.arange(self.rows))
+
     def joined(self, tables: Sequence[Measurements], rows: NDArray[np.int64]) -> Measurements:
         """Return some rows of the scan as one table.
 

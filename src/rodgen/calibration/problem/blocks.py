@@ -15,6 +15,7 @@ import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -261,7 +262,7 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
     starts = np.flatnonzero(np.any(np.diff(code, axis=1, prepend=-1), axis=0))
     groups = [
         (int(code[0, a]), o.run_names[code[1, a]], int(code[2, a]), int(a), int(b))
-        for a, b in zip(starts, [*starts[1:], o.n], strict=True)
+        for a, b in pairwise([*starts, o.n])
     ]
     at: dict[tuple[str, Any], int | float] = {}
     columns: list[Array] = []
@@ -742,6 +743,8 @@ def _root(square: Array, triangle: Array) -> Array | None:
 def observed(machine: Machine, data: Any) -> Observations:
     """Return the observations to fit a machine to: of a scan a sample, with all of them as `blocks`.
 
+    A scan of no more rows than the sample has is read whole, and is as any table in memory.
+
     Raises
     ------
     InputFileError
@@ -757,14 +760,14 @@ def observed(machine: Machine, data: Any) -> Observations:
         )
         raise InputFileError(machine.file or machine.name, "[measured], set_aside", found, expected)
     bind(machine, data.empty)  # columns and units are wrong before anything is read
+    if data.rows <= STRETCHES * STRETCH:
+        return bind_once(machine, data.whole())
     if machine.kinematics.is_closed or machine.measurand.has_attitude:
         what = "a machine on legs" if machine.kinematics.is_closed else "attitudes"
         expected = (
             "a chain of joints and points, directions or distances; one file of these is read in memory"
         )
         raise InputFileError(data.file, "file", f"measurements of {what} in parts", expected)
-    if not data.rows:
-        bind(machine, data.empty).demand_rows()
     parts = zip(data.parts, _stretches(data), strict=True)
     blocks = Blocks(data, [PartRows(part, machine, stretches) for part, stretches in parts])
     blocks.surveys = blocks.ask("reading", _surveyed)
@@ -772,13 +775,11 @@ def observed(machine: Machine, data: Any) -> Observations:
 
 
 def _stretches(scan: Scan) -> list[list[slice]]:
-    """Return the rows of each part that belong to the sample: stretches, spread evenly over all; all of few."""
-    rows = scan.rows
-    starts = np.linspace(0, rows, STRETCHES, endpoint=False).astype(int).tolist()
-    wanted = [(0, rows)] if rows <= STRETCHES * STRETCH else [(a, a + STRETCH) for a in starts]
+    """Return the rows of each part that belong to the sample: stretches, spread evenly over all."""
+    starts = np.linspace(0, scan.rows, STRETCHES, endpoint=False).astype(int).tolist()
     found, begin = [], 0
     for part in scan.parts:
-        inside = [(max(a - begin, 0), min(b - begin, part.rows)) for a, b in wanted]
+        inside = [(max(a - begin, 0), min(a + STRETCH - begin, part.rows)) for a in starts]
         found.append([slice(a, b) for a, b in inside if a < b])
         begin += part.rows
     return found
