@@ -134,6 +134,26 @@ def test_rows_that_a_rule_or_a_run_sets_aside_are_not_watched() -> None:
     assert alarm.after in {-1, 40, 41}
 
 
+def test_an_alarm_says_that_readings_are_where_the_reference_has_none() -> None:
+    rows, new = readings(300, 1), readings(300, 2, **{"C.zero_offset.a": 0.05})
+    part, other = rows["C [deg]"] < 120, (new["C [deg]"] > 150) & (new["C [deg]"] < 270)
+    machine = rodgen.Machine.load(io_machine())
+    watch = Watch(machine.fit({name: np.asarray(x)[part] for name, x in rows.items()}))
+    alarm = watch.update({name: np.asarray(x)[other] for name, x in new.items()})[0]
+    assert alarm.outside.column == "C"
+    assert alarm.to_dict()["outside"]["high"] == alarm.outside.high == max(rows["C [deg]"][part])
+    assert "Most of these readings have C outside of" in alarm.text
+
+
+def test_rows_of_a_change_are_no_outliers_where_their_numbers_begin_anew() -> None:
+    watch = Watch(reference())
+    for rows, offset in ((BEFORE, 0.0), (40, 0.01)):  # two tables: rows are numbered from 0 in each
+        table = rodgen.Measurements.from_frame(readings(rows, rows, **{"C.zero_offset.a": offset}))
+        events = watch.update(table)
+    assert [event.to_dict()["event"] for event in events] == ["alarm", "named"]
+    assert events[0].outside is None
+
+
 @pytest.mark.slow
 def test_what_was_always_there_is_no_change() -> None:
     """Effects that the model lacks are in the reference's readings, too."""

@@ -634,6 +634,8 @@ class WatchPolicy(NamedTuple):
     """... and how often, one after the other: noise makes up for it once in 40,000, three times in 1e13."""
     fewest: float = 20.0
     """Degrees of freedom that the reference must leave: with fewer its noise is hardly known to a fifth."""
+    beyond: float = 0.1
+    """Part of the range that the reference covers, of a coordinate say, beyond which the model may be wrong."""
     outside: float = 0.1
     """Probability that a change began outside of the readings that are named."""
     likely: float = 0.05

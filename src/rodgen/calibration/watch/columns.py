@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -18,17 +18,23 @@ from rodgen.calibration.possible_effects import bare_effects, catalogue_effects,
 from rodgen.calibration.predict import in_known_runs
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.watch.events import Range
 from rodgen.data.units import unit_factor
 from rodgen.errors import InputFileError, UnexpectedError, joined
 from rodgen.machines.effects.plausibility import Plausibility
 from rodgen.machines.machine import Effect
 from rodgen.statistics.stream_whitening import StreamWhitener
+from rodgen.statistics.thresholds import WATCH
 from rodgen.statistics.whitening import SHORTEST
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.measurements import Measurements
     from rodgen.data.observations import Observations
+
+ROUND = 1.9 * math.pi
+"""Range of a joint that goes round, where no angle is beyond it."""
+SMALLEST = 1e-9
 
 Title: TypeAlias = tuple[str, str | None]
 
@@ -94,6 +100,8 @@ class WatchedColumns:
     free : int
         The first so many columns are of what the fit adjusted.
     alternatives : list of Alternative
+    ranges : list of Range
+        What the reference covers of coordinates, temperatures and the load.
     rules : list of SetAside
         What the machine file sets aside by rule or run; rows by their numbers are those of the reference.
     """
@@ -123,6 +131,15 @@ class WatchedColumns:
         self._motion(sensitivities)
         self.free = len(fit.moving)
         self.alternatives = list(self._alternatives(found, known))
+        round_about = {joint.column for joint in fit.machine.joints if joint.revolute}
+        self._covered = {
+            name: (x.min(), x.max())
+            for name, x in self._conditions(fit.observations)
+            if not (name in round_about and np.ptp(x) > ROUND)
+        }
+        columns: Any = fit.observations.data.columns
+        given = [(columns[name], columns[name].values) for name in self._covered]
+        self.ranges = [Range(c.name, float(x.min()), float(x.max()), c.unit) for c, x in given]
 
     def _motion(self, sensitivities: Sensitivities) -> None:
         """Whiten the reference row by row, in the order of time, as new readings will be."""
@@ -195,6 +212,23 @@ class WatchedColumns:
         """Return new measurements as observations of the fit."""
         o = in_known_runs(bind(self._machine, data), self.fit.problem.model, self.fit.observations.run_names)
         return replace(o, arm=self.fit.observations.arm, arm_is_known=True)
+
+    def _conditions(self, o: Observations) -> Iterator[tuple[str, Array]]:
+        """Yield the names of columns in which a model may be wrong beyond what the reference covers, and values."""
+        found = [(joint.column, o.q[:, j]) for j, joint in enumerate(self.fit.machine.joints)]
+        found += [(f"T_{name}", x) for name, x in o.temperature.items()]
+        found += [("load", o.load)] if o.load is not None else []
+        yield from ((name, x) for name, x in found if name in o.data.columns)
+
+    def outside(self, o: Observations) -> Array:
+        """Return the number of the range beyond which each new reading is farthest, (n,); -1 where it is in all."""
+        values = dict(self._conditions(o))
+        far = np.zeros((o.n, len(self._covered) + 1))
+        for k, (name, (low, high)) in enumerate(self._covered.items(), 1):
+            if name in values:
+                beyond = np.maximum(values[name] - high, low - values[name])
+                far[:, k] = beyond / max(high - low, SMALLEST) - WATCH.beyond
+        return np.asarray(np.argmax(far, axis=1) - 1)
 
     def counts(self, data: Measurements) -> Mask:
         """Return which new measurements the machine file does not set aside, (n,).

@@ -61,6 +61,32 @@ class Event:
 
 
 @dataclass(frozen=True)
+class Range:
+    """What the reference covers of a coordinate, a temperature or a load.
+
+    Attributes
+    ----------
+    column : str
+    low, high : float
+    unit : str
+    """
+
+    column: str
+    low: float
+    high: float
+    unit: str
+
+    @property
+    def text(self) -> str:
+        """A sentence on readings beyond it."""
+        span = f"{self.low:.4g}" if self.low == self.high else f"{self.low:.4g} to {self.high:.4g}"
+        return (
+            f"Most of these readings have {self.column} outside of {span} {self.unit}, where the reference is: "
+            "the model may be wrong there, and the machine as it was."
+        )
+
+
+@dataclass(frozen=True)
 class Likely:
     """One alternative.
 
@@ -118,6 +144,8 @@ class Changed(Event):
         Logarithm of the sum that exceeded its limit, less that of the limit.
     t_after, t_by : float or None
         Times of `after` and `by`, seconds.
+    outside : Range or None
+        What the reference covers, where most readings since are beyond it.
     """
 
     after: int = 0
@@ -128,6 +156,7 @@ class Changed(Event):
     evidence: float = 0.0
     t_after: float | None = None
     t_by: float | None = None
+    outside: Range | None = None
 
     @property
     def is_alarm(self) -> bool:
@@ -166,7 +195,7 @@ class Changed(Event):
         if others:
             names = some([f"{one.title} ({100 * one.probability:.0f} %)" for one in others], MOST)
             found += f" The readings do not tell it apart from {names}."
-        return found
+        return f"{found} {self.outside.text}" if self.outside else found
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -180,6 +209,7 @@ class Changed(Event):
             "likely": [one.to_dict() for one in self.likely],
             "noise": self.noise,
             "evidence": self.evidence,
+            "outside": None if self.outside is None else dict(self.outside.__dict__),
         }
 
 

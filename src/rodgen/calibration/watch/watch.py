@@ -22,7 +22,7 @@ from rodgen.array_types import Array
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.watch.columns import Alternative, WatchedColumns
-from rodgen.calibration.watch.events import Changed, Event, Likely, OutlierSeen, Stuck
+from rodgen.calibration.watch.events import Changed, Event, Likely, OutlierSeen, Range, Stuck
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import TIME, UnitError, parse_unit
 from rodgen.errors import InputFileError, RodgenError, joined, shown
@@ -134,7 +134,7 @@ class Watch:
             self._watched.free,
             [alternative.columns for alternative in self.alternatives],
             self._limit,
-            np.array([-1.0, np.nan]),
+            np.array([-1.0, np.nan, -1.0, -1.0]),
             np.array([size for alternative in self.alternatives for size in alternative.largest]),
         )
         self._demand(self.detector.dof)
@@ -149,7 +149,7 @@ class Watch:
         self._ahead = 0.0  # seconds that were counted while the clock stood still
         self._settling = 0
         self.alarms, self.alarm_rows = 0, list[int]()
-        self._outliers: list[tuple[int, float, int]] = []
+        self._outliers: list[tuple[int, float, int, int]] = []  # number, distance, block, count
         self._repeated: dict[str, tuple[float, float, int, int]] = {}  # value, prediction, times, since
         self.history: list[tuple[float, float]] = []
         self._every, self._best = 1, -math.inf
@@ -167,7 +167,7 @@ class Watch:
 
     def _nothing(self) -> tuple[Array, Array, Array]:
         m, d = self._watched.columns.shape[1:]
-        return np.empty((0, m, d)), np.empty((0, m)), np.empty((0, 2))
+        return np.empty((0, m, d)), np.empty((0, m)), np.empty((0, 4))
 
     def _time_of_a_row(self) -> float:
         """Return the time from one reading to the next, seconds; that of the reference, without its pauses."""
@@ -264,7 +264,9 @@ class Watch:
             both = np.concatenate([columns, readings[..., None]], axis=2)
             both = self._whitener(both, motion, gap, self.detector.mean * self.detector.unit)
             columns, readings = both[..., :-1], both[..., -1]
-        marks = np.column_stack([numbers[new], np.full(o.n, np.nan) if o.t is None else o.t])
+        time = np.full(o.n, np.nan) if o.t is None else o.t
+        # numbers of another file begin anew, counts do not
+        marks = np.column_stack([numbers[new], time, self.rows + new, self._watched.outside(o)])
         self._count(whole, bound, data.rows)
         events = list(self._stuck(data.take(new), predicted, numbers[new]))
         self._pending = tuple(  # type: ignore[assignment]
@@ -315,21 +317,23 @@ class Watch:
         rare = max(self._row_time / self._limit, 1e-12)
         bound = self.detector.distance_of(rare)
         self._outliers += [
-            (int(mark), float(x), blocks) for mark, x in zip(marks[:, 0], far, strict=True) if x > bound
+            (int(mark[0]), float(x), blocks, int(mark[2]))
+            for mark, x in zip(marks, far, strict=True)
+            if x > bound
         ]
         if self.detector.alarm:
             self._count_alarm(self.rows - len(self._pending[0]))
             self._settling = max(WATCH.settled // self._per_block, 1)
             found = self._found()
-            yield from self._released(at, before=found.first[0])
+            yield from self._released(at, before=found.first[2])
             yield self._changed(found, at, settled=False)
         elif not self.detector.suspects:
             yield from self._released(at, at_block=blocks - WATCH.waited)
 
     def _released(self, at: int, *, at_block: float = math.inf, before: float = math.inf) -> Iterator[Event]:
         """Yield outliers that no change explains."""
-        for row, distance, block in self._outliers:
-            if block <= at_block and row <= before:
+        for row, distance, block, count in self._outliers:
+            if block <= at_block and count <= before:
                 yield OutlierSeen(at, self._counted, row, distance)
         self._outliers = [one for one in self._outliers if one[2] > at_block] if at_block < math.inf else []
 
@@ -388,7 +392,9 @@ class Watch:
         order = np.argsort(-found.weights, kind="stable")
         likely = [self._likely(found, int(k)) for k in order if found.weights[k] >= WATCH.likely]
         likely = likely or [self._likely(found, int(order[0]))]
-        t = [None if math.isnan(mark[1]) else float(mark[1]) for mark in (found.first, found.last)]
+        t_after, t_by = [
+            None if math.isnan(mark[1]) else float(mark[1]) for mark in (found.first, found.last)
+        ]
         return Changed(
             at,
             self._counted,
@@ -398,8 +404,19 @@ class Watch:
             found.noise if likely[0].title == "noise" else 1.0,
             settled,
             self.evidence,
-            *t,
+            t_after,
+            t_by,
+            self._outside(found),
         )
+
+    def _outside(self, found: Found) -> Range | None:
+        """Return what the reference covers of a condition beyond which most readings since a change are."""
+        marks = self.detector.recent.marks
+        where = marks[marks[:, 2] > found.first[2], 3].astype(int)
+        most = np.bincount(where + 1, minlength=1)[1:]
+        if not 2 * most.sum() > len(where):
+            return None
+        return self._watched.ranges[int(np.argmax(most))]
 
     def _likely(self, found: Found, k: int) -> Likely:
         probability = float(found.weights[k])
@@ -499,7 +516,7 @@ class Watch:
             self._last_t, self._ahead = about["last_t"], about["ahead"]
             self._settling, self.alarms = about["settling"], about["alarms"]
             self.alarm_rows = about["alarm_rows"]
-            self._outliers = [(int(row), far, int(block)) for row, far, block in about["outliers"]]
+            self._outliers = [(int(row), far, int(block), int(n)) for row, far, block, n in about["outliers"]]
             self._repeated = {key: tuple(of) for key, of in about["repeated"].items()}
             self.history = [(row, best) for row, best in about["history"]]
             self._every, self._best = about["every"], about["best"]
