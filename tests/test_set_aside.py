@@ -203,6 +203,14 @@ def test_rows_are_chosen_by_number_run_and_rule(
     assert Path("m.toml").read_bytes() == before
 
 
+def test_a_rule_that_no_row_meets_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["set-aside", "m.toml", "data.csv", "--where", "C < -1000 deg"]) == 0
+    assert (
+        "0 of the 40 rows of data.csv are set aside: C < -1000 deg, true of no row."
+        in capsys.readouterr().out
+    )
+
+
 def test_a_rule_is_kept_while_some_of_its_rows_count(capsys: pytest.CaptureFixture[str]) -> None:
     machine, data = read()
     changed = machine.setting_aside(data, where="load < 5 N").bringing_back(data, rows="4", why="clear")
@@ -244,7 +252,7 @@ def test_what_cannot_be_set_aside_is_one_sentence(
     assert main(["set-aside", "m.toml", "data.csv", *words.split(" "), "-o", "m.toml"]) == 2
     said = capsys.readouterr()
     assert not said.out
-    assert said.err.startswith("m.toml: [measured], set_aside: ")
+    assert said.err.startswith("command line: --")  # and not the machine file, in which nothing is wrong
     assert message in said.err
     assert said.err.count("\n") == 1
     assert {path: path.read_bytes() for path in Path().iterdir()} == before

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._change import new_name
-from rodgen.cli._console import OK, Command, show_result
+from rodgen.cli._console import OK, Command, refused, show_result
 from rodgen.cli._machine import FILES, add_json, load_data
 from rodgen.cli._outputs import Outputs
 
@@ -71,12 +71,19 @@ def _bring_back(options: argparse.Namespace) -> int:
 
 
 def _change(options: argparse.Namespace, method: str, word: str) -> int:
+    from rodgen.errors import InputFileError
     from rodgen.machines.files.edit import text_with_set_aside
     from rodgen.machines.machine import Machine
 
     machine, data = Machine.load(options.machine), load_data(options.data)
     which = {"rows": options.rows, "run": options.of_run, "where": options.where, "why": options.why}
-    changed: Machine = getattr(machine, method)(data, **which)
+    try:
+        changed: Machine = getattr(machine, method)(data, **which)
+    except InputFileError as error:
+        if error.place != "[measured], set_aside":
+            raise
+        option = next((name for name in ("rows", "run", "where") if which[name]), "all")
+        raise refused(f"--{option}", error.found, error.expected) from None
     text = text_with_set_aside(options.machine, changed.measured.set_aside)
     output = options.output or new_name(options.machine, (word,))
     with Outputs(options.data) as outputs:

@@ -246,8 +246,11 @@ class RowsAside:
     def text(self) -> str:
         """A sentence."""
         name, count, counted = os.path.basename(self.data.file), int(self.mask.sum()), self.data.counted
-        here = [entry for entry, n in self.entries if n is not None]
-        said = "; ".join(f"{'but not ' if entry.back else ''}{entry.named(counted)}" for entry in here)
+        here = [(entry, n) for entry, n in self.entries if n is not None]
+        said = "; ".join(
+            f"{'but not ' if entry.back else ''}{entry.named(counted)}{'' if n else ', true of no row'}"
+            for entry, n in here
+        )
         are = "is" if count == 1 else "are"
         first = f"{count} of the {len(self.mask)} rows of {name} {are} set aside: {said}."
         elsewhere = "; ".join(f"{entry.named()} of {entry.file}" for entry, n in self.entries if n is None)
