@@ -133,6 +133,7 @@ def test_report_shows_what_the_fleet_says(
 @pytest.mark.slow
 def test_a_machine_of_the_fleet_opens_on_its_own_page(fleet: tuple[Path, Truth, Fleet]) -> None:
     testing = pytest.importorskip("nicegui.testing")
+    from rodgen.workbench.actions import Add
     from rodgen.workbench.fleet import FleetDesk
 
     folder, _, _ = fleet
@@ -152,10 +153,16 @@ def test_a_machine_of_the_fleet_opens_on_its_own_page(fleet: tuple[Path, Truth, 
             await user.open("/")
             await user.should_see("Back to the fleet")
             await user.should_see("per reading")
+            desk.desk.session.do(Add({"name": "tube_flexure"}))
+            done = desk.desk.session.states
             user.find("Back to the fleet").click()
             await asyncio.sleep(0.1)
             await user.open("/")
             await user.should_see(about_machines(desk.fleet))
+            assert len(done) == 2
+            with user:
+                await desk.open("m0")
+            assert desk.desk.session.states == done  # what was done is not lost
 
     asyncio.run(run())
 

@@ -31,6 +31,8 @@ class FleetDesk:
     def __init__(self, folder: str) -> None:
         self.fleet = Fleet.load(folder)
         self.desk: Desk | None = None
+        self._name = ""
+        self._left: dict[str, Desk] = {}  # machines that something was done to, to go on with
         self.figures = fleet_figures(self.fleet)
         self.dark = False
 
@@ -44,6 +46,8 @@ class FleetDesk:
         Page(self.desk)
 
     async def _back(self) -> None:
+        if self.desk is not None and len(self.desk.session.states) > 1:
+            self._left[self._name] = self.desk
         self.desk = None
         ui.navigate.reload()
 
@@ -59,7 +63,10 @@ class FleetDesk:
         if not (pair.machine and pair.data):
             missing = "measurements" if pair.machine else "machine file"
             raise RodgenError(f"{name}: no {missing}; expected both")
-        self.desk = Desk(await asyncio.to_thread(Session.open, pair.machine, pair.data))
+        self.desk = self._left.pop(name, None) or Desk(
+            await asyncio.to_thread(Session.open, pair.machine, pair.data)
+        )
+        self._name = name
         ui.navigate.reload()
 
 
