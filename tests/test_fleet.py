@@ -306,6 +306,20 @@ def test_scatter_that_few_differences_tell_is_not_taken_for_known(machines: int,
     assert (np.concatenate(p, axis=1) < 0.001).mean() < 0.002
 
 
+def test_machines_that_repeat_themselves_worse_than_others_raise_no_more_alarms() -> None:
+    random, p = np.random.default_rng(6), []
+    std, degrees = np.ones((1000, 12)), np.full((1000, 12), np.inf)
+    for _ in range(6):
+        scatter = 2 * np.exp(0.5 * random.normal(size=(1000, 1)))
+        values = np.sqrt(1 + scatter**2) * random.normal(size=std.shape)
+        values[:20, 6:] += 200.0  # some do change
+        found = drifts(values, std, degrees, np.arange(12) * 1.0, repeatability(values, std))
+        p.append([found.trend_p[20:], found.change_p[20:]])
+        assert found.change_p[:20].max() < 1e-9
+    for level in (0.01, 1e-4):
+        assert (np.concatenate(p, axis=1) < level).mean() < 1.5 * level + 4 * np.sqrt(level / 12_000)
+
+
 def test_a_trend_and_a_change_are_told_apart() -> None:
     times, std = np.arange(10.0), np.full((50, 10), 0.5)
     values = 0.5 * np.random.default_rng(4).normal(size=(50, 10))
@@ -406,7 +420,9 @@ def test_alarms_come_when_a_machine_changes() -> None:
     assert first.since == nights[8].date
     assert {change.machine for change in found.found if change.alarm} == {"m4"}
     assert not Changes(nights[:8], 1.0).found
-    (change,) = Changes(nights[7:9], 1.0).found  # which shows on two nights, too
+    value, std, unit = nights[8].machines["m4"].estimates()["p2"]  # a larger one shows on two nights, too
+    object.__setattr__(nights[8].machines["m4"], "numbers", {"p2": (value + 20.0, std, unit)})
+    (change,) = Changes(nights[7:9], 1.0).found
     assert (change.machine, change.key, change.what, change.alarm, change.new) == (
         "m4", "p2", "change", True, True,
     )  # fmt: skip

@@ -2,8 +2,8 @@
 
 A value scatters by more than its own standard deviation says: machines do not repeat themselves exactly. How much is
 estimated from the successive differences of all series together, the large ones cut off, so that neither trends nor
-a few changes move it much. Each series is then held against a constant in two ways: a straight line (generalised least
-squares), and one change of the level, at whichever place it fits best.
+a few changes move it much; and that of each series from these and its own. Each series is then held against a constant
+in two ways: a straight line (generalised least squares), and one change of the level, at whichever place it fits best.
 """
 
 from __future__ import annotations
@@ -20,6 +20,15 @@ normal: a third of them may be of changes."""
 EFFICIENCY = 0.725
 """Degrees of freedom that such a variance has, for each difference; two thirds of that where each shares a value with
 the one before and the one after it."""
+ALIKE = (4.0, 8.0, 16.0, 32.0, 64.0, 1e6)
+"""Degrees of freedom that the scatter of all series is worth for that of one: with 4 some scatter twice as much as
+others, with the last all scatter alike, ..."""
+PRIOR = (0.1, 0.1, 0.1, 0.1, 0.1, 0.5)
+"""... and how likely each is, before the series are seen."""
+CAUTION = 0.3
+"""Probability that it is less than what is taken."""
+CENSORED = 3.0
+"""Ratio of variances beyond which it counts no more how large it is: it may be of a change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +113,39 @@ def _smoothed(squares: Array, degrees: Array, known: Mask) -> Array:
     return np.asarray(np.exp(mean + kept * (logs - mean)))
 
 
+def _worth(count: Array) -> Array:
+    """Return the degrees of freedom of a mean of so many squared successive differences."""
+    some = np.maximum(count, 1)
+    return np.asarray((count > 0) * some / (1 + (some - 1) / (2 * some)))
+
+
+def _alike(ratio: Array, degrees: Array) -> float:
+    """Return the degrees of freedom that the scatter of all series is worth for that of one.
+
+    The scatter of a series has a variance that is drawn from a scaled inverse chi-square distribution, so that the
+    ratio of its squared differences to what is expected of them has an F distribution (Smyth 2004).
+
+    Parameters
+    ----------
+    ratio, degrees : ndarray, shape (N,)
+        Of each series, and its degrees of freedom.
+    """
+    from rodgen.statistics.compiled_scipy import special
+
+    x, own = np.clip(ratio, 1e-12, CENSORED), degrees / 2
+    log = []
+    for alike in ALIKE:
+        other = alike / 2
+        density = (
+            own * np.log(own / other) + (own - 1) * np.log(x) - (own + other) * np.log1p(x * own / other)
+        )
+        density -= special.gammaln(own) + special.gammaln(other) - special.gammaln(own + other)
+        beyond = special.betainc(other, own, other / (other + own * CENSORED))
+        log.append(np.where(ratio < CENSORED, density, np.log(np.maximum(beyond, 1e-300))).sum())
+    weight = np.array(PRIOR) * np.exp(np.array(log) - max(log))
+    return ALIKE[int(np.searchsorted(np.cumsum(weight / weight.sum()), CAUTION))]
+
+
 def drifts(values: Array, std: Array, degrees: Array, times: Array, repeat: tuple[float, float]) -> Drifts:
     """Return the tests of series.
 
@@ -119,7 +161,9 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array, repeat: tupl
     Notes
     -----
     Both are contrasts Σ cₜ yₜ with the variance Σ cₜ² (sₜ² + ω²), whose degrees of freedom are those of Satterthwaite
-    (1946). The p-value of a change is that of the best place times the number of places (Bonferroni).
+    (1946). The p-value of a change is that of the best place times the number of places (Bonferroni). Series do not
+    scatter alike: the variance of each is moderated by its own squared differences, without that at the place of the
+    change, or without the trend.
     """
     omega, of_omega = repeat
     known = np.isfinite(values) & np.isfinite(std)
@@ -129,14 +173,34 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array, repeat: tupl
     s = s * (1 + 4 / nu)  # what weights that follow them make too small (Meier 1953)
     count, total = known.sum(axis=1), np.maximum(weight.sum(axis=1), 1e-300)
 
-    def tail(size: Array, variance: Array, squares: Array, fourths: Array) -> Array:
-        """Return p of contrasts, given their variances, Σc² and Σc⁴s⁴/ν."""
+    place = known[:, 1:] & (np.cumsum(known, axis=1)[:, :-1] > 0)  # before each value but the first
+    last = np.maximum.accumulate(np.where(known, np.arange(len(times)), 0), axis=1)[:, :-1]
+    passed = times[1:] - times[last]
+    step = y[:, 1:] - np.take_along_axis(y, last, axis=1)
+    expected = s[:, 1:] + np.take_along_axis(s, last, axis=1) + 2 * omega
+    differ = np.where(place, step**2 / expected, 0.0)
+    of_all, others = _worth(count - 1), _worth(count - 2)
+    some = of_all > 0
+    alike = _alike(differ.sum(axis=1)[some] / (count - 1)[some], of_all[some]) if some.any() else ALIKE[-1]
+
+    def moderated(squares: Array) -> tuple[Array, Array]:
+        """Return factors of variances and their degrees of freedom, from sums of the squares of one difference less."""
+        fewer = np.maximum(count - 2, 1).reshape(-1, *[1] * (squares.ndim - 1))
+        own = others.reshape(fewer.shape)
+        return (alike + own * squares / fewer) / (alike + own), alike + own
+
+    def tail(
+        size: Array, variance: Array, squares: Array, fourths: Array, factor: Array, known_with: Array
+    ) -> Array:
+        """Return p of contrasts, given their variances, Σc² and Σc⁴s⁴/ν, and a factor and its degrees of freedom."""
         from rodgen.statistics.compiled_scipy import special
 
         spread = fourths + squares**2 * of_omega
         dof = np.clip(
             np.divide(variance**2, spread, out=np.full_like(spread, 1e9), where=spread > 0), 1.0, 1e9
         )
+        dof = 1 / (1 / dof + 1 / known_with)
+        variance = variance * factor
         t = np.divide(size**2, variance, out=np.zeros_like(size), where=variance > 0)
         return np.asarray(special.betainc(dof / 2, 0.5, dof / (dof + t)))
 
@@ -144,11 +208,12 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array, repeat: tupl
     moment = (weight * centred**2).sum(axis=1)
     lever = np.divide(weight * centred, moment[:, None], out=np.zeros_like(y), where=moment[:, None] > 0)
     slope, slope_var = (lever * y).sum(axis=1), (lever**2 * (s + omega) * known).sum(axis=1)
-    trend_p = tail(slope, slope_var, (lever**2).sum(axis=1), (lever**4 * s**2 / nu).sum(axis=1))
+    about_line = np.where(place, (step - slope[:, None] * passed) ** 2 / expected, 0.0).sum(axis=1)
+    of_line = moderated(about_line)
+    trend_p = tail(slope, slope_var, (lever**2).sum(axis=1), (lever**4 * s**2 / nu).sum(axis=1), *of_line)
 
     left = np.cumsum(weight, axis=1)[:, :-1]
     right = total[:, None] - left
-    place = known[:, 1:] & (np.cumsum(known, axis=1)[:, :-1] > 0)  # before each value but the first
 
     def at_places(terms: Array, power: int) -> tuple[Array, Array]:
         """Return sums of terms before and after each place, over the total weights there to a power, (N, T-1)."""
@@ -164,16 +229,17 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array, repeat: tupl
     variance = np.add(*at_places(weight**2 * (s + omega), 2))
     squares = np.add(*at_places(weight**2, 2))
     fourths = np.add(*at_places(weight**4 * s**2 / nu, 4))
-    p = np.where(place, tail(step, variance, squares, fourths), 2.0)
+    factor = moderated(differ.sum(axis=1)[:, None] - differ)
+    p = np.where(place, tail(step, variance, squares, fourths, *factor), 2.0)
     best = p.argmin(axis=1)
     row = np.arange(len(y))
     change_p = np.minimum(p[row, best] * np.maximum(count - 1, 1), 1.0)
     return Drifts(
         slope,
-        np.sqrt(slope_var),
+        np.sqrt(slope_var * of_line[0]),
         np.where(count > 2, trend_p, 1.0),
         step[row, best],
-        np.sqrt(variance[row, best]),
+        np.sqrt((variance * factor[0])[row, best]),
         best + 1,
         np.where(count > 1, change_p, 1.0),
     )
