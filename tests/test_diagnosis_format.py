@@ -70,6 +70,8 @@ def rows_of(data: Path) -> int:
 FINE = {
     "verdict": "effects_missing",
     "rows": 10,
+    "copies": 0,
+    "set_aside": {"rows": 0, "entries": []},
     "outliers": [2, 7],
     "rms": {
         "before": 2.0, "after": 1.0, "before_held_out": 2.1, "after_held_out": None, "noise": None, "unit": "mm",

@@ -36,7 +36,7 @@ class _Problem:
     """A least-squares problem as `rodgen.calibration.solve.least_squares.minimise` wants it."""
 
     def __init__(self, exact: Exact, rows: int, components: int, parameters: int) -> None:
-        self.exact, self.rows, self.components = exact, rows, components
+        self.exact, self.rows, self.count, self.components = exact, rows, rows, components
         self.scale = 1.0  # only data without noise come near what it is for
         self.is_closed_chain, self.starts = False, None  # no pose to solve for
         free = np.full(parameters, np.inf)
