@@ -179,7 +179,8 @@ class Ladder:
         )
         for rung in self.rungs:
             if count := int(rung.fit.outliers.sum()):
-                yield f"{rung.title}: {count} outlier{'s' * (count != 1)}, taken out."
+                # outliers of a fit, or rows that a session sets aside
+                yield f"{rung.title}: {count} row{'s' * (count != 1)} left out."
             if not rung.fit.solution.converged:
                 yield f"{rung.title}: NOT CONVERGED, the figures are where the fit stopped."
 
