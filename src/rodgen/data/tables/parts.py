@@ -104,8 +104,8 @@ def parts_of(pattern: str) -> tuple[list[Part], list[str]]:
     """
     filesystem, found = _files(pattern)
     if not found:
-        found = "a folder without Parquet files" if os.path.isdir(pattern) else "no such file"
-        raise InputFileError(pattern, "file", found, "Parquet files")
+        what = "a folder without Parquet files" if os.path.isdir(pattern) else "no such file"
+        raise InputFileError(pattern, "file", what, "Parquet files")
     wholes = [Part(0, file, path, filesystem, None, 0) for file, path in found]
     with ThreadPoolExecutor(OPEN_AT_ONCE) as pool:
         schemas = list(pool.map(_schema, wholes))
