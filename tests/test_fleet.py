@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -427,6 +428,19 @@ def test_alarms_come_when_a_machine_changes() -> None:
         "m4", "p2", "change", True, True,
     )  # fmt: skip
     assert not Changes(nights[8:9], 1.0).found
+
+
+@pytest.mark.parametrize(("count", "at"), [(2, 1), (3, 2), (6, 3)])
+def test_a_change_that_all_machines_share_is_no_scatter(count: int, at: int) -> None:
+    nights = [*made_nights(count, 30, 4, 7)]
+    for night in nights[at:]:
+        for machine in night.machines.values():
+            value, std, unit = machine.estimates()["p0"]
+            object.__setattr__(machine, "numbers", {**machine.estimates(), "p0": (value + 20.0, std, unit)})
+    alarms = [change for change in Changes(nights, 1.0).found if change.alarm]
+    assert {change.key for change in alarms} == {"p0"}
+    assert len(alarms) > 20
+    assert Counter(change.since for change in alarms).most_common(1)[0][0] == nights[at].date
 
 
 @pytest.mark.slow

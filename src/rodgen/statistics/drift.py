@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rodgen.array_types import Array, Index, Mask
+from rodgen.statistics.thresholds import FLEET
 
 LARGEST, USUAL = 2.25, 0.7785
 """Squared differences count as so many variances at most, and are as large as the other on average where they are
@@ -58,6 +59,50 @@ class Drifts:
     change_p: Array
 
 
+@dataclass(frozen=True, eq=False)
+class _Differences:
+    """Successive differences of series, each at its second value, (N, T-1).
+
+    Attributes
+    ----------
+    known : ndarray of bool
+        Where there is one.
+    step : ndarray
+    own : ndarray
+        The same less what most series of a night have in common, which is no scatter of theirs.
+    single : ndarray
+        Variances that follow from those of the values.
+    passed : ndarray
+        Times between the values.
+    """
+
+    known: Mask
+    step: Array
+    own: Array
+    single: Array
+    passed: Array
+
+    @classmethod
+    def of(cls, values: Array, variances: Array, times: Array) -> _Differences:
+        """Return those of values, (N, T), NaN where there is none."""
+        there = np.isfinite(values) & np.isfinite(variances)
+        y, s = np.where(there, values, 0.0), np.where(there, variances, 1.0)
+        last = np.maximum.accumulate(np.where(there, np.arange(len(times)), 0), axis=1)[:, :-1]
+        known = there[:, 1:] & (np.cumsum(there, axis=1)[:, :-1] > 0)
+        step = y[:, 1:] - np.take_along_axis(y, last, axis=1)
+        own = step.copy()
+        for column in np.flatnonzero(known.sum(axis=0) >= FLEET.fewest):
+            some = step[known[:, column], column]
+            own[:, column] = (own[:, column] - np.median(some)) * np.sqrt(len(some) / (len(some) - 1))
+        single = s[:, 1:] + np.take_along_axis(s, last, axis=1)
+        return cls(known, step, own, single, times[1:] - times[last])
+
+    @property
+    def count(self) -> Index:
+        """Number of each series, (N,)."""
+        return np.asarray(self.known.sum(axis=1))
+
+
 def repeatability(values: Array, std: Array) -> tuple[float, float]:
     """Return the variance by which values of series scatter beyond their own, and half the variance of that number.
 
@@ -69,12 +114,11 @@ def repeatability(values: Array, std: Array) -> tuple[float, float]:
     values, std : ndarray, shape (N, T)
         NaN where there is none.
     """
-    before, after, known = _pairs(values, std)
-    if not known.any():
+    found = _Differences.of(values, std**2, np.arange(float(values.shape[1])))
+    if not found.known.any():
         return 0.0, 0.0
-    squares = (after[0] - before[0]) ** 2
-    single = before[1] ** 2 + after[1] ** 2
-    degrees = EFFICIENCY * len(squares) / (1 + float(np.mean(known[1:] & known[:-1])) / 2)
+    squares, single = found.own[found.known] ** 2, found.single[found.known]
+    degrees = EFFICIENCY * float(_worth(found.count).sum())
 
     def excess(variance: float) -> float:
         return float(np.mean(np.minimum(squares / (single + 2 * variance), LARGEST))) - USUAL
@@ -87,15 +131,6 @@ def repeatability(values: Array, std: Array) -> tuple[float, float]:
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
     variance = (low + high) / 2
     return variance, (variance + float(np.median(single)) / 2) ** 2 / max(degrees, 1.0)
-
-
-def _pairs(values: Array, std: Array) -> tuple[tuple[Array, Array], tuple[Array, Array], Mask]:
-    """Return successive values of the same series with their standard deviations, and where there are values."""
-    known = np.isfinite(values) & np.isfinite(std)
-    rows, columns = np.nonzero(known)
-    same = rows[1:] == rows[:-1]
-    first, second = (rows[:-1][same], columns[:-1][same]), (rows[1:][same], columns[1:][same])
-    return (values[first], std[first]), (values[second], std[second]), same
 
 
 def _smoothed(squares: Array, degrees: Array, known: Mask) -> Array:
@@ -113,7 +148,7 @@ def _smoothed(squares: Array, degrees: Array, known: Mask) -> Array:
     return np.asarray(np.exp(mean + kept * (logs - mean)))
 
 
-def _worth(count: Array) -> Array:
+def _worth(count: Index) -> Array:
     """Return the degrees of freedom of a mean of so many squared successive differences."""
     some = np.maximum(count, 1)
     return np.asarray((count > 0) * some / (1 + (some - 1) / (2 * some)))
@@ -173,12 +208,9 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array, repeat: tupl
     s = s * (1 + 4 / nu)  # what weights that follow them make too small (Meier 1953)
     count, total = known.sum(axis=1), np.maximum(weight.sum(axis=1), 1e-300)
 
-    place = known[:, 1:] & (np.cumsum(known, axis=1)[:, :-1] > 0)  # before each value but the first
-    last = np.maximum.accumulate(np.where(known, np.arange(len(times)), 0), axis=1)[:, :-1]
-    passed = times[1:] - times[last]
-    step = y[:, 1:] - np.take_along_axis(y, last, axis=1)
-    expected = s[:, 1:] + np.take_along_axis(s, last, axis=1) + 2 * omega
-    differ = np.where(place, step**2 / expected, 0.0)
+    found = _Differences.of(np.where(known, values, np.nan), s, times)
+    place, expected = found.known, found.single + 2 * omega
+    differ = np.where(place, found.own**2 / expected, 0.0)
     of_all, others = _worth(count - 1), _worth(count - 2)
     some = of_all > 0
     alike = _alike(differ.sum(axis=1)[some] / (count - 1)[some], of_all[some]) if some.any() else ALIKE[-1]
@@ -208,7 +240,9 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array, repeat: tupl
     moment = (weight * centred**2).sum(axis=1)
     lever = np.divide(weight * centred, moment[:, None], out=np.zeros_like(y), where=moment[:, None] > 0)
     slope, slope_var = (lever * y).sum(axis=1), (lever**2 * (s + omega) * known).sum(axis=1)
-    about_line = np.where(place, (step - slope[:, None] * passed) ** 2 / expected, 0.0).sum(axis=1)
+    about_line = np.where(place, (found.step - slope[:, None] * found.passed) ** 2 / expected, 0.0).sum(
+        axis=1
+    )
     of_line = moderated(about_line)
     trend_p = tail(slope, slope_var, (lever**2).sum(axis=1), (lever**4 * s**2 / nu).sum(axis=1), *of_line)
 
