@@ -1,4 +1,4 @@
-"""A fleet of telescope mounts by the simulator: each has its own effects, drawn from a distribution nobody is told."""
+"""A fleet of simulated telescope mounts, each with effects of its own from a distribution that the fleet never sees."""
 
 from __future__ import annotations
 

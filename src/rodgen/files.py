@@ -346,7 +346,7 @@ def new_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 def one_process_in(folder: str) -> Iterator[None]:
     """Hold a folder for this process: another one that asks for it meanwhile is refused.
 
-    The end of the process, also a sudden one, gives it free. Disks without locks, and Windows, refuse nobody.
+    The end of the process, also a sudden one, frees it. Disks without locks, and Windows, refuse no second process.
 
     Raises
     ------

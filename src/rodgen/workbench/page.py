@@ -626,7 +626,7 @@ class Page:
         await self.select(rows)
 
     def _which(self, rows: set[int]) -> dict[str, Any]:
-        """Return what an action is told of rows: their rule where they are all that it selected."""
+        """Return how an action names rows: by their rule where they are all that it selected."""
         selected, rule = self.ruled
         if rule and selected == self.selected:
             return rule

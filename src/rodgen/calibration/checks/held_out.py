@@ -175,7 +175,7 @@ def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
 def _of_all_parts(fit: FittedModel, problem: BlockProblem) -> HeldOut:
     """Return the error on poses of a scan that the fit did not see, whatever the number of folds that is asked for.
 
-    The fit without a fold is taken to first order: of so many rows what is left out moves it by little.
+    The fit without a fold is taken to first order: a fold of so many rows moves it by little.
     """
     theta, frame = fit.solution.theta, fit.solution.frame
     with one_thread_in_blas():

@@ -703,7 +703,7 @@ class BlockProblem(Problem):
         return found
 
     def _aside_by_fold(self) -> Iterator[tuple[int, Problem]]:
-        """Yield the numbers of folds, and the problem of what is left aside of each."""
+        """Yield the numbers of folds, and the problem of the rows that each leaves aside."""
         if self._aside is not None:
             fold = _folds(self._aside.observations)
             yield from ((int(k), self._aside.take(np.flatnonzero(fold == k))) for k in np.unique(fold))

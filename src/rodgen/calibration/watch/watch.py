@@ -526,10 +526,10 @@ class Watch:
 
     @property
     def _fingerprint(self) -> str:
-        told = hashlib.sha256(json.dumps([self._per_block, self._rate, self._limit]).encode())
+        digest = hashlib.sha256(json.dumps([self._per_block, self._rate, self._limit]).encode())
         for part in (self._watched.columns, self._watched.readings):
-            told.update(np.ascontiguousarray(part.astype(np.float32)).tobytes())
-        return told.hexdigest()
+            digest.update(np.ascontiguousarray(part.astype(np.float32)).tobytes())
+        return digest.hexdigest()
 
 
 def _duration(seconds: float) -> str:

@@ -33,6 +33,8 @@ def watched(watch: Watch) -> go.Figure:
     alarms = watch.alarm_rows
     mark = {"symbol": "x", "size": 9, "color": PURPLE}
     add_trace(figure, 0, "alarm", x=alarms, y=[0] * len(alarms), mode="markers", marker=mark)
-    told = f"{watch.alarms} alarm{'s' * (watch.alarms != 1)} in {watch.rows} rows"
+    summary = f"{watch.alarms} alarm{'s' * (watch.alarms != 1)} in {watch.rows} rows"
     note = "Each point is the largest of some rows; above the limit an alarm is raised."
-    return describe(figure, "watch", watch.fit.machine.name, note=note, alt=f"Evidence for a change: {told}.")
+    return describe(
+        figure, "watch", watch.fit.machine.name, note=note, alt=f"Evidence for a change: {summary}."
+    )
