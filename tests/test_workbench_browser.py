@@ -358,6 +358,8 @@ def test_names_with_markup_and_quotes_are_text(files, serve, opened):
     machine, data = (Path(shutil.move(file, folder)) for file in files)
     page = opened(serve(machine, data).address)
     assert page.get_by_role("heading", level=1).inner_text() == evil
+    page.locator(".js-plotly-plot .point").first.wait_for()
+    page.get_by_label("Add tube_flexure").wait_for()  # nothing above the plot moves it any more
     plot = page.locator(".js-plotly-plot").first.bounding_box()
     page.mouse.move(plot["x"] + 100, plot["y"] + 30)
     page.mouse.down()

@@ -496,7 +496,7 @@ class Watch:
         return stream.getvalue()
 
     def restore(self, kept: Stored) -> None:
-        """Go on from what :meth:`state` returned, as :func:`stored` reads it.
+        """Go on from what :meth:`state` returned, as `stored` reads it.
 
         Raises
         ------
