@@ -109,6 +109,20 @@ def test_a_hidden_change_raises_an_alarm_and_gets_its_name_size_and_time(title, 
     assert title in alarm.text + named.text
 
 
+def test_a_rare_effect_that_the_first_readings_show_as_well_is_listed_with_the_common_one() -> None:
+    """Over a quarter of a turn an eccentricity, and an ellipticity, are nearly an offset."""
+    value = 4.0 / sigmas(**{"C.encoder_eccentricity.a": 0.01}) * 0.01
+    changed = readings(600, 4, **{"C.encoder_eccentricity.a": value})
+    sector = (changed["C [deg]"] < 40) | (changed["C [deg]"] > 320)
+    watch = Watch(reference(), rate="100/h")
+    watch.update(readings(BEFORE, 2))
+    alarm = watch.update({name: np.asarray(column)[sector][:30] for name, column in changed.items()})[0]
+    found = {one.title: one.probability for one in alarm.likely}
+    assert list(found) == ["zero_offset at C", "encoder_eccentricity at C", "encoder_ellipticity at C"]
+    assert found["encoder_ellipticity at C"] < 0.05  # it is rare, and not less in accord with the readings
+    assert "do not tell it apart from encoder_eccentricity at C" in alarm.text
+
+
 def test_a_clock_that_jumps_or_stands_still_neither_raises_an_alarm_nor_prevents_one() -> None:
     seconds = 36.0 * np.arange(BEFORE)
     seconds[30:] += 1.7e9  # set after the controller was switched on

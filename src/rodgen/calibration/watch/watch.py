@@ -390,8 +390,13 @@ class Watch:
 
     def _changed(self, found: Found, at: int, *, settled: bool) -> Changed:
         order = np.argsort(-found.weights, kind="stable")
-        likely = [self._likely(found, int(k)) for k in order if found.weights[k] >= WATCH.likely]
-        likely = likely or [self._likely(found, int(order[0]))]
+        # how common an effect is must not hide what these readings, few at first, show as well
+        odds = np.ones(len(order))
+        of = self._alternatives_of(found)
+        odds[: len(of)] = np.exp([one.prior.log_odds for one in of])
+        by_readings = found.weights / odds
+        as_likely = np.maximum(found.weights, by_readings / by_readings[order[0]]) >= WATCH.likely
+        likely = [self._likely(found, int(k)) for k in order if as_likely[k]]
         t_after, t_by = [
             None if math.isnan(mark[1]) else float(mark[1]) for mark in (found.first, found.last)
         ]
