@@ -639,7 +639,7 @@ class WatchPolicy(NamedTuple):
     outside: float = 0.1
     """Probability that a change began outside of the readings that are named."""
     likely: float = 0.05
-    """Probability from which on an alternative is named, and its ratio to the likeliest one's by the readings alone: how
+    """Probability from which on an alternative is named, and its ratio to the best one by the readings alone: how
     common effects are is known to an order of magnitude only, and hides nothing that few readings show as well."""
 
     def clip(self, components: int) -> float:
