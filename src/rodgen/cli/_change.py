@@ -90,6 +90,16 @@ def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Writ
     return Written(change, options.machine, output, ladder)
 
 
+def add_output(command: argparse.ArgumentParser) -> None:
+    """Add --output, the new machine file."""
+    command.add_argument(
+        "-o",
+        "--output",
+        metavar="NEW.toml",
+        help="may be MACHINE itself; default: a new name in the same folder, which is printed",
+    )
+
+
 def new_name(machine: str, words: Sequence[str]) -> str:
     """Return an unused file name in the folder of the machine file."""
     from rodgen.machines.files.edit import name_with

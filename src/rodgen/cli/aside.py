@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._change import new_name
+from rodgen.cli._change import add_output, new_name
 from rodgen.cli._console import OK, Command, refused, show_result
 from rodgen.cli._machine import FILES, add_json, load_data
 from rodgen.cli._outputs import Outputs
@@ -53,12 +53,7 @@ def add_to(command: Command) -> None:
         if each is back:
             which.add_argument("--all", action="store_true", help="all rows of DATA")
         each.add_argument("--why", metavar="TEXT", default="", help="a note")
-        each.add_argument(
-            "-o",
-            "--output",
-            metavar="NEW.toml",
-            help="may be MACHINE itself; default: a new name in the same folder, which is printed",
-        )
+        add_output(each)
         add_json(each)
 
 

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from rodgen.cli._change import Change, Written, carry_out
+from rodgen.cli._change import Change, Written, add_output, carry_out
 from rodgen.cli._console import Command, UsageError, after_fits, notify, refused, show_result
 from rodgen.cli._machine import FILES, add_json, add_loss, add_place
 from rodgen.cli._values import whole
@@ -87,12 +87,7 @@ def add_to(command: Command) -> None:
                 default=[],
                 help="only this step of the diagnosis, counted from 1, forms last; may be given several times",
             )
-        each.add_argument(
-            "-o",
-            "--output",
-            metavar="NEW.toml",
-            help="may be MACHINE itself; default: a new name in the same folder, which is printed",
-        )
+        add_output(each)
         add_loss(each)
         add_json(each)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._change import new_name
+from rodgen.cli._change import add_output, new_name
 from rodgen.cli._console import OK, Command, UsageError, show_result
 from rodgen.cli._machine import add_json
 from rodgen.cli._outputs import Outputs
@@ -32,12 +32,7 @@ def add_to(command: Command) -> None:
     )
     made.add_argument("--tie", metavar="SUM", help="multiples of others, such as '2 * J3.gravity_windup.k'")
     made.add_argument("--free", action="store_true", help="nothing is known of it, and it is tied to none")
-    made.add_argument(
-        "-o",
-        "--output",
-        metavar="NEW.toml",
-        help="may be MACHINE itself; default: a new name in the same folder, which is printed",
-    )
+    add_output(made)
     add_json(made)
 
 
