@@ -43,7 +43,7 @@ from rodgen.kinematics.axis_fit.sphere import maximise_on_sphere
 
 slow = pytest.mark.slow
 EPS = np.finfo(float).eps
-POSITIONER = Path(__file__).parents[2] / "shared/data/positioner/data.csv"
+POSITIONER = Path(__file__).parent / "data/positioner/data.csv"
 
 
 def turned(x: np.ndarray, e: np.ndarray, p: Any, angle: Any) -> np.ndarray:
@@ -1144,8 +1144,6 @@ def test_memory_for_many_pairs_is_less_than_the_pairs_take(tmp_path: Any) -> Non
 @pytest.fixture(scope="module")
 def positioner() -> dict[float, list[tuple[float, np.ndarray]]]:
     """Poses by P1: P2 and the three points."""
-    if not POSITIONER.exists():
-        pytest.skip("the positioner measurements (shared/data/positioner) are not available")
     poses: dict[tuple[float, float, float], list[list[float]]] = defaultdict(list)
     with POSITIONER.open(newline="") as file:
         for row in csv.DictReader(file):

@@ -27,8 +27,7 @@ from rodgen.machines.effects.catalogue import CATALOGUE
 ROOT = Path(__file__).parent.parent
 MOUNT = ROOT / "examples" / "machines" / "mount"
 STARS = MOUNT / "mmt_2021.csv"
-SHARED = ROOT.parent / "shared" / "data"
-ORIGINAL = SHARED / "mmt_2021" / "data.csv"
+DATA = ROOT / "tests" / "data"
 FLEXURE = {("tube_flexure", None), ("gravity_windup", "EL")}
 """The droop of a tube, by either name: in an alt-azimuth mount it follows the cosine of the elevation."""
 NAMES = {definition.name for definition in CATALOGUE}
@@ -103,8 +102,7 @@ def test_every_other_effect_of_the_elevation_is_told_apart():
 
 
 def test_the_command_names_the_same_effects_from_the_files_of_a_user(capsys):
-    data = ORIGINAL if ORIGINAL.exists() else STARS
-    assert cli.main(["diagnose", str(MOUNT / "machine.toml"), str(data), "--json"]) == 0
+    assert cli.main(["diagnose", str(MOUNT / "machine.toml"), str(STARS), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     machine = {
         "joint": [{"name": "AZ"}, {"name": "EL"}],
@@ -116,16 +114,6 @@ def test_the_command_names_the_same_effects_from_the_files_of_a_user(capsys):
     steps = [(step["effect"], step["joint"]) for step in printed["steps"]]
     assert steps == [(step.effect.name, step.effect.place) for step in telescope().steps]
     assert printed["rms"]["after"] == pytest.approx(telescope().rms.after, rel=1e-6)
-
-
-# data that are not in this repository ------------------------------------------------------------------------------
-
-
-def measurements(name: str) -> Path:
-    path = SHARED / name
-    if not path.exists():
-        pytest.skip(f"needs {path}, which is not part of this repository")
-    return path
 
 
 def test_the_telescope_s_tube_droops_and_the_air_refracts_as_published():
@@ -142,13 +130,13 @@ def test_the_telescope_s_tube_droops_and_the_air_refracts_as_published():
 
 @cache
 def second_run():
-    data = rodgen.Measurements.load(measurements("mmt_2025/data.csv"))
+    data = rodgen.Measurements.load(DATA / "mmt_2025" / "data.csv")
     return fit(rodgen.Machine.load(MOUNT / "machine.toml"), data).diagnose()
 
 
 def test_a_later_run_of_the_telescope_whose_pointing_model_was_another_one_is_said_to_be():
     """Its own fit leaves 1.06 arcsec: the droop of 21 arcsec was corrected in between."""
-    later = rodgen.Measurements.load(measurements("mmt_2025/data.csv"))
+    later = rodgen.Measurements.load(DATA / "mmt_2025" / "data.csv")
     found = fit(rodgen.Machine.load(MOUNT / "machine.toml"), rodgen.Measurements.load(STARS)).diagnose(
         test=later
     )
@@ -182,8 +170,8 @@ def test_the_telescope_s_other_run_shows_flexure_or_refraction_and_no_wave():
 
 @cache
 def positioner():
-    data = rodgen.Measurements.load(measurements("positioner/data.csv"))
-    return diagnose(rodgen.Machine.load(ROOT / "tests" / "data" / "positioner.toml"), data)
+    data = rodgen.Measurements.load(DATA / "positioner" / "data.csv")
+    return diagnose(rodgen.Machine.load(DATA / "positioner" / "machine.toml"), data)
 
 
 @pytest.mark.slow
@@ -214,7 +202,7 @@ def test_the_positioner_s_answer_has_no_size_that_no_machine_has():
 
 def robot(folder: Path, kind: str = "point", estimate: Sequence[str] = ("target",)):
     """Return a fit of the nominal robot to the board's places, as points or as poses; frame and board are fitted."""
-    joints, board = chain_of(measurements("ur10/robot.urdf"), "wrist_3_link")
+    joints, board = chain_of(DATA / "ur10" / "robot.urdf", "wrist_3_link")
     lines = ['name = "UR10"', "[units]", 'length = "mm"', 'angle = "rad"']
     for joint in joints:
         lines += ["[[joint]]", 'type = "revolute"', *(f"{key} = {json.dumps(x)}" for key, x in joint.items())]
@@ -228,7 +216,7 @@ def robot(folder: Path, kind: str = "point", estimate: Sequence[str] = ("target"
     ]
     machine, data = folder / "machine.toml", folder / "data.csv"
     machine.write_text("\n".join([*lines, "[estimate]", f"parameters = {json.dumps(estimate)}"]) + "\n")
-    with measurements("ur10/calibration.csv").open(encoding="utf-8") as file, data.open("w") as out:
+    with (DATA / "ur10" / "calibration.csv").open(encoding="utf-8") as file, data.open("w") as out:
         names = [joint["name"] for joint in joints]
         writer = csv.writer(out)
         turns = {"phix1": "roll", "phiy1": "pitch", "phiz1": "yaw"} if kind == "pose" else {}

@@ -74,11 +74,7 @@ def test_files_are_small_fit_together_and_do_not_tell(name: str) -> None:
     } & {*text.lower().split()}
 
 
-def test_telescope_s_figures_are_those_of_the_source() -> None:
-    source = ROOT.parent / "shared" / "data" / "mmt_2021" / "data.csv"
-    if not source.exists():
-        pytest.skip(f"needs {source}, which is not part of this repository")
-    assert (EXAMPLES / "mount" / "mmt_2021.csv").read_bytes() == source.read_bytes()
+def test_telescope_s_figures_come_with_their_licence() -> None:
     licence = (EXAMPLES / "mount" / "SOURCE.txt").read_text(encoding="utf-8")
     assert "BSD-3-Clause" in licence
     assert "Copyright 2021 T. E. Pickering" in licence

@@ -1,7 +1,4 @@
-"""Fits of real measurements against published figures and independent fits of the same data.
-
-The telescope's figures are in the repository. The positioner's are not; its test is skipped where they are not found.
-"""
+"""Fits of real measurements against published figures and independent fits of the same data."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from rodgen.machines.machine import Machine
 
 ROOT = Path(__file__).parent.parent
 MOUNT = ROOT / "examples" / "machines" / "mount"
-SHARED = ROOT.parent / "shared" / "data"
+POSITIONER = ROOT / "tests" / "data" / "positioner"
 TPOINT = {"TF": 21.4118, "TX": 2.7165}
 """Published with the data, of a fit by TPOINT: see examples/machines/mount/SOURCE.txt."""
 
@@ -58,10 +55,7 @@ def test_warm_and_cold_starts_of_the_telescope_end_at_one_place():
 
 
 def test_positioner_is_fitted_as_well_as_by_an_independent_fit():
-    data = SHARED / "positioner" / "data.csv"
-    if not data.exists():
-        pytest.skip(f"needs {data}, which is not part of this repository")
-    found = fit(Machine.load(ROOT / "tests" / "data" / "positioner.toml"), Measurements.load(data))
+    found = fit(Machine.load(POSITIONER / "machine.toml"), Measurements.load(POSITIONER / "data.csv"))
     assert found.rms == pytest.approx(0.2355, abs=5e-4)  # SciPy's, in test_machine_simulator.py
     # Two free axes, three free targets and a free frame: six choices of coordinates
     assert len(found.determinacy.directions) == 6

@@ -193,5 +193,11 @@ def test_each_promise_names_a_check_that_there_is() -> None:
                 assert check.startswith(("make ", "rodgen ", "RECORD")), check
 
 
+def test_no_test_reads_beside_the_checkout() -> None:
+    above = re.compile(r"\b(ROOT|HERE\.parent)\.parent\b|\bparents\[[2-9]\]|(\.parent\b){3}")
+    found = [path.name for path in Path(__file__).parent.glob("*.py") if above.search(path.read_text())]
+    assert found == []
+
+
 def test_ci_script_can_be_run() -> None:
     assert os.access(ROOT / ".ci/run", os.X_OK)

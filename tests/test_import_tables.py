@@ -25,7 +25,7 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.templates import machine_template
 
 Run = Callable[..., tuple[int, str, str]]
-UR10 = Path(__file__).parents[2] / "shared" / "data" / "ur10"
+UR10 = Path(__file__).parent / "data" / "ur10"
 TURNTABLE = machine_template("turntable")
 
 MESSY = """Tracker export, made by SuperTrack 4.2; do not edit
@@ -222,8 +222,6 @@ def test_two_angles_are_a_direction(kind, mount, header, first, tmp_path):
 
 
 def test_ur10_s_measurements_fit_its_urdf(tmp_path, rodgen_command: Run):
-    if not UR10.exists():
-        pytest.skip(f"needs {UR10}, which is not part of this repository")
     machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
     links = ("--base", "base_link", "--tip", "wrist_3_link")
     code, out, err = rodgen_command(
@@ -237,8 +235,6 @@ def test_ur10_s_measurements_fit_its_urdf(tmp_path, rodgen_command: Run):
 
 
 def test_ur10_s_attitudes_are_read_where_they_are_named(tmp_path, rodgen_command: Run):
-    if not UR10.exists():
-        pytest.skip(f"needs {UR10}, which is not part of this repository")
     machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
     named = [
         f"--column={name}=phi{axis}1" for name, axis in zip(("roll", "pitch", "yaw"), "xyz", strict=True)

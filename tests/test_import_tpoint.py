@@ -23,7 +23,7 @@ from rodgen.machines.model import Frame, Model
 
 Run = Callable[..., tuple[int, str, str]]
 ROOT = Path(__file__).parent.parent
-SHARED = ROOT.parent / "shared" / "data"
+DATA = ROOT / "tests" / "data"
 MOUNT = ROOT / "examples" / "machines" / "mount"
 LATITUDE = np.radians(32.0)
 RNG = np.random.default_rng(12)
@@ -37,13 +37,6 @@ RUN = """A mount ! not a comment
 5 0 0.0 -0 30 0  4 59 50.0 -0 29 40.0  3 40.0
 END
 """
-
-
-def real(folder: str, file: str) -> Path:
-    path = SHARED / folder / file
-    if not path.exists():
-        pytest.skip(f"needs {path}, which is not part of this repository")
-    return path
 
 
 def sexagesimal(degrees: float) -> str:
@@ -158,18 +151,22 @@ def test_a_whole_model_does_what_tpoint_says_and_comes_back(mount, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("folder", "file"), [("mmt_2021", "k_and_e.dat"), ("mmt_2025", "point_20250326.dat")]
+    ("run", "by_hand"),
+    [
+        (DATA / "mmt_2021" / "k_and_e.dat", MOUNT / "mmt_2021.csv"),
+        (DATA / "mmt_2025" / "point_20250326.dat", DATA / "mmt_2025" / "data.csv"),
+    ],
 )
-def test_the_mmt_s_files_are_what_was_made_of_them_by_hand(folder, file):
-    made = machine_from_tpoint(str(real(folder, file)))
-    by_hand = np.loadtxt(real(folder, "data.csv"), delimiter=",", skiprows=1)
+def test_the_mmt_s_files_are_what_was_made_of_them_by_hand(run, by_hand):
+    made = machine_from_tpoint(str(run))
+    expected = np.loadtxt(by_hand, delimiter=",", skiprows=1)
     columns = np.stack([made.columns[name] for name in ("AZ [deg]", "EL [deg]", "ux", "uy", "uz")], -1)
-    np.testing.assert_allclose(columns, by_hand, atol=1e-10)  # directions are written to 11 digits there
-    assert ("t [s]" in made.columns) == (folder == "mmt_2025")
+    np.testing.assert_allclose(columns, expected, atol=1e-10)  # directions are written to 11 digits there
+    assert ("t [s]" in made.columns) == (run.parent.name == "mmt_2025")
 
 
 def test_the_mmt_s_model_is_tpoint_s(tmp_path, rodgen_command: Run):
-    run = real("mmt_2021", "k_and_e.dat")
+    run = DATA / "mmt_2021" / "k_and_e.dat"
     code, out, err = rodgen_command("import", run, "-o", tmp_path / "m.toml", "-d", tmp_path / "d.csv")
     assert (code, err) == (0, "")
     assert "k_and_e.dat: a pointing run, 80 stars, alt-azimuth mount." in out

@@ -23,7 +23,7 @@ from rodgen.machines.measured import Measured
 from rodgen.machines.mechanism import to_mechanism
 
 Run = Callable[..., tuple[int, str, str]]
-UR10 = Path(__file__).parents[2] / "shared" / "data" / "ur10" / "robot.urdf"
+UR10 = Path(__file__).parent / "data" / "ur10" / "robot.urdf"
 RNG = np.random.default_rng(8)
 
 ROBOT = """<robot name="lift">
@@ -102,8 +102,6 @@ def test_the_machine_stands_where_the_robot_does(robot, q):
 
 @pytest.mark.parametrize("exact", [True, False])
 def test_ur10_stands_where_its_urdf_says(tmp_path, exact):
-    if not UR10.exists():
-        pytest.skip(f"needs {UR10}, which is not part of this repository")
     text, path = UR10.read_text(), tmp_path / "ur10.urdf"
     for written, angle in ((r"1\.57079632?[67]?\d*", np.pi / 2), (r"3\.14159265359\d*", np.pi)):
         text = re.sub(written, repr(float(angle)), text) if exact else text
@@ -356,8 +354,6 @@ def test_a_users_own_urdf_is_corrected_in_its_origins_alone(robot, tmp_path, bas
 @pytest.mark.filterwarnings("ignore:Link .* is of type .fixed.")  # of ikpy, where no mask is given
 def test_ur10s_own_urdf_has_the_places_that_its_measurements_say(tmp_path):
     """23 poses by a camera: the fitted axes and zeros, in the file that the robot came with, by another reader."""
-    if not UR10.exists():
-        pytest.skip(f"needs {UR10}, which is not part of this repository")
     machine = machine_from_urdf(UR10, "base_link", "wrist_3_link").machine
     names = [joint.name for joint in machine.joints]
     table = np.genfromtxt(UR10.with_name("calibration.csv"), delimiter=",", names=True)
@@ -384,8 +380,6 @@ def test_ur10s_own_urdf_has_the_places_that_its_measurements_say(tmp_path):
 
 def test_a_board_of_any_attitude_does_not_turn_the_robot(tmp_path, rodgen_command: Run):
     """Where all axes are estimated the board, whose attitude is in no file, takes up how the whole is turned."""
-    if not UR10.exists():
-        pytest.skip(f"needs {UR10}, which is not part of this repository")
     machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
     named = [f"--column={name}=phi{x}1" for name, x in zip(("roll", "pitch", "yaw"), "xyz", strict=True)]
     files = (UR10, UR10.with_name("calibration.csv"), "-o", machine, "-d", data)

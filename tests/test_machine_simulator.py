@@ -34,7 +34,6 @@ from scipy.spatial.transform import Rotation
 
 X, Y, Z = np.eye(3)
 HERE = Path(__file__).parent
-REAL_DATA = HERE.parent.parent / "shared" / "data"
 TINY = 1e-12
 
 
@@ -767,17 +766,14 @@ def test_measurement_file_has_the_format(tmp_path: Path) -> None:
 # Real data, fitted by SciPy
 
 
-def real(folder: str) -> list[list[str]]:
-    path = REAL_DATA / folder / "data.csv"
-    if not path.exists():
-        pytest.skip(f"needs {path}, which is not part of this repository")
+def real(path: Path) -> list[list[str]]:
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.reader(file))[1:]
 
 
 def test_telescope_gives_the_published_coefficients() -> None:
     # Source of the expected values: SOURCE.txt next to the data (TPOINT's fit of the same 80 stars).
-    data = np.array(real("mmt_2021"), dtype=float)
+    data = np.array(real(HERE.parent / "examples" / "machines" / "mount" / "mmt_2021.csv"), dtype=float)
     q, true = data[:, :2], data[:, 2:] / np.linalg.norm(data[:, 2:], axis=1, keepdims=True)
     level = np.cross(Z, true)
     level /= np.linalg.norm(level, axis=1, keepdims=True)
@@ -811,11 +807,11 @@ def test_telescope_gives_the_published_coefficients() -> None:
 
 
 def test_positioner_leaves_a_quarter_of_a_millimetre() -> None:
-    rows = real("positioner")
+    rows = real(HERE / "data" / "positioner" / "data.csv")
     q = np.degrees(np.array([row[:2] for row in rows], dtype=float))
     names = [row[2] for row in rows]
     seen = np.array([row[3:6] for row in rows], dtype=float)
-    of = HERE / "data" / "positioner.toml"
+    of = HERE / "data" / "positioner" / "machine.toml"
     # The free frame starts where it brings the rough model's points onto the readings.
     rough = Simulated(of).measure(q, target=names)
     turn, _ = Rotation.align_vectors(seen - seen.mean(axis=0), rough - rough.mean(axis=0))

@@ -72,7 +72,7 @@ def test_every_effect_of_the_catalogue_has_odds_and_the_size_of_each_parameter()
 def test_the_kind_of_machine_is_seen_from_its_joints_and_what_is_measured():
     assert kind_of_machine(mount()) == "telescope"
     assert kind_of_machine(robot()) == "robot"
-    assert kind_of_machine(rodgen.Machine.load(ROOT / "tests/data/positioner.toml")) == "machine tool"
+    assert kind_of_machine(rodgen.Machine.load(ROOT / "tests/data/positioner/machine.toml")) == "machine tool"
 
 
 def test_what_a_joint_s_block_says_changes_the_odds():
