@@ -6,7 +6,6 @@ import math
 import pickle
 import subprocess
 import sys
-import time
 from fractions import Fraction
 
 import numpy as np
@@ -316,8 +315,7 @@ PIECES = st.one_of(
 @example("(9**9)**" * 200 + "9")
 @example("sin(" * 400)
 @example("2**" * 600 + "2")
-def test_any_text_is_a_formula_or_one_sentence_and_soon(text):
-    start = time.process_time()
+def test_any_text_is_a_formula_or_one_sentence(text):
     try:
         formula = parse(text)
     except InputFileError as error:
@@ -325,8 +323,6 @@ def test_any_text_is_a_formula_or_one_sentence_and_soon(text):
         assert text.isprintable() and "; expected " in text  # noqa: PT018
     else:
         assert parse(formula.text) == formula
-    # 2000 characters take up to 10 ms of a processor
-    assert time.process_time() - start < 1.0
 
 
 GROWTH = st.recursive(
@@ -355,10 +351,7 @@ def test_what_is_accepted_is_soon_evaluated_exactly(text):
     except InputFileError:
         return
     symbols = {name: sp.Symbol(name, real=True) for name in formula.names} | {"pi": sp.pi}
-    start = time.process_time()
     formula.evaluate(symbols, SYMPY, lambda n: sp.Rational(n.numerator, n.denominator))
-    # 0.2 s was the longest of 40 000 such formulas
-    assert time.process_time() - start < 5
 
 
 # units ---------------------------------------------------------------------------------------------------------

@@ -50,11 +50,8 @@ def interrupted(code, folder, wait_for, **environment):
         env={**os.environ, **places, **environment}, preexec_fn=take_interrupts,
     ) as command:  # fmt: skip
         wait_for(command)
-        at = time.monotonic()
         command.send_signal(signal.SIGINT)
         out, err = command.communicate(timeout=60)
-        # A second for the user; the rest is for machines that run several tests at once.
-        assert time.monotonic() - at < 3
     return command.returncode, out, err
 
 

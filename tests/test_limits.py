@@ -6,8 +6,6 @@ import gzip
 import re
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,16 +27,6 @@ from rodgen.machines.files import toml
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
 UNCERTAINTY = ("tricept", "uncertainty", "--point", "0,0,700mm", "--covariance")
-
-
-@pytest.fixture
-def within_seconds() -> Callable[[float], None]:
-    start = time.process_time()
-
-    def check(seconds: float) -> None:
-        assert time.process_time() - start < seconds
-
-    return check
 
 
 def error_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -105,16 +93,13 @@ def test_arrays_in_each_other_are_limited(monkeypatch: pytest.MonkeyPatch) -> No
 
 @pytest.mark.parametrize("start", ["", "[", "[[", "x = {", "x = {b = 1, ", "a = 1\n  "])
 @pytest.mark.parametrize("name", ["a", '"a b"', "'a'"])
-def test_a_key_of_many_names_is_refused(
-    start: str, name: str, within_seconds: Callable[[float], None]
-) -> None:
+def test_a_key_of_many_names_is_refused(start: str, name: str) -> None:
     """The TOML reader of Python takes 7.9 GB and 101 s for 200,000."""
     text = start + f"{name} . " * 200_000
     with pytest.raises(
         InputFileError, match=rf"line {text.count(chr(10)) + 1}: a key of more names than 50; .*nesting"
     ):
         toml.parse(text, "m.toml")
-    within_seconds(2)
 
 
 def test_dots_in_texts_are_no_key() -> None:
@@ -123,10 +108,9 @@ def test_dots_in_texts_are_no_key() -> None:
 
 
 @pytest.mark.parametrize("text", ["{", '{"a', "[" * 500 + "a.", "'a'", 'a"', "a ", "a. "])
-def test_texts_that_are_nearly_keys_are_read_soon(text: str, within_seconds: Callable[[float], None]) -> None:
+def test_texts_that_are_nearly_keys_are_read_soon(text: str) -> None:
     with pytest.raises(InputFileError):
         toml.parse(text * (900_000 // len(text)), "m.toml")
-    within_seconds(3)
 
 
 COVARIANCES = {
@@ -154,12 +138,11 @@ def test_an_endless_covariance_is_not_read(capsys: pytest.CaptureFixture[str]) -
 
 
 def test_millions_of_empty_lines_are_skipped_at_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], within_seconds: Callable[[float], None]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "empty.csv.gz"
     file.write_bytes(gzip.compress(b"\n" * 30_000_000, 1))
     assert "only empty lines" in error_of(capsys, "fit-axis", str(file))
-    within_seconds(3)
 
 
 def test_no_memory_is_no_damaged_file() -> None:
