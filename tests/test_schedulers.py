@@ -66,17 +66,20 @@ def test_processes_share_the_tasks_and_an_active_client_is_used(processes):
         list(processes.each("doubling", double, [None], 1))
 
 
+@pytest.mark.slow
 def test_a_task_of_a_killed_worker_runs_again(processes, tmp_path):
     found = list(processes.each("counting", dies_once, range(8), str(tmp_path / "died")))
     assert sorted(found) == [(k, k) for k in range(8)]
     assert (tmp_path / "died").exists()
 
 
+@pytest.mark.slow
 def test_a_task_that_kills_every_worker_may_have_an_answer_of_its_own(processes):
     found = processes.each("counting", dies_at_three, range(5), of_killed=lambda number: -number)
     assert sorted(found) == [(0, 0), (1, 1), (2, 2), (3, -3), (4, 4)]
 
 
+@pytest.mark.slow
 def test_a_task_that_kills_every_worker_ends_with_a_sentence(processes):
     with pytest.raises(SchedulerError, match="killed 4 times by one task"):
         list(processes.each("dying", always_dies, [0]))
