@@ -16,6 +16,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 import pytest
 from browser import needs_browser
+from commands import run, run_process
 
 import rodgen
 from rodgen.cli import main as cli
@@ -27,19 +28,6 @@ PAIRS = f"""{HEADER}
 """
 AXIS = np.array([0.02, -0.01, 1]) / np.linalg.norm([0.02, -0.01, 1])
 POINT = np.array([5.0, -3.0, 0.0])
-
-
-def run(*arguments, stdin="", **options):
-    """Run the command as a user does."""
-    return subprocess.run(
-        [sys.executable, "-m", "rodgen", *map(str, arguments)],
-        input=stdin,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        **options,
-    )
 
 
 @pytest.fixture
@@ -170,7 +158,7 @@ def test_solving_never_imports_sympy_nor_what_other_commands_need(pairs, tmp_pat
 def test_version_is_that_of_the_package():
     from importlib.metadata import version
 
-    shown = run("--version")
+    shown = run_process("--version")
     assert (shown.returncode, shown.stdout, shown.stderr) == (0, f"rodgen {version('rodgen')}\n", "")
 
 
@@ -719,7 +707,7 @@ def test_warnings_are_one_line_each_and_stop_nothing(setting, lens):
         """)
         + LENS
     )
-    shown = run("derive", lens, env=os.environ | {"PYTHONWARNINGS": setting})
+    shown = run_process("derive", lens, env=os.environ | {"PYTHONWARNINGS": setting})
     assert shown.returncode == 0
     assert shown.stderr == "rodgen: warning: no compiler: slow\n"
 

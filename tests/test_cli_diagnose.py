@@ -14,6 +14,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from commands import run, run_process
 
 import rodgen
 from rodgen.calibration.diagnose.diagnosis import VERDICTS
@@ -45,22 +46,9 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def run(*arguments, folder, **options):
-    """Run the command in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "rodgen", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        cwd=folder,
-        **options,
-    )
-
-
 @pytest.fixture(scope="module")
 def diagnosed(tmp_path_factory):
-    """The diagnoses of both machines, as a process writes them: the text of each JSON file."""
+    """The diagnoses of both machines: the text of each JSON file."""
     place = tmp_path_factory.mktemp("diagnosed")
     for name, source in FILES.items():
         shutil.copy(source, place / name)
@@ -176,7 +164,7 @@ def test_a_machine_with_nothing_to_estimate_is_diagnosed(folder, rodgen_command)
 
 def test_standard_input_is_read(with_diagnoses):
     with open("gantry.csv", encoding="utf-8") as stream:
-        done = run("diagnose", "gantry.toml", "-", "--json", folder=with_diagnoses, stdin=stream)
+        done = run_process("diagnose", "gantry.toml", "-", "--json", folder=with_diagnoses, stdin=stream)
     assert (done.returncode, done.stderr) == (0, "")
     assert parsed(done.stdout) == parsed((with_diagnoses / "gantry.json").read_text())
 
@@ -438,7 +426,7 @@ def test_a_target_is_a_place_too(folder, rodgen_command):
 
 def test_a_pipe_goes_from_one_command_to_the_other(with_diagnoses, rodgen_command, monkeypatch):
     with (with_diagnoses / "mount.json").open(encoding="utf-8") as stream:
-        done = run(
+        done = run_process(
             "add",
             "mount.toml",
             "--from-diagnosis",
@@ -627,7 +615,7 @@ def without_a_compiler(cache, **more):
 
 def test_few_rows_need_no_compiler(with_diagnoses, fresh_cache):
     env = without_a_compiler(fresh_cache)
-    done = run("diagnose", "mount.toml", "stars.csv", "--json", folder=with_diagnoses, env=env)
+    done = run_process("diagnose", "mount.toml", "stars.csv", "--json", folder=with_diagnoses, env=env)
     assert (done.returncode, done.stderr) == (0, "")
     # To the last digit: what is compiled, or in the cache, decides nothing.
     assert done.stdout == (with_diagnoses / "mount.json").read_text()
@@ -638,7 +626,7 @@ def test_without_a_compiler(folder, fresh_cache, how):
     """The same answer; and one notice, where a compiler was meant to be there."""
     command = ["fit", "mount.toml", "stars.csv", "--loss", "huber", "--json"]
     env = without_a_compiler(fresh_cache, **({"RODGEN_CPU": "numpy"} if how == "numpy asked for" else {}))
-    done = run(*command, folder=folder, env=env)
+    done = run_process(*command, folder=folder, env=env)
     assert done.returncode == 0
     if how == "no compiler":
         assert done.stderr.startswith("rodgen: warning: ")

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from browser import needs_browser
+from commands import run, run_process
 
 import rodgen
 from rodgen.calibration.solve.least_squares import minimise
@@ -42,18 +43,6 @@ def rows(path):
     text = (gzip.decompress(content) if str(path).endswith(".gz") else content).decode()
     header, *body = csv.reader(text.splitlines())
     return header, body
-
-
-def run(*arguments, **options):
-    """Run the command in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "rodgen", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        **options,
-    )
 
 
 # fit ---------------------------------------------------------------------------------------------------
@@ -100,7 +89,7 @@ def test_fit_without_a_spare_reading_is_json_all_the_same(folder, rodgen_command
 
 
 def test_loading_a_compiled_model_imports_no_sympy(folder):
-    assert run("fit", "mount.toml", "stars.csv").returncode == 0
+    assert run_process("fit", "mount.toml", "stars.csv").returncode == 0
     code = (
         "import sys, rodgen.cli.main\n"
         "assert rodgen.cli.main.main(['fit', 'mount.toml', 'stars.csv']) == 0\n"
@@ -184,8 +173,7 @@ def test_outliers_are_named_and_marked(folder, rodgen_command):
 
 
 def test_fit_reads_standard_input(folder):
-    with open("stars.csv", encoding="utf-8") as stars:
-        done = run("fit", "mount.toml", "-", stdin=stars)
+    done = run("fit", "mount.toml", "-", stdin=Path("stars.csv").read_text(encoding="utf-8"))
     assert (done.returncode, done.stderr) == (0, "")
     assert "rms 2.711 arcsec" in done.stdout
 
@@ -444,7 +432,7 @@ def test_effects_tells_all_about_one(rodgen_command):
 
 
 def test_words_are_printed_where_there_are_no_greek_letters():
-    done = run("effects", "encoder_eccentricity", env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    done = run_process("effects", "encoder_eccentricity", env={**os.environ, "PYTHONIOENCODING": "ascii"})
     assert (done.returncode, done.stderr) == (0, "")
     assert "10 ?m of eccentricity" in done.stdout
 
