@@ -21,6 +21,7 @@ from commands import run, run_process
 import rodgen
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.cli import main as cli
+from rodgen.machines.templates import machine_template
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 NAMES = sorted(path.parent.name for path in EXAMPLES.glob("*/machine.toml"))
@@ -559,6 +560,35 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(folder, rodgen_command, c
     assert err.count("\n") == 1
     assert "; expected " in err
     assert sorted(path.name for path in folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("command", "header", "row", "more"),
+    [
+        ("check m.toml t.csv", "", "", 392),  # no target
+        ("check m.toml t.csv", ",target", ",q", 392),
+        ("import m.toml t.csv -d d.csv", ",ball", ",q", 392),
+        ("import m.toml t.csv -d d.csv --column q=r", "".join(f",c{k}" for k in range(400)), ",1" * 400, 396),
+        (
+            "set-aside m.toml t.csv --where q>1 --why x",
+            "".join(f",c{k}" for k in range(400)),
+            ",1" * 400,
+            396,
+        ),
+    ],
+)
+def test_a_message_names_a_few_of_many(command, header, row, more, tmp_path, monkeypatch, rodgen_command):
+    monkeypatch.chdir(tmp_path)
+    machine = machine_template("turntable")
+    machine = machine[: machine.index("[[target]]")] + machine[machine.index("[measured]") :]
+    machine += "".join(f'\n[[target]]\nname = "t{k}"\npoint = [1, 2, 3]\n' for k in range(400))
+    Path("m.toml").write_text(machine)
+    rows = "".join(f"{angle},1,2,3{row}\n" for angle in (0, 0, 9, 9))
+    Path("t.csv").write_text(f"C [deg],x [mm],y [mm],z [mm]{header}\n{rows.replace('q', 'r', 1)}")
+    code, out, err = rodgen_command(*command.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert f" {more} more" in err
+    assert len(err) < 300
 
 
 def test_files_that_are_there_stay_when_a_later_one_cannot_be_written(folder, rodgen_command):

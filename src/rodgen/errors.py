@@ -26,6 +26,10 @@ __all__ = [
 ]
 
 
+MOST_NAMES = 8
+"""In a list; a single name more is named, too, and of more their number is."""
+
+
 class RodgenError(ValueError):
     """Base class of every error that rodgen raises on purpose."""
 
@@ -123,30 +127,30 @@ def shown(text: object, limit: int = 60) -> str:
     return f"'{line if len(line) <= limit else line[: limit - 1] + '…'}'"
 
 
-def joined(names: Iterable[str], word: str = "and") -> str:
-    """Return names as a sentence lists them.
+def joined(names: Iterable[str], word: str = "and", most: int = MOST_NAMES) -> str:
+    """Return names as a sentence lists them; of many the first few, and how many more there are.
 
     Examples
     --------
-    >>> joined(["x", "y", "z"])
-    'x, y and z'
+    >>> joined(["x", "y", "z"]), joined(["x", "y", "z"], "or", most=1)
+    ('x, y and z', 'x or 2 more')
     """
-    *most, last = [*names] or [""]
-    return f"{', '.join(most)} {word} {last}" if most else last
+    every = [*names]
+    if len(every) > most + 1:
+        every[most:] = [f"{len(every) - most} more"]
+    *first, last = every or [""]
+    return f"{', '.join(first)} {word} {last}" if first else last
 
 
-def listed(options: Collection[str]) -> str:
-    """Return names, quoted, for an error message; of more than nine the first eight, and how many more there are.
+def listed(options: Iterable[object]) -> str:
+    """Return the names of which one is expected, quoted, for an error message; see :func:`joined`.
 
     Examples
     --------
     >>> listed(["x", "y", "z"])
     "'x', 'y' or 'z'"
     """
-    names = [shown(option) for option in options]
-    return (
-        joined(names, "or") if len(names) <= 9 else f"one of {', '.join(names[:8])} and {len(names) - 8} more"
-    )
+    return joined(map(shown, options), "or")
 
 
 def nearest_name(name: str, options: Collection[str]) -> str | None:

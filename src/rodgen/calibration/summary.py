@@ -10,7 +10,8 @@ import numpy as np
 from rodgen.calibration.checks.bounds import held_at_bounds
 from rodgen.calibration.checks.gross import on_gross_readings, on_outliers
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
-from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, some
+from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance
+from rodgen.errors import joined
 from rodgen.statistics.decompositions import svd
 from rodgen.statistics.thresholds import DETERMINACY, LACK_OF_FIT
 
@@ -249,9 +250,9 @@ def _weakly_held(fit: Fit) -> Iterator[str]:
 
 def _held(keys: Sequence[str]) -> str:
     return (
-        f"These data hardly determine {some(keys, NAMED)}: along their combinations the fit stays as near to the "
-        "machine file as a machine is to its file (3 degrees, 5 % of its size, effects a tenth), and the std counts on "
-        "that."
+        f"These data hardly determine {joined(keys, most=NAMED)}: along their combinations the fit stays as near to "
+        "the machine file as a machine is to its file (3 degrees, 5 % of its size, effects a tenth), and the std "
+        "counts on that."
     )
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from rodgen.data.units import readable
-from rodgen.errors import joined
 from rodgen.statistics.thresholds import SMALLEST_P
 
 SMALL_FALL = 0.1
@@ -56,18 +54,6 @@ def in_component(name: str) -> str:
     ('in x', 'towards the zenith')
     """
     return {"horizontal": "horizontally", "zenith": "towards the zenith"}.get(name, f"in {name}")
-
-
-def some(names: Sequence[str], most: int = NAMES, word: str = "and") -> str:
-    """Return names as a sentence lists them; of many the first few, and how many more there are.
-
-    Examples
-    --------
-    >>> some(["a", "b", "c", "d"], 2), some(["a", "b", "c"], 2)
-    ('a, b and 2 more', 'a, b and c')
-    """
-    few = len(names) <= most + 1
-    return joined(names, word) if few else joined([*names[:most], f"{len(names) - most} more"])
 
 
 def sized(value: float, unit: str, spec: str = "") -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._machine import load_data, remark_on_readings, remark_on_rows
 from rodgen.cli._outputs import Outputs
+from rodgen.errors import joined
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate
@@ -55,7 +56,7 @@ class Written:
 
     def _lines(self) -> Iterator[str]:
         effects, added = self.change.effects, self.change.added
-        titles = ", ".join(effect.title for effect in effects)
+        titles = joined(effect.title for effect in effects)
         yield f"{self.output}: {self.machine} {'with' if added else 'without'} {titles}"
         if self.ladder is None:
             for effect in effects if added else ():

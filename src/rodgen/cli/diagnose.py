@@ -7,6 +7,7 @@ import argparse
 from rodgen.cli._console import Command, after_fits, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_scheduler, add_test, add_timings, diagnosed
 from rodgen.cli._outputs import Outputs
+from rodgen.errors import joined
 
 _DIAGNOSE = f"""\
 Fit a machine, and find the physical effect that its model lacks. Every effect of the catalogue is tested at every
@@ -58,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
 
             effects = [one.effect for one in found.found]
             outputs.add(options.output, text_with_effects(options.machine, effects).encode())
-            what = f"with {', '.join(effect.title for effect in effects)}" if effects else "as it is"
+            what = f"with {joined(effect.title for effect in effects)}" if effects else "as it is"
             written = f"\n\n{options.output}: {options.machine} {what}"
     show_result(options, found.to_dict, lambda: found.summary() + written)
     return after_fits(all(each.solution.converged for each in found.fits))

@@ -8,7 +8,7 @@ from rodgen.cli._change import add_output, new_name
 from rodgen.cli._console import OK, Command, UsageError, show_result
 from rodgen.cli._machine import add_json
 from rodgen.cli._outputs import Outputs
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, joined, shown
 
 _PARAMETER = """\
 Copy a machine file and say in it what is known of a parameter, in [known], or what it is tied to, in [ties]; every fit
@@ -58,7 +58,7 @@ def _run(options: argparse.Namespace) -> int:
     elif key in {**machine.known, **machine.ties}:
         text = text_with_tie(file, key, "", text_with_known(file, key, {}))
     else:
-        expected = ", ".join([*machine.known, *machine.ties]) or "an entry; there is none"
+        expected = joined([*machine.known, *machine.ties]) or "an entry; there is none"
         raise InputFileError(file, "[known] and [ties]", f"nothing of {shown(key)}", expected)
     output = options.output or new_name(file, key.split("."))
     with Outputs() as outputs:

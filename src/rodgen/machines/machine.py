@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rodgen.data.set_aside import RowsAside, SetAside, edited, others, rows_aside, rows_text
 from rodgen.data.units import ANGLE, Dimension, unit_factor
-from rodgen.errors import InputFileError, RodgenError, UnexpectedError, shown
+from rodgen.errors import InputFileError, RodgenError, UnexpectedError, joined, listed, shown
 from rodgen.files import write_file
 from rodgen.machines.coupling import Couplings, couplings_of
 from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
@@ -203,8 +203,8 @@ class Machine:
                 raise InputFileError(self.name, place, found, "one of length 1")
         order = [joint.name for joint in read.joints]
         if order != [joint.name for joint in self.joints]:
-            found = f"in the order {', '.join(joint.name for joint in self.joints)}"
-            raise InputFileError(self.name, "joints", found, f"from instrument to target: {', '.join(order)}")
+            found = f"in the order {joined(joint.name for joint in self.joints)}"
+            raise InputFileError(self.name, "joints", found, f"from instrument to target: {joined(order)}")
 
     @cached_property
     def structure(self) -> Structure:
@@ -407,7 +407,7 @@ class Machine:
         """
         gone = [e for e in self.effects if e.identity == (name, place)]
         if not gone:
-            there = ", ".join(e.title for e in self.effects) or "none: this machine has no effects"
+            there = joined(e.title for e in self.effects) or "none: this machine has no effects"
             title = f"{name} at {place}" if place else name
             raise InputFileError(self.file or self.name, "[[effect]]", f"no {shown(title)}", there)
         kept = {k: v for k, v in self.values.items() if not gone[0].owns(k)}
@@ -729,6 +729,6 @@ _Thing = TypeVar("_Thing", Joint, Target)
 def _named(name: str, kind: str, things: tuple[_Thing, ...]) -> _Thing:
     found = next((thing for thing in things if thing.name == name), None)
     if found is None:
-        names = ", ".join(thing.name for thing in things)
-        raise RodgenError(f"no {kind} {shown(name)}; expected one of {names}")
+        names = listed([thing.name for thing in things])
+        raise RodgenError(f"no {kind} {shown(name)}; expected {names}")
     return found

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rodgen.errors import RodgenError
+from rodgen.errors import RodgenError, joined
 from rodgen.kinematics.spatial.links.axes import PARALLEL
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.robots.placement import Placement, placed
@@ -58,7 +58,7 @@ def to_mechanism(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
     if machine.kinematics.is_closed:
         raise RodgenError(f"{machine.name!r} is a closed chain; expected a chain of joints")
     if machine.effects:
-        titles = ", ".join(effect.title for effect in machine.effects)
+        titles = joined(effect.title for effect in machine.effects)
         raise RodgenError(f"{machine.name!r} has effects ({titles}); expected a rigid machine without")
     if machine.values:
         machine = fixed_machine(machine)

@@ -257,9 +257,7 @@ def _proof(
     formulas, names, free = _substitutions(entry, proof, write)
     insert = []
     if names:
-        insert.append(
-            f"the definitions of {joined(names)}" if len(names) > 1 else f"the definition of {names[0]}"
-        )
+        insert.append(f"the definition{'s' * (len(names) > 1)} of {joined(names, most=len(names))}")
     if formulas:
         insert.append("")
     if formulas or names:
@@ -270,10 +268,10 @@ def _proof(
         yield write.equations(formulas)
     notes = []
     if free:
-        notes.append(f"This holds for any {joined(free)}.")
+        notes.append(f"This holds for any {joined(free, most=len(free))}.")
     relations = _relations(proof, write)
     if relations:
-        notes.append(f"The computation uses {joined(relations)}.")
+        notes.append(f"The computation uses {joined(relations, most=len(relations))}.")
     if notes:
         yield " ".join(notes)
     for number, computation in enumerate(computations[:SHOWN], start=1):

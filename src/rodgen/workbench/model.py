@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from rodgen.data.units import UNITS
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.errors import InputFileError, RodgenError, joined
 from rodgen.machines.effects.custom import OWN_COMPONENTS, WORDS
 from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.machine import Effect, Machine
@@ -105,7 +105,7 @@ class Model:
             to = ui.input("A sum of multiples of other parameters", placeholder=f"2 * {others[0]}")
             to.props("dense outlined maxlength=2000").classes("w-full")
             completing(to, lambda: others)
-            ui.label(f"Others: {', '.join(others)}.").classes("soft")
+            ui.label(f"Others: {joined(others)}.").classes("soft")
 
             async def done() -> None:
                 if not str(to.value or "").strip():

@@ -16,7 +16,7 @@ from nicegui import ui
 
 from rodgen.calibration.words import probability
 from rodgen.data.drivers import Driver
-from rodgen.errors import RodgenError
+from rodgen.errors import RodgenError, listed
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
 from rodgen.output.figures.drawn_rows import DrawnRows
@@ -606,9 +606,7 @@ class Page:
         unit, comparison = found.unit, "=" if found.categories else sign.value
         if found.categories:
             if text not in found.categories:
-                raise RodgenError(
-                    f"no {name.value} {text!r}; expected one of {', '.join(found.categories[:8])}"
-                )
+                raise RodgenError(f"no {name.value} {text!r}; expected {listed(found.categories)}")
             mask = found.values == found.categories.index(text)
         else:
             try:

@@ -28,7 +28,7 @@ from rodgen.calibration.problem.blocks import BlockProblem
 from rodgen.calibration.solve.least_squares import NEAR, NearFile, Solution, minimise, minimise_without, moved
 from rodgen.calibration.words import sized
 from rodgen.data.poses import groups
-from rodgen.errors import RodgenError
+from rodgen.errors import RodgenError, joined
 from rodgen.stages import each, stage
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
@@ -100,7 +100,7 @@ class HeldOut:
             poses = f"{self.poses} poses, {how}"
             yield f"On poses that the fit did not see the rms is {sized(self.rms, self.unit, '.3g')} ({poses})."
         if self.unpredicted:
-            names = ", ".join(self.because[:NAMED]) + (" …" if len(self.because) > NAMED else "")
+            names = joined(self.because, most=NAMED)
             rows = f"{len(self.unpredicted)} row{'s' * (len(self.unpredicted) != 1)}"
             yield f"Left out: {rows} without which nothing determines {names}."
         if not self.converged:

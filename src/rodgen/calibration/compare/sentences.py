@@ -192,7 +192,7 @@ def _withheld(comparison: Comparison) -> Iterator[str]:
     names = [driver for driver in names if not either or driver is not either.dependence.driver]
     if names:
         yield (
-            f"Whether {joined(_names(comparison, names)[:NAMED], 'or')} "
+            f"Whether {joined(_names(comparison, names), 'or', NAMED)} "
             f"{'matters' if len(names) == 1 else 'matter'}, too, cannot be distinguished from a slow wander in time."
         )
 
@@ -299,9 +299,8 @@ def _not_asked(comparison: Comparison) -> Iterator[str]:
         many = "1 pose is" if poses == 1 else f"{poses} poses are"
         yield f"{many} too few, with this many parameters fitted, to show what the residuals depend on."
     elif names:
-        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
         yield (
-            f"The data cannot show a dependence on {joined(names[:NAMED], 'or')}{more}: too few poses, or the fit "
+            f"The data cannot show a dependence on {joined(names, 'or', NAMED)}: too few poses, or the fit "
             f"absorbs it."
         )
 
@@ -389,7 +388,7 @@ def _largest(comparison: Comparison) -> Iterator[str]:
 def _text(driver: Driver | Pair) -> str:
     said = plain(driver.text, 90)
     if isinstance(driver, Driver) and driver.same:
-        said += f" ({', '.join(plain(name) for name in driver.same)})"
+        said += f" ({joined(plain(name) for name in driver.same)})"
     return said
 
 

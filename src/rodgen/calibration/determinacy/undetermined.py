@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array
 from rodgen.calibration.determinacy.hypothetical_readings import Variation, elsewhere, variations
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.words import some
+from rodgen.calibration.words import NAMES
+from rodgen.errors import joined
 from rodgen.machines.model import Frame
 from rodgen.machines.parameters import Parameter
 from rodgen.statistics.decompositions import lstsq, svd
@@ -343,8 +344,8 @@ class _Describer:
         for p in sorted(parameters, key=lambda p: p.slot[0] != first):
             number = model.keys[p.key]
             tied = [x.parameter.key for x in model.tied if number in dict(x.factors)]
-            names.append(f"{p.key} (with {some(tied)}, tied to it)" if tied else p.key)
-        return some(names, NAMED)
+            names.append(f"{p.key} (with {joined(tied, most=NAMES)}, tied to it)" if tied else p.key)
+        return joined(names, most=NAMED)
 
 
 def _changes(jacobian: Array, fresh: NDArray[np.bool_] | None, directions: Array) -> Array:

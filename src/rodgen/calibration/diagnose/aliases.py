@@ -23,7 +23,7 @@ from rodgen.calibration.diagnose.selection import Selection, of_one_leg
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import minimise
-from rodgen.calibration.words import some
+from rodgen.errors import joined
 from rodgen.machines.model import Model
 from rodgen.statistics.columns import project_out
 from rodgen.statistics.decompositions import lstsq
@@ -322,6 +322,6 @@ def why_alike(
     free += [OUTSIDE] * (len(shares) - len(free))  # forms stand behind the model's own columns
     order = [i for i in np.argsort(-shares) if shares[i] > PART]
     names = list(dict.fromkeys(free[i] for i in order))
-    with_ = f", with another {some(names, NAMED)}," if names else ""
+    with_ = f", with another {joined(names, most=NAMED)}," if names else ""
     who = " together with ".join(rival.effect.title for rival in rivals)
     return f"{who}{with_} {does}.", part

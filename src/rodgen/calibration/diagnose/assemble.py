@@ -37,7 +37,7 @@ from rodgen.calibration.diagnose.verdict import (
 )
 from rodgen.calibration.noise.correlation import Correlation
 from rodgen.calibration.summary import contradictions
-from rodgen.calibration.words import capitalized, how_rarely, some, uncapitalized
+from rodgen.calibration.words import NAMES, capitalized, how_rarely, uncapitalized
 from rodgen.errors import InputFileError, joined
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
@@ -171,7 +171,7 @@ def assemble_diagnosis(
         if evidence.undecided and not (rest or steps or forms):
             open_ = [c.effect.title for c in evidence.undecided]
             are = "are" if open_[1:] else "is"
-            rest = f"More positions of a joint would tell whether {some(open_)} {are} there."
+            rest = f"More positions of a joint would tell whether {joined(open_, most=NAMES)} {are} there."
         rest = rest or ("" if forms else disagreement(final, correlation))
     if not (rest or steps or forms):
         rest = _impossible(found.explanation.selection.too_large(found.explanation.kept))

@@ -17,7 +17,6 @@ from rodgen.calibration.words import (
     plain,
     probability,
     sized,
-    some,
     three_digits,
     two_digits,
     uncapitalized,
@@ -164,7 +163,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
     unseen = [effect.title for effect in d.unseen]
     if unseen:
         yield ""
-        yield from _paragraph("Not seen", f"These data could not show {some(unseen, MOST_UNSEEN)}.")
+        yield from _paragraph("Not seen", f"These data could not show {joined(unseen, most=MOST_UNSEEN)}.")
     yield from _notes(d)
 
 
@@ -225,11 +224,14 @@ def _step(step: DiagnosedEffect, machine: Machine) -> Iterator[str]:
         further = [" together with ".join(e.title for e in alias.effects) for alias in aliases[len(said) :]]
         if not said:
             yield from textwrap.wrap(
-                f"{title}: {some(further, MOST_NAMED)}.", WIDTH, initial_indent="  ", subsequent_indent="    "
+                f"{title}: {joined(further, most=MOST_NAMED)}.",
+                WIDTH,
+                initial_indent="  ",
+                subsequent_indent="    ",
             )
             continue
         yield f"  {title}:"
-        for text in [*said, *([f"nor from {some(further, MOST_NAMED)}."] if further else [])]:
+        for text in [*said, *([f"nor from {joined(further, most=MOST_NAMED)}."] if further else [])]:
             unbroken = text.replace(" %", "\xa0%")
             wrapped = textwrap.wrap(unbroken, WIDTH, initial_indent="    - ", subsequent_indent="      ")
             yield from (line.replace("\xa0", " ") for line in wrapped)

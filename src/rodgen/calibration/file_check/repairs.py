@@ -152,7 +152,7 @@ def _of_joints(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
         names = [joints[i].name for i in order]
         if any(moves[i] for i in numbers if order[i] != i):
             yield Repair(
-                words.format(*names) + f": the order of the chain is {', '.join(names)}",
+                words.format(*names) + f": the order of the chain is {joined(names, most=len(names))}",
                 "order",
                 effort,
                 machine=_reordered(order),

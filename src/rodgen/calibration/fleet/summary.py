@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, TypeVar
 
-from rodgen.calibration.words import capitalized, probability, some, two_digits
+from rodgen.calibration.words import capitalized, probability, two_digits
 from rodgen.data.units import readable
 from rodgen.errors import joined
 from rodgen.statistics.digits import measured
@@ -134,7 +134,7 @@ def _by_machine(found: Sequence[One], text: Callable[[One], str]) -> list[tuple[
     said = []
     for name, (first, *rest) in by.items():
         others = list(dict.fromkeys(one.key for one in rest if one.key != first.key))
-        said.append((name, text(first) + (f"; also {some(others, 3)}" if others else "")))
+        said.append((name, text(first) + (f"; also {joined(others, most=3)}" if others else "")))
     return said
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rodgen.calibration.words import some
+from rodgen.calibration.words import NAMES
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import PLAN
 from rodgen.views import plain
@@ -163,8 +163,8 @@ def no_gain(best: CandidatePlan) -> str:
         return ""
     count, keys = best.rows.n, [gain.of for gain in best.parameters]
     return (
-        f"{count} further reading{'s' * (count != 1)} would lower no standard deviation of {some(keys, KEYS)} by more "
-        f"than {100 * (1 - left):.1g} %, beside the {best.campaign.o.n} that there are."
+        f"{count} further reading{'s' * (count != 1)} would lower no standard deviation of {joined(keys, most=KEYS)} "
+        f"by more than {100 * (1 - left):.1g} %, beside the {best.campaign.o.n} that there are."
     )
 
 
@@ -220,21 +220,21 @@ def _parameter_sentences(
         return
     if keys:
         verb = "Determine" if question.kind == "show" else "Sharpen"
-        yield f"{verb} {some(keys, KEYS)}."
+        yield f"{verb} {joined(keys, most=KEYS)}."
     unshown = [gain.of for gain in best.parameters if gain.of in best.campaign.unshown]
     if unshown and question.kind == "sharpen" and not question.by_default:
-        yield f"No reading shows {some(unshown, KEYS)}: a choice of coordinates, or without any effect here."
+        yield f"No reading shows {joined(unshown, most=KEYS)}: a choice of coordinates, or without any effect here."
     if not keys and question.kind == "show":
-        yield f"No reading within the travel determines {some([gain.of for gain in best.parameters], KEYS)}."
+        yield f"No reading within the travel determines {joined([gain.of for gain in best.parameters], most=KEYS)}."
     if undetermined:
-        names = "them" if len(undetermined) == len(keys) else some(undetermined, KEYS)
+        names = "them" if len(undetermined) == len(keys) else joined(undetermined, most=KEYS)
         yield f"No reading within the travel determines {names}."
 
 
 def _groups(pairs: Pairs, title: Sequence[str], most: int) -> str:
     """Name the largest groups of models of which all are pairs, and count the others."""
     groups = sorted(_together(pairs), key=len, reverse=True)
-    texts = [some([title[k] for k in group]) for group in groups[:most]]
+    texts = [joined([title[k] for k in group], most=NAMES) for group in groups[:most]]
     more = len(groups) - len(texts)
     return "; ".join([*texts, *([f"and {more} more group{'s' * (more > 1)}"] if more else [])])
 
@@ -243,13 +243,13 @@ def _from_each_other(pairs: Pairs, title: Sequence[str]) -> list[str]:
     """Say which effects are to be distinguished: all from each other, or one after the other from some."""
     nodes = sorted({k for pair in pairs for k in pair})
     if nodes and 2 * len(pairs) == len(nodes) * (len(nodes) - 1):
-        return [f"{some([title[k] for k in nodes])} apart"]
+        return [f"{joined([title[k] for k in nodes], most=NAMES)} apart"]
     left, found = set(pairs), []
     while left:
         most = max(nodes, key=lambda k: sum(k in pair for pair in left))
         others = [k for k in nodes if frozenset((k, most)) in left]
         left -= {frozenset((k, most)) for k in others}
-        found.append(f"{title[most]} from {some([title[k] for k in others])}")
+        found.append(f"{title[most]} from {joined([title[k] for k in others], most=NAMES)}")
     return found
 
 

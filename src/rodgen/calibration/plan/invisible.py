@@ -12,8 +12,8 @@ from rodgen.array_types import Array
 from rodgen.calibration.determinacy.undetermined import Elsewhere
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.words import some
-from rodgen.errors import RodgenError
+from rodgen.calibration.words import NAMES
+from rodgen.errors import RodgenError, joined
 from rodgen.machines.model import Model
 from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
@@ -40,7 +40,7 @@ def invisible_effects(questions: OpenQuestions) -> Iterator[str]:
         key = first.name if first.place is None else f"{first.place}.{first.name}"
         these = "it" if len(unseen) == 1 else "the first"
         yield (
-            f"Not visible in these data, whether present or not: {some([e.title for e in unseen])} "
+            f"Not visible in these data, whether present or not: {joined([e.title for e in unseen], most=NAMES)} "
             f"(--for {key} plans for {these})."
         )
 

@@ -42,9 +42,7 @@ def about_rows(best: CandidatePlan) -> Iterator[str]:
         balls = f"ball{'s' * (len(far) > 1)} {joined(map(str, far))}"
         yield f"Out of reach within the travel and the limits: {balls} of the artefact."
     if through := _through_boxes(best):
-        rows = joined([f"{k} and {k + 1}" for k in through[:MOST_WAYS]]) + (
-            ", …" if len(through) > MOST_WAYS else ""
-        )
+        rows = joined([f"{k} and {k + 1}" for k in through], most=MOST_WAYS)
         yield f"The straight way between rows {rows} of the plan leads through a box to keep out of: go round it."
     pace = best.campaign.question.constraints.pace
     if pace is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rodgen.calibration.plan.constraints import Constraints
-from rodgen.calibration.words import some
+from rodgen.calibration.words import NAMES
 from rodgen.errors import RodgenError, UnexpectedError, joined, shown
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def determined_parameters(fit: FittedModel, effects: Sequence[Effect]) -> tuple[
         others = [key for key in weak if key not in keys]
         of = f" separately from others, such as {others[0]}" if others else ""
         verb, them = ("is", "it") if len(left_out) == 1 else ("are", "them")
-        notes.append(f"{some(left_out)} {verb} left out: the data do not determine {them}{of}.")
+        notes.append(f"{joined(left_out, most=NAMES)} {verb} left out: the data do not determine {them}{of}.")
     notes += undetermined_sentences(fit)
     return [key for key in keys if key not in left_out], notes
 
@@ -148,13 +148,13 @@ def _wanted(fit: FittedModel, text: str) -> tuple[list[str], Effect | None]:
         return inside, None
     machine = fit.machine
     if text in {p.key for p in fit.parameters}:
-        raise PlanError(f"parameter {shown(text)} is held", f"one that is estimated: {some(keys, 6)}")
+        raise PlanError(f"parameter {shown(text)} is held", f"one that is estimated: {joined(keys, most=6)}")
     parts, place = _split(machine, text)
     try:
         effect = machine.effect(parts[0], place)
         machine.with_effect(effect)
     except RodgenError:
-        few = joined(keys[:8]) + (", …" if len(keys) > 8 else "")
+        few = joined(keys)
         raise PlanError(
             f"no parameter {shown(text)}",
             f"one of {few or 'none, as nothing is estimated'}, or an effect that the machine may have, such as "

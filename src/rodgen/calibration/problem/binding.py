@@ -248,7 +248,7 @@ class _Binder:
                 if name.startswith(prefix):
                     rest = name.removeprefix(prefix)
                     hint = nearest_hint(rest, {n: n for n in names})
-                    expected = f"{prefix!r} with one of {', '.join(names)}, or another name for a covariate"
+                    expected = f"{prefix!r} with one of {joined(names)}, or another name for a covariate"
                     raise self._wrong_column(column, f"no {what} {rest!r}{hint}", expected)
 
     # units ---------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import numpy as np
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise
 from rodgen.calibration.solve.starting_values import linear_falls, placed, searched, thinned
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.errors import InputFileError, RodgenError, joined, shown
 from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.model import Model
 from rodgen.machines.structure import row_effects
@@ -204,7 +204,7 @@ def _not_finite(problem: Problem, solution: Solution) -> str:
     place = problem.observations.data.place(row)
     file = problem.observations.data.file
     own = [effect.title for effect in problem.model.machine.effects if effect.definition.own]
-    which = f" (check the formula of {', '.join(own)})" if own else ""
+    which = f" (check the formula of {joined(own)})" if own else ""
     if not problem.model.structure.moving and not own:
         which = " (a prediction right opposite to its reading? check the signs of axes and targets)"
     if problem.model.machine.kinematics.is_closed and not own:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rodgen.calibration.fitted import Estimate
-from rodgen.calibration.words import some
+from rodgen.errors import joined
 from rodgen.views import html_of
 
 LARGE = 3.0
@@ -112,7 +112,7 @@ class Likely:
     def text(self) -> str:
         """It with the size, such as ``"scale at EL (97 %): k = 12.1 ± 0.8 arcsec/rad"``."""
         seen = [e for e in self.changes if len(self.changes) <= FEW or abs(e.value) > 2 * (e.std or 0.0)]
-        sizes = ", ".join(f"{e.key} = {e.text}" for e in seen)
+        sizes = joined(f"{e.key} = {e.text}" for e in seen)
         return f"{self.title} ({100 * self.probability:.0f} %)" + (f": {sizes}" if sizes else "")
 
     def to_dict(self) -> dict[str, Any]:
@@ -193,7 +193,7 @@ class Changed(Event):
             found = f"{self.counted} {self.at}: {said} began {when} (90 %): {how}"
         found += "."
         if others:
-            names = some([f"{one.title} ({100 * one.probability:.0f} %)" for one in others], MOST)
+            names = joined([f"{one.title} ({100 * one.probability:.0f} %)" for one in others], most=MOST)
             found += f" The readings do not tell it apart from {names}."
         return f"{found} {self.outside.text}" if self.outside else found
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rodgen.data.units import is_unit
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, joined, shown
 from rodgen.files import check_unpacked, decoded, read_input
 
 _EXPECTED = "a table: CSV or other text, .xlsx or .mat"
@@ -273,7 +273,7 @@ def _of_mat(file: str) -> ForeignTable:
             file, "file", "no arrays of numbers", "columns of one length, or a matrix of them"
         )
     note = f"{os.path.basename(file)}: MATLAB arrays of {rows} rows"
-    note += f"; of another length, and not read: {', '.join(left)}." if left else "."
+    note += f"; of another length, and not read: {joined(left)}." if left else "."
     return ForeignTable(file, tuple(columns), tuple(f"row {k + 1}" for k in range(rows)), (note,))
 
 

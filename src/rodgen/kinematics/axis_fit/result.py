@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
 from rodgen.data.units import ARCSEC
+from rodgen.errors import joined
 from rodgen.views import html_of, plain
 
 
@@ -200,7 +201,7 @@ class AxisFit:
         lines.append(f"  condition   {self.condition:.3g}")
         bad = np.flatnonzero(self.outliers)
         if len(bad):
-            named = ", ".join(map(str, bad[:10])) + (", …" if len(bad) > 10 else "")
+            named = joined(map(str, bad))
             lines.append(
                 f"  outliers    {len(bad)}: {places(bad) if places else f'pair {named} (counted from 0)'}"
             )

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import ANGLE, unit_factor
+from rodgen.errors import joined
 from rodgen.machines.known import unit_of
 from rodgen.machines.parts import BRANCHES, Effect, Joint, Known, StatedPlausibility, Target
 
@@ -268,7 +269,7 @@ def _described(machine: Machine) -> Iterator[str]:
     yield f"targets: {', '.join(shown)}{more}"
     yield f"measured: {_measured(machine)}"
     if machine.measured.set_aside:
-        yield f"set aside: {'; '.join(entry.named() for entry in machine.measured.set_aside)}"
+        yield f"set aside: {joined(entry.named() for entry in machine.measured.set_aside)}"
     yield f"estimated: {', '.join(machine.estimate) or 'nothing but the effects'}"
     yield f"effects: {', '.join(_effect(machine, effect) for effect in machine.effects) or 'none'}"
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from rodgen.data.measurements import Measurements, Names
 from rodgen.data.units import ANGLE, LENGTH, Quantity, conversion_factor
-from rodgen.errors import InputFileError, in_file, listed, shown
+from rodgen.errors import InputFileError, in_file, joined, listed, shown
 from rodgen.kinematics.spatial.robots.denavit_hartenberg import (
     from_denavit_hartenberg,
     from_modified_denavit_hartenberg,
@@ -139,7 +139,7 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
 
 def _notes(names: list[str], rows: list[_Row]) -> Iterator[str]:
     if back := [name for name, row in zip(names, rows, strict=True) if row.sign < 0]:
-        yield f"Turned the other way (sign -1): {', '.join(back)}."
+        yield f"Turned the other way (sign -1): {joined(back)}."
     for name, row in zip(names, rows, strict=True):
         if name != row.name:
             yield f"Joint {shown(row.name)} is called {name}, as a machine file has it."

@@ -16,7 +16,7 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.data.tables.foreign import ForeignColumn, ForeignTable
 from rodgen.data.units import Quantity, conversion_factor
-from rodgen.errors import InputFileError, in_file, listed, shown
+from rodgen.errors import InputFileError, in_file, joined, listed, shown
 from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
 
@@ -65,7 +65,7 @@ def as_distances(machine: Machine, table: ForeignTable) -> ForeignTable:
     elif len(joints) == 1:
         (joint,) = joints.values()
     else:
-        what = f"the column {shown(position.header)} of a machine with the joints {', '.join(joints)}"
+        what = f"the column {shown(position.header)} of a machine with the joints {joined(joints)}"
         expected = f"--column JOINT={shown(position.name)}, or the joint's name in its place"
         raise InputFileError(table.file, "header", what, expected)
     commanded = np.array(table.numbers(position)) * _factor(

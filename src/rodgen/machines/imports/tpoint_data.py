@@ -187,7 +187,7 @@ def _of_tpoint(
             commanded = np.stack([np.arctan2(x, y), np.arcsin(np.clip(z, -1, 1))], axis=-1)
             notes.append("Hour angles and declinations of star and telescope became azimuths and elevations.")
     unused = sorted(set(options) - {*_OPTIONS, "NODA", "ALLSKY"})
-    notes += [f"Options that are not used: {', '.join(unused)}."] if unused else []
+    notes += [f"Options that are not used: {joined(unused)}."] if unused else []
     notes += [f"Auxiliary readings are covariates: {auxiliary.shape[1]}."] if auxiliary.shape[1] else []
     return Pointings(
         one_line(caption) or "Pointing run", mount, site, commanded, seen, time, auxiliary, tuple(notes)

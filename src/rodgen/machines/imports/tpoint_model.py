@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rodgen.data.units import ARCSEC
-from rodgen.errors import InputFileError, RodgenError, nearest_name, shown
+from rodgen.errors import InputFileError, RodgenError, joined, nearest_name, shown
 from rodgen.files import decoded, read_input
 from rodgen.machines.effects.catalogue import TERMS
 from rodgen.machines.effects.tpoint import own_term
@@ -297,7 +297,7 @@ def terms_of(machine: Machine, mount: Mount, latitude: float) -> dict[str, float
     }
     if left:
         raise RodgenError(
-            f"{', '.join(sorted(left))}: no term of TPOINT; expected effects that 'rodgen effects' lists with one"
+            f"{joined(sorted(left))}: no term of TPOINT; expected effects that 'rodgen effects' lists with one"
         )
     return {term: value for term, value in found.items() if abs(value) > 1e-9}
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.errors import InputFileError, listed, shown, suggestion
+from rodgen.errors import InputFileError, joined, listed, shown, suggestion
 from rodgen.files import read_input
 from rodgen.machines.coupling import CouplingError
 from rodgen.machines.files.read import MOST_JOINTS
@@ -340,7 +340,7 @@ def _following(
 def _on_fixed_and_limits(chain: list[UrdfJoint]) -> Iterator[str]:
     fixed = [joint.name for joint in chain if joint.type == "fixed"]
     if fixed:
-        yield f"Fixed joints are part of what they join: {', '.join(fixed)}."
+        yield f"Fixed joints are part of what they join: {joined(fixed)}."
     endless = [joint.name for joint in chain if joint.type in MOVING and joint.travel is None]
     if endless:
-        yield f"Without limits, so that the travel is that of the readings: {', '.join(endless)}."
+        yield f"Without limits, so that the travel is that of the readings: {joined(endless)}."

@@ -290,8 +290,7 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
         f"{plain(_file(o.data.file), 80)}: {o.n} row{'s' * (o.n != 1)}, {poses} pose{'s' * (poses != 1)}{runs}",
     )
     names = [plain(target.name, 24) for target in machine.targets]
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    yield ("Target" if len(names) == 1 else "Targets"), ", ".join(names[:NAMED]) + more
+    yield ("Target" if len(names) == 1 else "Targets"), joined(names, most=NAMED)
     for key in ("date", "instrument", "conditions"):
         for said in _recorded(diagnosis, key):
             yield key.capitalize(), said
@@ -304,7 +303,7 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
         yield "Load", f"{three_digits(float(o.load.min()))} to {three_digits(float(o.load.max()))} N"
     others = [plain(name, 24) for name in o.covariates if not name.startswith("T_")]
     if others:
-        yield "Other columns", ", ".join(others[:NAMED]) + (" …" if len(others) > NAMED else "")
+        yield "Other columns", joined(others, most=NAMED)
     yield "Noise", _noise(diagnosis, shown)
     if diagnosis.correlation is not None and diagnosis.correlation.text:
         yield "Dependence", plain(diagnosis.correlation.text, LONG)
@@ -323,8 +322,7 @@ def _recorded(diagnosis: Diagnosis, *keys: str) -> Iterator[str]:
         column = fit.observations.data.columns.get(key)
         names = list(column.names) if isinstance(column, Names) else [fit.machine.record.get(key, "")]
         if any(names):
-            more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-            yield ", ".join(plain(name, 120) for name in names[:NAMED]) + more
+            yield joined([plain(name, 120) for name in names], most=NAMED)
 
 
 def _noise(diagnosis: Diagnosis, shown: Shown) -> str:

@@ -12,7 +12,7 @@ import jinja2
 from markupsafe import Markup
 
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, joined
 from rodgen.files import write_file
 from rodgen.output.figures import diagnosis as figures_of
 from rodgen.output.figures import save_figures
@@ -109,7 +109,7 @@ def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
     joints = [joint.name for joint in diagnosis.base.machine.joints if joint.revolute]
     for name in radii:
         if name not in joints:
-            there = ", ".join(joints) or "none: this machine has no revolute joint"
+            there = joined(joints) or "none: this machine has no revolute joint"
             raise InputFileError("command line", "--radius", f"no revolute joint {name!r}", there)
 
 
