@@ -53,7 +53,8 @@ def columns_of(machine: str, *files: Path, **options) -> tuple[dict, list[str]]:
     from rodgen.machines.files.read import machine_of
 
     stated = {name: column_source(text) for name, text in options.pop("stated", {}).items()}
-    return measurements_of(machine_of(machine, "m.toml", Machine), list(map(str, files)), stated, **options)
+    machine = machine_of(machine, "m.toml", Machine)
+    return measurements_of(machine, list(map(str, files)), stated, **options)[:2]
 
 
 def test_a_tracker_s_export_becomes_measurements(tmp_path, rodgen_command: Run):
@@ -85,6 +86,64 @@ def test_a_tracker_s_export_becomes_measurements(tmp_path, rodgen_command: Run):
     # the map changes nothing else
     (tmp_path / "plain.toml").write_text(TURNTABLE)
     assert Machine.load(tmp_path / "m.toml") == Machine.load(tmp_path / "plain.toml")
+
+
+_SECOND, _AFTER = TURNTABLE.index('[[target]]\nname  = "ball_2"'), TURNTABLE.index("[measured]")
+MACHINES = {"three": TURNTABLE, "one": TURNTABLE[:_SECOND] + TURNTABLE[_AFTER:]}
+"""By the number of their targets."""
+
+
+@pytest.mark.parametrize(
+    ("machine", "header", "labels", "angles", "targets"),
+    [
+        ("three", "ball", "1 2 3", "0 0 0", "ball_1 ball_2 ball_3"),
+        ("three", "Marker", "3 1 3 1", "0 0 9 9", "ball_3 ball_1 ball_3 ball_1"),
+        ("three", "SMR", "7 5 11 7 5 11", "0 0 0 9 9 9", "ball_2 ball_1 ball_3 ball_2 ball_1 ball_3"),
+        ("three", "target", "N E S N E S", "0 0 0 9 9 9", "ball_1 ball_2 ball_3 ball_1 ball_2 ball_3"),
+        ("three", "Ball", "Ball 2;BALL-1", "0 9", "ball_2 ball_1"),
+        ("three", "ball", "1 - 2", "0 0 0", "ball_1 ball_2"),
+        ("one", "point", "P1 P2 P3", "0 9 18", None),
+        ("one", "point", "1 1 2", "0 0 9", None),
+        ("one", "target", "P1 P2 P3", "0 0 9", None),
+        ("one", "reflector", "SMR SMR SMR", "0 0 9", "ball_1 ball_1 ball_1"),
+    ],
+)
+def test_labels_of_targets_are_known_and_those_of_poses_are_left(
+    machine, header, labels, angles, targets, tmp_path
+):
+    labels = labels.split(";") if ";" in labels else labels.split()
+    rows = [f"{label},{angle},1,2,3" for label, angle in zip(labels, angles.split(), strict=True)]
+    (tmp_path / "t.csv").write_text("\n".join([f"{header},C [deg],x [mm],y [mm],z [mm]", *rows]) + "\n")
+    columns, notes = columns_of(MACHINES[machine], tmp_path / "t.csv")
+    assert columns.get("target") == (targets and targets.split())
+    start = f"target is '{header}'" if targets else f"Not taken: '{header}'"
+    assert any(note.startswith(start) for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("machine", "labels", "expected"),
+    [
+        ("three", "1 4 1 4", "line 2, column 'ball': '1'; expected one of the machine's targets, ball_1, "),
+        ("one", "a b a b", "line 2, column 'ball': 'a'; expected the machine's target, ball_1"),
+    ],
+)
+def test_labels_of_no_targets_are_refused_where_they_stand(machine, labels, expected, tmp_path):
+    rows = [f"{label},{angle},1,2,3" for label, angle in zip(labels.split(), (0, 0, 9, 9), strict=True)]
+    (tmp_path / "t.csv").write_text("\n".join(["ball,C [deg],x [mm],y [mm],z [mm]", *rows]) + "\n")
+    with pytest.raises(InputFileError, match=re.escape(f"t.csv: {expected}")):
+        columns_of(MACHINES[machine], tmp_path / "t.csv")
+
+
+def test_messages_are_about_files_that_the_user_has(tmp_path, rodgen_command: Run):
+    """A row that no machine can use is named in the table that it comes from, not in what would be written."""
+    (tmp_path / "m.toml").write_text(TURNTABLE)
+    (tmp_path / "t.csv").write_text("C,x,y,z,u_x [mm],target\n0,1,2,3,0.1,ball_1\n\n9,1,2,3,-0.1,ball_1\n")
+    code, out, err = rodgen_command(
+        "import", tmp_path / "m.toml", tmp_path / "t.csv", "-d", tmp_path / "d.csv", "--units", "mm,deg"
+    )
+    assert (code, out) == (2, "")
+    assert err.startswith(f"{tmp_path / 't.csv'}: line 4, column 'u_x")
+    assert not (tmp_path / "d.csv").exists()
 
 
 WIDE = "C [deg]\tx1 [mm]\ty1 [mm]\tz1 [mm]\tx2 [mm]\ty2 [mm]\tz2 [mm]\tx3 [mm]\ty3 [mm]\tz3 [mm]\n"
@@ -195,11 +254,7 @@ def test_a_workbook_and_a_matlab_file_give_what_text_gives(tmp_path):
     table = np.array(rows)
     content = {"C": table[:, :1], "ball_1": table[:, 1:], "note": "text", "short": [1.0]}
     scipy.io.savemat(tmp_path / "a.mat", content)
-    one = (
-        TURNTABLE[: TURNTABLE.index('[[target]]\nname  = "ball_2"')]
-        + TURNTABLE[TURNTABLE.index("[measured]") :]
-    )
-    columns, notes = columns_of(one, tmp_path / "a.mat", units=("mm", "deg"))
+    columns, notes = columns_of(MACHINES["one"], tmp_path / "a.mat", units=("mm", "deg"))
     assert {name: columns[name].tolist() for name in expected} == expected
     assert "a.mat: MATLAB arrays of 2 rows; of another length, and not read: short." in notes
 

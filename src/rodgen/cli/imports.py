@@ -157,9 +157,8 @@ def _run(options: argparse.Namespace) -> int:
         wrong, observations = False, None
         if made.columns:
             from rodgen.calibration.file_check import check
-            from rodgen.data.measurements import Measurements
 
-            data = Measurements.from_frame(made.columns, name=options.data)
+            data = made.measurements()
             checked = check(machine, data)
             wrong, observations = bool(checked.wrong), checked.observations
             said += ["", f"{options.data}: {data.rows} rows", checked.summary()]
@@ -283,13 +282,21 @@ def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[s
         ballbar = plane, size.to(made.machine.length_unit)[0]
     fresh = _MACHINE not in kinds
     machine = made.machine
-    columns, notes = measurements_of(machine, kinds[_READINGS], stated, units, ballbar, attitudes=fresh)
+    files = kinds[_READINGS]
+    columns, notes, places = measurements_of(machine, files, stated, units, ballbar, attitudes=fresh)
     names = {name.partition(" [")[0] for name in columns}
     if fresh and any(names >= set(notation) for notation in NOTATIONS.values()):
         machine = replace(machine, measured=replace(machine.measured, kind="pose"))
     if units and not options.units:
         notes.append("Columns without a unit are in m and rad, as the URDF is; --units says otherwise.")
-    return replace(made, machine=machine, columns=columns, notes=(*made.notes, *notes))
+    return replace(
+        made,
+        machine=machine,
+        columns=columns,
+        notes=(*made.notes, *notes),
+        source=", ".join(files),
+        places=places if len(files) == 1 else (),
+    )
 
 
 def _ballbar(text: str) -> tuple[str, Quantity]:

@@ -375,9 +375,9 @@ class Measurements:
         both = replace(self, rows=before.rows + self.rows, columns=columns)
         return both.placed(np.concatenate([part.numbers(np.arange(part.rows)) for part in (before, self)]))
 
-    def placed(self, numbers: Sequence[int] | NDArray[np.int64]) -> Measurements:
-        """Return the measurements with other numbers of their rows, for `place`."""
-        places = Places(self.counted, np.arange(self.rows), np.asarray(numbers, np.int64))
+    def placed(self, numbers: Sequence[int] | NDArray[np.int64], counted: str = "") -> Measurements:
+        """Return the measurements with other numbers of their rows, for `place`, and what these count."""
+        places = Places(counted or self.counted, np.arange(self.rows), np.asarray(numbers, np.int64))
         return replace(self, _places=places, _row_in_file=range(self.rows))
 
     def to_pandas(self) -> Any:

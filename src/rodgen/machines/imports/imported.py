@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.data.measurements import Measurements
 from rodgen.machines.files.read import JOINT_NAME, PLACE_NAME
 from rodgen.machines.files.toml import UnfitError
 from rodgen.machines.files.write import machine_text
@@ -29,11 +30,17 @@ class Imported:
         What was taken for what, and what was not taken: a sentence each.
     columns : mapping of str to sequence
         Of a measurement file, by names with units; empty where there are no readings.
+    source : str
+        The file of the readings, or the files.
+    places : sequence of str
+        Of the rows of `columns` in that file, such as ``"line 17"``, where they are known.
     """
 
     machine: Machine
     notes: tuple[str, ...]
     columns: Mapping[str, Any] = field(default_factory=dict)
+    source: str = ""
+    places: Sequence[str] = ()
 
     _repr_html_ = html_of
 
@@ -45,6 +52,17 @@ class Imported:
     def text(self) -> str:
         """The machine file, with the notes as comments above."""
         return "".join(f"# {note}\n" for note in self.notes) + machine_text(self.machine)
+
+    def measurements(self) -> Measurements:
+        """Return the readings, with their places in the file that they come from."""
+        data = Measurements.from_frame(self.columns, name=self.source)
+        parts = [place.rpartition(" ") for place in self.places]
+        counted = {what for what, _, _ in parts}
+        if len(counted) != 1:
+            return data
+        # rows of a workbook are counted from 1, those of a table in memory from 0
+        what = {"row": "table row"}.get(*counted, *counted)
+        return data.placed([int(number) for _, _, number in parts], what)
 
     def data(self, name: str) -> bytes:
         """Return the measurement file, in the form that the ending of its name says."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, is_number, read_foreign
 from rodgen.data.units import ANGLE, LENGTH, TIME, parse_unit
-from rodgen.errors import InputFileError, in_file, listed, nearest_name, shown
+from rodgen.errors import InputFileError, in_file, joined, listed, nearest_name, shown
 from rodgen.machines.files.columns import ColumnSource
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
@@ -36,10 +36,11 @@ _OTHER_NAMES = {
     "ha": ("hour_angle", "hourangle", "star_ha", "true_ha"),
     "dec": ("declination", "star_dec", "true_dec"),
     "t": ("time", "timestamp", "date", "datetime", "date_time", "utc"),
-    "target": ("ball", "point", "marker", "reflector", "smr"),
 }
 _AXIS_NAMES = ("{}_axis", "axis_{}", "{}_achse", "achse_{}")
-_KEPT = ("target", "run", "load", "t", "use")
+_TARGET_NAMES = ("target", "ball", "marker", "reflector", "smr", "point")
+"""Of a column that may say which target was read; a point may as well be a pose."""
+_KEPT = ("run", "load", "t", "use")
 _PREFIXES = ("u_", "dir_", "v_", "T_")
 _WIDE = (
     re.compile(r"(?P<axis>[xyzXYZ])[_ .]?(?P<target>\d+)"),
@@ -55,6 +56,8 @@ class _Columns:
     table: ForeignTable
     found: dict[str, tuple[ForeignColumn, ColumnSource]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    targets: dict[str, str] = field(default_factory=dict)
+    """By their labels in the table."""
 
 
 def measurements_of(
@@ -65,8 +68,8 @@ def measurements_of(
     ballbar: tuple[str, float] | None = None,
     *,
     attitudes: bool = False,
-) -> tuple[dict[str, Any], list[str]]:
-    """Return the columns of a measurement file, by names with units, and notes on what was taken for what.
+) -> tuple[dict[str, Any], list[str], list[str]]:
+    """Return the columns of a measurement file, by names with units; notes on how it was read; and rows' places.
 
     Parameters
     ----------
@@ -88,6 +91,7 @@ def measurements_of(
     """
     notes: list[str] = []
     parts: list[dict[str, list[Any]]] = []
+    places: list[str] = []
     targets = [target.name for target in machine.targets]
     tables = _paired(machine, [read_foreign(file) for file in files], stated)
     files = [table.file for table in tables]
@@ -102,15 +106,17 @@ def measurements_of(
             if distances is not named:
                 joints = {joint.name for joint in machine.joints}
                 table, here = distances, {n: source for n, source in stated.items() if n not in joints}
-        columns, said = _of_table(machine, table, here, units, attitudes or machine.measurand.has_attitude)
+        turns = attitudes or machine.measurand.has_attitude
+        columns, said, where = _of_table(machine, table, here, units, turns, is_target=stem in targets)
+        places += where
         rows = len(next(iter(columns.values())))
         if "target" not in columns and (stem in targets or len(targets) == 1 < len(files)):
             columns["target"] = [stem if stem in targets else targets[0]] * rows
         if len(files) > 1 and not set(stems) <= set(targets):
             columns.setdefault("run", [stem] * rows)
         if parts and columns.keys() != parts[0].keys():
-            found = f"columns {', '.join(columns)}"
-            raise InputFileError(file, "file", found, f"those of {files[0]}: {', '.join(parts[0])}")
+            found = f"columns {joined(columns)}"
+            raise InputFileError(file, "file", found, f"those of {files[0]}: {joined(parts[0])}")
         parts.append(columns)
         notes += [note for note in said if note not in notes]
     if len(files) > 1:
@@ -119,10 +125,12 @@ def measurements_of(
     if len(targets) > 1 and "target" not in parts[0]:
         expected = f"a column target, x1, y1, z1, x2 …, or a file for each of {listed(targets)}"
         raise InputFileError(files[0], "file", "no targets", expected)
-    joined = {name: [cell for part in parts for cell in part[name]] for name in parts[0]}
-    return {
-        name: cells if name in ("target", "run") else np.array(cells) for name, cells in joined.items()
-    }, notes
+    every = {name: [cell for part in parts for cell in part[name]] for name in parts[0]}
+    return (
+        {name: cells if name in ("target", "run") else np.array(cells) for name, cells in every.items()},
+        notes,
+        places,
+    )
 
 
 def _paired(
@@ -200,7 +208,9 @@ def _of_table(
     stated: Mapping[str, ColumnSource],
     units: tuple[str, str] | None,
     attitudes: bool,
-) -> tuple[dict[str, list[Any]], list[str]]:
+    *,
+    is_target: bool,
+) -> tuple[dict[str, list[Any]], list[str], list[str]]:
     columns = _Columns(table, notes=list(table.notes))
     _take_stated(columns, stated)
     for name in _commanded(machine):
@@ -211,9 +221,9 @@ def _of_table(
     for column in table.columns:
         if column.name in _KEPT or column.name.startswith(_PREFIXES):
             _take_named(columns, column.name, (), machine)
-    for name in ("t", "target"):
-        _take_named(columns, name, _OTHER_NAMES[name], machine)
-    _take_target(columns, machine)
+    _take_named(columns, "t", _OTHER_NAMES["t"], machine)
+    if not wide:
+        _take_target(columns, machine, is_stated="target" in stated, is_target=is_target)
     _leave_unreadable_time(columns, stated)
     _check_all(columns, machine, wide)
     taken = {id(column) for column, _ in columns.found.values()}
@@ -221,14 +231,14 @@ def _of_table(
     left = [column.header for column in table.columns if id(column) not in taken]
     if left:
         columns.notes.append(
-            f"Not taken: {', '.join(map(shown, left))}; --column NAME=THEIRS, or [columns], takes a column."
+            f"Not taken: {joined(map(shown, left))}; --column NAME=THEIRS, or [columns], takes a column."
         )
     if attitudes and not any(columns.found.keys() >= set(n) for n in NOTATIONS.values()):
         columns.notes += _perhaps_attitudes(left)
     keep, why = _kept_rows(columns)
     columns.notes += why
-    made = dict(_converted(columns, machine, keep, wide, units))
-    return made, columns.notes
+    made, rows = _converted(columns, machine, keep, wide, units)
+    return made, columns.notes, [table.places[k] for k in rows]
 
 
 # what is what ------------------------------------------------------------------------------------------
@@ -287,14 +297,70 @@ def _leave_unreadable_time(columns: _Columns, stated: Mapping[str, ColumnSource]
             )
 
 
-def _take_target(columns: _Columns, machine: Machine) -> None:
-    """Take a column, of whatever name, in which each cell is the name of a target."""
-    targets = {target.name for target in machine.targets}
+def _take_target(columns: _Columns, machine: Machine, *, is_stated: bool, is_target: bool) -> None:
+    """Take the column that says which target was read in each row.
+
+    Its labels are names of targets, the numbers in them, or as many as there are targets, in the order in which they
+    occur. A column whose labels name rows or poses is not taken.
+
+    Parameters
+    ----------
+    is_stated : bool
+        Whether the column is known already.
+    is_target : bool
+        Whether all rows are of one target, by the name of their file.
+    """
     taken = {id(column) for column, _ in columns.found.values()}
-    for column in columns.table.columns:
-        if "target" not in columns.found and id(column) not in taken and {*column.cells} <= targets:
+    free = [column for column in columns.table.columns if id(column) not in taken]
+    called = [c for name in _TARGET_NAMES[: 1 if is_target else None] for c in free if _plain(c.name) == name]
+    if is_stated:
+        called, free = [columns.found["target"][0]], []
+    names = [target.name for target in machine.targets]
+    commanded = [columns.found[name][0].cells for name in _commanded(machine) if name in columns.found]
+    commands = [*zip(*commanded, strict=True)] or [()] * len(columns.table.places)
+    for column in (*called, *(column for column in free if not is_target and {*column.cells} <= {*names})):
+        rows = [k for k, cell in enumerate(column.cells) if cell is not None]
+        labels = [_label(column.cells[k]) for k in rows]
+        each = [*dict.fromkeys(labels)]
+        pairs = {(label, commands[k]) for label, k in zip(labels, rows, strict=True)}
+        poses = len(pairs) == len(each) == len({commands[k] for k in rows}) and not is_stated
+        if each and (found := _targets(each, names, only_by_name=poses)):
+            columns.targets = found
             columns.found["target"] = column, ColumnSource(column.name)
-            columns.notes.append(f"target is {shown(column.header)}, which has names of targets.")
+            other = [f"{label} is {name}" for label, name in found.items() if label != name]
+            how = f": {joined(other)}" if other else ""
+            how = how or ("" if column in called else ", which has names of targets")
+            columns.notes.append(f"target is {shown(column.header)}{how}.")
+            return
+        if (each and not (poses or len(each) == len(labels) or _plain(column.name) == "point")) or is_stated:
+            wrong = next((k for k, label in zip(rows, labels, strict=True) if label not in names), 0)
+            place = f"{columns.table.places[wrong]}, column {shown(column.header)}"
+            what = "the machine's target" if len(names) == 1 else "one of the machine's targets"
+            raise InputFileError(
+                columns.table.file, place, shown(column.cells[wrong]), f"{what}, {joined(names)}"
+            )
+
+
+def _targets(labels: Sequence[str], names: Sequence[str], *, only_by_name: bool) -> dict[str, str] | None:
+    """Return the targets by their labels, None where these are not all of targets."""
+    by_name = {_plain(name): name for name in names}
+    if len(by_name) == len(names) and all(_plain(label) in by_name for label in labels):
+        return {label: by_name[_plain(label)] for label in labels}
+    if {*labels} <= {*names}:
+        return {label: label for label in labels}
+    if only_by_name and len(names) > 1:
+        return None
+    numbers = {name: re.search(r"\d+$", name) for name in names}
+    by_number = {int(number[0]): name for name, number in numbers.items() if number}
+    if all(label.isdecimal() for label in labels):
+        labels = sorted(labels, key=int)
+        if len(by_number) == len(names) and {*map(int, labels)} <= by_number.keys():
+            return {label: by_number[int(label)] for label in labels}
+    return dict(zip(labels, names, strict=True)) if len(labels) == len(names) else None
+
+
+def _label(cell: Any) -> str:
+    return "" if cell is None else f"{cell:g}" if isinstance(cell, float) else str(cell)
 
 
 def _places(machine: Machine) -> tuple[str, ...]:
@@ -365,15 +431,13 @@ def _named_targets(
     targets = [target.name for target in machine.targets]
     if not wide.keys() <= set(targets):
         if len(wide) != len(targets):
-            found = f"readings of {len(wide)} targets, {', '.join(wide)}"
+            found = f"readings of {len(wide)} targets, {joined(wide)}"
             raise InputFileError(
-                columns.table.file, "header", found, f"those of the machine: {', '.join(targets)}"
+                columns.table.file, "header", found, f"those of the machine: {joined(targets)}"
             )
         wide = dict(zip(targets, wide.values(), strict=True))
-    said = [f"{target} is {', '.join(shown(axes[x].header) for x in 'xyz')}" for target, axes in wide.items()]
-    columns.notes.append(
-        f"Readings of {len(wide)} target{'s' * (len(wide) > 1)} in a row: {'; '.join(said)}."
-    )
+    said = [f"{target} is {' '.join(shown(axes[x].header) for x in 'xyz')}" for target, axes in wide.items()]
+    columns.notes.append(f"Readings of {len(wide)} target{'s' * (len(wide) > 1)} in a row: {joined(said)}.")
     return wide
 
 
@@ -418,8 +482,8 @@ def _converted(
     keep: list[int],
     wide: Mapping[str, Mapping[str, ForeignColumn]],
     units: tuple[str, str] | None,
-) -> Iterator[tuple[str, list[Any]]]:
-    """Yield the columns of measurements; rows with a blank reading stay out."""
+) -> tuple[dict[str, list[Any]], list[int]]:
+    """Return the columns of measurements, and of each row its number in the table; rows with a blank cell stay out."""
     table = columns.table
     numbers: dict[str, list[float]] = {}
     words: dict[str, list[str]] = {}
@@ -427,9 +491,7 @@ def _converted(
         if name == "use":
             continue
         if name in ("target", "run"):
-            words[name] = [
-                "" if c is None else f"{c:g}" if isinstance(c, float) else str(c) for c in column.cells
-            ]
+            words[name] = [columns.targets.get(label, label) for label in map(_label, column.cells)]
         elif name == "t" and not all(c is None or is_number(c) for c in column.cells):
             numbers["t [s]"] = _seconds(table, column)
         else:
@@ -460,6 +522,7 @@ def _converted(
         for k in keep
         for target, seen in targets
         if all(math.isfinite(values[k]) for values in (*numbers.values(), *seen.values()))
+        and ("target" not in words or words["target"][k])
     ]
     if not chosen:
         raise InputFileError(
@@ -468,15 +531,12 @@ def _converted(
     out = len(keep) * len(targets) - len(chosen)
     if out:
         columns.notes.append(f"Rows or targets with a blank cell stay out: {out}.")
-    for name, values in numbers.items():
-        yield name, [values[k] for k, _, _ in chosen]
-    for name in targets[0][1]:
-        yield name, [seen[name][k] for k, _, seen in chosen]
+    made: dict[str, list[Any]] = {name: [values[k] for k, _, _ in chosen] for name, values in numbers.items()}
+    made |= {name: [seen[name][k] for k, _, seen in chosen] for name in targets[0][1]}
     if len(machine.targets) > 1 and wide:
-        words.pop("target", None)
-        yield "target", [target for _, target, _ in chosen]
-    for name, texts in words.items():
-        yield name, [texts[k] for k, _, _ in chosen]
+        made["target"] = [target for _, target, _ in chosen]
+    made |= {name: [texts[k] for k, _, _ in chosen] for name, texts in words.items()}
+    return made, [k for k, _, _ in chosen]
 
 
 def _unit(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, joined
 from rodgen.machines.imports.imported import Imported
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.imports.tpoint_data import Pointings, read_pointings
@@ -70,7 +70,7 @@ def machine_from_tpoint(
     if terms:
         notes.append(_on_model(os.path.basename(model or ""), terms))
         machine = with_terms(machine, mount, terms, latitude, model or "")
-    return Imported(machine, tuple(notes), _columns(pointings) if pointings else {})
+    return Imported(machine, tuple(notes), _columns(pointings) if pointings else {}, source=run or "")
 
 
 def _temperature(pointings: Pointings | None) -> float:
@@ -79,9 +79,7 @@ def _temperature(pointings: Pointings | None) -> float:
 
 
 def _on_model(file: str, terms: TpointModel) -> str:
-    return (
-        f"{file}: a model, whose terms are held effects: {', '.join(terms.terms)} (arcsec there, deg here)."
-    )
+    return f"{file}: a model, whose terms are held effects: {joined(terms.terms)} (arcsec there, deg here)."
 
 
 def _columns(pointings: Pointings) -> dict[str, Any]:
