@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import importlib.metadata
+import importlib.util
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import rodgen
+from rodgen.cli._console import EXTRAS
 from rodgen.codegen import build_cache
 
+PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
 Run = Callable[..., tuple[int, str, str]]
 
 
@@ -54,6 +60,31 @@ def test_doctor_finds_a_sound_installation(
     for words in (f"rodgen     {rodgen.__version__} on Python", "2 entries, 0.0 MB, writable", "numpy"):
         assert words in out
     assert max(map(len, out.splitlines())) <= 120 + len(str(cache))
+
+
+def test_every_extra_of_the_installation_is_looked_for_by_the_module_that_is_imported(
+    cache: Path, rodgen_command: Run
+) -> None:
+    """The table of modules is that of pyproject.toml; what is installed has the version of its distribution."""
+    _, out, _ = rodgen_command("doctor", "--json")
+    found = json.loads(out)["packages"]
+    owners = importlib.metadata.packages_distributions()
+    extras = tomllib.loads(PYPROJECT.read_text())["project"]["optional-dependencies"]
+    required = {extra: {_name(text) for text in extras[extra]} for extra in {*EXTRAS.values()}}
+    for module, extra in EXTRAS.items():
+        if importlib.util.find_spec(module) is None:
+            assert found[module] is None
+            continue
+        (owner,) = {*owners[module]}
+        assert found[module] == importlib.metadata.version(owner)
+        behind = {_name(text) for name in required[extra] for text in importlib.metadata.requires(name) or ()}
+        assert _name(owner) in required[extra] | behind  # such as choreographer, which Kaleido needs
+    known = {_name(owner) for module in EXTRAS for owner in owners.get(module, [module])}
+    assert set().union(*required.values()) - {"rodgen"} <= known
+
+
+def _name(requirement: str) -> str:
+    return re.match(r"[\w.-]+", requirement)[0].lower().replace("_", "-")
 
 
 def test_doctor_says_that_there_is_no_compiler(

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from rodgen import __version__
 from rodgen.cli._console import EXTRAS, FAILED, OK, Command, show_result
 from rodgen.cli._machine import add_json
 
@@ -42,10 +43,10 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     found: dict[str, Any] = {
-        "rodgen": _version("rodgen"),
+        "rodgen": __version__,
         "python": {"version": platform.python_version(), "executable": sys.executable},
         "platform": platform.platform(),
-        "packages": {name: _version(name) for name in ("numpy", *EXTRAS)},
+        "packages": _packages(),
         "kernels": _kernels(),
         "compiler": _compiler(),
         "cache": _cache(),
@@ -62,13 +63,21 @@ def _run(options: argparse.Namespace) -> int:
     return FAILED if found["problems"] else OK
 
 
-def _version(name: str) -> str | None:
+def _packages() -> dict[str, str | None]:
+    """Return the versions of the modules that rodgen uses, None of those that cannot be imported."""
     from importlib import metadata  # here: it would slow the start of every command
 
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return None
+    owners = metadata.packages_distributions()  # a module's distribution may have another name
+    return {
+        name: (metadata.version(owners[name][0]) if name in owners else "unknown")
+        if _is_there(name)
+        else None
+        for name in ("numpy", *EXTRAS)
+    }
+
+
+def _is_there(module: str) -> bool:
+    return importlib.util.find_spec(module) is not None
 
 
 def _kernels() -> dict[str, Any]:
@@ -127,7 +136,7 @@ def _threads() -> dict[str, Any]:
     """Return the processors that this process may use, and the threads of the libraries of linear algebra."""
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     libraries = []
-    if _version("threadpoolctl"):
+    if _is_there("threadpoolctl"):
         from threadpoolctl import threadpool_info
 
         libraries = [
@@ -139,7 +148,7 @@ def _threads() -> dict[str, Any]:
 
 def _browser() -> str | None:
     """Return the browser that draws images; None without one, or without the package that looks for it."""
-    if not _version("choreographer"):
+    if not _is_there("choreographer"):
         return None
     from rodgen.output.figures.files import browser
 
