@@ -198,6 +198,24 @@ def test_files_of_other_programs_are_referred_to_the_import(
     assert err.endswith("; 'rodgen import' reads files of other programs\n") == hinted
 
 
+def test_a_quoted_cell_may_hold_ends_of_lines(tmp_path):
+    """Excel writes them so; places of rows after it are those that an editor shows."""
+    text = 'remark;"x\n[mm]";"C\r\n(deg)"\r\n"a\nb; ""c""";1,5;2\r\n\r\n"5"" ball";2,5;3\r\n5";x;4\r\n'
+    (tmp_path / "t.csv").write_text(text, newline="")
+    table = read_foreign(tmp_path / "t.csv")
+    assert [(c.name, c.unit) for c in table.columns] == [("remark", ""), ("x", "mm"), ("C", "deg")]
+    assert table.columns[0].cells == ('a\nb; "c"', '5" ball', '5"')
+    assert table.places == ("line 4", "line 7", "line 8")
+    with pytest.raises(InputFileError, match="line 8, column 'x \\[mm\\]': 'x'; expected a number"):
+        table.numbers(table.columns[1])
+
+
+def test_a_quotation_mark_without_a_second_is_named(tmp_path):
+    (tmp_path / "t.csv").write_text('remark;x [mm]\n;1\n"open;2\n;3\n')
+    with pytest.raises(InputFileError, match="line 3: a quotation mark without a second"):
+        read_foreign(tmp_path / "t.csv")
+
+
 def test_balls_that_a_machinist_probed_become_measurements(tmp_path):
     """A wide table with decimal commas, whose columns are named in words: nothing has to be mapped."""
     (tmp_path / "balls.csv").write_text(

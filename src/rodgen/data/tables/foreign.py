@@ -14,7 +14,7 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +24,7 @@ from rodgen.files import check_unpacked, decoded, read_input
 
 _EXPECTED = "a table: CSV or other text, .xlsx or .mat"
 _UNIT = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P<other>[^()]*)\))")
+_LINE_END = re.compile(r"\s*[\r\n]\s*")
 _COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*")
 _RTL = re.compile(r"^\s*TARGET DATA::\s*$", re.MULTILINE)
 _REMARKS = (";", "#", "//", "!", "%")
@@ -171,11 +172,15 @@ def _of_text(file: str, text: str, coding: str) -> ForeignTable:
         return counts[min(1, len(counts) - 1)]  # of the second widest line: a remark may have commas, too
 
     separator = next((mark for mark in ";\t" if width(mark)), "," if width(",") else "")
-    rows: list[tuple[int, list[Any]]] = []
-    for number, line in enumerate(lines, start=1):
-        if line.strip():
-            cells = next(csv.reader(io.StringIO(line), delimiter=separator)) if separator else line.split()
-            rows.append((number, [cell.strip() for cell in cells]))
+    rows = [
+        (number, [cell.strip() for cell in cells])
+        for number, cells in (
+            _quoted(file, text, separator)
+            if separator
+            else ((number, line.split()) for number, line in enumerate(lines, start=1))
+        )
+        if any(cells)
+    ]
     decimal = separator != "," and any(_COMMA.fullmatch(cell) for _, cells in rows for cell in cells)
     words = {";": "semicolons", "\t": "tabs", ",": "commas", "": "blanks"}[separator]
     notes = [
@@ -184,6 +189,26 @@ def _of_text(file: str, text: str, coding: str) -> ForeignTable:
     if decimal:
         rows = [(n, [c.replace(",", ".") if _COMMA.fullmatch(c) else c for c in cells]) for n, cells in rows]
     return _of_rows(file, rows, "line", tuple(notes))
+
+
+def _quoted(file: str, text: str, separator: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the cells of each row, in which quoted ones may hold ends of lines, and the number of its first line."""
+    lines = io.StringIO(text, newline="").readlines()
+    reader, first = csv.reader(lines, delimiter=separator), 1
+    while True:
+        try:
+            cells = next(reader, None)
+        except csv.Error as error:
+            raise InputFileError(file, f"line {first}", str(error), _EXPECTED) from None
+        if cells is None:
+            return
+        written = lines[first - 1 : reader.line_num]
+        if len(written) > 1 and sum(line.count('"') for line in written) % 2:
+            raise InputFileError(
+                file, f"line {first}", "a quotation mark without a second", "both, or neither"
+            )
+        yield first, cells
+        first = reader.line_num + 1
 
 
 def _decoded(content: bytes, file: str) -> tuple[str, str]:
@@ -311,7 +336,7 @@ def _of_rows(
         raise InputFileError(
             file, "file", "no header of names", "a line with the names of the columns above the rows"
         )
-    header, body = [str(cell or "").strip() for cell in rows[at][1]], rows[at + 1 :]
+    header, body = [_LINE_END.sub(" ", str(cell or "").strip()) for cell in rows[at][1]], rows[at + 1 :]
     units = [""] * usual
     if body and len(body[0][1]) <= usual and all(not c or is_unit(str(c).strip("[]() ")) for c in body[0][1]):
         units = [str(c or "").strip("[]() ") for c in body[0][1]] + [""] * (usual - len(body[0][1]))
