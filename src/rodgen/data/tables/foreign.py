@@ -14,13 +14,17 @@ import re
 import struct
 import zipfile
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rodgen.data.units import is_unit
 from rodgen.errors import InputFileError, joined, shown
 from rodgen.files import check_unpacked, decoded, read_input
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 _EXPECTED = "a table: CSV or other text, .xlsx or .mat"
 _UNIT = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P<other>[^()]*)\))")
@@ -266,7 +270,7 @@ def _of_mat(file: str) -> ForeignTable:
     except Exception as error:
         found = f"no MATLAB file of a version up to 7 ({type(error).__name__})"
         raise InputFileError(file, "file", found, "save -v7 FILE") from None
-    columns: list[ForeignColumn] = []
+    arrays: dict[str, NDArray[Any]] = {}
     for name, value in content.items():
         if name.startswith("__"):
             continue
@@ -275,29 +279,34 @@ def _of_mat(file: str) -> ForeignTable:
         ):  # sparse, or no numbers in columns without end
             continue
         fields = value.dtype.names
-        parts = (
+        arrays |= (
             {f: np.asarray(value[f].flat[0]) for f in fields} if fields and value.size == 1 else {name: value}
         )
-        for part, array in parts.items():
-            if array.dtype.kind in "fiub" and array.ndim == 2 and array.size:
-                array = array.T if array.shape[0] == 1 else array
-                several = array.shape[1] > 1
-                if array.shape[1] > MOST_COLUMNS:
-                    found = f"{array.shape[1]} columns in {shown(part)}"
-                    raise InputFileError(file, "file", found, f"at most {MOST_COLUMNS}")
-                axes = "xyz" if array.shape[1] == 3 else ""
-                for k, cells in enumerate(array.T.astype(float)):
-                    label = f"{part}_{axes[k] if axes else k + 1}" if several else part
-                    plain = tuple(None if math.isnan(x) else float(x) for x in cells)
-                    columns.append(ForeignColumn(label, label, "", plain))
-    rows = max((len(column.cells) for column in columns), default=0)
-    left = [column.name for column in columns if len(column.cells) != rows]
-    columns = [column for column in columns if len(column.cells) == rows]
+    arrays = {n: a for n, a in arrays.items() if a.dtype.kind in "fiub" and a.ndim == 2 and a.size}
+    # MATLAB has points as rows or as columns: a row of the table is what most arrays have as many of
+    sizes = Counter(size for a in arrays.values() for size in ({*a.shape} if min(a.shape) > 1 else {a.size}))
+    rows = max(sizes, key=lambda size: (sizes[size], size), default=0)
+    left = [name for name, array in arrays.items() if rows not in array.shape]
+    turned = [n for n, a in arrays.items() if n not in left and a.shape[0] != rows and min(a.shape) > 1]
+    columns: list[ForeignColumn] = []
+    for name, array in arrays.items():
+        if name in left:
+            continue
+        by_column = array if array.shape[0] != rows else array.T
+        if len(by_column) > MOST_COLUMNS:
+            found = f"{len(by_column)} columns in {shown(name)}"
+            raise InputFileError(file, "file", found, f"at most {MOST_COLUMNS}")
+        axes = "xyz" if len(by_column) == 3 else ""
+        for k, cells in enumerate(by_column.astype(float)):
+            label = f"{name}_{axes[k] if axes else k + 1}" if len(by_column) > 1 else name
+            plain = tuple(None if math.isnan(x) else float(x) for x in cells)
+            columns.append(ForeignColumn(label, label, "", plain))
     if rows < 1:
         raise InputFileError(
             file, "file", "no arrays of numbers", "columns of one length, or a matrix of them"
         )
     note = f"{os.path.basename(file)}: MATLAB arrays of {rows} rows"
+    note += f", which are columns of {joined(turned)}" if turned else ""
     note += f"; of another length, and not read: {joined(left)}." if left else "."
     return ForeignTable(file, tuple(columns), tuple(f"row {k + 1}" for k in range(rows)), (note,))
 
