@@ -317,7 +317,7 @@ def test_toolkit_prints_all_polygons(capsys: Any) -> None:
             ["reverse", "puma_560", "POSES", "--given", "R1"],
             "--given: for an open chain; expected a closed loop",
         ),
-        (["reverse", "RCCC", "ANGLES", "--given", "R7"], "--given: 'R7'; expected one of R1, C2.theta, C2.S"),
+        (["reverse", "RCCC", "ANGLES", "--given", "R7"], "--given: 'R7'; expected 'R1', 'C2.theta', 'C2.S"),
         (["reverse", "RCCC", "ANGLES", "--given", "R1,R1"], "--given: 'R1,R1'; expected every name once"),
         (["reverse", "RCCC", "ANGLES", "--from", "matrix"], "--from: for a closed loop"),
         (["reverse", "RCCC", "ANGLES", "--tool", "1,2,3mm"], "--tool: for a closed loop"),
@@ -327,7 +327,7 @@ def test_toolkit_prints_all_polygons(capsys: Any) -> None:
         (["mobility", "puma_560", "--plot", "FOLDER"], "a folder; expected the name of a file"),
         (
             ["mobility", "puma_560", "--plot", "x.svg", "--output", "Q"],
-            "--output: 'Q'; expected one of R1, R2,",
+            "--output: 'Q'; expected 'R1', 'R2',",
         ),
         (["mobility", "RCCC", "--plot", "RCCC"], "the input file itself"),
         (["toolkit", "octagon"], "invalid choice: 'octagon'"),

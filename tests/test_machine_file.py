@@ -1069,12 +1069,12 @@ def test_effect_that_cannot_be_added_says_why(
 
 def test_unknown_names_are_an_error() -> None:
     machine = load(GANTRY)
-    with pytest.raises(RodgenError, match="no joint 'B'; expected one of X, C"):
+    with pytest.raises(RodgenError, match="no joint 'B'; expected 'X' or 'C'"):
         machine.joint("B")
-    with pytest.raises(RodgenError, match="no target 'ball'; expected one of ball_1, ball_2"):
+    with pytest.raises(RodgenError, match="no target 'ball'; expected 'ball_1' or 'ball_2'"):
         machine.target("ball")
     with pytest.raises(
-        InputFileError, match="no 'backlash at C'; expected encoder_eccentricity at C, coupling"
+        InputFileError, match="no 'backlash at C'; expected encoder_eccentricity at C and coupling"
     ):
         machine.without_effect("backlash", "C")
 

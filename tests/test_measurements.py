@@ -287,7 +287,7 @@ MALFORMED = {
     "uncertainty of no reading": (
         one_more("u_q [deg]"),
         "line 1, column 'u_q [deg]': no reading 'q'; "
-        "expected 'u_' with one of x, y, z, or another name for a covariate",
+        "expected 'u_' with 'x', 'y' or 'z', or another name for a covariate",
     ),
     "uncertainty of a direction in millimetres": (
         f"{DIRECTION},u_ux [mm]\n1,2,1,0,0,1\n",
@@ -298,7 +298,7 @@ MALFORMED = {
     "direction of approach of no joint": (
         one_more("dir_Q"),
         "line 1, column 'dir_Q': no joint 'Q'; "
-        "expected 'dir_' with one of X, C, or another name for a covariate",
+        "expected 'dir_' with 'X' or 'C', or another name for a covariate",
     ),
     "direction of approach in another case": (
         one_more("dir_c"),
@@ -316,7 +316,7 @@ MALFORMED = {
     "velocity of no joint": (
         one_more("v_Q [deg/s]"),
         "line 1, column 'v_Q [deg/s]': no joint 'Q'; "
-        "expected 'v_' with one of X, C, or another name for a covariate",
+        "expected 'v_' with 'X' or 'C', or another name for a covariate",
     ),
     "velocity in another quantity": (
         one_more("v_C [mm/s]"),

@@ -107,7 +107,7 @@ def test_a_run_that_was_not_measured_has_no_place():
     again = Measurements.from_frame({"X [mm]": [0.0], "C [deg]": [5.0], "run": ["2"]})
     assert np.isfinite(fit.predict(again).place).all()
     other = Measurements.from_frame({"X [mm]": [0.0], "C [deg]": [5.0], "run": ["3"]})
-    with pytest.raises(InputFileError, match="run '3', which was not measured; expected one of 1, 2"):
+    with pytest.raises(InputFileError, match="run '3', which was not measured; expected '1' or '2'"):
         fit.predict(other)
 
 

@@ -214,7 +214,7 @@ WRONG = {
     "backlash@C:b=1e999": "'1e999'; expected a number",
     "backlash@C@D": "expected NAME, NAME@JOINT or NAME@JOINT:a=12arcsec,b=3arcsec",
     "backlash[1]@C:b=1": r"backlash\[1\]; expected a set-up in the column 'run', of frame_shift alone",
-    "frame_shift:x=1": "no set-up; expected one of 1, 2",
+    "frame_shift:x=1": "no set-up; expected '1', '2' or '3'",
     "frame_shift[9]:x=1": r"frame_shift\[9\]; expected a set-up",
     "periodic_drive_error@C:a=1arcsec": "no P; expected its value, in deg",
     "periodic_drive_error@C:a=1arcsec,P=-5": "hold.P",

@@ -6,7 +6,6 @@ error on the poses that a fit saw always falls; that on poses that it did not se
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -27,15 +26,12 @@ from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.words import chance, probability, three_digits
 from rodgen.data.units import readable
 from rodgen.errors import RodgenError
+from rodgen.statistics.digits import in_column
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import html_of
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
-
-
-DIGITS = 3
-"""Of the smallest error; the others have as many decimals, so that they read as a column."""
 
 
 @dataclass(frozen=True)
@@ -151,9 +147,7 @@ class Ladder:
             return "-"
         factor, _ = self._shown
         smallest = min((rung.fit.rms for rung in self.rungs if rung.fit.rms > 0), default=1.0) * factor
-        decimals = DIGITS - 1 - math.floor(math.log10(smallest))
-        value *= factor
-        return f"{value:.{decimals}f}" if 0 <= decimals <= 9 else f"{value:.{DIGITS}g}"
+        return in_column(value * factor, smallest)
 
     def __str__(self) -> str:
         return "\n".join(self._lines())

@@ -26,7 +26,7 @@ from rodgen.calibration.problem.blocks import Motion, entries
 from rodgen.data.measurements import Scan
 from rodgen.data.observations import Observations
 from rodgen.data.units import ARCSEC, parse_unit
-from rodgen.errors import InputFileError, joined, shown
+from rodgen.errors import InputFileError, listed, shown
 from rodgen.files import new_folder
 from rodgen.machines.measured import TURNS
 from rodgen.schedulers import workers
@@ -298,7 +298,7 @@ def in_known_runs(o: Observations, model: Model, runs: Sequence[str]) -> Observa
     unknown = next((name for name in o.run_names if name not in known), None)
     if unknown is not None:
         found = f"run {shown(unknown)}, which was not measured"
-        raise InputFileError(o.data.file, "column 'run'", found, f"one of {joined(known)}")
+        raise InputFileError(o.data.file, "column 'run'", found, f"{listed(known)}")
     return replace(o, run=np.array([known[name] for name in o.run_names], np.int32)[o.run])
 
 

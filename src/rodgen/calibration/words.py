@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from rodgen.data.units import readable
+from rodgen.statistics.digits import last_decimal
 from rodgen.statistics.thresholds import SMALLEST_P
 
 SMALL_FALL = 0.1
@@ -73,8 +74,8 @@ def three_digits(value: float) -> str:
 
     Examples
     --------
-    >>> three_digits(0.2), three_digits(1234.5), three_digits(2e-7)
-    ('0.200', '1234', '2e-07')
+    >>> three_digits(0.2), three_digits(0.9996), three_digits(1234.5), three_digits(2e-7)
+    ('0.200', '1.00', '1234', '2e-07')
     """
     return _with_digits(value, 3)
 
@@ -93,8 +94,8 @@ def two_digits(value: float) -> str:
 
 def _with_digits(value: float, count: int) -> str:
     if value == 0 or 1e-5 <= abs(value) < 1e6:
-        digits = count - 1 - math.floor(math.log10(abs(value))) if value else 0
-        return f"{value:.{max(digits, 0)}f}"
+        decimals = int(last_decimal(abs(value), count)) if value else 0
+        return f"{value:.{max(decimals, 0)}f}"
     return f"{value:.{count}g}"
 
 

@@ -178,7 +178,7 @@ def _compared(data: Measurements, name: str, sign: str, value: str) -> Mask:
     column: Any = data.columns.get(name)
     if column is None:
         hint = nearest_hint(name, {other: c.text for other, c in data.columns.items()})
-        raise UnexpectedError(f"no column {shown(name)} in {of}{hint}", f"one of {joined(data.columns)}")
+        raise UnexpectedError(f"no column {shown(name)} in {of}{hint}", f"{listed(data.columns)}")
     if hasattr(column, "codes"):
         names = column.names
         if sign not in {"=", "!="}:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from rodgen.data.units import readable
+from rodgen.statistics.digits import in_column
 
 _SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm", "arcsec": "arcsec"}
 
@@ -28,8 +29,7 @@ class Shown:
 
     def plain(self, value: float) -> str:
         """Write an error that is in `unit` already."""
-        decimals = 2 - math.floor(math.log10(self.smallest)) if self.smallest > 0 else 2
-        return f"{value:.{decimals}f}" if 0 <= decimals <= 7 else f"{value:.3g}"
+        return in_column(value, self.smallest)
 
 
 def shown_unit(unit: str, values: list[float | None]) -> Shown:

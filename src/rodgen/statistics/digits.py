@@ -9,11 +9,30 @@ import numpy as np
 from rodgen.array_types import Array
 
 
-def second_decimal(u: Array) -> Array:
-    """Return the decimal of the second significant digit of uncertainties above 0; below 0 it is one of tens."""
-    first = np.floor(np.log10(u))
-    first = first + (np.round(u / 10.0 ** (first - 1)) >= 100)  # 0.0997 is 0.10
-    return np.asarray(np.clip(1 - first, -300, 300))
+def last_decimal(size: Array | float, digits: int) -> Array:
+    """Return the decimal of the last of the significant digits of numbers above 0; below 0 it is one of tens.
+
+    Examples
+    --------
+    >>> last_decimal([0.231, 0.0997, 352.1], 2).tolist()  # 0.23, 0.10, 350
+    [2.0, 2.0, -1.0]
+    """
+    size = np.asarray(size, float)
+    first = np.floor(np.log10(size))
+    first = first + (np.round(size / 10.0 ** (first - digits + 1)) >= 10**digits)
+    return np.asarray(np.clip(digits - 1 - first, -300, 300))
+
+
+def in_column(value: float, smallest: float, digits: int = 3) -> str:
+    """Return a number with the decimals of a column, whose smallest number has so many significant digits.
+
+    Examples
+    --------
+    >>> in_column(12.3456, 0.9996), in_column(12.3456, 0.0), in_column(12345.6, 1e4)
+    ('12.35', '12.35', '1.23e+04')
+    """
+    decimals = int(last_decimal(smallest, digits)) if smallest > 0 else digits - 1
+    return f"{value:.{decimals}f}" if 0 <= decimals <= 9 else f"{value:.{digits}g}"
 
 
 def round_by(values: Array, u: Array) -> Array:
@@ -28,7 +47,7 @@ def round_by(values: Array, u: Array) -> Array:
     [12.346, 1230.0, 0.5]
     """
     known = np.isfinite(u) & (u > 0)
-    decimals = second_decimal(np.where(known, u, 1.0))
+    decimals = last_decimal(np.where(known, u, 1.0), 2)
     up, down = 10.0 ** np.maximum(decimals, 0), 10.0 ** np.maximum(-decimals, 0)
     found = np.round(values * up / down) / up * down
     return np.asarray(np.where(known & np.isfinite(found), found, values))
@@ -46,10 +65,10 @@ def measured(value: float, u: float | None) -> tuple[str, str]:
     """
     if u is None or not math.isfinite(u) or u <= 0:
         return f"{value:.6g}", "–"
-    decimals = int(second_decimal(np.array(u)))
+    decimals = int(last_decimal(u, 2))
     value, u = (float(x) + 0.0 for x in round_by(np.array([value, u]), np.array(u)))
     largest = max(abs(value), u)
     if largest < 1e-4 or largest >= 1e7:
-        digits = max(2, math.floor(math.log10(largest)) + decimals + 1)
+        digits = max(2, decimals - int(last_decimal(largest, 1)) + 1)
         return f"{value:.{min(digits, 12) - 1}e}", f"{u:.1e}"
     return f"{value:.{max(decimals, 0)}f}", f"{u:.{max(decimals, 0)}f}"

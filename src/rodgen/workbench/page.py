@@ -21,6 +21,7 @@ from rodgen.machines.machine import Effect
 from rodgen.output import figures
 from rodgen.output.figures.drawn_rows import DrawnRows
 from rodgen.output.numbers import noise_name
+from rodgen.statistics.digits import last_decimal
 from rodgen.workbench.actions import Add, Aside, Back, Mend
 from rodgen.workbench.drawing import Drawn, drawn, overlay
 from rodgen.workbench.keep import Keeping
@@ -236,7 +237,7 @@ class Page:
     def _fill_ladder(self) -> None:
         session, fit = self.desk.session, self.state.fit
         known = "rung" in self.state.__dict__
-        digits = max(1 - int(np.floor(np.log10(min(s.fit.rms for s in session.states) or 1.0))), 0) + 1
+        digits = max(int(last_decimal(min(s.fit.rms for s in session.states) or 1.0, 2)), 0) + 1
 
         def figure(value: float | None) -> str:
             return "–" if value is None else f"{value:.{min(digits, 9)}f}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rodgen.calibration.plan.constraints import Constraints
 from rodgen.calibration.words import NAMES
-from rodgen.errors import RodgenError, UnexpectedError, joined, shown
+from rodgen.errors import RodgenError, UnexpectedError, joined, listed, shown
 
 if TYPE_CHECKING:
     from rodgen.calibration.determinacy.undetermined import Direction
@@ -163,7 +163,7 @@ def _wanted(fit: FittedModel, text: str) -> tuple[list[str], Effect | None]:
     units = effect.units(machine)
     own = [name for name in units if not name.startswith("k_")] or list(units)
     if parts[1:] and parts[1] not in units:
-        raise PlanError(f"no parameter {shown(parts[1])} of {effect.title}", f"one of {joined(list(units))}")
+        raise PlanError(f"no parameter {shown(parts[1])} of {effect.title}", f"{listed(units)}")
     return [effect.key(name) for name in (parts[1:2] or own)], effect
 
 

@@ -20,7 +20,7 @@ from rodgen.data.observations import Observations
 from rodgen.data.poses import approach, poses
 from rodgen.data.spool import empty
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
-from rodgen.errors import InputFileError, joined, nearest_hint, shown
+from rodgen.errors import InputFileError, joined, listed, nearest_hint, shown
 from rodgen.machines.measured import MEASURANDS, NOTATIONS, TURNS
 from rodgen.stages import stage
 
@@ -248,7 +248,7 @@ class _Binder:
                 if name.startswith(prefix):
                     rest = name.removeprefix(prefix)
                     hint = nearest_hint(rest, {n: n for n in names})
-                    expected = f"{prefix!r} with one of {joined(names)}, or another name for a covariate"
+                    expected = f"{prefix!r} with {listed(names)}, or another name for a covariate"
                     raise self._wrong_column(column, f"no {what} {rest!r}{hint}", expected)
 
     # units ---------------------------------------------------------------------------------------------------

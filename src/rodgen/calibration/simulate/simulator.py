@@ -14,7 +14,7 @@ from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import open_legs
 from rodgen.data.units import ANGLE, ARCSEC, TIME, UnitError, typed_quantity, unit_factor
-from rodgen.errors import InputFileError, RodgenError, joined
+from rodgen.errors import InputFileError, RodgenError, listed
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
@@ -207,7 +207,7 @@ class Simulator:
         if run is None and effect.definition.per_run and len(runs) > 1:
             found, expected = (
                 "no set-up",
-                f"one of {joined(runs)}, such as frame_shift[{runs[-1]}]:x=0.1",
+                f"{listed(runs)}, such as frame_shift[{runs[-1]}]:x=0.1",
             )
             raise InputFileError("effect", effect.title, found, expected)
         prefix = effect.key("") if run is None else f"{effect.key('')}[{run}]"

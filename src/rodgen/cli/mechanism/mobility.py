@@ -9,7 +9,7 @@ from rodgen.cli._console import OK, Command, notify, refused, show, show_json
 from rodgen.cli._machine import add_json
 from rodgen.cli._outputs import Outputs, add_plot
 from rodgen.cli.mechanism._mechanism import MECHANISM_TEXT, add_mechanism, chain_of
-from rodgen.errors import RodgenError, joined, shown
+from rodgen.errors import RodgenError, listed, shown
 
 if TYPE_CHECKING:
     from rodgen.kinematics.spatial import Mechanism
@@ -61,7 +61,7 @@ def _check_drawing(options: argparse.Namespace, mechanism: Mechanism) -> None:
         if joint is not None and options.plot is None:
             raise refused(f"--{name}", "no --plot", "the drawing in which it is marked")
         if joint is not None and joint not in mechanism.names:
-            raise refused(f"--{name}", shown(joint), f"one of {joined(mechanism.names)}")
+            raise refused(f"--{name}", shown(joint), f"{listed(mechanism.names)}")
 
 
 def _data(mechanism: Mechanism) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from rodgen.cli.mechanism._mechanism import (
     quantity_of,
     tool_of,
 )
-from rodgen.errors import joined, shown
+from rodgen.errors import listed, shown
 
 if TYPE_CHECKING:
     from rodgen.kinematics.spatial import Reverse
@@ -140,7 +140,7 @@ def _given(options: argparse.Namespace, names: list[str]) -> list[int]:
     wanted = []
     for name in options.given.split(","):
         if name.strip() not in names:
-            raise refused("--given", shown(name.strip()), f"one of {joined(names)}")
+            raise refused("--given", shown(name.strip()), f"{listed(names)}")
         wanted.append(names.index(name.strip()))
     if len(set(wanted)) < len(wanted):
         raise refused("--given", shown(options.given), "every name once")

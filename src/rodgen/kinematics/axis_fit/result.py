@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.array_types import Array
 from rodgen.data.units import ARCSEC
 from rodgen.errors import joined
+from rodgen.statistics.digits import last_decimal
 from rodgen.views import html_of, plain
 
 
@@ -260,10 +261,10 @@ def _vector(value: Array, uncertainty: float) -> str:
     if size == 0:
         return "(0, 0, 0)"
     known = max(uncertainty if math.isfinite(uncertainty) else size * 1e-5, size * 1e-10, 5e-324)
-    digits = 1 - math.floor(math.log10(known))
+    digits = int(last_decimal(known, 2))
     if 1e-6 <= size < 1e9 and 0 <= digits <= 16:
         return "(" + ", ".join(f"{c:z.{digits}f}" for c in value) + ")"
-    figures = min(max(2 + math.floor(math.log10(size)) + digits, 3), 16)
+    figures = min(max(2 + digits - int(last_decimal(size, 1)), 3), 16)
     return "(" + ", ".join(f"{c:z.{figures - 1}e}" for c in value) + ")"
 
 

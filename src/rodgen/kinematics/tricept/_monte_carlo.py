@@ -23,6 +23,7 @@ from rodgen.kinematics.tricept._covariance import correlation_of, parameter_cova
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._parameters import PARAMETERS
 from rodgen.kinematics.tricept._uncertainty import regular_place
+from rodgen.statistics.digits import last_decimal
 from rodgen.views import html_of
 
 _BATCHES = 20
@@ -311,7 +312,4 @@ def numerical_tolerance(u: float, digits: int = 2) -> float:
     """
     if not u > 0:
         return 0.0
-    exponent = math.floor(math.log10(u)) - digits + 1
-    if round(u / 10.0**exponent) >= 10**digits:
-        exponent += 1
-    return float(f"5e{exponent - 1}")
+    return float(f"5e{-int(last_decimal(u, digits)) - 1}")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
-from rodgen.errors import RodgenError, joined
+from rodgen.errors import RodgenError, listed
 from rodgen.output.figures.style import BLUE, INK, ORANGE, PAPER, SOFT, Panel, column, describe, label
 from rodgen.output.numbers import minus
 
@@ -107,7 +107,7 @@ def planar_representation(
     figure.update_yaxes(range=list(ends[1]), visible=False)
     figure.update_layout(margin={"l": 12, "r": 12, "b": 8}, height=int(high) + 16, meta={"heights": None})
     title = mechanism.name or "".join(mechanism.joints)
-    alt = f"{title}: {'loop' if closed else 'open chain'} of the joints {joined(mechanism.names)}"
+    alt = f"{title}: {'loop' if closed else 'open chain'} of the joints {', '.join(mechanism.names)}"
     return describe(figure, "planar_representation", title, alt=alt, width=int(wide) + 40)
 
 
@@ -116,7 +116,7 @@ def _joint(mechanism: Mechanism, which: int | str | None) -> int:
         return -1
     if isinstance(which, str):
         if which not in mechanism.names:
-            raise RodgenError(f"there is no joint {which!r}; expected one of {joined(mechanism.names)}")
+            raise RodgenError(f"there is no joint {which!r}; expected {listed(mechanism.names)}")
         return mechanism.names.index(which)
     if not 0 <= which < len(mechanism.joints):
         raise RodgenError(f"there is no joint {which}; expected 0 to {len(mechanism.joints) - 1}")

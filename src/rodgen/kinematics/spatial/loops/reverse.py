@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rodgen.errors import RodgenError, joined
+from rodgen.errors import RodgenError, listed
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.spatial.arms.solve import solve_arm
@@ -149,7 +149,7 @@ def _index(mechanism: Mechanism, key: Variable) -> int:
                 return i
     elif isinstance(key, int | np.integer) and 0 <= key < len(variables):
         return int(key)
-    raise RodgenError(f"there is no variable {key!r}; expected one of {joined(names)}, or its index")
+    raise RodgenError(f"there is no variable {key!r}; expected {listed(names)}, or its index")
 
 
 def _number(key: Variable, value: ArrayLike) -> NDArray[np.float64]:
