@@ -14,6 +14,7 @@ from simulated_fits import measure
 from rodgen.calibration.fit import Fit, fit
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
+from rodgen.data.set_aside import SetAside
 from rodgen.errors import InputFileError
 from rodgen.machines.files.edit import text_with_set_aside
 from rodgen.machines.files.write import machine_text
@@ -201,6 +202,34 @@ def test_rows_are_chosen_by_number_run_and_rule(
     assert Machine.load(made) == machine
     run("bring-back", "m.toml", "data.csv", *words, "-o", "m.toml")
     assert Path("m.toml").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("rule", "comparisons"),
+    [
+        ("run = day and night", [("run", "=", "day and night")]),
+        ("run = 'day and night' and C<1 rad", [("run", "=", "day and night"), ("C", "<", "1 rad")]),
+        ("run=day and night and load >= 5 N", [("run", "=", "day and night"), ("load", ">=", "5 N")]),
+        ('run != "a and b = 2"', [("run", "!=", "a and b = 2")]),
+        ('"band and C" > 2 and T_land<3', [("band and C", ">", "2"), ("T_land", "<", "3")]),
+        ("run = a=b", [("run", "=", "a=b")]),
+    ],
+)
+def test_a_value_may_have_an_and_of_its_own(rule: str, comparisons: list[tuple[str, str, str]]) -> None:
+    assert SetAside(where=rule)._comparisons() == comparisons
+
+
+def test_a_run_of_two_words_is_set_aside_by_a_rule(capsys: pytest.CaptureFixture[str]) -> None:
+    text = Path("data.csv").read_text()
+    Path("runs.csv").write_text(text.replace(",2,3", ",day and night,3"))
+    assert main(["set-aside", "m.toml", "runs.csv", "--where", "run = day and night"]) == 0
+    assert "7 of the 40 rows of runs.csv are set aside" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("rule", ["run = 'day", "run =", "and C < 1", "C < 1 and", "C 1", "run = 'a' b"])
+def test_a_rule_that_cannot_be_read_is_refused(rule: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["set-aside", "m.toml", "data.csv", "--where", rule]) == 2
+    assert "; expected a" in capsys.readouterr().err
 
 
 def test_a_rule_that_no_row_meets_says_so(capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,9 +24,13 @@ if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
 
 _ROWS = re.compile(r"\d{1,15}(?:\s*-\s*\d{1,15})?(?:\s*,\s*\d{1,15}(?:\s*-\s*\d{1,15})?)*")
+_QUOTED = r"\"[^\"]*\"|'[^']*'"
+_NAME = rf"{_QUOTED}|(?:(?!\band\b)[^<>=!\"'])+?"
 _COMPARISON = re.compile(
-    r"\s*(?P<name>[^<>=!]*[^<>=!\s])\s*(?P<sign><=|>=|!=|=|<|>)\s*(?P<value>.*?[^\s])\s*"
+    rf"\s*(?P<name>{_NAME})\s*(?P<sign><=|>=|!=|=|<|>)\s*(?P<value>{_QUOTED}|[^\s\"'].*?)"
+    rf"(?:\s*$|\s+and\b(?=\s*(?:{_NAME})\s*[<>=!]))"
 )
+"""With the `and` after it, which another comparison follows: a value may have an `and` of its own."""
 _SIGNS: Mapping[str, Any] = {
     "<": np.less,
     "<=": np.less_equal,
@@ -36,7 +40,7 @@ _SIGNS: Mapping[str, Any] = {
     "!=": np.not_equal,
 }
 _SUCH_ROWS = 'rows such as "12, 40-43"'
-_SUCH_RULE = 'a rule such as "EL < 20 deg", or several joined by "and"'
+_SUCH_RULE = "a rule such as EL < 20 deg or run = 'day 2', or several joined by and"
 LONGEST = 200
 """Characters of a text other than a list of rows."""
 MOST_SHOWN = 60
@@ -100,10 +104,15 @@ class SetAside:
 
     def _comparisons(self) -> list[tuple[str, str, str]]:
         """Return column, sign and value of each comparison of the rule."""
-        found = [_COMPARISON.fullmatch(part) for part in re.split(r"\band\b", self.where) if self.where]
-        if None in found:
-            raise UnexpectedError(f"the rule {shown(self.where)}", _SUCH_RULE)
-        return [(each["name"], each["sign"], each["value"]) for each in found if each]
+        found, end = [], 0
+        while end < len(self.where):
+            each = _COMPARISON.match(self.where, end)
+            if each is None:
+                raise UnexpectedError(f"the rule {shown(self.where)}", _SUCH_RULE)
+            name, value = (text[1:-1] if text[0] in "\"'" else text for text in each.group("name", "value"))
+            found.append((name, each["sign"], value))
+            end = each.end()
+        return found
 
     @property
     def selects(self) -> tuple[Any, ...]:
@@ -178,12 +187,12 @@ def _compared(data: Measurements, name: str, sign: str, value: str) -> Mask:
     column: Any = data.columns.get(name)
     if column is None:
         hint = nearest_hint(name, {other: c.text for other, c in data.columns.items()})
-        raise UnexpectedError(f"no column {shown(name)} in {of}{hint}", f"{listed(data.columns)}")
+        raise UnexpectedError(f"no column {shown(name)} in {of}{hint}", listed(data.columns))
     if hasattr(column, "codes"):
         names = column.names
         if sign not in {"=", "!="}:
             raise UnexpectedError(f"{shown(sign)} with {name}, which holds names", "= or !=")
-        wanted = plain_name(value.strip("\"'"))  # which another file may not have
+        wanted = plain_name(value)  # which another file may not have
         return np.asarray(_SIGNS[sign](column.codes, names.index(wanted) if wanted in names else -1))
     found = number_and_unit(value)
     if found is None:
