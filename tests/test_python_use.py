@@ -22,6 +22,7 @@ from rodgen.errors import InputFileError, RodgenError
 from rodgen.kinematics import hexapod, instantaneous_euler, screws, spatial, three_sps_s, tricept
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.views import Records, html_of_table
 
 
 @pytest.fixture(scope="module")
@@ -164,6 +165,9 @@ def test_residuals_of_copied_rows_stand_in_the_rows_as_they_were_given(table, co
     assert fit.observations.copies == 24
     np.testing.assert_array_equal(found["C [deg]"], twice["C [deg]"])
     np.testing.assert_array_equal(found["residual_x [mm]"][24:], found["residual_x [mm]"][:24])
+    many = table.fit({name: np.tile(values, 3) for name, values in columns.items()}).residuals
+    assert many._repr_html_() == html_of_table(many.columns())
+    assert "72 rows" in many._repr_html_()
 
 
 def test_residuals_are_an_array(fit):
@@ -211,6 +215,37 @@ def test_every_result_shows_itself_in_a_notebook(table, fit, diagnosis, results)
     ]
     for one in shown:
         assert one._repr_html_().startswith("<table>")
+
+
+class Counted(list):
+    """A column that counts the cells that are read."""
+
+    read = 0
+
+    def __getitem__(self, key):
+        self.read += 1
+        return super().__getitem__(key)
+
+    def __iter__(self):
+        raise AssertionError("all cells of the column are read")
+
+
+def test_a_long_table_costs_the_rows_that_are_shown(fit):
+    column = Counted(range(10_000_000))
+    shown = html_of_table({"a": column})
+    assert column.read == 10
+    assert "<caption" in shown
+    assert [int(x) for x in re.findall(r"<td>(\d+)</td>", shown)] == [
+        *range(5),
+        *range(9_999_995, 10_000_000),
+    ]
+    calls = []
+    records = Records(range(100), lambda i: calls.append(i) or {"i": i})
+    assert records._repr_html_().count("<tr>") == 12
+    assert len(calls) == 10
+    many = fit.predict({"C [deg]": np.linspace(0, 90, 100), "target": ["far"] * 100})
+    assert many._repr_html_() == html_of_table(many.columns())
+    assert "<td>list of 10000</td>" in html_of_table({"a": [[0] * 10_000]})
 
 
 def public_classes():
@@ -413,7 +448,7 @@ ROWS = {"C [deg]": [0.0, 90.0], "x [mm]": [100.0, 0.0], "y [mm]": [0.0, 100.0], 
                 rodgen.Joint("C", "revolute", (0, 0, 1), branch="tool"),
                 rodgen.Joint("B", "revolute", (0, 1, 0), branch="workpiece"),
             ).fit(ROWS),
-            "joints: in the order A, C, B; expected from instrument to target:",
+            "joints: in the order A, C and B; expected from instrument to target:",
         ),
     ],
 )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,15 +14,26 @@ from rodgen.errors import RodgenError
 FEW = 12
 """Numbers of an array that are shown; of a larger one the shape is."""
 ROWS = 60
-"""Rows of a table that are shown, as pandas does."""
+"""Rows of a table that are shown, as pandas does ..."""
+ENDS = 5
+"""... and of a longer one the first and the last."""
 
 Item = TypeVar("Item")
 
 
 class Tabular:
-    """What has `columns()`: a DataFrame on request, and a table in a notebook."""
+    """What has `columns()`: a DataFrame on request, and a table in a notebook.
+
+    Its `shown_columns` are those of the first and last rows alone, so that a table costs what is shown.
+    """
 
     columns: Callable[[], Mapping[str, Any]]
+    shown_columns: Callable[[Sequence[int]], Mapping[str, Any]]
+
+    @property
+    def row_count(self) -> int:
+        """Number of rows of the table."""
+        raise NotImplementedError
 
     def to_pandas(self) -> Any:
         """Return :meth:`columns` as a DataFrame.
@@ -35,7 +46,7 @@ class Tabular:
         return data_frame(self.columns())
 
     def _repr_html_(self) -> str:
-        return html_of_table(self.columns())
+        return html_of_table(self.shown_columns(shown_rows(self.row_count)), count=self.row_count)
 
 
 class Records(Tabular, tuple[Item, ...]):
@@ -59,9 +70,18 @@ class Records(Tabular, tuple[Item, ...]):
     def __getnewargs__(self) -> tuple[Any, ...]:
         return tuple(self), self._record
 
+    @property
+    def row_count(self) -> int:
+        """How many there are."""
+        return len(self)
+
     def columns(self) -> dict[str, list[Any]]:
         """Return the columns of a table with a row for each."""
-        rows = [self._record(item) for item in self]
+        return self.shown_columns(range(len(self)))
+
+    def shown_columns(self, indices: Sequence[int]) -> dict[str, list[Any]]:
+        """Return the columns of a table with some of them."""
+        rows = [self._record(self[i]) for i in indices]
         return {name: [row.get(name) for row in rows] for name in dict.fromkeys(n for r in rows for n in r)}
 
 
@@ -123,13 +143,28 @@ def html_of_text(text: str) -> str:
     return f'<pre style="white-space: pre; overflow-x: auto">{html.escape(text)}</pre>'
 
 
-def html_of_table(columns: Mapping[str, Any], caption: str = "") -> str:
-    """Return columns as an HTML table, of a long one the first and the last rows."""
+def shown_rows(count: int) -> list[int]:
+    """Return the indices of the rows of a table that are shown: of a long one the first and the last."""
+    return [*range(count)] if count <= ROWS else [*range(ENDS), *range(count - ENDS, count)]
+
+
+def html_of_table(columns: Mapping[str, Any], caption: str = "", count: int | None = None) -> str:
+    """Return columns as an HTML table, of a long one the first and the last rows.
+
+    Parameters
+    ----------
+    columns : mapping of str to sequence
+    caption : str
+    count : int, optional
+        Of the rows, where the columns hold only those of `shown_rows`.
+    """
+    if count is None:
+        count = max(map(len, columns.values()), default=0)
+        columns = {name: [cells[i] for i in shown_rows(count)] for name, cells in columns.items()}
     rows = list(zip(*columns.values(), strict=True))
-    if len(rows) > ROWS:
-        gap = tuple("…" for _ in columns)
-        caption = f"{caption} {len(rows)} rows".strip()
-        rows = [*rows[:5], gap, *rows[-5:]]
+    if count > ROWS:
+        caption = f"{caption} {count} rows".strip()
+        rows.insert(ENDS, tuple("…" for _ in columns))
     head = "".join(f"<th>{html.escape(name)}</th>" for name in columns)
     lines = ("".join(f"<td>{html.escape(_cell(cell))}</td>" for cell in row) for row in rows)
     body = "".join(f"<tr>{line}</tr>" for line in lines)
@@ -144,4 +179,6 @@ def _cell(value: Any) -> str:
         return f"array of shape {value.shape}"
     if isinstance(value, np.ndarray):
         return np.array2string(value, precision=6, separator=", ")
+    if isinstance(value, list | tuple | set | frozenset | Mapping) and len(value) > FEW:
+        return f"{type(value).__name__} of {len(value)}"
     return "" if value is None else str(value)

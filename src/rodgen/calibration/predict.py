@@ -84,6 +84,17 @@ class Prediction(Tabular):
         u = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
         return np.asarray(u / factors[: u.shape[1]])
 
+    @property
+    def row_count(self) -> int:
+        """Number of places."""
+        return len(self.place)
+
+    def shown_columns(self, rows: Sequence[int]) -> dict[str, NDArray[Any]]:
+        """Return the columns of some rows."""
+        attitude = {name: values[rows] for name, values in self.attitude.items()}
+        part = replace(self, place=self.place[rows], covariance=self.covariance[rows], attitude=attitude)
+        return replace(part, determined=self.determined[rows]).columns()
+
     def columns(self, *, coverage: float | None = None, rounded: bool = False) -> dict[str, NDArray[Any]]:
         """Return the prediction as columns of a table, ``determined`` 1 or 0.
 

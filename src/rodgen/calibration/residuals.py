@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,12 +43,26 @@ class Residuals(Tabular, np.ndarray[Any, np.dtype[np.float64]]):
         TypeError
             Of an array that was computed from residuals.
         """
+        return self.shown_columns(slice(None))
+
+    @property
+    def row_count(self) -> int:
+        """Number of rows of the table."""
+        counted_as = self._source.observations.counted_as
+        return len(self if counted_as is None else counted_as)
+
+    def shown_columns(self, rows: Sequence[int] | slice) -> dict[str, Any]:
+        """Return the columns of some rows of the table."""
         from rodgen.calibration.residual_columns import residual_columns
 
+        o = self._source.observations
+        given = o.data if o.aside is None else o.aside.data
+        of = rows if o.counted_as is None or o.aside else o.counted_as[rows]
+        measured = {column.text: column.take(of).values for column in given.columns.values()}
+        return measured | {name: values[rows] for name, values in residual_columns(self._source).items()}
+
+    @property
+    def _source(self) -> FittedModel:
         if self._fit is None:
             raise TypeError("these are no longer the residuals of a fit; expected those of its attribute")
-        o = self._fit.observations
-        given = o.data if o.aside is None else o.aside.data
-        rows = slice(None) if o.counted_as is None or o.aside else o.counted_as
-        measured = {column.text: column.values[rows] for column in given.columns.values()}
-        return measured | residual_columns(self._fit)
+        return self._fit
