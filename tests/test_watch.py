@@ -395,6 +395,58 @@ def _grow(path, tail) -> None:
     )
 
 
+def _tail(path, place=None) -> Tail:
+    return Tail(str(path), follow=False, place=place, stopped=lambda: False)
+
+
+@pytest.mark.parametrize("change", ["header", "first row", "shorter", "none"])
+def test_a_file_is_known_again_by_all_that_was_read(change, tmp_path) -> None:
+    """A file is longer than what is read at once; what changes keeps its length."""
+    path = tmp_path / "grows.csv"
+    rows = [f"{k:05},{k}\n" for k in range(10_000)]
+    path.write_text("".join(["\na [mm],b\n", *rows]))
+    with contextlib.closing(_tail(path)) as tail:
+        assert sum(lines.text.count(b"\n") for lines in tail) == len(rows)
+        place = json.loads(json.dumps(tail.place))
+    text = path.read_text() + "7,7\n"
+    changes = {"header": ("[mm]", "[um]"), "first row": ("00000,0", "00000,1"), "shorter": (rows[-1], "")}
+    path.write_text(text.replace(*changes.get(change, ("", ""))))
+    with contextlib.closing(_tail(path, place)) as tail:
+        found = next(iter(tail))
+    if change == "none":
+        assert (found.header, found.text, found.first) == (b"a [mm],b", b"7,7\n", len(rows) + 3)
+    else:
+        assert found.notice == "is another file than before, and is read from its beginning"
+        assert found.first == 3
+
+
+def test_a_file_that_ends_before_its_header_is_read_from_there(tmp_path) -> None:
+    path = tmp_path / "grows.csv"
+    path.write_text("\n\n")
+    with contextlib.closing(_tail(path)) as tail:
+        assert not [lines for lines in tail if lines.text]
+        place = tail.place
+    path.write_text("\n\na,b\n1,2\n")
+    with contextlib.closing(_tail(path, place)) as tail:
+        (found,) = tail
+    assert (found.header, found.text, found.first) == (b"a,b", b"1,2\n", 4)
+
+
+def test_an_unfinished_line_that_is_taken_back_leaves_no_trace(tmp_path) -> None:
+    path = tmp_path / "grows.csv"
+    path.write_text("a,b\n1,2\n3,45")
+    with contextlib.closing(Tail(str(path), follow=True, place=None, stopped=lambda: False)) as whole:
+        tail = iter(whole)
+        assert next(tail).text == b"1,2\n"
+        assert next(tail).text == b""
+        path.write_text("a,b\n1,2\n")  # written again, without the half line
+        assert next(tail).text == b""
+        with path.open("a") as stream:
+            stream.write("6,7\n")
+        found = next(line for line in tail if line.text)
+        assert (found.text, found.first, found.notice) == (b"6,7\n", 3, "")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_a_watch_with_its_state_whole(files, number, code) -> None:

@@ -19,8 +19,6 @@ AT_ONCE = 1 << 14
 """Bytes that are read at once: some hundred rows, after which a signal is heard."""
 POLL = 0.2
 """Seconds between two looks at a file that does not grow."""
-COMPARED = 4096
-"""Bytes before the place that was reached by which a file is known again."""
 LONGEST = 1 << 20
 """Bytes without the end of a line that are no row of a table."""
 
@@ -67,11 +65,16 @@ class Tail:
         self.file = "standard input" if file == "-" else file
         self._follow, self._stopped = follow, stopped
         self._stdin = file == "-"
-        self._header, self._next, self._offset, self._rest = b"", 1, 0, b""
         self._notice = ""
-        self._stream = self._open()
+        self._begin()
         if place is not None and not self._stdin:
             self._go_to(place)
+
+    def _begin(self) -> None:
+        """Open the file at its beginning."""
+        self._header, self._next, self._offset, self._rest = b"", 1, 0, b""
+        self._hash = hashlib.sha256()
+        self._stream = self._open()
 
     def _open(self) -> IO[bytes]:
         if not self._stdin:
@@ -83,32 +86,23 @@ class Tail:
     @property
     def place(self) -> dict[str, Any]:
         """How far the lines that were handed out reach, as plain data."""
-        return {"offset": self._offset, "line": self._next, "before": self._before(self._offset)}
-
-    def _before(self, offset: int) -> str:
-        """Return a hash of the header and of what stands before a place."""
-        if self._stdin:
-            return ""
-        try:
-            with open_input(self.file, READABLE) as stream:
-                stream.seek(max(offset - COMPARED, 0))
-                text = stream.read(min(offset, COMPARED))
-        except OSError as error:
-            raise unreadable(self.file, error, READABLE) from None
-        return hashlib.sha256(text).hexdigest()
+        return {"offset": self._offset, "line": self._next, "before": self._hash.hexdigest()}
 
     def _go_to(self, place: Mapping[str, Any]) -> None:
-        offset = int(place["offset"])
-        if self._before(offset) != place["before"]:
+        """Go on from a place if all that stands before it, the header too, is as it was."""
+        try:
+            while (left := int(place["offset"]) - self._offset) > 0:
+                text = self._stream.read(min(left, AT_ONCE)) if self._header else self._stream.readline(left)
+                if not text:
+                    break
+                for _ in self._handed(text):
+                    pass
+        except OSError as error:
+            raise unreadable(self.file, error, READABLE) from None
+        if self.place != place:
             self._notice = "is another file than before, and is read from its beginning"
-            return
-        for lines in self._whole_lines():  # the header
-            if self._header:
-                break
-            del lines
-        self._rest = b""
-        self._stream.seek(offset)
-        self._offset, self._next = offset, int(place["line"])
+            self._stream.close()
+            self._begin()
 
     def __iter__(self) -> Iterator[Lines]:
         """Yield lines as they come; where none have come for a while, none, so that a caller may do other things."""
@@ -142,12 +136,14 @@ class Tail:
         """Yield lines without the header, which is kept, and count them."""
         while whole and not self._header:
             line, end, rest = whole.partition(b"\n")
+            self._hash.update(line + end)
             self._offset, self._next = self._offset + len(line) + len(end), self._next + 1
             whole = rest
             if line.strip():
                 self._header = line.removeprefix(b"\xef\xbb\xbf").rstrip(b"\r")
         if whole:
             first = self._next
+            self._hash.update(whole)
             self._offset, self._next = self._offset + len(whole), first + whole.count(b"\n")
             yield Lines(self._header, whole, first)
 
@@ -173,10 +169,12 @@ class Tail:
         elif now.st_size < self._offset:
             self._notice = "became shorter, and is read from its beginning"
         else:
+            if now.st_size < self._offset + len(self._rest):  # the unfinished last line was taken back
+                self._stream.seek(self._offset)
+                self._rest = b""
             return False
         self._stream.close()
-        self._stream = self._open()
-        self._header, self._next, self._offset, self._rest = b"", 1, 0, b""
+        self._begin()
         return True
 
     def close(self) -> None:
