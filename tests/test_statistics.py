@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +10,6 @@ from scipy import interpolate, optimize, stats
 
 from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
 from rodgen.statistics.columns import ColumnSpace, Coordinates
-from rodgen.statistics.compiled_scipy import cholesky_banded, solve_triangular_band, solveh_banded
 from rodgen.statistics.kurtosis import kurtosis_tail
 from rodgen.statistics.leave_out import LeaveOut, group_slices, undo_leverage
 from rodgen.statistics.maximum import climb
@@ -27,38 +24,6 @@ GROUPS = {"t": slice(0, 2), "r": slice(2, 3)}
 
 def unit(columns: np.ndarray) -> np.ndarray:
     return columns / np.linalg.norm(columns, axis=0)
-
-
-# SciPy's compiled functions -----------------------------------------------------------------------------------------
-
-
-def test_functions_of_scipy_come_without_their_packages_and_are_the_same_with_them() -> None:
-    code = (
-        "import sys\n"
-        "from rodgen.statistics import compiled_scipy\n"
-        "assert not {'scipy.special', 'scipy.linalg'} & set(sys.modules)\n"
-        "import scipy.special, scipy.linalg, scipy.linalg.lapack\n"
-        "assert scipy.special.betainc is compiled_scipy.special.betainc\n"
-        "assert scipy.linalg.lapack.dpbtrf is compiled_scipy._lapack.dpbtrf\n"
-        "assert compiled_scipy._compiled('scipy.special', 'scipy.special._ufuncs', 'scipy.special') is scipy.special\n"
-        "del sys.modules['scipy.special']\n"
-        "assert compiled_scipy._compiled('scipy.special', 'scipy.special.moved', 'scipy.special').betainc\n"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_solutions_with_a_band_are_those_with_the_whole_matrix() -> None:
-    band = np.array([[4.0, 5.0, 6.0, 7.0], [1.0, -1.0, 2.0, 0.0]])
-    whole = np.diag(band[0]) + np.diag(band[1, :-1], -1) + np.diag(band[1, :-1], 1)
-    side = np.arange(8.0).reshape(4, 2)
-    factor = cholesky_banded(band)
-    lower = np.diag(factor[0]) + np.diag(factor[1, :-1], -1)
-    np.testing.assert_allclose(lower @ lower.T, whole, rtol=1e-15, atol=1e-15)
-    np.testing.assert_allclose(lower @ solve_triangular_band(factor, side), side, rtol=1e-14, atol=1e-15)
-    np.testing.assert_allclose(whole @ solveh_banded(band, side), side, rtol=1e-14, atol=1e-14)
-    for solve in (cholesky_banded, lambda band: solveh_banded(band, side)):
-        with pytest.raises(np.linalg.LinAlgError, match="order 2 is not positive definite"):
-            solve(np.array([[1.0, 1.0, 1.0, 1.0], [2.0, 0.0, 0.0, 0.0]]))
 
 
 # distributions -----------------------------------------------------------------------------------------------------

@@ -203,7 +203,7 @@ def _against_priors(fit: FittedModel, priors: list[int]) -> Iterator[str]:
     A fit is off a prior of variance P by P/(P + D) of what the readings, of variance D, say; the variance of that is P
     less the variance of the fit.
     """
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     precision = fit.problem.file_values.precision[priors]
     off = (fit.solution.theta[priors] - fit.problem.file_values.centre[priors]) * precision

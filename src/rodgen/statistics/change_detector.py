@@ -197,7 +197,7 @@ class ChangeDetector:
 
     def distance_of(self, probability: float) -> float:
         """Return the distance, in standard deviations, that a good reading exceeds with a probability."""
-        from rodgen.statistics.compiled_scipy import special
+        from scipy import special
 
         return float(np.sqrt(special.chdtri(self.components, probability)))
 
@@ -519,7 +519,7 @@ def _kept(far: Array, components: int) -> Array:
 
 
 def _bounds(components: int) -> Array:
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     return np.asarray(np.sqrt(special.chdtri(components, 1 - np.array(WATCH.bins))))
 
@@ -532,7 +532,7 @@ def _counted(far: Array, components: int) -> Array:
 
 def _typical(bins: Array, components: int) -> float:
     """Return the standard deviation at which such counts are likeliest."""
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     tried = np.geomspace(0.05, 20, 241)
     below = special.chdtr(components, (_bounds(components) / tried[:, None]) ** 2)
@@ -541,7 +541,7 @@ def _typical(bins: Array, components: int) -> float:
 
 
 def _log_dirichlet(counts: Array) -> float:
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     return float(np.sum(special.gammaln(counts)) - special.gammaln(np.sum(counts)))
 

@@ -259,15 +259,22 @@ class Coordinates:
         self.triangle = np.triu(self._reflectors.T[: len(self._scales)])
 
     def of(self, values: Array) -> Array:
-        """Return the coordinates Qᵀ values, (min(N, k),), of values (N,)."""
-        from rodgen.statistics.compiled_scipy import apply_reflectors
+        """Return the coordinates Qᵀ values, (min(N, k),), of values (N,).
 
-        count = len(self._scales)
-        return (
-            apply_reflectors(self._reflectors, self._scales, values[:, None])[:count, 0]
-            if count
-            else values[:0]
-        )
+        Raises
+        ------
+        ValueError
+            When the values are not N: LAPACK reads and writes by their number.
+        """
+        from scipy.linalg.lapack import dormqr
+
+        count, rows = len(self._scales), self._reflectors.shape[1]
+        if values.shape != (rows,):
+            raise ValueError(f"values have shape {values.shape}; expected ({rows},)")
+        if not count:
+            return values[:0]
+        found, _, _ = dormqr("L", "T", self._reflectors[:count].T, self._scales, values[:, None], 64)
+        return np.asarray(found[:count, 0])
 
 
 @dataclass(frozen=True)

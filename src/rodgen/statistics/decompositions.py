@@ -7,6 +7,7 @@ packages from here upwards decompose by these functions, so that no matrix of me
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -31,9 +32,11 @@ def svd(matrix: Array, *, full_matrices: bool = False) -> tuple[Array, Array, Ar
     try:
         u, s, vt = np.linalg.svd(matrix, full_matrices=full_matrices)
     except np.linalg.LinAlgError:
-        from rodgen.statistics.compiled_scipy import gesvd
+        from scipy import linalg
 
-        u, s, vt = _each(matrix, lambda one: gesvd(one, full_matrices=full_matrices))
+        u, s, vt = _each(
+            matrix, lambda one: linalg.svd(one, full_matrices=full_matrices, lapack_driver="gesvd")
+        )
     return u, s, vt
 
 
@@ -62,9 +65,9 @@ def eigh(matrix: Array) -> tuple[Array, Array]:
     try:
         values, vectors = np.linalg.eigh(matrix)
     except np.linalg.LinAlgError:
-        from rodgen.statistics.compiled_scipy import syev
+        from scipy import linalg
 
-        values, vectors = _each(matrix, syev)
+        values, vectors = _each(matrix, lambda one: linalg.eigh(one, driver="ev"))
     return values, vectors
 
 
@@ -110,5 +113,5 @@ def _each(matrix: Array, decompose: Callable[[Array], tuple[Array, ...]]) -> tup
     if not np.isfinite(matrix).all():
         raise np.linalg.LinAlgError("a matrix to decompose has an entry that is not finite")
     stack = matrix.shape[:-2]
-    parts = zip(*map(decompose, matrix.reshape(-1, *matrix.shape[-2:])), strict=True)
+    parts = zip(*map(decompose, matrix.reshape(math.prod(stack), *matrix.shape[-2:])), strict=True)
     return tuple(np.stack(part).reshape(*stack, *part[0].shape) for part in parts)

@@ -165,7 +165,7 @@ def _alike(ratio: Array, degrees: Array) -> float:
     ratio, degrees : ndarray, shape (N,)
         Of each series, and its degrees of freedom.
     """
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     x, own = np.clip(ratio, 1e-12, CENSORED), degrees / 2
     log = []
@@ -225,7 +225,7 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array, repeat: tupl
         size: Array, variance: Array, squares: Array, fourths: Array, factor: Array, known_with: Array
     ) -> Array:
         """Return p of contrasts, given their variances, Σc² and Σc⁴s⁴/ν, and a factor and its degrees of freedom."""
-        from rodgen.statistics.compiled_scipy import special
+        from scipy import special
 
         spread = fourths + squares**2 * of_omega
         dof = np.clip(

@@ -25,7 +25,7 @@ def f_tail(ratio: float, numerator: float, denominator: float) -> float:
     >>> round(f_tail(4.0, 1, 10), 6)
     0.073388
     """
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     return float(
         special.betainc(denominator / 2, numerator / 2, denominator / (denominator + numerator * ratio))
@@ -73,7 +73,7 @@ def log10_p_of_fall(fall: float, left: float, numerator: float, denominator: flo
     >>> round(log10_p_of_fall(4.0, 10.0, 1, 10), 6), round(log10_p_of_fall(1e4, 1e3, 2, 1000))
     (-1.134375, -521)
     """
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     if not fall > 0 or denominator < 1:
         return 0.0

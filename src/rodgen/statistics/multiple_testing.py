@@ -40,7 +40,7 @@ def effective_tests(bases: Sequence[Array], residual_dof: int, base: Array | Non
     correction 1 - (1 - p)ⁿ = α solved for n. The residuals are drawn in the N coordinates of the bases, so that
     rounding of the bases changes the result by as little.
     """
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     if not bases:
         return 1.0

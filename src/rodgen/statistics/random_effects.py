@@ -67,7 +67,7 @@ def population(values: Array, std: Array) -> Population:
     >>> round(found.mean, 3), found.odd.tolist(), round(float(found.shrunk[0]), 3)
     (2.0, [False, False, False, False, False, True], 1.016)
     """
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     n = len(values)
     distance = np.abs(values - np.median(values))
@@ -137,7 +137,7 @@ def _p_values(values: Array, std: Array, kept: Mask, variance: float) -> Array:
     with the degrees of freedom of Satterthwaite (1946). A subject that was among those estimated from is held against
     the others (externally studentised).
     """
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     each = variance + std**2
     weight = np.where(kept, 1 / each, 0.0)

@@ -644,7 +644,7 @@ class WatchPolicy(NamedTuple):
 
     def clip(self, components: int) -> float:
         """Return the length of a reading's error, in standard deviations, beyond which it is clipped."""
-        from rodgen.statistics.compiled_scipy import special
+        from scipy import special
 
         return math.sqrt(float(special.chdtri(components, self.clipped)))
 

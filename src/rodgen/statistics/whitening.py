@@ -203,12 +203,13 @@ class SharedMotion:
         yield along, along
         free = np.flatnonzero(deviations.wander)
         if len(free):
-            from rodgen.statistics.compiled_scipy import solveh_banded
-
             along = deviations.wander[free][:, None] * onto[:, free]
             band = _Chain.of(self.poses.gap, deviations.time).band(1)
             side = along.reshape(self.poses.count, -1)
-            yield along.reshape(-1, K), solveh_banded(band, side).reshape(-1, K)
+            yield (
+                along.reshape(-1, K),
+                _solved(band, side).reshape(-1, K),
+            )
 
     def drawn(self, deviations: MotionDeviations, count: int, random: np.random.Generator) -> Array:
         """Return errors, (n, m, count), drawn independently, of a motion that goes on from run to run."""
@@ -467,12 +468,10 @@ class _Chain:
 
     def covariance_of_slope(self, values: Array) -> Array:
         """Return the covariance, times the derivative of its inverse, times values, (P, k)."""
-        from rodgen.statistics.compiled_scipy import solveh_banded
-
         side = self.diagonal_slope[:, None] * values
         side[1:] += self.off_diagonal_slope[1:, None] * values[:-1]
         side[:-1] += self.off_diagonal_slope[1:, None] * values[1:]
-        return solveh_banded(self.band(1), side)
+        return _solved(self.band(1), side)
 
     def band(self, k: int) -> Array:
         """Return its lower band, of k processes that are independent of each other."""
@@ -502,23 +501,34 @@ def _information(gap: Array, gram: Array, deviations: MotionDeviations, free: In
 
 
 def _triangle(band: Array) -> Array:
-    from rodgen.statistics.compiled_scipy import cholesky_banded
+    from scipy.linalg import cholesky_banded
 
-    return cholesky_banded(band)
+    return np.asarray(cholesky_banded(band, lower=True, check_finite=False))
+
+
+def _solved(band: Array, side: Array) -> Array:
+    """Solve with a positive definite band. `scipy.linalg.solveh_banded` does not solve one equation."""
+    from scipy.linalg import cho_solve_banded
+
+    return np.asarray(cho_solve_banded((_triangle(band), True), side, check_finite=False))
 
 
 def _forward(factor: Array, side: Array) -> Array:
     """Solve a lower triangular band."""
-    from rodgen.statistics.compiled_scipy import solve_triangular_band
+    from scipy.linalg import solve_banded
 
-    return solve_triangular_band(factor, side)
+    return np.asarray(solve_banded((len(factor) - 1, 0), factor, side, check_finite=False))
 
 
 def _backward(factor: Array, side: Array) -> Array:
     """Solve with the transpose of a lower triangular band."""
-    from rodgen.statistics.compiled_scipy import solve_triangular_band
+    from scipy.linalg import solve_banded
 
-    return solve_triangular_band(factor, side, transposed=True)
+    b, n = factor.shape
+    upper = np.zeros_like(factor)
+    for d in range(min(b, n)):
+        upper[-1 - d, d:] = factor[d, : n - d]
+    return np.asarray(solve_banded((0, b - 1), upper, side, check_finite=False))
 
 
 def _inverse_blocks(band: Array, factor: Array, k: int) -> tuple[Array, Array]:

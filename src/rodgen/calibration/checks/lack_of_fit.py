@@ -116,7 +116,7 @@ def _against_replicates(fit: FittedModel, pure: Replicates) -> LackOfFit | None:
 
 def _against_stated(fit: FittedModel) -> LackOfFit | None:
     """Return the test of the residuals against the stated noise; None where no degree of freedom is left."""
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     o, left = fit.observations, fit.degrees_of_freedom
     if left < 1:

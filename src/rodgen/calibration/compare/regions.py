@@ -66,7 +66,7 @@ class Worst:
 
 def worst_regions(sample: Sample, covariates: Sequence[Driver]) -> list[Worst]:
     """Return for each covariate, except targets, its worst region; the clearest first."""
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     square = np.mean(sample.shown**2, axis=1)
     pose = sample.pose[sample.cell]

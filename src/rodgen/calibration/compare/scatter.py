@@ -125,7 +125,7 @@ def tails(sample: Sample, search: Search) -> list[Tails]:
 
 def far(sample: Sample, search: Search) -> Far | None:
     """Return the residual that is farthest out."""
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     errors = np.abs(_errors(sample, search))
     cell, c = divmod(int(np.nanargmax(errors)), errors.shape[1])

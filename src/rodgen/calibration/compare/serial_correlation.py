@@ -57,7 +57,7 @@ def serial_correlation(space: ProjectedResiduals, c: int) -> SerialCorrelation |
     c : int
         The component.
     """
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     sample = space.sample
     follows = sample.follows
@@ -124,7 +124,7 @@ class RandomWalk:
     """
 
     def __init__(self, sample: Sample, ratio: float) -> None:
-        from rodgen.statistics.compiled_scipy import cholesky_banded
+        from scipy.linalg import cholesky_banded
 
         self.sample = sample
         self.ratio = ratio
@@ -132,13 +132,13 @@ class RandomWalk:
         covariance = np.zeros((2, len(steps)))
         covariance[0] = 2 + ratio * steps
         covariance[1, :-1] = -1.0
-        self._factor = cholesky_banded(covariance)
+        self._factor = cholesky_banded(covariance, lower=True, check_finite=False)
 
     def steps(self, values: Array) -> Array:
         """Return independent steps, (P - 1, k), of values by pose, (P, k)."""
-        from rodgen.statistics.compiled_scipy import solve_triangular_band
+        from scipy.linalg import solve_banded
 
-        return solve_triangular_band(self._factor, np.diff(values, axis=0))
+        return np.asarray(solve_banded((1, 0), self._factor, np.diff(values, axis=0), check_finite=False))
 
     @property
     def log_determinant(self) -> float:

@@ -312,7 +312,7 @@ def _vocabulary(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
 
 
 def _words(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     o, machine = sensitivities.observations, sensitivities.fit.machine
     names: dict[str, Any] = {"pi": np.pi, "t": o.t, "F": o.load}

@@ -127,7 +127,7 @@ def _needed(dof: int, residual_dof: int, log_level: float) -> float:
 
     The fall must be beyond chance, and the error on poses left out must fall noticeably.
     """
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     level = max(float(np.exp(log_level)), 1e-300)
     beyond_chance = dof * float(special.fdtri(dof, residual_dof, 1 - level)) if level > 1e-14 else np.inf

@@ -76,7 +76,7 @@ class EffectEstimates:
 
     def significance(self, effect: Effect) -> float:
         """Return the p-value of an effect, by Wald's test of the hypothesis that all its parameters are zero."""
-        from rodgen.statistics.compiled_scipy import special
+        from scipy import special
 
         final = self.final
         searched = [p.searched for p in final.parameters]

@@ -87,14 +87,14 @@ def _weighted_fit(basis: Array, residual: Array, weight: Array) -> tuple[Array, 
 
 
 def _scale(size: Array, m: int) -> float:
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     return float(np.median(size) / np.sqrt(special.chdtri(m, 0.5)))
 
 
 def _cut(n: int, m: int, residual_dof: int) -> float:
     """Return the size, in scales, that the largest of all good rows exceeds in one of a hundred data sets."""
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     quantile = special.fdtri(m, max(residual_dof, 2), 1 - OUTLIERS.false_alarm / n)
     return float(np.sqrt(m * quantile)) * median_factor(residual_dof)
@@ -170,7 +170,7 @@ def are_neighbours(outliers: Mask, drivers: list[Array]) -> bool:
     -----
     The number of neighbours that are both outliers is tested against that of a random order, which is Poisson.
     """
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     k, n = int(outliers.sum()), len(outliers)
     if k < 3:

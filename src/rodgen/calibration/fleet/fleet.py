@@ -404,7 +404,7 @@ def _kind(title: str, machines: Sequence[FleetMachine]) -> Kind:
 
 def _there_on_average(parameters: Sequence[FleetParameter]) -> list[FleetParameter]:
     """Return the parameters of effects whose mean over all machines is beyond chance."""
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     some = [p for p in parameters if p.effect]
     sizes = np.array([abs(p.population.mean) / p.population.mean_std for p in some])

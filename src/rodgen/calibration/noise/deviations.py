@@ -52,7 +52,7 @@ class StandardDeviation:
     @classmethod
     def of(cls, variance: float, degrees_of_freedom: float, factor: float = 1.0) -> StandardDeviation:
         """Return the root of a variance, times a factor, with its interval."""
-        from rodgen.statistics.compiled_scipy import special
+        from scipy import special
 
         value = factor * float(np.sqrt(variance))
         low, high = (

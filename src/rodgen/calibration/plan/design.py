@@ -205,7 +205,7 @@ class Task:
 
         The data leave the parameters of the true model open to some extent: it is the mean over many of their values.
         """
-        from rodgen.statistics.compiled_scipy import special
+        from scipy import special
 
         a, b = self.coordinates[pair.true], self.coordinates[pair.wrong]
         d = pair.difference(models).ravel()

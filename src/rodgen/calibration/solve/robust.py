@@ -192,7 +192,7 @@ class _OutlierSearch:
         self.cut = self._cut(residual_dof) if self.enough_rows else math.inf
 
     def _cut(self, residual_dof: int) -> float:
-        from rodgen.statistics.compiled_scipy import special
+        from scipy import special
 
         chance = ROBUST.false_alarm / self.n
         if self.stated:
@@ -228,7 +228,7 @@ class _OutlierSearch:
 
     def rough_scale(self, size: Array) -> float:
         """Return s from the median; rather too large in small samples."""
-        from rodgen.statistics.compiled_scipy import special
+        from scipy import special
 
         factor = median_factor(len(size) - self.p / self.m)
         return self._at_least(float(np.median(size)) / math.sqrt(special.chdtri(self.m, 0.5)) * factor)
@@ -305,7 +305,7 @@ class _OutlierSearch:
         Of the rows of a small data set the best few may agree very well by chance. So the fall of the cost, with as
         many degrees of freedom as the outliers have, must be improbable over all ways to choose as many rows.
         """
-        from rodgen.statistics.compiled_scipy import special
+        from scipy import special
 
         k = int(best.outliers.sum())
         gone, residual_dof = self.m * k, self.m * (self.n - k) - self.p

@@ -91,7 +91,7 @@ def _quantiles(
     selected: Collection[int],
 ) -> None:
     """Add the residuals of one component, of all rows, (n,) before and after, over normal quantiles."""
-    from rodgen.statistics.compiled_scipy import special
+    from scipy import special
 
     for (name, _), r in zip(rows.sides, values, strict=True):
         good = np.flatnonzero(~rows.outlier & np.isfinite(r))
