@@ -177,8 +177,11 @@ class _Parts:
                 self.pairs.setdefault(args[0], {})[op] = n
         levels = [[n for n in each if program.seeded[n] is seeded] for seeded in (False, True)]
         parts = [[level[at : at + PART] for at in range(0, len(level), PART)] for level in levels]
-        if program.by_row and not parts[1]:
-            parts[1].append([])
+        parts[0] = parts[0] or [
+            []
+        ]  # what is done once a row: results that no operation makes are stored there
+        if program.by_row:
+            parts[1] = parts[1] or [[]]
         self.first_seeded = len(parts[0])
         self.part = {n: at for at, part in enumerate([*parts[0], *parts[1]]) for n in part}
         for pair in self.pairs.values():
@@ -192,7 +195,7 @@ class _Parts:
                     again = program.seeded[n] and not program.seeded[a]
                     self.last[a] = max(self.last.get(a, 0), len(self.part) if again else self.part[n])
         places: dict[int, list[str]] = {}
-        self.lines = [list[str]() for _ in (*parts[0], *parts[1])] or [[]]
+        self.lines = [list[str]() for _ in (*parts[0], *parts[1])]
         for output, values in enumerate(program.results.values()):
             for component, x in enumerate(values):
                 place = _place(program, output, component)
@@ -206,7 +209,7 @@ class _Parts:
     def fill(self, parts: Sequence[Sequence[int]], places: Mapping[int, Sequence[str]]) -> None:
         """Write the lines; a result is stored right after its line."""
         free: list[int] = []
-        for at, (lines, part) in enumerate(zip(self.lines, parts, strict=False)):
+        for at, (lines, part) in enumerate(zip(self.lines, parts, strict=True)):
             free += [self.room.pop(a) for a in list(self.room) if self.last[a] < at]
             for n in part:
                 op, *args = self.program.operations[n]

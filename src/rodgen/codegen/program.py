@@ -73,7 +73,7 @@ class Program:
     def columns(self) -> int:
         """Columns of the Jacobian where the outputs are residuals, (m,), and their Jacobian, (m, columns), else 0."""
         match list(self.outputs.values()):
-            case [(height,), (rows, columns)] if rows == height:
+            case [(height,), (rows, columns)] if rows == height > 0:
                 return columns
         return 0
 

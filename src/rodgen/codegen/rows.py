@@ -163,7 +163,16 @@ class RowKernel:
         Returns
         -------
         array or tuple of arrays (sets, count, ...)
+
+        Raises
+        ------
+        TypeError
+            For a wrong number of arguments; a kernel without other inputs has no sets of them.
+        ValueError
+            When a shape does not fit.
         """
+        if not shared:
+            raise TypeError(f"{self.name}: one argument; expected sets of other inputs")
         rows = np.ascontiguousarray(rows, np.float64)
         sets, count = len(shared[0]), len(rows)
         of_sets = np.broadcast_to(rows, (sets, *rows.shape)).reshape(sets * count, *rows.shape[1:])
@@ -186,8 +195,20 @@ class RowKernel:
         -------
         list of array (sum of counts, ...)
             Of each output.
+
+        Raises
+        ------
+        TypeError
+            For a wrong number of arguments.
+        ValueError
+            When a shape does not fit, or the rows or the values are not those of the sets.
         """
         rows = np.ascontiguousarray(rows, np.float64)
+        if sum(counts) != len(rows):
+            raise ValueError(f"{self.name}: {len(rows)} rows; expected {sum(counts)}, the sum of the counts")
+        for values, port in zip(shared, list(self.inputs)[1:], strict=False):
+            if len(values) != len(counts):
+                raise ValueError(f"{self.name}: {len(values)} sets of {port}; expected {len(counts)}")
         results = [np.empty((len(rows), *shape)) for shape in self.outputs.values()]
         if self._evaluate_each is None or not len(rows) or len(counts) == 1:
             ends = np.cumsum(counts)
