@@ -24,9 +24,12 @@ from rodgen.codegen import Kernel, KernelBuilder, KernelError, _rows_source, tap
 from rodgen.codegen import build_cache as _build_cache
 from rodgen.codegen import rows as rows_module
 from rodgen.codegen._rows_source import c_source
+from rodgen.codegen.build_cache import source_hash
 from rodgen.codegen.from_sympy import programs_of
 from rodgen.codegen.program import Program
 from rodgen.codegen.rows import RowKernel, row_kernels
+from rodgen.machines import model
+from rodgen.machines.machine import Machine
 from rodgen.symbolic import EPS, LARGEST, power_of_two_scale, select
 
 JOINTS = 6
@@ -493,6 +496,17 @@ def test_arguments_that_do_not_fit_are_refused(straight, arguments, out, error, 
         straight(*arguments, out=out)
 
 
+def test_sets_that_are_not_those_of_the_rows_are_refused(straight):
+    rows, values = np.ones((4, 2)), np.ones((2, 2))
+    assert [a.shape for a in straight.in_sets(rows, [3, 1], values)] == [(4,)]
+    with pytest.raises(ValueError, match="line: 4 rows; expected 3, the sum of the counts"):
+        straight.in_sets(rows, [2, 1], values)
+    with pytest.raises(ValueError, match="line: 2 sets of p; expected 3"):
+        straight.in_sets(rows, [2, 1, 1], values)
+    with pytest.raises(TypeError, match="line: one argument; expected sets of other inputs"):
+        straight.several(rows)
+
+
 def test_out_that_overlaps_an_input_is_refused(straight):
     rows = np.ones((2, 2))
     with pytest.raises(ValueError, match="out for y overlaps an input"):
@@ -551,9 +565,27 @@ def test_made_once_for_a_key(cache, monkeypatch, level):
 def test_another_text_of_the_generator_is_another_key(cache, monkeypatch):
     make, calls = counting(lambda: [line()])
     row_kernels("one", make, shared=["p"])
-    monkeypatch.setattr(rows_module, "_generator", lambda: "another text")
+    monkeypatch.setattr(rows_module, "source_hash", lambda *_: "another text")
     row_kernels("one", make, shared=["p"])
     assert len(calls) == 2
+
+
+@pytest.mark.parametrize(
+    "path", ["effects/_formula_parser.py", "effects/_formula_limits.py", "../data/units.py"]
+)
+def test_another_text_of_what_gives_a_formula_its_meaning_is_another_key(tmp_path, monkeypatch, path):
+    home = Path(model.__file__).parent
+    monkeypatch.setattr(model, "_HOME", tmp_path / "machines")
+    for folder in (home, home.parent / "data"):
+        shutil.copytree(folder, tmp_path / folder.name)
+    structure = Machine.load(home.parents[2] / "examples/machines/mount/machine.toml").structure
+    before = model._key(structure)
+    source_hash.cache_clear()
+    assert model._key(structure) == before
+    with (tmp_path / "machines" / path).open("a") as file:
+        file.write("#")
+    source_hash.cache_clear()
+    assert model._key(structure) != before
 
 
 @needs_compiler
@@ -623,12 +655,17 @@ def test_numpy_that_is_asked_for_is_no_surprise(monkeypatch):
     assert notices == []
 
 
+def rewritten(path: Path, change: Callable[[bytes], bytes]) -> None:
+    """Put another file in the place of one: of a library that this process has loaded no byte may go."""
+    content = change(path.read_bytes())
+    path.unlink()
+    path.write_bytes(content)
+
+
 SPOIL = {
-    "cut": lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2]),
-    "bit": lambda path: path.write_bytes(
-        path.read_bytes()[:3000] + bytes([path.read_bytes()[3000] ^ 4]) + path.read_bytes()[3001:]
-    ),
-    "empty": lambda path: path.write_bytes(b""),
+    "cut": lambda path: rewritten(path, lambda whole: whole[: len(whole) // 2]),
+    "bit": lambda path: rewritten(path, lambda whole: whole[:3000] + bytes([whole[3000] ^ 4]) + whole[3001:]),
+    "empty": lambda path: rewritten(path, lambda _: b""),
     "open to others": lambda path: path.chmod(0o660),
     "no note": lambda path: path.with_suffix(".json").unlink(),
     "damaged note": lambda path: path.with_suffix(".json").write_text("{"),
@@ -702,10 +739,11 @@ def test_flags_that_change_arithmetic_are_undone(cache, monkeypatch, flag):
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
-def test_a_library_that_computes_other_numbers_than_numpy_is_not_used(cache, monkeypatch):
+def test_a_library_with_one_small_output_that_is_not_as_on_numpy_is_not_used(cache, monkeypatch):
     k = KernelBuilder("third", summary="A third.", source="definition")
     x, p = k.input("x", unit="m", doc="a length"), k.input("p", unit="m", doc="another")
     k.output("y", (x + p) * sp.Rational(1, 3), unit="m", doc="a third of both")
+    k.output("z", 1024 * x, unit="m", doc="an output that is right, and far larger")
     kernel = k.build()
     monkeypatch.setenv("CC", "gcc -fsingle-precision-constant")
     made, notices = told(lambda: row_kernels("one", lambda: [kernel], shared=["p"])["third"])

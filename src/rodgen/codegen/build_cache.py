@@ -116,7 +116,7 @@ def check_compiler(command: Command) -> None:
     try:
         with temporary_folder(Path(tempfile.gettempdir()), "rodgen-kernels-") as folder:
             library = folder / "check.so"
-            _build(command, ("-fPIC", "-shared"), {"kernels.c": source}, library, np.empty(0))
+            _build(command, ("-fPIC", "-shared"), {"kernels.c": source}, library, [])
             ctypes.CDLL(str(library))
     except OSError as error:
         raise CompilerError(f"the compiled library cannot be written or loaded ({error})") from None
@@ -200,13 +200,24 @@ def _name(about: Iterable[str]) -> str:
     return hashlib.sha256("\0".join(about).encode()).hexdigest()[:32]
 
 
+@functools.cache
+def source_hash(*folders: Path) -> str:
+    """Return a hash of the text of all modules and templates in folders: another text is another key."""
+    text = hashlib.sha256()
+    for folder in folders:
+        for path in sorted(folder.rglob("*")):
+            if path.suffix in {".py", ".j2"}:
+                text.update(path.read_bytes())
+    return text.hexdigest()
+
+
 def shared_library(
     about: Sequence[str],
     files: Callable[[], Mapping[str, str]],
     command: Command,
     flags: Sequence[str],
-    computed: Callable[[ctypes.CDLL], Array],
-    expected: Callable[[], Array],
+    computed: Callable[[ctypes.CDLL], list[Array]],
+    expected: Callable[[], list[Array]],
 ) -> ctypes.CDLL:
     """Load a library from the cache, or compile it.
 
@@ -224,7 +235,7 @@ def shared_library(
     flags : sequence of str
         Its flags.
     computed : callable
-        Returns what a library computes of one row.
+        Returns what a library computes of one row, by output.
     expected : callable
         Returns what it should compute, by other means; called when nothing is kept.
 
@@ -256,9 +267,11 @@ def shared_library(
     raise CompilerError(f"the compiled library cannot be written or loaded ({reason})")
 
 
-def one_row(shapes: Sequence[Sequence[tuple[int, ...]]], functions: Sequence[Callable[..., Any]]) -> Array:
-    """Return all numbers that functions compute of one set of inputs between 1/2 and 1, given the inputs' shapes."""
-    found: list[Any] = []
+def one_row(
+    shapes: Sequence[Sequence[tuple[int, ...]]], functions: Sequence[Callable[..., Any]]
+) -> list[Array]:
+    """Return the outputs of functions of one set of inputs between 1/2 and 1, given the inputs' shapes."""
+    found: list[Array] = []
     for inputs, function in zip(shapes, functions, strict=True):
         sizes = [math.prod(shape) for shape in inputs]
         # the multiples of the golden ratio: as irregular as random ones, and the same everywhere
@@ -266,11 +279,12 @@ def one_row(shapes: Sequence[Sequence[tuple[int, ...]]], functions: Sequence[Cal
         parts = np.split(numbers, np.cumsum(sizes)[:-1])
         with np.errstate(all="ignore"):
             result = function(*(part.reshape(shape) for part, shape in zip(parts, inputs, strict=True)))
-        found += [np.ravel(r) for r in (result if isinstance(result, tuple) else (result,))]
-    return np.concatenate(found).astype(float)
+        results = result if isinstance(result, tuple) else (result,)
+        found += [np.ravel(np.asarray(r, float)) for r in results]
+    return found
 
 
-def _kept_row(path: Path) -> Array | None:
+def _kept_row(path: Path) -> list[Array] | None:
     """Return what a kept library should compute of one row, or None where it is not kept, or not as it was written."""
     try:
         library = _own_bytes(path)
@@ -279,7 +293,7 @@ def _kept_row(path: Path) -> Array | None:
     with contextlib.suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
         note = json.loads(_own_bytes(_note(path)) or "")
         if hashlib.sha256(library or b"").hexdigest() == note["sha256"]:
-            return np.array(note["row"], float)
+            return [np.array(output, float) for output in note["outputs"]]
     _delete(path)
     warnings.warn(
         f"{path} is not as it was written; it is deleted and made again", RuntimeWarning, stacklevel=5
@@ -312,16 +326,22 @@ def _delete(library: Path) -> None:
             path.unlink()
 
 
-def _agree(found: Array, expected: Array) -> bool:
-    """Return whether numbers are equal but for the rounding of a few thousand operations on numbers of their size."""
-    finite = np.isfinite(expected)
-    size = float(np.abs(expected[finite]).max(initial=0.0))
-    return found.shape == expected.shape and np.allclose(
-        found, expected, rtol=0, atol=1e-9 * size, equal_nan=True
+def _agree(found: Sequence[Array], expected: Sequence[Array]) -> bool:
+    """Return whether outputs are equal but for rounding: of a few thousand operations on numbers of their own size.
+
+    The last part of the tolerance is for an output that is small because large numbers cancel in it.
+    """
+    sizes = [float(np.abs(output[np.isfinite(output)]).max(initial=0.0)) for output in expected]
+    cancelled = 1e-13 * max(sizes, default=0.0)
+    return [a.shape for a in found] == [b.shape for b in expected] and all(
+        np.allclose(a, b, rtol=0, atol=1e-9 * size + cancelled, equal_nan=True)
+        for a, b, size in zip(found, expected, sizes, strict=True)
     )
 
 
-def _build(command: Command, flags: Sequence[str], files: Mapping[str, str], path: Path, row: Array) -> None:
+def _build(
+    command: Command, flags: Sequence[str], files: Mapping[str, str], path: Path, row: Sequence[Array]
+) -> None:
     """Compile in a temporary folder next to `path`, and move the finished library there, with its note."""
     with temporary_folder(path.parent, "build-") as folder:
         for source, text in files.items():
@@ -333,7 +353,7 @@ def _build(command: Command, flags: Sequence[str], files: Mapping[str, str], pat
             said = next((line for line in lines if "error" in line), lines[0])
             raise CompilerError(f"{command[0]} fails: {said}")
         library = (folder / "kernels.so").read_bytes()
-        note = {"sha256": hashlib.sha256(library).hexdigest(), "row": row.tolist()}
+        note = {"sha256": hashlib.sha256(library).hexdigest(), "outputs": [output.tolist() for output in row]}
         _keep(folder / "note.json", json.dumps(note).encode(), _note(path))
         _keep(folder / "kernels.so", library, path)
 

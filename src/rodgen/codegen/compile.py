@@ -12,12 +12,21 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rodgen.codegen._array_call import _Call
-from rodgen.codegen.build_cache import CompilerError, cache_folder, compiler, notice, one_row, shared_library
+from rodgen.codegen.build_cache import (
+    CompilerError,
+    cache_folder,
+    compiler,
+    notice,
+    one_row,
+    shared_library,
+    source_hash,
+)
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.kernel_parts import KernelError, Port
 from rodgen.codegen.source_files import KernelModule, render
@@ -122,7 +131,7 @@ def compile_kernels(kernels: Sequence[Kernel]) -> dict[str, CompiledKernel]:
 
     try:
         library = shared_library(
-            tuple(sources.values()), lambda: sources, compiler(), FLAGS,
+            (source_hash(Path(__file__).parent), *sources.values()), lambda: sources, compiler(), FLAGS,
             lambda library: of_one_row(compiled(library)), lambda: of_one_row(on_numpy()),
         )  # fmt: skip
         made = compiled(library)

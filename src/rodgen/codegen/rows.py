@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import hashlib
 import json
 import os
 from collections.abc import Callable, Sequence
@@ -36,6 +35,7 @@ from rodgen.codegen.build_cache import (
     notice,
     one_row,
     shared_library,
+    source_hash,
 )
 from rodgen.codegen.program import Program, programs_from, text_of
 from rodgen.stages import stage
@@ -351,7 +351,8 @@ def row_kernels(
     >>> line([0.0, 1.0, 2.0], [5.0, 0.5])
     array([5. , 5.5, 6. ])
     """
-    about = ["rows", key, _generator(), *shared]
+    home = Path(__file__).parent
+    about = ["rows", key, source_hash(home, home.parent / "symbolic"), *shared]
 
     @stage("deriving the model")
     def programs() -> Sequence[Program]:
@@ -370,18 +371,6 @@ def row_kernels(
         except CompilerError as error:
             notice(str(error))
     return _on_numpy(about, made)
-
-
-@functools.cache
-def _generator() -> str:
-    """Return a hash of the text of everything that makes kernels: another text is another key."""
-    home = Path(__file__).parent
-    text = hashlib.sha256()
-    for folder in (home, home.parent / "symbolic"):
-        for path in sorted(folder.rglob("*")):
-            if path.suffix in {".py", ".j2"}:
-                text.update(path.read_bytes())
-    return text.hexdigest()
 
 
 # C ---------------------------------------------------------------------------------------------------------
@@ -425,8 +414,8 @@ def _in_library(made: ctypes.CDLL, program: Callable[[str], Program]) -> dict[st
     }
 
 
-def _of_one_row(kernels: dict[str, RowKernel]) -> Array:
-    """Return all that kernels compute of one row, in the order of their names."""
+def _of_one_row(kernels: dict[str, RowKernel]) -> list[Array]:
+    """Return the outputs of kernels for one row, in the order of their names."""
     shapes: list[list[tuple[int, ...]]] = []
     functions: list[Callable[..., Any]] = []
     for kernel in (kernels[name] for name in sorted(kernels)):

@@ -6,12 +6,14 @@ import functools
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
+from rodgen.codegen.build_cache import source_hash
 from rodgen.codegen.rows import row_kernels
 from rodgen.data.units import ANGLE, LENGTH, Dimension, unit_factor
 from rodgen.machines.effects.plausibility import plausibility
@@ -65,28 +67,12 @@ def _kernels(structure: Structure, compiled: bool) -> Mapping[str, Any]:
     return kernels
 
 
+_HOME = Path(__file__).parent
+
+
 def _key(structure: Structure) -> str:
-    return f"{structure!r} {_source_hash()}"
-
-
-@functools.cache
-def _source_hash() -> str:
-    """Return a hash of the source that turns a structure into kernels: they are compiled again when it changes."""
-    import hashlib
-    from importlib.resources import files
-
-    folder = files("rodgen.machines")
-    names = (
-        "algebra.py",
-        "derivation.py",
-        "closed_chain_derivation.py",
-        "structure.py",
-        "kinematics.py",
-        "measured.py",
-        "effects/formula.py",
-        "effects/_formula_tree.py",
-    )
-    return hashlib.sha256(b"".join((folder / name).read_bytes() for name in names)).hexdigest()
+    """Return what its kernels depend on: what turns it into them is in this package, and units in that of the data."""
+    return f"{structure!r} {source_hash(_HOME, _HOME.parent / 'data')}"
 
 
 @functools.lru_cache(maxsize=1024)
