@@ -257,16 +257,13 @@ def _kind(source: str) -> str:
 def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[str, list[str]]) -> Imported:
     """Return what was imported with the readings of tables."""
     from rodgen.errors import UnexpectedError
-    from rodgen.machines.files.columns import column_source, stated_columns
-    from rodgen.machines.files.toml import parse, read_text
+    from rodgen.machines.files.columns import column_source
     from rodgen.machines.imports.tables import measurements_of
     from rodgen.machines.measured import NOTATIONS
 
     if made.columns:
         raise InputFileError(kinds[_READINGS][0], "file", "a table, and a pointing run", "one of the two")
-    stated = {}
-    for file in kinds.get(_MACHINE, []):
-        stated = stated_columns(file, parse(read_text(file), file).get("columns", {}))
+    stated = dict(made.machine.column_sources)
     for text in options.column:
         name, mark, rest = text.partition("=")
         try:

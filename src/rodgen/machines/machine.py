@@ -48,6 +48,7 @@ from rodgen.views import html_of_text
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
     from rodgen.data.measurements import Measurements
+    from rodgen.machines.files.columns import ColumnSource
 
 _UNIT = 1e-9
 """How far the length of a unit vector may be off 1."""
@@ -99,6 +100,8 @@ class Machine:
         What is noted of the measurements for reports: ``date``, ``instrument``, ``conditions``.
     ties : mapping of str to Tie
         Parameters, by their keys, that are combinations of others; see `tying`.
+    column_sources : mapping of str to ColumnSource
+        What the columns of other people's tables are, for ``rodgen import``.
     doubts : callable, optional
         Returns what is wrong with the files that the machine was fitted to, in one sentence, or an empty text; `emit`
         asks.
@@ -138,6 +141,7 @@ class Machine:
     plausible: Mapping[str, StatedPlausibility] = field(default_factory=dict, hash=False)
     record: Mapping[str, str] = field(default_factory=dict, hash=False)
     ties: Mapping[str, Tie] = field(default_factory=dict, hash=False)
+    column_sources: Mapping[str, ColumnSource] = field(default_factory=dict, hash=False)
     doubts: Callable[[], str] | None = field(default=None, compare=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:

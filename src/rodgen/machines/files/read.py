@@ -199,6 +199,9 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     environment = top.sub("environment", _KEYS["environment"])
     measured = _measured(top, length, per_radian)
     kinematics = _on_legs(top, per_radian) if "family" in top else Chain()
+    columns = content.get("columns", {})
+    if not isinstance(columns, dict):
+        raise InputFileError(file, "[columns]", "no table", f"entries such as A = {EXAMPLE}")
     machine = made(
         name=name,
         length_unit=length,
@@ -213,6 +216,7 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         file=file,
         kinematics=kinematics,
         record=_record(top),
+        column_sources=stated_columns(file, columns),
     )
     _check_names(machine)
     try:
@@ -223,10 +227,6 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     for number, block in enumerate(top.blocks("effect", MOST_EFFECTS), start=1):
         effect = effect_of(machine, block, file, f"[[effect]] {number}")
         machine = replace(machine, effects=(*machine.effects, effect))
-    columns = content.get("columns", {})
-    if not isinstance(columns, dict):
-        raise InputFileError(file, "[columns]", "no table", f"entries such as A = {EXAMPLE}")
-    stated_columns(file, columns)
     known = content.get("known", {})
     if not isinstance(known, dict):
         raise InputFileError(

@@ -15,6 +15,7 @@ from rodgen.machines.parts import BRANCHES, Effect, Joint, Known, StatedPlausibi
 
 if TYPE_CHECKING:
     from rodgen.data.set_aside import SetAside
+    from rodgen.machines.files.columns import ColumnSource
     from rodgen.machines.machine import Machine
 
 
@@ -106,11 +107,25 @@ def machine_text(machine: Machine) -> str:
         blocks.append(["[ties]", *lines])
     if machine.plausible:
         blocks.append(["[plausibility]", *(_plausible_line(*entry) for entry in machine.plausible.items())])
+    if machine.column_sources:
+        sources = machine.column_sources.items()
+        blocks.append(["[columns]", *(f"{_toml_key(name)} = {_source(source)}" for name, source in sources)])
     if machine.record:
         noted = machine.record.items()
         blocks.append(["[record]", *(f"{key} = {toml_string(text)}" for key, text in noted)])
     blocks += [_effect_lines(machine, effect) for effect in machine.effects]
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+
+
+def _source(source: ColumnSource) -> str:
+    said = {"from": toml_string(source.name)}
+    if source.unit:
+        said["unit"] = toml_string(source.unit)
+    if source.sign != 1.0:
+        said["sign"] = decimal(source.sign)
+    if source.offset:
+        said["offset"] = decimal(source.offset)
+    return _inline_table(said)
 
 
 def set_aside_text(entries: Sequence[SetAside]) -> str:
