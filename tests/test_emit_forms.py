@@ -221,33 +221,6 @@ def test_location_errors_have_the_signs_of_the_symbols(tmp_path):
     assert found["B0X"] == found["C0X"] == 0
 
 
-def test_tables_of_a_screw_take_its_errors_out(tmp_path):
-    """As SINUMERIK (linear, value off the position) and LinuxCNC (nominal less real added) apply them."""
-    machine = slide_and_table()
-    machine.emit("screw", tmp_path)
-    values = np.loadtxt(tmp_path / "table_X.comp", comments="#")
-    lines = (tmp_path / "table_X_eec.ini").read_text().splitlines()
-    eec = {line.partition("=")[0]: float(line.partition("=")[2]) for line in lines if line.startswith("$")}
-    low, step = eec["$AA_ENC_COMP_MIN[0,X]"], eec["$AA_ENC_COMP_STEP[0,X]"]
-    compensation = [eec[f"$AA_ENC_COMP[0,{n},X]"] for n in range(len(values))]
-    np.testing.assert_allclose(low + step * np.arange(len(values)), values[:, 0], atol=1e-5)
-    wanted = np.linspace(5, 490, 97)
-
-    def error(commanded, sign):
-        design = {"X [mm]": commanded, "C [deg]": 0 * commanded, "dir_X": 0 * commanded + sign}
-        only = replace(machine, effects=tuple(e for e in machine.effects if e.place == "X"))
-        return places(only, design)[:, 0] - 100 - wanted
-
-    before = np.abs(error(wanted, 1.0)).max()
-    for sign, column in ((1.0, 1), (-1.0, 2)):
-        trim = np.interp(wanted, values[:, 0], values[:, 0] - values[:, column])
-        assert np.abs(error(wanted + trim, sign)).max() < 0.02 * before
-    mean = (error(wanted - np.interp(wanted, values[:, 0], compensation), 1.0)
-            + error(wanted - np.interp(wanted, values[:, 0], compensation), -1.0)) / 2  # fmt: skip
-    assert np.abs(mean).max() < 0.02 * before
-    assert "(reversal; for MD32450 BACKLASH)" in (tmp_path / "table_X_eec.ini").read_text()
-
-
 def test_what_cannot_be_written_is_one_sentence(tmp_path, capsys):
     with pytest.raises(
         InputFileError, match="no mount whose errors TPOINT's terms are; expected directions seen"
@@ -369,7 +342,7 @@ def test_a_map_of_many_joints_is_that_of_their_slides(tmp_path):
     turned = 80 * np.sin(np.radians(0.01))  # the tool by B's zero, at B = 0
     np.testing.assert_allclose(table["dx [mm]"], 5e-5 * table["X [mm]"] - turned, atol=1e-8)
     assert "At zero: B; elsewhere the errors are others." in (tmp_path / "mill_map.md").read_text()
-    assert "without a table: Y and Z." in (tmp_path / "mill_tables.md").read_text()
+    assert "without a table: Y, Z and B." in (tmp_path / "mill_tables.md").read_text()
 
 
 def test_numbers_have_their_expanded_uncertainties(tmp_path):

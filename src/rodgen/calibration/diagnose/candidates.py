@@ -14,6 +14,7 @@ from rodgen.calibration.checks.positions import positions
 from rodgen.calibration.diagnose.sensitivities import MOMENTS, Place, Sensitivities, is_direct
 from rodgen.calibration.solve.starting_values import most_waves, wave_falls
 from rodgen.machines.effects.definition import StartSearch
+from rodgen.machines.effects.formula import ARRAY_FUNCTIONS
 from rodgen.machines.effects.plausibility import Plausibility, plausibility, reach
 from rodgen.machines.machine import Effect
 from rodgen.machines.rigid import complete_basis
@@ -31,10 +32,6 @@ FEWEST_WAVES = 2.0
 """Fewer waves imitate any smooth curve; an eccentricity and an ellipticity have effects of their own."""
 WAVE_ROWS, PEAKS = 1_000, 5
 """Rows on which periods are compared, and how many of the best are kept."""
-FUNCTIONS = {
-    "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp,
-    "log": np.log, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +284,7 @@ def _column(
     if definition.component != "reading" and "q" in words:
         words = words | {"q": sensitivities.observations.coordinates[:, _number(sensitivities, effect)]}
     with np.errstate(all="ignore"):
-        change = definition.formula.evaluate(words | names, FUNCTIONS, float)
+        change = definition.formula.evaluate(words | names, ARRAY_FUNCTIONS, float)
     n = sensitivities.observations.n
     if definition.component == "reading":
         sensitivity = sensitivities.component(effect.place, "reading")

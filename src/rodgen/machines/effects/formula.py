@@ -15,15 +15,19 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, cast
 
+import numpy as np
+
 from rodgen.data.units import ONE, Dimension
 from rodgen.errors import in_file, shown
 from rodgen.machines.effects._formula_limits import FUNCTIONS
 from rodgen.machines.effects._formula_parser import parse
 from rodgen.machines.effects._formula_tree import OPERATORS, FormulaError, fold, nonlinear_parts, write
 
-__all__ = ["FUNCTION_NAMES", "Formula", "FormulaError"]
+__all__ = ["ARRAY_FUNCTIONS", "FUNCTION_NAMES", "Formula", "FormulaError"]
 
 FUNCTION_NAMES = frozenset(FUNCTIONS)
+ARRAY_FUNCTIONS: dict[str, Callable[[Any], Any]] = {name: getattr(np, name) for name in FUNCTIONS}
+"""The functions of formulas, as functions of arrays."""
 
 
 @dataclass(frozen=True)
