@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from rodgen.codegen.source_text import in_comment
+from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError
 from rodgen.machines.emit._content import content_of, title_of
 from rodgen.machines.emit._render import DO_NOT_EDIT, ENVIRONMENT, model_words, render
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 _LONGEST = 23
 """Of a name, with kins: HAL tells names apart by their first 31 characters, HAL_ before them."""
 _FIELDS = {x: f"tran.{x.lower()}" for x in "XYZ"} | {x: x.lower() for x in "ABCUVW"}
+"""Of a pose, by the axis, in the order in which LinuxCNC lists axes and numbers their joints."""
 
 
 def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
@@ -34,20 +36,25 @@ def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
         found = f"{follower.coordinate}, which no motor moves by itself"
         raise InputFileError(file, f"joint {follower.name}, coordinate", found, "joints with motors alone")
     letters = _letters(machine, file)
+    order = sorted(range(len(letters)), key=lambda j: [*_FIELDS].index(letters[j]))
+    linear = "inch" if parse_unit(machine.length_unit).factor("inch") == 1 else "mm"
+    factors = [
+        math.radians(1.0) if joint.revolute else parse_unit(linear).factor(machine.length_unit)
+        for joint in machine.joints
+    ]
     component = f"{name[:_LONGEST].rstrip('_')}kins"
     files = render(content, "c")
     # without their heads: they are one file here, and the description says what is in it
     header, source = (files[f"{name}.{ending}"].partition("*/\n")[2] for ending in "hc")
-    degree = repr(math.radians(1.0))
     text = ENVIRONMENT.get_template("kinematics.comp.j2").render(
         component=component,
         title=title_of(machine),
         do_not_edit=DO_NOT_EDIT,
-        order=", ".join(joint.name for joint in machine.joints),
-        letters="".join(letters),
+        order=", ".join(machine.joints[j].name for j in order),
+        letters="".join(letters[j] for j in order),
         target=0,
         target_name=machine.targets[0].name,
-        length=machine.length_unit,
+        linear=linear,
         joints=machine.joints,
         words=[in_comment(word).replace('"', "'") for word in (*content.at_rest, *model_words(content))],
         header=header,
@@ -55,10 +62,7 @@ def component_texts(machine: Machine, name: str, travel: Any) -> dict[str, str]:
         name=name,
         numbers=content.numbers,
         NAME=name.upper(),
-        axes=[
-            {"field": _FIELDS[letter], "factor": degree if joint.revolute else "1.0"}
-            for joint, letter in zip(machine.joints, letters, strict=True)
-        ],
+        axes=[{"field": _FIELDS[letters[j]], "factor": repr(factors[j]), "q": j} for j in order],
     )
     return {f"{component}.comp": text}
 
