@@ -13,11 +13,13 @@ INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 # The sources of the compiled kernels: when one changes, the package is installed again.
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
+FAST_TESTS := -m pytest -n $(JOBS) --dist loadgroup -m "not slow"
+
 .DEFAULT_GOAL := help
-.PHONY: help demo open test test-slow torture fuzz kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
+.PHONY: help demo open test test-processors test-slow torture fuzz kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
 
 help: ## list these commands
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-15s %s\n", $$1, $$2}'
 
 demo: .venv/all ## a real telescope: fit, compare, diagnose, correct, emit C, write a report
 	@$(BIN)/python examples/demo.py
@@ -25,8 +27,11 @@ demo: .venv/all ## a real telescope: fit, compare, diagnose, correct, emit C, wr
 open: .venv/all ## the workbench, on the real telescope: a page on which effects are added and the error falls
 	@$(BIN)/rodgen open examples/machines/mount/machine.toml examples/machines/mount/mmt_2021.csv
 
-test: .venv/test ## run the tests
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m "not slow"
+test: .venv/test ## run the tests (PROCESSOR=prescott: as on that one of tests/processors.py)
+	$(BIN)/python $(if $(PROCESSOR),tests/processors.py $(PROCESSOR)) $(FAST_TESTS)
+
+test-processors: .venv/test ## run the tests as on each processor of tests/processors.py: other linear algebra, other loops
+	$(BIN)/python tests/processors.py all $(FAST_TESTS)
 
 test-slow: .venv/test-slow ## run the tests that take longer: grids of cases, long statistics, sanitizers of all kernels
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m slow
@@ -91,12 +96,12 @@ notebooks: .venv/notebooks ## execute the derivations into build/notebooks, as .
 bench: .venv/test-slow ## measure the speed, compared with other libraries and the limits of the hardware (ONLY=fits, axis, tricept, three_sps_s, robots, spatial, diagnose or workbench: one part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
 
-study: .venv/test ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent, plan or wrong: one part)
+study: .venv/study ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent, plan or wrong: one part)
 	$(if $(filter plan wrong,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 	$(if $(filter-out wrong,$(ONLY)),,$(BIN)/python study/wrong_files.py $(if $(N),-n $(N)))
 
-certify: .venv/test ## bound the rounding errors of kernels for whole boxes of inputs, and write docs/certified.md
+certify: .venv/study ## bound the rounding errors of kernels for whole boxes of inputs, and write docs/certified.md
 	$(BIN)/python study/certify.py -j $(JOBS)
 
 mutants: .venv/mutants ## measure how many small faults in codegen, statistics and machines the tests find (N=60 places of each; hours)
@@ -116,17 +121,15 @@ pictures: .venv/all ## redraw the pictures of the README and of docs/solver_meth
 clean: ## remove everything that make wrote
 	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache
 
-# One environment, and each target adds what it needs: .venv/EXTRA stands for the extra of that name in pyproject.toml. pip
-# prints errors only. The extension is built in this environment, so that only changed files are compiled again.
-.venv/all: .venv/build-requires.txt $(BUILT_FROM)
-	@echo "Building the kernels, and installing rodgen and what it needs into .venv (a minute or two the first time) ..."
-	@$(INSTALL) -e '.[$(@F)]'
-	@touch $@
-
-.venv/test .venv/test-slow .venv/dev .venv/mutants .venv/supply .venv/notebooks .venv/docs: .venv/all
-	@echo "Installing what this needs into .venv ..."
-	@$(INSTALL) -e '.[$(@F)]'
-	@touch $@
+# One environment, and each target adds what it needs: .venv/EXTRA stands for the extras of that name and "all" in
+# pyproject.toml. pip prints errors only. It installs packages while the extension is compiled, which is half the work; the
+# extension is built in this environment, so that only changed files are compiled again.
+.venv/all .venv/test .venv/test-slow .venv/study .venv/dev .venv/mutants .venv/supply .venv/notebooks .venv/docs: .venv/build-requires.txt $(BUILT_FROM)
+	@echo "Building the kernels, and installing rodgen and what it needs into .venv (a minute the first time) ..."
+	@$(BIN)/python supply/requirements.py all $(@F) > .venv/requirements.txt
+	@$(INSTALL) --no-deps -e . & extension=$$!; \
+	$(INSTALL) -r .venv/requirements.txt; packages=$$?; wait $$extension && exit $$packages
+	@touch .venv/all $@
 
 .venv/build-requires.txt: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null || { \

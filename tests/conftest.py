@@ -17,7 +17,8 @@ import pytest
 from octave import Octave
 
 # Threads of the linear algebra would wait for each other in a loop: the test processes have the cores already.
-os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
+os.environ["OPENBLAS_NUM_THREADS"] = os.environ.get("OPENBLAS_NUM_THREADS", "1")
+os.environ["OMP_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"]
 
 # Where nothing was compiled NumPy is asked for, so that the notice about it is in no test's output but its own.
 if not any("_gufuncs" in file.name for file in importlib.metadata.files("rodgen") or ()):
@@ -43,8 +44,14 @@ def group_of(derivation: str) -> str:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give a file to one of several test processes, so that its fixtures and derivations are made once."""
+    """Give a file to one of several test processes, so that its fixtures and derivations are made once.
+
+    Of a grid whose mark names the quick cases, the others are slow.
+    """
     for item in items:
+        quick = item.get_closest_marker("quick")
+        if quick is not None and item.callspec.id not in quick.args:
+            item.add_marker(pytest.mark.slow)
         if item.get_closest_marker("xdist_group") is None:
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
