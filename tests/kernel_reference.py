@@ -114,6 +114,8 @@ class Kernels(Mapping[str, Kernel]):
 
 KERNELS = Kernels()
 MODULE_OF = {name: found.module for name, found in GENERATED.items()}
+LONG_DERIVATIONS = {"machine_model", "tricept", "tricept_uncertainty"}
+"""Of the 40 s of a processor that all derivations take, these take 26."""
 
 
 def of_kernels(
@@ -121,12 +123,13 @@ def of_kernels(
 ) -> pytest.MarkDecorator:
     """Repeat a test for kernels; one test process has all that execute the same derivation.
 
-    `slow` tells which kernels are left to `make test-slow`.
+    `slow` tells which kernels are left to `make test-slow`, beside those of `LONG_DERIVATIONS`.
     """
     marked = []
     for name in sorted(names):
         group = pytest.mark.xdist_group(group_of(MODULE_OF[name]))
-        marked.append(pytest.param(name, marks=[group, pytest.mark.slow] if slow(name) else group))
+        is_slow = MODULE_OF[name] in LONG_DERIVATIONS or slow(name)
+        marked.append(pytest.param(name, marks=[group, pytest.mark.slow] if is_slow else group))
     return pytest.mark.parametrize("name", marked)
 
 

@@ -112,6 +112,7 @@ def test_six_positions_show_the_kind_of_a_motion(tmp_path):
     assert known in ladder(base, readings, [found.steps[0].effect]).rungs[1].verdict
 
 
+@pytest.mark.slow
 def test_a_scale_of_a_robots_joint_is_not_claimed_where_its_eccentricity_may_be_there(tmp_path):
     """Few positions of J7 hide its eccentricity; its scale, next to impossible, does nearly the same."""
     from real_machines import real
@@ -177,6 +178,7 @@ def test_what_a_joint_does_in_all_directions_at_six_positions_is_no_kind_of_moti
         assert found.p_value > 0.001
 
 
+@pytest.mark.slow
 def test_an_effect_that_stands_against_a_walk_is_kept_though_the_walk_spoils_its_estimate(tmp_path):
     """Of nine effects and a walk: the estimate of the first alone has p = 0.015, differences of neighbours 1e-7."""
     from real_machines import real
@@ -265,6 +267,7 @@ def turned(tmp_path, errors, replicates=12):
     return diagnose(machine, rodgen.Measurements.load(tmp_path / "data.csv"))
 
 
+@pytest.mark.quick("5")
 @pytest.mark.parametrize("count", [5, 8, 12, pytest.param(24, marks=pytest.mark.slow)])
 def test_errors_of_a_few_positions_are_no_effect_however_often_they_are_measured(count, tmp_path):
     found = turned(tmp_path, np.random.default_rng(2).standard_normal(count))

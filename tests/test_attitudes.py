@@ -159,6 +159,7 @@ LONG = [
 CASES = [*QUICK, *(pytest.param(*case, marks=pytest.mark.slow) for case in LONG)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("family", "kind", "leg"), CASES)
 def test_a_leg_that_is_off_is_found_by_how_the_platform_is_turned(family, kind, leg):
     bench = platform(family, kind)

@@ -404,6 +404,7 @@ def test_robust_95_percent_intervals_sharply(bad: float) -> None:
     assert share == pytest.approx(0.95, abs=binomial(4000) + 0.01)
 
 
+@pytest.mark.quick("small angle")
 @pytest.mark.parametrize(
     ("n", "noise", "options"),
     [
@@ -548,6 +549,7 @@ def test_linear_loss_names_outliers_but_counts_them() -> None:
     assert any("still count" in sentence for sentence in fit.remarks)
 
 
+@pytest.mark.slow
 def test_good_data_have_an_outlier_once_in_a_hundred() -> None:
     _, _, fits = draws(50, 0.01, 1000, sigma=0.01)
     # 1 % by construction; the fit's own freedoms make it a little rarer.
@@ -1113,6 +1115,7 @@ def test_many_pairs_in_files_give_the_same_in_blocks(options: dict[str, Any], mo
     np.testing.assert_array_equal(parts.outliers, whole.outliers)
 
 
+@pytest.mark.slow
 def test_memory_for_many_pairs_is_less_than_the_pairs_take(tmp_path: Any) -> None:
     code = (
         "import resource, sys; from rodgen.data.tables import read_pairs; from rodgen import fit_axis; "

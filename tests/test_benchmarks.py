@@ -25,6 +25,7 @@ from rodgen.calibration.solve import least_squares
 FOLDER = Path(__file__).parent.parent / "benchmarks"
 KEPT = json.loads((FOLDER / "results/latest.json").read_text(encoding="utf-8"))
 Import = Callable[[str], Any]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -22,11 +22,13 @@ from rodgen.generated.numpy import tricept as tricept_module
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "study"))
 
+pytest.importorskip("flint")
 import certify  # noqa: E402
 import newton_program as newton  # noqa: E402
 from rounding import EPS, BallFunctions, Tape, UndecidedError, ball, bounds  # noqa: E402
 from vector_programs import Floats, rotate, solve_axis, solve_axis_usual  # noqa: E402
 
+pytestmark = pytest.mark.slow
 CLAIMS = certify.claims()
 every_claim = pytest.mark.parametrize("claim", CLAIMS, ids=lambda c: f"{c.kernel}: {c.where}")
 
@@ -37,7 +39,6 @@ def test_bound_holds_for_all_inputs_of_small_boxes(claim: certify.Claim) -> None
     assert max(map(claim.measure, claim.small)) <= claim.bound
 
 
-@pytest.mark.slow
 @every_claim
 def test_bound_holds_for_all_inputs_of_all_boxes(claim: certify.Claim) -> None:
     found = claim.certificate()

@@ -53,6 +53,7 @@ def change(*values: float) -> np.ndarray:
     return 0.01 * np.array(values)
 
 
+@pytest.mark.slow
 def test_parts_of_the_sum_have_an_expectation_of_one_without_a_change() -> None:
     """Each process starts at one, and its mean stays there: the reference's uncertainty is in it, too.
 
@@ -129,6 +130,7 @@ def test_single_bad_readings_are_no_change() -> None:
         assert not detector.alarm
 
 
+@pytest.mark.slow
 def test_heavy_tails_are_no_change() -> None:
     bench = Bench(6, "tails")
     assert bench.watch(bench.detector(200), 600) is None

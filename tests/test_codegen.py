@@ -743,6 +743,7 @@ def bytes_with_seed(seed: int, *names: str) -> str:
     return done.stdout.splitlines()[-1]
 
 
+@pytest.mark.slow
 def test_bytes_are_the_same_in_every_process() -> None:
     assert bytes_with_seed(0, "rotations") == bytes_with_seed(12345, "rotations")
 

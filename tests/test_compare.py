@@ -485,6 +485,7 @@ def test_a_model_that_meets_the_data_says_so(bench: Bench) -> None:
     json.dumps(comparison.to_dict(), allow_nan=False)
 
 
+@pytest.mark.slow
 def test_many_rows_are_looked_at_in_bounded_memory(bench: Bench) -> None:
     random = np.random.default_rng(1)
     rows = 200_000

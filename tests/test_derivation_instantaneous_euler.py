@@ -153,6 +153,7 @@ def equations(claims: tuple[sp.Basic, ...]) -> list[sp.Basic]:
     return [claim for claim in claims if isinstance(claim, sp.Eq)]
 
 
+@pytest.mark.slow
 def test_what_is_proved_holds_at_random_numbers() -> None:
     for key, entry in entries().items():
         refuted = entry.refutation

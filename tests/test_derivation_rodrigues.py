@@ -87,6 +87,7 @@ def test_errata_name_every_misprint_with_its_correction():
     assert text.count("right:") >= text.count("wrong:") == len(printed) + len(SAID) + len(TACIT) == 15
 
 
+@pytest.mark.slow
 def test_pages_hold_no_time():
     pages = [entry._repr_markdown_() for entry in paper.derivation]
     assert all(f"**{entry.id}**" in page for entry, page in zip(paper.derivation, pages, strict=True))
@@ -139,6 +140,7 @@ def sample(symbols, modulo, insert, generator):
     return point
 
 
+@pytest.mark.quick("rodrigues")
 @pytest.mark.parametrize("notes", [paper, sensitivity], ids=["rodrigues", "axis_sensitivity"])
 def test_what_is_proved_holds_at_random_numbers(notes):
     for entry in notes.derivation:

@@ -237,6 +237,7 @@ def test_twenty_three_poses_of_a_robot_show_nothing_beyond_their_two_millimetres
     assert found.rms.before_held_out == pytest.approx(2.33, abs=0.02)
 
 
+@pytest.mark.slow
 def test_attitudes_say_more_of_the_robot_s_wrist_than_positions(tmp_path):
     """The last axes are known two and three times as well from poses as from places of one point."""
     joints = ("elbow_joint", "wrist_1_joint", "wrist_2_joint")

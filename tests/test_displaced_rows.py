@@ -96,6 +96,7 @@ def misidentified(tmp_path, count, wrong, size):
     return diagnosed(tmp_path, az, el, u), others
 
 
+@pytest.mark.quick("90-20")
 @pytest.mark.parametrize(("count", "size"), [(80, 300), (80, 4000), (90, 20), (120, 300)])
 def test_flexure_is_found_among_stars_of_which_many_are_misidentified(count, size, tmp_path):
     """27 of 80 to 120: up to a third, and least squares shows hardly one of them."""

@@ -217,6 +217,7 @@ def hostile(rng: np.random.Generator, size: int, bits: int) -> np.ndarray:
 QUICK = {"axis", "rotations"}  # matrices and scalars, statuses, trigonometric and usual cases
 
 
+@pytest.mark.quick("axis_angle_from_matrix")
 @of_kernels(GENERATED, slow=lambda name: MODULE_OF[name] not in QUICK)
 def test_sanitizers_find_nothing_and_results_are_right(
     drivers: Callable[[str], Path], name: str, tmp_path: Path

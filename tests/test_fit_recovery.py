@@ -147,6 +147,7 @@ NOT_SEEN = {"point": set(), "direction": {"Z.load_sag.k0"}, "distance": set()}
 """Parameters that change no reading: of a drop that does not turn, a direction shows nothing."""
 
 
+@pytest.mark.quick("direction-1")
 @pytest.mark.parametrize(
     ("kind", "count"),
     [("point", 1), ("direction", 1), *(pytest.param(kind, 2, marks=pytest.mark.slow) for kind in KINDS)],
@@ -248,6 +249,7 @@ def test_weights_at_later_joints_are_taken_in_where_they_matter(stated):
     )
 
 
+@pytest.mark.slow
 def test_no_weight_is_taken_in_that_is_absurd_for_a_robot(tmp_path):
     """A weight off the line of J3, with a short lever arm, followed the encoder of J2: 5600 arcsec at whole reach."""
     machine, data = real("7R", 11).write(tmp_path)

@@ -102,6 +102,7 @@ def test_few_readings_are_not_named(poses: int, tmp_path: Path) -> None:
         assert fitted((str(tmp_path / "machine.toml"), str(tmp_path / "data.csv"))).gross_readings == ()
 
 
+@pytest.mark.slow
 def test_a_diagnosis_and_its_plan_say_how_far_off_what_they_leave_out_is(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -174,6 +174,7 @@ def test_the_model_is_the_hexapod_with_its_errors():
     assert np.abs(place - seen).max() > 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [pytest.param("point", marks=pytest.mark.slow), "pose"])
 def test_derivatives_are_those_of_differences(kind):
     random = np.random.default_rng(6)

@@ -301,6 +301,7 @@ def test_the_command_tells_people_the_same(tmp_path, capsys):
 # the study ----------------------------------------------------------------------------------------------------------
 
 
+@slow
 def test_the_study_goes_on_where_it_was_and_prints_its_table(tmp_path, capsys, monkeypatch):
     import run
 
@@ -316,6 +317,7 @@ def test_the_study_goes_on_where_it_was_and_prints_its_table(tmp_path, capsys, m
     assert json.loads((tmp_path / "results.json").read_text()) == records
 
 
+@slow
 def test_machines_as_they_are_met_are_judged_by_what_their_readings_show(tmp_path, capsys, monkeypatch):
     import run
 
@@ -460,6 +462,7 @@ def test_a_bearing_moves_by_no_more_than_it_may_where_targets_do_the_same(tmp_pa
         assert abs(estimate.value) < 0.02
 
 
+@pytest.mark.slow
 def test_targets_that_were_mixed_up_in_two_poses_are_outliers(tmp_path):
     """Both readings of a pose have its coordinates, and are no neighbours by that."""
     from real_machines import real
@@ -470,6 +473,7 @@ def test_targets_that_were_mixed_up_in_two_poses_are_outliers(tmp_path):
     assert truth.seen <= {(s.effect.name, s.effect.place) for s in found.steps}
 
 
+@pytest.mark.slow
 def test_no_effect_of_a_leg_is_found_twice(tmp_path):
     """One at A1 stood for two, though it was found beside them."""
     from real_machines import real
@@ -478,6 +482,7 @@ def test_no_effect_of_a_leg_is_found_twice(tmp_path):
     assert {(s.effect.name, s.effect.place) for s in found.steps} == set(truth.effects)
 
 
+@pytest.mark.slow
 def test_a_large_effect_does_not_hide_that_the_set_up_wanders(tmp_path):
     """Three effects raise the error from 3 to 14 arcsec; a wander by 3 looked like a form of the time."""
     from real_machines import real

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import graphlib
 import inspect
 import os
@@ -116,6 +117,11 @@ MODULES = {
 }
 
 
+@functools.cache
+def imported_names(file: Path) -> set[str]:
+    return Imports(file).names
+
+
 class Imports(ast.NodeVisitor):
     """The names that a module imports, also within functions, but not those for type checkers alone."""
 
@@ -147,7 +153,7 @@ def test_nothing_private_is_imported_from_another_folder() -> None:
     wrong = []
     for module, file in MODULES.items():
         folder = module if file.name == "__init__.py" else module.rpartition(".")[0]
-        for name in Imports(file).names:
+        for name in imported_names(file):
             parts = name.split(".")
             private = next((n for n, part in enumerate(parts) if re.match("_[a-z]", part)), None)
             if parts[0] != "rodgen" or private is None:
@@ -161,7 +167,7 @@ def test_nothing_private_is_imported_from_another_folder() -> None:
 
 def test_modules_import_each_other_in_no_circle_but_for_the_facade() -> None:
     graph = {
-        module: {target for name in Imports(file).names if (target := module_of(name)) not in (None, module)}
+        module: {target for name in imported_names(file) if (target := module_of(name)) not in (None, module)}
         for module, file in MODULES.items()
     }
     graph["rodgen.machines.machine"].remove("rodgen.calibration.fit")  # Machine.fit

@@ -373,6 +373,7 @@ def test_ur10s_own_urdf_has_the_places_that_its_measurements_say(tmp_path):
     assert np.abs([1000 * (nominal(row) @ tool_in(path))[:3] for row in q] - expected).max() > 1
 
 
+@pytest.mark.slow
 def test_a_board_of_any_attitude_does_not_turn_the_robot(tmp_path, rodgen_command: Run):
     """Where all axes are estimated the board, whose attitude is in no file, takes up how the whole is turned."""
     machine, data = tmp_path / "m.toml", tmp_path / "d.csv"

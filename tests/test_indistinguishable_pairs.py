@@ -30,6 +30,7 @@ def test_two_usual_effects_of_a_telescope_are_named_for_a_rare_one_that_does_the
     assert any(a.effects[0].name == "scale" for s in found.steps for a in s.indistinguishable_from)
 
 
+@pytest.mark.slow
 def test_two_parameters_of_a_leg_are_named_for_three_that_do_the_same(diagnosed):
     found = diagnosed("3-sps-s", 22)
     assert titles(found) == ["platform_joint_offset at L2", "leg_zero_offset at L1", "leg_scale at L1"]
@@ -71,6 +72,7 @@ def test_what_chance_explains_in_addition_to_an_effect_is_listed_in_the_place_of
     assert "squareness at X" in {a.effect.title for a in square.indistinguishable_from}
 
 
+@pytest.mark.slow
 def test_lengths_of_two_legs_and_a_scale_are_named_for_a_joint_that_imitates_them(diagnosed):
     found = diagnosed("tricept", 25)  # it has leg_zero_offset at A0, A1 and, seen through these, A-1
     assert {"leg_zero_offset at A0", "leg_zero_offset at A1", "leg_scale at A0"} < set(titles(found))

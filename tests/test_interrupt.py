@@ -99,6 +99,7 @@ def begun(command):
     assert command.stderr.readline() == "begun\n"
 
 
+@pytest.mark.quick("fitting")
 @pytest.mark.parametrize("stage", ["reading", "fitting", "testing effects", "error on poses left out"])
 def test_a_diagnosis_ends_at_any_stage(stage, tmp_path):
     code = AT_STAGE.format(stage=stage, arguments=["diagnose", *FILES])

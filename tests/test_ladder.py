@@ -199,6 +199,7 @@ def test_a_step_is_the_plain_f_test_where_a_pose_is_one_reading():
     assert found.significant
 
 
+@pytest.mark.slow
 def test_chance_in_whole_poses_is_no_effect():
     """Machines that stop at random angles: an effect of the angle fits that, and a plain F test believes it."""
     random = np.random.default_rng(7)
@@ -391,6 +392,7 @@ def test_held_out_of_nothing_to_adjust_is_the_error_itself():
     assert held_out(fixed).rms == pytest.approx(fixed.rms, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_determined_is_tested_though_a_combination_of_others_is_at_the_edge_of_it(tmp_path):
     """Backlash lowers the error of an arm from 0.042 to 0.025 mm, and one combination of weights is no longer seen."""
     from real_machines import real

@@ -30,6 +30,7 @@ def of_table(folder: Path, noise: float) -> Fit:
     return fit(machine_file, data, loss="huber")
 
 
+@pytest.mark.slow
 def test_a_pose_is_an_outlier_as_a_whole(tmp_path: Path) -> None:
     """One of two balls was left out, or two of three."""
     found = of_table(tmp_path, 0.0)

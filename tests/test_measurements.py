@@ -1054,6 +1054,7 @@ def test_fault_after_much_was_read_leaves_no_file_open(monkeypatch, tmp_path, re
     assert not recwarn
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_file(tmp_path):
     table = pa.table(
         {name: np.arange(50_000.0) for name in ("X [mm]", "C [deg]", "x [mm]", "y [mm]", "z [mm]")}

@@ -74,6 +74,7 @@ def test_a_start_along_a_choice_of_coordinates_changes_nothing() -> None:
     assert np.allclose(moved.predict(design).u, found.predict(design).u, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_standard_deviations_are_those_of_the_values_shown() -> None:
     """The scatter of 300 simulated fits, of which one standard deviation is known to 4 %."""
     fits = [table(seed) for seed in range(300)]

@@ -71,12 +71,14 @@ def covered(count: int, of: str, change: Any = lambda random: 0.0, true: float =
     return hits / count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["replicates", pytest.param("distances", marks=pytest.mark.slow)])
 def test_intervals_hold_the_noise_in_95_of_100_sets(of: str) -> None:
     # 200 sets: two standard deviations of the share are 0.031
     assert covered(200, of) == pytest.approx(0.95, abs=0.031)
 
 
+@pytest.mark.slow
 def test_what_the_readings_of_a_pose_share_does_not_count_twice() -> None:
     """The balls of a pose move together by three times the noise: a pose is then worth little more than one ball."""
     shared = 3 * NOISE

@@ -242,6 +242,7 @@ def test_solution_left_out_is_caught_by_the_emitted_test(tmp_path):
     assert re.search(r"FAILED .*starts_anywhere_finds_no_other_solution", told)
 
 
+@pytest.mark.slow
 def test_wrong_derivative_is_caught_by_the_emitted_test(build):
     file = build / "numpy" / "four_bar.py"
     file.write_text(
@@ -715,6 +716,7 @@ print(compile_kernel(kernel)(0.5))
 """
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_processes_that_compile_at_once_do_not_disturb_each_other(cache):
     several = [

@@ -337,6 +337,7 @@ def test_intervals_of_each_leg_s_parameters_hold_the_truth(family, draws):
     assert stats.kstest(chances, "uniform").pvalue > 1e-4
 
 
+@pytest.mark.quick("3-sps-s")
 @both
 def test_the_covariance_of_a_predicted_place_is_that_of_the_places_that_fits_predict(family):
     """U_y from the fit's covariance, at poses beyond the measured ones, against many fits to other noise."""

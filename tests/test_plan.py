@@ -118,6 +118,7 @@ def test_target_in_no_row_keeps_no_diagnosis_from_an_answer(trials):
     assert "No row has the target r." in found.notes
 
 
+@pytest.mark.slow
 def test_even_plan_of_the_same_size_settles_less():
     ours, even = [], []
     for make in (one_load, one_side):
@@ -137,6 +138,7 @@ def test_positions_that_are_to_show_a_function_of_one_joint_are_not_those_of_two
     assert parts.max() <= -(-found.count // 3)
 
 
+@pytest.mark.slow
 def test_what_more_positions_would_tell_is_planned_for(trials):
     found = trials["never_moved"].fit.diagnose()
     assert found.verdict == "cannot_tell"

@@ -221,6 +221,7 @@ def balanced(folder, key=""):
     return rodgen.Machine.load(machine).fit(rodgen.Measurements.load(data)).diagnose()
 
 
+@pytest.mark.slow
 def test_weight_that_turns_a_joint_upwards_is_named_with_what_it_needs(tmp_path):
     said = "k of gravity_windup at A is negative: weight turns A upwards, as only a counterweight"
     found = balanced(tmp_path)

@@ -67,6 +67,7 @@ def test_a_slide_that_never_moved_leaves_its_direction_open_only_where_it_moves(
     assert np.isnan(made.u[1]).all()
 
 
+@pytest.mark.slow
 def test_the_scatter_of_many_fits_is_what_one_says_of_itself():
     machine = table(("C.axis", "C.point", "target"))
     random = np.random.default_rng(5)

@@ -85,7 +85,16 @@ def structured(columns):
     return made
 
 
-@pytest.mark.parametrize("library", [pandas_frame, indexed, polars_frame, xarray_grid, structured])
+@pytest.mark.parametrize(
+    "library",
+    [
+        pandas_frame,
+        indexed,
+        pytest.param(polars_frame, marks=pytest.mark.slow),
+        pytest.param(xarray_grid, marks=pytest.mark.slow),
+        structured,
+    ],
+)
 def test_a_machine_is_fitted_to_the_tables_of_other_libraries(table, columns, fit, library):
     found = table.fit(library(columns))
     assert found.machine.values == pytest.approx(fit.machine.values, rel=1e-12)

@@ -459,6 +459,7 @@ def test_ranking_has_a_bar_for_each_of_the_best() -> None:
     )
 
 
+@pytest.mark.slow
 def test_same_diagnosis_gives_the_same_bytes() -> None:
     assert report_page(diagnosis("cannot_tell")) == report_page(diagnosis("cannot_tell"))
 
@@ -646,6 +647,7 @@ def test_missing_extra_is_reported_at_once(
 # in a browser ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @needs_browser
 def test_browser_shows_it_without_overlap_overflow_or_complaint(tmp_path: Path) -> None:
     texts = {"unknown_effect.html": page("unknown_effect")[0], "hostile.html": hostile()[0]}

@@ -672,6 +672,7 @@ SPOIL = {
 }
 
 
+@pytest.mark.quick("bit")
 @needs_compiler
 @pytest.mark.parametrize("how", SPOIL)
 def test_a_kept_library_that_is_not_as_it_was_written_is_never_loaded(cache, how):

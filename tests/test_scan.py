@@ -105,6 +105,7 @@ def assert_same(found, expected, within=1e-5):
             assert abs(other.value - estimate.value) < within * estimate.std, key
 
 
+@pytest.mark.quick("threads=2")
 @pytest.mark.parametrize("where", ["threads=2", "processes=2"])
 def test_a_fit_in_parts_is_that_of_the_table(machine, folder, in_memory, where):
     scan = Measurements.scan(folder)
@@ -113,6 +114,7 @@ def test_a_fit_in_parts_is_that_of_the_table(machine, folder, in_memory, where):
         assert_same(fit(machine, scan), in_memory)
 
 
+@pytest.mark.slow
 def test_a_worker_is_killed_in_the_middle(machine, folder, in_memory):
     """Its parts are read again by the other one."""
     killed = []
@@ -244,6 +246,7 @@ def test_a_comparison_and_a_diagnosis_are_those_of_the_table(machine, folder, fr
     ]
 
 
+@pytest.mark.slow
 def test_gross_errors_of_the_sample_are_taken_off_the_sums(machine, frame, tmp_path):
     """Rows that a diagnosis leaves out are left out of all sums, as in memory."""
     wrong = np.array([3, 700])

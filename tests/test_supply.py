@@ -43,6 +43,7 @@ def test_the_installed_extension_computes_what_numpy_computes() -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_flags_that_change_arithmetic_leave_the_compiled_code_as_it_is(tmp_path: Path) -> None:
     configured(tmp_path, HARMFUL)

@@ -947,7 +947,8 @@ def test_progress_adds_up_to_the_whole_file(tmp_path, small_blocks):
         assert len(amounts) > 3
 
 
-@pytest.mark.parametrize("kind", [pytest.param("csv", marks=pytest.mark.slow), "parquet"])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_memory_does_not_grow_with_the_file(kind, tmp_path):
     table, _ = pair_table(50_000)
     peaks = []

@@ -186,6 +186,7 @@ def test_every_operation_fails_once(name, tortured):
             torture.check(good, torture.run(Fault(at, lasting=lasting)))
 
 
+@pytest.mark.quick("solve")
 @pytest.mark.filterwarnings(
     "ignore::pytest.PytestUnraisableExceptionWarning"
 )  # a file that the interpreter closes

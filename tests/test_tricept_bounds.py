@@ -426,6 +426,7 @@ def test_influences_that_are_none_are_refused() -> None:
             tricept.influence_map(0.0, 0.0, PAPER, pair, element, **region)
 
 
+@pytest.mark.slow
 def test_a_region_is_mapped_by_a_grid_that_just_holds_its_beams() -> None:
     for region in ({"limits": LEG_LIMITS}, {"box": (LOW, HIGH)}):
         found = tricept.influence_region(PAPER, ("A0", "r"), "xz", 21, **region)

@@ -67,6 +67,7 @@ def test_volume_is_that_of_random_points(geometry):
     assert found.volume_error < 1e-4 * found.volume
 
 
+@pytest.mark.slow
 def test_the_quadrature_says_how_far_it_is_off(paper):
     fine = tricept.workspace(PAPER, LEG_LIMITS, samples=1200)
     assert abs(paper.volume - fine.volume) < paper.volume_error

@@ -64,6 +64,7 @@ def test_readings_of_a_pose_do_not_make_a_walk_a_drift() -> None:
     assert np.mean(p < 0.1) <= 0.2
 
 
+@pytest.mark.slow
 def test_a_warm_up_that_a_walk_may_do_is_said_to_be(tmp_path):
     """Walks within two thirds of the noise explain as much; independent readings would have p = 1e-13."""
     machine, data = real("trunnion", 8).write(tmp_path)

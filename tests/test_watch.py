@@ -123,6 +123,7 @@ def test_a_rare_effect_that_the_first_readings_show_as_well_is_listed_with_the_c
     assert "do not tell it apart from encoder_eccentricity at C" in alarm.text
 
 
+@pytest.mark.slow
 def test_a_clock_that_jumps_or_stands_still_neither_raises_an_alarm_nor_prevents_one() -> None:
     seconds = 36.0 * np.arange(BEFORE)
     seconds[30:] += 1.7e9  # set after the controller was switched on
@@ -134,6 +135,7 @@ def test_a_clock_that_jumps_or_stands_still_neither_raises_an_alarm_nor_prevents
     assert still[0].after >= BEFORE - 2
 
 
+@pytest.mark.slow
 def test_rows_that_a_rule_or_a_run_sets_aside_are_not_watched() -> None:
     wrong = readings(400, 3, **{"C.zero_offset.a": 0.004}) | {"run": np.repeat(["bumped", "a"], (40, 360))}
     new = rodgen.Measurements.from_frame(wrong, name="new.csv")
@@ -201,6 +203,7 @@ def wandering(rows: int, seed: int) -> dict:
     return found
 
 
+@pytest.mark.slow
 def test_a_set_up_that_wanders_as_it_did_is_no_change() -> None:
     machine = rodgen.Machine.load(io_machine())
     watch = Watch(fit(machine, rodgen.Measurements.from_frame(wandering(200, 1))), rate="100/h")

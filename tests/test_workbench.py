@@ -230,6 +230,7 @@ def test_the_command_that_removes_an_effect_of_a_target_names_the_target(session
     assert files[0].read_text() == session.state.text
 
 
+@pytest.mark.slow
 def test_python_of_a_mended_order_of_joints_binds_columns_anew(tmp_path):
     folder = MOUNT.parent / "positioner"
     head, theta, phi = (folder / "machine.toml").read_text().partition("\n[[target]]")[0].split("[[joint]]")

@@ -123,6 +123,7 @@ def test_effects_are_added_taken_back_and_added_again(files):
     walk(Session.open(*files), first, in_another_window)
 
 
+@pytest.mark.slow
 def test_a_window_that_is_gone_is_drawn_no_more(files):
     async def user(walker):
         await walker.sees("Error 2.71")
@@ -133,6 +134,7 @@ def test_a_window_that_is_gone_is_drawn_no_more(files):
     walk(Session.open(*files), user)
 
 
+@pytest.mark.slow
 def test_rows_are_brushed_away_and_back_and_what_was_done_is_kept(files):
     session, folder = Session.open(*files), files[0].parent
 
@@ -213,6 +215,7 @@ def test_a_formula_is_checked_where_it_is_typed(files):
     walk(session, user)
 
 
+@pytest.mark.slow
 def test_a_parameter_is_tied_to_another_and_untied(files):
     session = Session.open(*files)
 
@@ -291,6 +294,7 @@ def test_a_diagnosis_runs_in_the_background_and_its_steps_are_taken_or_left(file
     assert session.state.action.why == "diagnosis"
 
 
+@pytest.mark.slow
 def test_a_plan_within_constraints_is_marked_in_the_plots_and_discarded(files, monkeypatch):
     session = Session.open(*files)
     monkeypatch.chdir(files[0].parent)
