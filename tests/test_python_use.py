@@ -257,6 +257,37 @@ def test_a_long_table_costs_the_rows_that_are_shown(fit):
     assert "<td>list of 10000</td>" in html_of_table({"a": [[0] * 10_000]})
 
 
+def test_every_result_is_one_short_line(results, fit, diagnosis):
+    more = (fit.parameters, diagnosis.steps, *diagnosis.steps, fit.held_out(), fit.noise, fit.dependence)
+    for one in (*(result for result, _ in results), *more):
+        assert len(repr(one)) < 400, type(one)
+        assert "\n" not in repr(one)
+    assert repr(diagnosis).startswith("Diagnosis(verdict='effects_missing', rows=24, ")
+
+
+def test_an_error_in_the_input_is_short_in_a_notebook(table):
+    """IPython shows what the method returns, of which it expects lines."""
+    with pytest.raises(InputFileError) as error:
+        table.fit({"C": [1.0], "x [mm]": [2.0]})
+    lines = error.value._render_traceback_()
+    assert lines[-1] == f"InputFileError: {error.value}"
+    assert len(lines) == 2
+    assert 'table.fit({"C": [1.0], "x [mm]": [2.0]})' in lines[0]
+
+
+def test_a_fit_draws_its_residuals(fit, monkeypatch):
+    pytest.importorskip("plotly")
+    assert len(fit.plot().data) > 0
+    assert [*fit.plot("C").data[0].x[:3]] == [0, 30, 60]
+    assert [*fit.plot().data[0].x[:3]] == [0, 1, 2]
+    with pytest.raises(RodgenError, match="'W' is none of "):
+        fit.plot("W")
+    monkeypatch.setitem(sys.modules, "rodgen.output.figures.residuals", None)
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    with pytest.raises(RodgenError, match=r"expected it: pip install 'rodgen\[plot\]'"):
+        fit.plot()
+
+
 def public_classes():
     """Yield the names and classes of results and parts that users import."""
     for name in sorted({*rodgen.__all__, *rodgen._LATER, *rodgen._SUBJECTS}):

@@ -33,6 +33,15 @@ MOST_NAMES = 8
 class RodgenError(ValueError):
     """Base class of every error that rodgen raises on purpose."""
 
+    def _render_traceback_(self, *_: object) -> list[str]:
+        """Return what a notebook shows: the caller's line, and the sentence; rodgen's own lines help nobody."""
+        import traceback  # in notebooks alone
+
+        frames = traceback.extract_tb(self.__traceback__)
+        ours = os.path.dirname(__file__) + os.sep
+        own = next((k for k, frame in enumerate(frames) if frame.filename.startswith(ours)), len(frames))
+        return [*traceback.format_list(frames[max(own - 1, 0) : own]), f"{type(self).__name__}: {self}"]
+
 
 class UnexpectedError(RodgenError):
     """Something that cannot be used: what was found, and what was expected. The caller adds the place.

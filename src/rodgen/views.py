@@ -13,6 +13,8 @@ from rodgen.errors import RodgenError
 
 FEW = 12
 """Numbers of an array that are shown; of a larger one the shape is."""
+SHORT = 40
+"""Characters of a text in the one line of a result."""
 ROWS = 60
 """Rows of a table that are shown, as pandas does ..."""
 ENDS = 5
@@ -60,6 +62,9 @@ class Records(Tabular, tuple[Item, ...]):
     """
 
     _record: Callable[[Item], Mapping[str, Any]]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({_brief(tuple(self))})"
 
     def __new__(cls, items: Iterable[Item], record: Callable[[Item], Mapping[str, Any]]) -> Records[Item]:
         """Return them as a tuple."""
@@ -136,6 +141,42 @@ def html_of(result: Any) -> str:
         names = list(result._fields)
     fields = {"field": names, "value": [getattr(result, name) for name in names]}
     return html_of_table(fields, (type(result).__doc__ or "").partition("\n")[0])
+
+
+def brief(result: Any) -> str:
+    """Return a dataclass in one line: its type and those of its fields that are not empty, of large ones the size.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(repr=False)
+    ... class Found:
+    ...     verdict: str
+    ...     rows: tuple[int, ...]
+    ...     table: object
+    ...     notes: tuple[str, ...] = ()
+    ...     __repr__ = brief
+    >>> Found("good", (1, 2), np.eye(3))
+    Found(verdict='good', rows=2 of int, table=array (3, 3))
+    """
+    texts = {f.name: _brief(getattr(result, f.name)) for f in dataclasses.fields(result) if f.repr}
+    return f"{type(result).__name__}({', '.join(f'{name}={text}' for name, text in texts.items() if text)})"
+
+
+def _brief(value: Any) -> str:
+    """Return a value in at most some forty characters; empty of what is empty."""
+    if value is None or (isinstance(value, str) and not value):
+        return ""
+    if isinstance(value, np.ndarray):
+        return f"array {value.shape}"
+    if isinstance(value, tuple | list | Mapping):
+        first = next(iter(value.values() if isinstance(value, Mapping) else value), None)
+        return f"{len(value)} of {type(first).__name__}" if value else ""
+    if isinstance(value, str | float | int):
+        text = repr(value)
+        return text if len(text) <= SHORT else f"{text[:SHORT]}…"
+    name = getattr(value, "name", None)
+    return f"{type(value).__name__}({repr(name) if isinstance(name, str) else '…'})"
 
 
 def html_of_text(text: str) -> str:

@@ -14,10 +14,10 @@ from rodgen.calibration.fitted import Estimate, FittedModel
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import as_dict, as_text
-from rodgen.errors import NotConvergedError
+from rodgen.errors import NotConvergedError, RodgenError
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
-from rodgen.views import html_of
+from rodgen.views import brief, html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare import Comparison
@@ -31,6 +31,7 @@ __all__ = ["Estimate", "Fit", "FitError", "fit"]
 class Fit(FittedModel):
     """A model fitted to measurements, with what can be asked of it; its attributes are those of `FittedModel`."""
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @classmethod
@@ -98,6 +99,25 @@ class Fit(FittedModel):
         from rodgen.calibration.compare import compare
 
         return compare(self)
+
+    def plot(self, against: str = "order") -> Any:
+        """Return the residuals of each row as a figure of Plotly: ``rodgen.figures.residual_plot`` has more options.
+
+        Parameters
+        ----------
+        against : str, optional
+            What the x axis shows: the order of the rows, a joint, or a column.
+
+        Raises
+        ------
+        RodgenError
+            Where Plotly is not installed, or there is nothing of this name.
+        """
+        try:
+            from rodgen.output.figures import residual_plot
+        except ModuleNotFoundError as error:
+            raise RodgenError(f"no module {error.name!r}; expected it: pip install 'rodgen[plot]'") from None
+        return residual_plot(self, against)
 
     def predict(self, design: Any) -> Prediction:
         """Return where the machine will be, with uncertainties; see :func:`rodgen.calibration.predict.predict`."""

@@ -28,7 +28,7 @@ from rodgen.data.units import readable
 from rodgen.errors import RodgenError
 from rodgen.statistics.digits import in_column
 from rodgen.statistics.thresholds import LACK_OF_FIT
-from rodgen.views import html_of
+from rodgen.views import brief, html_of
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
@@ -56,6 +56,7 @@ class Rung:
     held_out: HeldOut
     step: EffectTest | None = None
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property
@@ -118,6 +119,7 @@ class Ladder:
 
     rungs: tuple[Rung, ...]
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property

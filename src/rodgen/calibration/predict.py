@@ -31,7 +31,7 @@ from rodgen.files import new_folder
 from rodgen.machines.measured import TURNS
 from rodgen.schedulers import workers
 from rodgen.statistics.digits import round_by
-from rodgen.views import Tabular
+from rodgen.views import Tabular, brief
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -73,6 +73,8 @@ class Prediction(Tabular):
     unit: str
     attitude: Mapping[str, Array] = field(default_factory=dict)
     _factor: float = 1.0
+
+    __repr__ = brief
 
     @property
     def u(self) -> Array:

@@ -32,7 +32,7 @@ from rodgen.errors import RodgenError, joined
 from rodgen.stages import each, stage
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
-from rodgen.views import html_of, plain
+from rodgen.views import brief, html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -81,6 +81,7 @@ class HeldOut:
     because: tuple[str, ...] = ()
     converged: bool = True
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property

@@ -18,7 +18,7 @@ from rodgen.calibration.compare.serial_correlation import Drift, drift
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.drivers import Driver
 from rodgen.data.poses import stretches
-from rodgen.views import Records, html_of
+from rodgen.views import Records, brief, html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -64,6 +64,7 @@ class Comparison:
     tails: tuple[Tails, ...]
     far: Far | None
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property

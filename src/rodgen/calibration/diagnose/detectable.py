@@ -20,7 +20,7 @@ from rodgen.calibration.words import two_digits
 from rodgen.data.units import unit_factor
 from rodgen.machines.machine import Effect
 from rodgen.statistics.thresholds import SELECTION, VERDICT
-from rodgen.views import html_of, plain
+from rodgen.views import brief, html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -53,6 +53,7 @@ class Detectable:
     possible: bool
     rare: bool = False
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property

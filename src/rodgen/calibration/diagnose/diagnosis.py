@@ -12,7 +12,7 @@ from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.thresholds import PLAN, SELECTION
-from rodgen.views import Records, html_of, plain
+from rodgen.views import Records, brief, html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.detectable import Detectable
@@ -85,6 +85,7 @@ class Alias:
     odds: float = 1.0
     odds_with_data: float = 1.0
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property
@@ -156,6 +157,7 @@ class DiagnosedEffect:
     p_value_of_all: float = 1.0
     indistinguishable_pairs: tuple[Alias, ...] = ()
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property
@@ -234,6 +236,7 @@ class Unexplained:
     fit: Fit = field(repr=False, compare=False)
     p_value_of_all: float = 1.0
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property
@@ -318,6 +321,7 @@ class Diagnosis:
     undecided: tuple[Effect, ...] = ()
     wrong_bounds: str = ""
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     def __post_init__(self) -> None:

@@ -29,7 +29,7 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.parameters import parameters_of
 from rodgen.stages import each
 from rodgen.statistics.thresholds import CHECK
-from rodgen.views import html_of
+from rodgen.views import brief, html_of
 
 FIRST_ROUNDS = 2
 """Rounds of a fit after which most repairs are seen to lead nowhere."""
@@ -48,6 +48,7 @@ class Mend:
     repairs: tuple[Repair, ...]
     fit: NearFit
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property
@@ -110,6 +111,7 @@ class Check:
     unit: str
     repairs: tuple[Mend, ...] = ()
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property

@@ -19,7 +19,7 @@ from rodgen.calibration.fleet.store import Plan, read_plan, read_result
 from rodgen.statistics.multiple_testing import discovery_rates
 from rodgen.statistics.random_effects import Population, population
 from rodgen.statistics.thresholds import FLEET
-from rodgen.views import html_of
+from rodgen.views import brief, html_of
 
 RMS = "rms"
 """Key of the error that the model with all effects leaves, which is compared like a parameter."""
@@ -262,6 +262,7 @@ class Fleet:
     plan: Plan
     machines: tuple[FleetMachine, ...]
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @classmethod

@@ -27,7 +27,7 @@ from rodgen.statistics.columns import orthonormal_basis, project_out, unit_colum
 from rodgen.statistics.thresholds import VARIANCES
 from rodgen.statistics.variance_components import VarianceEstimator
 from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion, Whitener
-from rodgen.views import html_of
+from rodgen.views import brief, html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -249,6 +249,7 @@ class Dependence:
     covariance: Array | None
     factor: float = 1.0
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property

@@ -30,7 +30,7 @@ from rodgen.errors import joined
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.robust import HALF_OF_NORMAL
 from rodgen.statistics.thresholds import NOISE
-from rodgen.views import html_of
+from rodgen.views import brief, html_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -146,6 +146,7 @@ class NoiseFloor:
     stated: float | None
     one_body: bool = False
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property

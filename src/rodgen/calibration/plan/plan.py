@@ -32,7 +32,7 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.poses import moved_one_way
 from rodgen.errors import joined, shown
 from rodgen.machines.machine import Target
-from rodgen.views import html_of, plain
+from rodgen.views import brief, html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -73,6 +73,7 @@ class Plan:
     new_targets: tuple[Target, ...] = ()
     travel_missing: tuple[str, ...] = ()
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     @property

@@ -16,7 +16,7 @@ from rodgen.machines.files.toml import UnfitError
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Vector
-from rodgen.views import html_of
+from rodgen.views import brief, html_of
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class Imported:
     source: str = ""
     places: Sequence[str] = ()
 
+    __repr__ = brief
     _repr_html_ = html_of
 
     def __post_init__(self) -> None:

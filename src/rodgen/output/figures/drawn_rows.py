@@ -16,7 +16,7 @@ from rodgen.data.drivers import Driver, drivers_of_place, order_of_rows
 from rodgen.data.observations import Observations
 from rodgen.data.tables.table import row_place
 from rodgen.data.units import ARCSEC
-from rodgen.errors import joined
+from rodgen.errors import RodgenError, joined
 from rodgen.output.figures.style import evenly, label
 from rodgen.output.numbers import Shown, minus, shown_unit
 
@@ -212,11 +212,11 @@ class DrawnRows:
 
         Raises
         ------
-        ValueError
+        RodgenError
             When there is none of this name.
         """
         if name not in self.drivers:
-            raise ValueError(f"{name!r} is none of {joined(self.drivers)}")
+            raise RodgenError(f"{name!r} is none of {joined(self.drivers)}")
         return self.drivers[name]
 
 

@@ -13,7 +13,7 @@ from rodgen.array_types import Array
 from rodgen.calibration.reading_motion import directions_about
 from rodgen.calibration.words import plain
 from rodgen.data.drivers import goes_round
-from rodgen.errors import joined
+from rodgen.errors import RodgenError, joined
 from rodgen.output.figures.drawn_rows import MOST_MARKS, DrawnRows
 from rodgen.output.figures.planned import PlannedRows, planned_rows
 from rodgen.output.figures.residuals import Marks, ResidualPanel, add_rows, components_of, file_name
@@ -100,7 +100,7 @@ def polar_plot(
 
     Raises
     ------
-    ValueError
+    RodgenError
         When there is no such revolute joint or plane.
     """
     rows = DrawnRows(before or fit, None if before is None else fit, kept=[*selected, *aside], most=most)
@@ -133,7 +133,7 @@ def polar_of(
         approach = o.s[:, j] if rows.base.observations.approach_known[j] else None
         angle = o.q[:, j]
     else:
-        raise ValueError(f"{joint!r} is no revolute joint: {joined(revolute) or 'there is none'}")
+        raise RodgenError(f"{joint!r} is no revolute joint: {joined(revolute) or 'there is none'}")
     figure = column([Panel(panel.heading, PANEL, " ", equal=True) for panel in panels])
     marks = Marks(rows, approach, None, aside)
     chosen = np.isin(rows.chosen, np.asarray([*selected], np.intp))

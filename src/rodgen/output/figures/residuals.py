@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Index
 from rodgen.calibration.words import plain
-from rodgen.errors import joined
+from rodgen.errors import RodgenError, joined
 from rodgen.output.figures.drawn_rows import DEVIATIONS, MOST_MARKS, DrawnRows
 from rodgen.output.figures.planned import AT_EDGE, PlannedRows, planned_rows
 from rodgen.output.figures.style import (
@@ -119,14 +119,14 @@ def residual_plot(
 
     Raises
     ------
-    ValueError
+    RodgenError
         When there is no such driver or joint.
     """
     rows = DrawnRows(before or fit, fit if before is not None else None, kept=[*selected, *aside], most=most)
     joints = [joint.name for joint in fit.machine.joints]
     for name in {approach, parts} - {"", "apart", "together"}:
         if name not in joints:
-            raise ValueError(f"{name!r} is no joint: {joined(joints)}")
+            raise RodgenError(f"{name!r} is no joint: {joined(joints)}")
     sides = rows.o.s[:, joints.index(approach)] if approach else None
     panels = _panels(rows, joints.index(parts) if parts in joints else None, parts, whitened)
     return residuals_over(
