@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -199,6 +200,26 @@ def test_images_have_the_same_bytes_again() -> None:
     assert [content[:4] for content in once] == [b"\x89PNG", b"<svg", b"%PDF"]
     assert once == again
     assert b"Standard uncertainty" in once[1]
+
+
+def test_a_browser_that_does_not_start_is_bad_input(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rodgen_command: Callable[..., tuple[int, str, str]]
+) -> None:
+    """It is asked to start without its sandbox, which root has none of in a container, and without shared memory."""
+    pytest.importorskip("kaleido")
+    browser = tmp_path / "chromium"
+    browser.write_text('#!/bin/sh\necho "$@" > "$0.arguments"\nexit 1\n')
+    browser.chmod(0o755)
+    monkeypatch.setenv("BROWSER_PATH", str(browser))
+    pairs = Path(__file__).parent.parent / "examples" / "pairs.csv"
+    code, out, err = rodgen_command("fit-axis", pairs, "--plot", tmp_path / "axis.png")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert (
+        f"axis.png: file: {browser}, which images are drawn with, ends when it is started; expected " in err
+    )
+    assert not (tmp_path / "axis.png").exists()
+    arguments = (tmp_path / "chromium.arguments").read_text().split()
+    assert {"--headless", "--no-sandbox", "--disable-dev-shm-usage"} <= {*arguments}
 
 
 def test_without_a_browser_one_sentence_says_what_to_do(

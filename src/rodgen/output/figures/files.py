@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 PAGES = (".html", ".htm")
 IMAGES = ("png", "svg", "pdf")
+_TRIAL = "'{} --headless --no-sandbox --dump-dom about:blank'"
+"""A command that shows what a browser lacks."""
 SCALE = 2.0
 """Pixels of a PNG for each pixel of the figure."""
 
@@ -37,7 +39,7 @@ def save_figure(figure: go.Figure, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     InputFileError
-        When the name has another ending, the file cannot be written, or there is no browser for an image.
+        When the name has another ending, the file cannot be written, or there is no browser that draws an image.
     """
     kind = check_figure_name(path)
     if kind == "html":
@@ -70,7 +72,7 @@ def save_figures(
     Raises
     ------
     InputFileError
-        When a file cannot be written, or there is no browser for images.
+        When a file cannot be written, or there is no browser that draws images.
     """
     place = os.fspath(path)
     listed = list(figures)
@@ -164,7 +166,12 @@ def _no_browser(path: str | os.PathLike[str]) -> InputFileError:
 def _images(jobs: list[tuple[go.Figure, str]], path: str) -> list[bytes]:
     """Return figures as images, drawn by one browser."""
     import kaleido
-    from choreographer.errors import ChromeNotFoundError
+    from choreographer.errors import (
+        BrowserClosedError,
+        BrowserFailedError,
+        ChannelClosedError,
+        ChromeNotFoundError,
+    )
 
     async def draw() -> list[bytes]:
         # No MathJax: it would be asked of the network, and text is drawn as it is.
@@ -188,6 +195,12 @@ def _images(jobs: list[tuple[go.Figure, str]], path: str) -> list[bytes]:
             drawn = thread.submit(asyncio.run, draw()).result()
     except ChromeNotFoundError:
         raise _no_browser(path) from None
+    except (BrowserFailedError, BrowserClosedError, ChannelClosedError):
+        # It is started without its sandbox and shared memory, which containers lack: something else is missing.
+        found = f"{browser()}, which images are drawn with, ends when it is started"
+        trial = _TRIAL.format(browser())
+        expected = f"one with which {trial} works, or a name that ends in .html, which needs no browser"
+        raise InputFileError(path, "file", found, expected) from None
     return [_fixed(content, kind) for content, (_, kind) in zip(drawn, jobs, strict=True)]
 
 
