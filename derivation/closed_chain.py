@@ -44,7 +44,8 @@ derivation = Derivation(
     "closed_chain",
     title="Closed chains: poses by Newton's steps, their derivatives, and the forces in the legs",
     source='Kureková et al., "Positioning uncertainty of the Tricept type parallel kinematic structure", '
-    'and Zhou and Zhu, "Instantaneous Euler angles"',
+    'and Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler '
+    'Angle"',
 )
 d = derivation
 

@@ -13,9 +13,10 @@
 # %% [markdown]
 # # A platform that turns about a point, on three legs
 #
-# The 3-SPS-S machine of S. Zhou and others ("Instantaneous Euler angles", section 5.1) is a platform on a ball joint.
-# Three legs of variable length turn it: each has a ball joint on the base, at a radius $R$, a sliding joint, and a
-# ball joint on the platform, at a radius $r$. The pivot is the platform's centre, at the height $h$ over the base's.
+# The 3-SPS-S machine of X. Zhou and J. Zhu ("A Decoupling Method for Successive Robot Rotation Based on Time Domain
+# Instantaneous Euler Angle", Mathematics 2023, 11(18), 3882, section 5.1) is a platform on a ball joint. Three
+# legs of variable length turn it: each has a ball joint on the base, at a radius $R$, a sliding joint, and a ball joint
+# on the platform, at a radius $r$. The pivot is the platform's centre, at the height $h$ over the base's.
 #
 # The lengths of the legs for a given rotation are three distances; the paper gives them in (21) to (23). The way back,
 # from lengths to rotations, the paper takes for granted. Here both are derived:
@@ -34,7 +35,8 @@ from rodgen.symbolic import EPS, Derivation, coordinate_rotation, cross, dot, eq
 derivation = Derivation(
     "three_sps_s",
     title="3-SPS-S: a platform that turns about a point, on three legs",
-    source='Zhou and Zhu, "Instantaneous Euler angles", sec. 5.1',
+    source='Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler '
+    'Angle", Mathematics 2023, 11(18), 3882, sec. 5.1',
 )
 d = derivation
 

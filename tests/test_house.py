@@ -207,3 +207,17 @@ def test_no_test_reads_beside_the_checkout() -> None:
 
 def test_ci_script_can_be_run() -> None:
     assert os.access(ROOT / ".ci/run", os.X_OK)
+
+
+def test_papers_are_cited_under_their_titles():
+    """An author's name and a quoted title after it: the title is one of CITATION.cff."""
+    titles = re.findall(r"^    title: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    authors = r"(?:Zhou|Zhu|others|Pimushkin|Martišovitš|et al\.)"
+    pages = [*ROOT.glob("derivation/*.py"), *ROOT.glob("docs/*.md"), *ROOT.glob("src/rodgen/**/*.py")]
+    count = 0
+    for page in pages:
+        text = re.sub(r"'\n\s*'|\n#? *", lambda m: "" if "'" in m[0] else " ", page.read_text())
+        for title in re.findall(rf'{authors},? \(?"([A-Z][^"]{{15,}})"', text):
+            count += 1
+            assert title.rstrip(",") in titles, f"{page.name}: {title}"
+    assert count > 10

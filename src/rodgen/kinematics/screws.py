@@ -194,7 +194,8 @@ def transform(rotation: ArrayLike, origin: ArrayLike) -> Any:
 
     Notes
     -----
-    Zhou and Zhu, "Instantaneous Euler angles", eq. (5), whose explicit matrix has another lower right block.
+    Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle",
+    eq. (5), whose explicit matrix has another lower right block.
 
     Examples
     --------
