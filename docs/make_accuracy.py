@@ -60,6 +60,7 @@ class Family:
     axis: Callable[[np.random.Generator, int], np.ndarray] = lambda rng, n: _unit(rng.normal(size=(n, 3)))
     after: Callable[[np.random.Generator, np.ndarray], np.ndarray] = lambda rng, rho_prime: rho_prime
     float32: bool = True  # whether it exists in the range and precision of float32
+    bound: float = 4  # largest error over cond eps that the tests allow
 
 
 def _near_plane(pivot: float) -> dict[str, Callable[..., np.ndarray]]:
@@ -121,6 +122,8 @@ FAMILIES = [
         "1e150 before, 1e-150 after", point=_scaled(1e150), after=lambda rng, x: x * 1e-300, float32=False
     ),
     Family("lengths differ by 4e-4", after=lambda rng, x: x * (1 + 4e-4 * rng.uniform(-1, 1, (len(x), 1)))),
+    Family("ρ′ 3 to 9 times as long", after=lambda rng, x: x * rng.uniform(3, 9, (len(x), 1)), bound=12),
+    Family("ρ 3 to 9 times as long", after=lambda rng, x: x / rng.uniform(3, 9, (len(x), 1))),
 ]
 
 
@@ -282,7 +285,9 @@ Made by `python docs/make_accuracy.py`; seed {seed}, {count} inputs a row, refer
 Each row is a family of inputs that are hard in one way. The error of an input is the larger of the two axes' distances
 from the exact axes of the given numbers. *Worst* is the largest error over cond·ε, where cond is
 `axis_condition` and ε the spacing of floating-point numbers at 1 (2⁻⁵² in float64, 2⁻²³ in float32): the
-tests allow at most 4 in every family; [certified](certified.md) for all inputs is 12. *Median* is in units of ε.
+tests allow at most 4, and 12 where ρ′ is 3 to 9 times as long as ρ: of 30,000 generic inputs with ratios from 5 to 9,
+87 have more than 4 and the worst 7.4; the worst of all that were tried has 9.1. [Certified](certified.md), where
+lengths agree to 1e-3, is 12. *Median* is in units of ε.
 
 float64, the compiled kernels (`{backend}` on the machine that made this page), the NumPy module, the C alone, and the
 paper's own formulas with the sign of the root corrected:
@@ -297,7 +302,7 @@ Caveats: the last digits of these figures change with the instruction set and th
 multiplications round once where others round twice. Where the exact problem has no axis after rounding of the inputs
 (some of the near tangent ones), the input is left out. *Merged* counts inputs whose two axes are so close together that
 the rounding of the angle decides whether there are any: the status says `ONE_AXIS` or `NO_AXIS`, and they are not among
-the errors.
+the errors. A turn by 1e-160 is none: the status is `EVERY_AXIS`, and the axis one of all.
 """
 
 

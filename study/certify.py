@@ -445,7 +445,7 @@ BOTTOM = """
   the kernel takes for some half turns, too, the rows say how near these it is certified. Lengths differ by up to 1e-3
   of them, in the program for usual inputs by as much as it takes. The roundings of a vector's components have a bound
   in any orientation, so boxes have two dimensions. At single inputs this bound is up to 9.4 cond ε, however small the
-  boxes; the tests find at most 4 cond ε in each of their [families](accuracy.md), as roundings do not conspire.
+  boxes; the tests find at most 4 cond ε in their [families](accuracy.md) of such lengths, as roundings do not conspire.
 - **Conversions.** Components of the axis have one sign. The others follow: changed signs of components change
   signs and places in the program, and rounding has no preferred sign. The largest component may be any.
 - **`tricept_direct`.** The error is the distance from the exact pose of the given rods. All six steps are followed from

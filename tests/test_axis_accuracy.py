@@ -1,7 +1,8 @@
-"""The accuracy that the documentation promises, family by family: at most 4 cond eps, on every backend.
+"""The accuracy that the documentation promises, family by family: its bound, in cond eps, on every backend.
 
-4 is the promise of `rodgen.solve_axis`. A change of each of the seven inputs by one eps moves an axis by about 2 cond
-eps at worst, so the promise leaves as much again for the arithmetic; measured figures are in docs/accuracy.md.
+4 is the promise of `rodgen.solve_axis`, 12 where ρ′ is 3 to 9 times as long as ρ. A change of each of the seven inputs
+by one eps moves an axis by about 2 cond eps at worst, so the promise leaves as much again for the arithmetic; measured
+figures are in docs/accuracy.md.
 """
 
 from __future__ import annotations
@@ -35,12 +36,12 @@ COUNT = 200
 
 @every_family
 def test_compiled_kernels_keep_the_promise(family: object) -> None:
-    assert accuracy.measure(accuracy.gufunc, family.name, count=COUNT).worst <= PROMISE
+    assert accuracy.measure(accuracy.gufunc, family.name, count=COUNT).worst <= family.bound
 
 
 @every_family
 def test_numpy_keeps_the_promise(family: object) -> None:
-    assert accuracy.measure(accuracy.numpy_module, family.name, count=COUNT).worst <= PROMISE
+    assert accuracy.measure(accuracy.numpy_module, family.name, count=COUNT).worst <= family.bound
 
 
 @pytest.mark.parametrize("level", ["baseline", "avx2", "avx512"])
@@ -52,21 +53,21 @@ def test_every_instruction_set_keeps_the_promise(level: str, gufuncs: dict[str, 
         axes, status = gufuncs[level].solve_axis(rho, rho_prime, angle, 1e-8)
         return axes, ~np.isin(status, (1, 2))
 
-    worst = {f.name: accuracy.measure(solve, f.name, count=COUNT).worst for f in accuracy.FAMILIES}
-    assert {name: w for name, w in worst.items() if not w <= PROMISE} == {}
+    worst = {f.name: accuracy.measure(solve, f.name, count=COUNT).worst / f.bound for f in accuracy.FAMILIES}
+    assert {name: w for name, w in worst.items() if not w <= 1} == {}
 
 
 def test_emitted_c_keeps_the_promise(compiler: str, tmp_path: Path) -> None:
     solve = accuracy.emitted_c(tmp_path)
-    worst = {f.name: accuracy.measure(solve, f.name, count=COUNT).worst for f in accuracy.FAMILIES}
-    assert {name: w for name, w in worst.items() if not w <= PROMISE} == {}
+    worst = {f.name: accuracy.measure(solve, f.name, count=COUNT).worst / f.bound for f in accuracy.FAMILIES}
+    assert {name: w for name, w in worst.items() if not w <= 1} == {}
 
 
 @pytest.mark.parametrize("solver", ["gufunc", "numpy_module"])
 def test_float32_keeps_the_promise(solver: str) -> None:
-    families = [f.name for f in accuracy.FAMILIES if f.float32]
-    worst = {name: accuracy.measure(getattr(accuracy, solver), name, 32, COUNT).worst for name in families}
-    assert {name: w for name, w in worst.items() if not w <= PROMISE} == {}
+    solve, families = getattr(accuracy, solver), [f for f in accuracy.FAMILIES if f.float32]
+    worst = {f.name: accuracy.measure(solve, f.name, 32, COUNT).worst / f.bound for f in families}
+    assert {name: w for name, w in worst.items() if not w <= 1} == {}
 
 
 @every_family
@@ -82,6 +83,19 @@ def test_nearly_every_input_has_its_two_axes(family: object) -> None:
     half = np.abs(angle / 2)
     limit = 1 / np.sqrt(32 * 2.0**-52 * (1 + half) * np.maximum(np.abs(np.sin(half) * np.cos(half)), 1e-300))
     assert (two | (condition > limit)).all()
+
+
+def test_the_worst_known_input_keeps_the_bound_of_its_family() -> None:
+    """Twice the promise of other families: ρ′ is eight times as long, which still shares the power of two of ρ."""
+    rho = np.array([-0.17720370258564225, 0.9956020377467981, 0.8309719457767204])
+    rho_prime, angle = (
+        np.array([4.968331747251806, -9.062944462197933, -1.6791693686925002]),
+        3.022925442674012,
+    )
+    (family,) = (f for f in accuracy.FAMILIES if f.bound != PROMISE)
+    exact, condition = accuracy.exact_axes(rho, rho_prime, angle)
+    axes, _ = accuracy.gufunc(rho, rho_prime, angle)
+    assert np.linalg.norm(axes - exact, axis=-1).max() <= family.bound * condition * 2.0**-52
 
 
 @pytest.mark.slow
@@ -102,6 +116,7 @@ def test_paper_form_loses_digits_where_the_facts_say() -> None:
 def test_promise_with_many_more_inputs(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(accuracy, "SEED", 1000 * seed)
     accuracy.sample.cache_clear()
-    worst = {f.name: accuracy.measure(accuracy.gufunc, f.name, count=1000).worst for f in accuracy.FAMILIES}
+    solve = accuracy.gufunc
+    worst = {f.name: accuracy.measure(solve, f.name, count=1000).worst / f.bound for f in accuracy.FAMILIES}
     accuracy.sample.cache_clear()
-    assert {name: w for name, w in worst.items() if not w <= PROMISE} == {}
+    assert {name: w for name, w in worst.items() if not w <= 1} == {}
