@@ -403,7 +403,7 @@ def test_residuals_before_and_after_whitened_and_in_parts() -> None:
     arm = np.linalg.norm(table.places(table.observations)[:, :2], axis=1) * np.pi / 648  # µm for an arcsec
     size = 1000 * np.linalg.norm(table.residuals, axis=1)
     np.testing.assert_allclose(np.hypot(reading.y * arm, across.y), size, rtol=1e-6)
-    with pytest.raises(ValueError, match="'W' is none of X and Y"):
+    with pytest.raises(ValueError, match="'W' is none of X, Y"):
         figures.residual_plot(before, "W")
     with pytest.raises(ValueError, match="'W' is no joint: X, Y, Z, C"):
         figures.residual_plot(before, approach="W")
