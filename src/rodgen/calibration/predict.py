@@ -153,7 +153,8 @@ def predict(fit: FittedModel, design: Any) -> Prediction:
     Raises
     ------
     InputFileError
-        When the design does not fit the machine, is of a set-up that was not measured, or has legs that do not close.
+        When the design has no rows, does not fit the machine, is of a set-up that was not measured, or has legs that do
+        not close.
 
     Notes
     -----
@@ -177,7 +178,9 @@ def predict(fit: FittedModel, design: Any) -> Prediction:
         expected = "one table, or predict_parts, which writes a folder"
         raise InputFileError(design.file, "file", "commands in many files", expected)
     predictor = Predictor.of(fit)
-    return predictor.at(predictor.bound(design))
+    o = predictor.bound(design)
+    o.demand_rows("pose")
+    return predictor.at(o)
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,7 +261,9 @@ def predict_parts(
         As of `predict`, and when the folder is there already or cannot be written.
     """
     predictor = Predictor.of(fit)
-    predictor.bound(design.empty)
+    columns = predictor.bound(design.empty)
+    if not design.rows:
+        columns.demand_rows("pose")
     options = {"coverage": coverage, "rounded": rounded}
     with new_folder(folder) as into, workers() as some:
         motions = dict(some.each("looking at the design", _motion, design.parts, predictor))

@@ -103,8 +103,8 @@ def _over_travel(fit: FittedModel) -> VolumetricError:
     o, measured_only = _positions(fit)
     problem, theta = Problem(fit.problem.model, o), fit.values
     effects = [next((e for e in fit.machine.effects if e.owns(p.key)), None) for p in fit.parameters]
-    own = np.array([e is None or not is_of_set_up(fit.machine, e) for e in effects])
-    kept = np.array([kind == "target" for kind in fit.problem.model.kinds])
+    own = np.array([e is None or not is_of_set_up(fit.machine, e) for e in effects], bool)
+    kept = np.array([kind == "target" for kind in fit.problem.model.kinds], bool)
     for i, (p, e) in enumerate(zip(fit.parameters, effects, strict=True)):  # a period means nothing at zero
         kept[i] |= e is not None and p.key.rpartition(".")[2] in e.definition.searched
     free_frame = fit.machine.measured.frame == "free"

@@ -169,17 +169,15 @@ class Observations:
         every = list(drivers(self))
         return [driver for kind in kinds for driver in every if driver.kind == kind] if kinds else every
 
-    def demand_rows(self) -> None:
-        """Refuse a table without measurements.
+    def demand_rows(self, of: str = "measurement") -> None:
+        """Refuse a table without rows, of measurements or of poses.
 
         Raises
         ------
         InputFileError
         """
         if not self.n:
-            raise InputFileError(
-                self.data.file, "file", "no rows", "at least one measurement under the header"
-            )
+            raise InputFileError(self.data.file, "file", "no rows", f"at least one {of} under the header")
 
     @property
     def copies(self) -> int:

@@ -44,6 +44,8 @@ def best_plan(question: Question, o: Observations, n: int) -> CandidatePlan:
         return found
     for machine, wait in _ways(found):
         most = best.rows.n // 2 if best.reached else n
+        if not most:
+            break
         other = rough_plan(Campaign(question, machine, o, wait=wait), most)
         if other.reached or (not best.reached and other.worth > best.worth + PLAN.worth):
             best = other

@@ -115,8 +115,7 @@ def simulate(
         seed = int(np.random.SeedSequence().entropy) % 2**32  # type: ignore[arg-type]
     design = Measurements.of(design)
     bound = bind(machine, design, allow_missing_readings=True)
-    if not bound.n:
-        raise InputFileError(design.file, "file", "no rows", "at least one pose under the header")
+    bound.demand_rows("pose")
     simulator = Simulator(
         machine, with_reading(bound, np.eye(3)[:1] if bound.reading.shape[1] == 3 else 0.0), noise, seed
     )
