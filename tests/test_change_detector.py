@@ -182,3 +182,14 @@ def test_the_mean_time_between_false_alarms_is_at_least_the_limit(noise) -> None
         bench = Bench(seed, noise)
         times.append(bench.watch(bench.detector(limit=300.0), 1500) or 1500)
     assert np.mean(times) > 300
+
+
+def test_what_the_reference_shows_by_rounding_alone_leaves_the_evidence_finite() -> None:
+    random = np.random.default_rng(1)
+    columns, new = random.normal(size=(20, 3, 4)), random.normal(size=(4, 3, 4))
+    columns[:, :, 1], columns[:, :, 2:] = 1e6 * columns[:, :, 1], 1e-13 * columns[:, :, 2:]
+    detector = ChangeDetector(columns, random.normal(size=(20, 3)), 1, [[1], [2, 3], [2]], 1e6, np.zeros(1))
+    for row in new:
+        far = detector.update(row[None], random.normal(size=(1, 3)), 1.0, np.zeros((1, 1)))
+        assert np.isfinite([*far, detector.log_sum]).all()
+        assert np.isfinite(detector.mean).all()

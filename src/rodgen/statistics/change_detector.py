@@ -152,7 +152,8 @@ class ChangeDetector:
         self.limit, self.groups = limit, [np.asarray(group) for group in groups]
         length = np.sqrt(np.mean(columns**2, axis=(0, 1)))
         self.scale = float(np.sqrt(np.mean(readings**2))) or 1.0
-        self.unit = np.divide(self.scale, length, out=np.zeros(d), where=length > 0)
+        shown = length > ROUNDING * length.max(initial=0.0)  # of the others the reference has rounding alone
+        self.unit = np.divide(self.scale, length, out=np.zeros(d), where=shown)
         self._largest = np.full(d, np.inf)
         if largest is not None:
             np.divide(largest, self.unit, out=self._largest, where=self.unit > 0)
