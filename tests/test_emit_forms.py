@@ -1,6 +1,7 @@
 """What others read of a fitted machine: its poses there, by other readers, are those of the model."""
 
 import csv
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -112,6 +113,9 @@ def test_a_denavit_hartenberg_table_has_the_poses_of_the_model(tmp_path, convent
             link[:3, :3], link[0, 3] = (
                 Rotation.from_euler("x", joint["alpha"], degrees=True).as_matrix(),
                 joint["a"],
+            )
+            link[:3, :3] = (
+                link[:3, :3] @ Rotation.from_euler("y", joint.get("beta", 0), degrees=True).as_matrix()
             )
             T = T @ (turn @ link if convention == "standard" else link @ turn)
         np.testing.assert_allclose((T @ [*table["tool"], 1])[:3], place, atol=1e-6)
@@ -469,21 +473,89 @@ def test_emit_says_what_the_model_misses(tmp_path, capsys):
     assert "That is in none of these files; 'rodgen diagnose' looks for it." in said
 
 
-def test_nearly_parallel_axes_have_a_reason_for_their_numbers_in_a_dh_table(tmp_path):
-    """Two axes off by 0.1 deg: d is 150 m."""
-    joints = [Joint(f"J{k}", "revolute", (0.0, 1.0, 0.0), (0.0, 0.0, 300.0 * k)) for k in (1, 2)]
-    machine = Machine(
-        "Arm", "mm", "deg", (0.0, 0.0, -1.0), 20.0, tuple(joints), (Target("ball", (400.0, 0.0, 600.0)),),
-        Measured("point", "machine"), estimate=("J2.axis",), values={"J2.axis.a": 0.0, "J2.axis.b": 2e-3},
-    )  # fmt: skip
-    covariance = ["J2.axis.b"], np.array([[1e-10]])
-    machine.emit("dh", tmp_path, covariance=covariance)
-    for convention, row in (("standard", 0), ("modified", 1)):
-        text = (tmp_path / f"arm_{convention}_dh.toml").read_text()
-        assert text.partition("[[joint]]")[2].split("[[joint]]")[row].count("# nearly parallel axes") == 1
-        assert text.count("# nearly parallel axes") == 1
-        (said,) = (line for line in text.splitlines() if line.startswith("alpha = ") and "# U" in line)
-        assert float(said.partition("# U = ")[2]) == pytest.approx(np.degrees(2e-5), abs=5e-5)
+TABLE = """joint,theta [deg],d [mm],a [mm],alpha [deg]
+J1,0,450,150,-90
+J2,-90,0,600,0
+J3,0,0,120,-90
+J4,0,640,0,90
+J5,0,0,0,-90
+J6,0,100,0,0
+"""
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+@pytest.mark.parametrize("moved", [0.0, 1e-3], ids=["as imported", "moved"])
+def test_a_table_has_the_rows_of_the_imported_one_and_the_poses_of_the_fit(tmp_path, convention, moved):
+    """Parallel axes that a fit has tilted, and a target off the last axis: a product of rows, and read again."""
+    (tmp_path / "robot.csv").write_text(TABLE)
+    machine = machine_from_table(tmp_path / "robot.csv", "standard").machine
+    random = np.random.default_rng(1)
+    parts = ("J2.axis", "J2.point", "J3.axis", "J3.point", "J4.point", "J5.axis", "J6.point")
+    keys = [f"{part}.{x}" for part in parts for x in "ab"]
+    sizes = [moved if "axis" in key else 300 * moved for key in keys]
+    values = dict(zip(keys, random.uniform(-1, 1, len(keys)) * sizes, strict=True))
+    values |= {"target.tool.x": 40.0, "target.tool.y": 20.0, "target.tool.z": -20.0}
+    fitted = replace(
+        machine, measured=Measured("point", "machine"), estimate=(*parts, "target"), values=values
+    )
+    covariance = keys, np.diag(np.full(len(keys), 1e-10))
+    fitted.emit("dh", tmp_path, name="robot", covariance=covariance)
+    path = tmp_path / f"robot_{convention}_dh.toml"
+    rows = tomllib.loads(path.read_text())["joint"]
+    given = list(csv.DictReader(TABLE.splitlines()))
+    for row, own in zip(rows, given, strict=True):
+        assert row["theta"] == pytest.approx(float(own["theta [deg]"]), abs=200 * moved + 1e-9)
+        assert row["d"] == pytest.approx(float(own["d [mm]"]), abs=2000 * moved + 1e-9)
+    alphas = [row["alpha"] for row in rows]
+    expected = [float(own["alpha [deg]"]) for own in given]
+    if convention == "modified":
+        expected = expected[-1:] + expected[:-1]
+    np.testing.assert_allclose(alphas, expected, atol=200 * moved + 1e-9)
+    stated = re.findall(r"# U = (\S+)", path.read_text())
+    assert len(stated) > 10
+    assert max(map(float, stated)) < 0.02  # of 10 um, and 2 arcsec over 640 mm, k = 2
+    q = random.uniform(-2, 2, (8, 6))
+    design = {f"J{k + 1} [deg]": np.degrees(x) for k, x in enumerate(q.T)}
+    base = [
+        [float(x) for x in line[1:].split()]
+        for line in path.read_text().splitlines()
+        if line.startswith("#   ")
+    ]
+    seen = places(fitted, design)
+    tool = tomllib.loads(path.read_text())["tool"]
+    for angles, place in zip(q, seen, strict=True):
+        T = np.array(base)
+        for angle, row in zip(angles, rows, strict=True):
+            joint, link = np.eye(4), np.eye(4)
+            joint[:3, :3], joint[2, 3] = (
+                Rotation.from_euler("z", np.radians(row["theta"]) + angle).as_matrix(),
+                row["d"],
+            )
+            turns = [row["alpha"], row.get("beta", 0.0)]
+            link[:3, :3], link[0, 3] = Rotation.from_euler("XY", turns, degrees=True).as_matrix(), row["a"]
+            T = T @ (joint @ link if convention == "standard" else link @ joint)
+        np.testing.assert_allclose((T @ [*tool, 1])[:3], place, atol=1e-6)
+    again = replace(machine_from_table(path).machine, measured=Measured("point", "machine"))
+    turn, shift = np.array(base)[:3, :3], np.array(base)[:3, 3]
+    np.testing.assert_allclose(places(again, design) @ turn.T + shift, seen, atol=1e-6)
+
+
+def test_numbers_of_a_table_that_are_held_or_undefined_have_no_uncertainty(tmp_path):
+    """The zero of a wrist whose axes meet: one angle varies, and not by half a turn where a is 0."""
+    (tmp_path / "robot.csv").write_text(TABLE)
+    machine = machine_from_table(tmp_path / "robot.csv", "standard").machine
+    machine = replace(machine, measured=Measured("point", "machine"), estimate=()).add(
+        "zero_offset", joint="J5"
+    )
+    machine = replace(machine, values={"J5.zero_offset.a": 9e-4})
+    machine.emit("dh", tmp_path, name="robot", covariance=(["J5.zero_offset.a"], np.array([[1e-10]])))
+    for convention in ("standard", "modified"):
+        lines = [
+            x for x in (tmp_path / f"robot_{convention}_dh.toml").read_text().splitlines() if "# U = " in x
+        ]
+        (line,) = lines
+        assert line.startswith("theta = 0.0515")
+        assert float(line.partition("# U = ")[2]) == pytest.approx(np.degrees(2e-5), rel=0.1)
 
 
 def test_what_points_is_the_x_axis_of_its_link_in_a_urdf(tmp_path):

@@ -141,7 +141,7 @@ def test_what_is_wrong_is_said_in_one_sentence(old, new, expected, tmp_path):
         ("a = 230", "a = '230'", "[[joint]] 3, a: the text '230'; expected a number"),
         ('"modified"', '"craig"', "convention: 'craig'; expected 'standard' or 'modified'"),
         ("d = 295", "d = 295\nsign = 0", "[[joint]] 1, sign: 0; expected '+1' or '-1'"),
-        ("theta = -90", "beta = -90", "[[joint]] 2, beta: unknown key; expected"),
+        ("theta = -90", "gamma = -90", "[[joint]] 2, gamma: unknown key; expected"),
         ('"deg"', '"mm"', "[units], angle: 'mm', which measures length; expected a unit of angle"),
     ],
 )

@@ -34,6 +34,8 @@ class Geometry:
 
     machine: Machine
     """A chain: of two branches that from the body of the instrument to the targets."""
+    nominal: Machine
+    """The same chain as the file has it, without what was fitted."""
     left_out: tuple[str, ...]
     """A sentence for each part of the model that is not in it."""
 
@@ -98,7 +100,19 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
         ),
         effects=(),
     )
-    return Geometry(rigid, tuple(left_out))
+    nominal = replace(
+        rigid,
+        joints=tuple(
+            replace(
+                joint,
+                axis=_three((-1.0 if j < machine.inner else 1.0) * np.array(joint.axis, float)),
+                branch="",
+            )
+            for j, joint in enumerate(scope.machine.joints)
+        ),
+        targets=scope.machine.targets,
+    )
+    return Geometry(rigid, nominal, tuple(left_out))
 
 
 def of_couplings(machine: Machine, names: Sequence[str]) -> list[str]:

@@ -1,37 +1,33 @@
 """A machine from a Denavit-Hartenberg table, standard or modified, as CSV or TOML.
 
 Row j of a standard table is joint j and the link after it, Rz(theta) Tz(d) Tx(a) Rx(alpha); of a modified one (Craig's)
-the link before it and the joint, Tx(a) Rx(alpha) Tz(d) Rz(theta). The coordinate of a joint is added to its theta, or
-to its d where it slides; with the sign -1 it is subtracted.
+the link before it and the joint, Tx(a) Rx(alpha) Tz(d) Rz(theta). A link between nearly parallel axes may have a fifth
+number, and ends in Ry(beta) (Hayati). The coordinate of a joint is added to its theta, or to its d where it slides;
+with the sign -1 it is subtracted.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from rodgen.array_types import Array
 from rodgen.data.measurements import Measurements, Names
 from rodgen.data.units import ANGLE, LENGTH, Quantity, conversion_factor
 from rodgen.errors import InputFileError, in_file, joined, listed, shown
-from rodgen.kinematics.spatial.robots.denavit_hartenberg import (
-    from_denavit_hartenberg,
-    from_modified_denavit_hartenberg,
-)
 from rodgen.machines.files.read import MOST_JOINTS, unit_of
 from rodgen.machines.files.toml import NUMBER, PAIR, TEXT, VECTOR, Table, one_of, parse, read_text
 from rodgen.machines.imports.imported import Imported, clean, machine_name
+from rodgen.machines.machine import Machine
 from rodgen.machines.measured import Measured
-from rodgen.machines.mechanism import from_mechanism
+from rodgen.machines.parts import Joint, Target
+from rodgen.machines.rigid import rotation_matrix
 
-CONVENTIONS = {
-    "standard": from_denavit_hartenberg,
-    "modified": from_modified_denavit_hartenberg,
-}
-_ORDER = {"standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha)", "modified": "Tx(a) Rx(alpha) Tz(d) Rz(theta)"}
+CONVENTIONS = {"standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha)", "modified": "Tx(a) Rx(alpha) Tz(d) Rz(theta)"}
 _NUMBERS: dict[str, Quantity] = {"a": "length", "alpha": "angle", "d": "length", "theta": "angle"}
 _EXAMPLE = "theta [deg],d [mm],a [mm],alpha [deg]"
 _LARGEST = 1e12
@@ -50,6 +46,17 @@ class _Row:
     alpha: float
     sign: float
     travel: tuple[float, float] | None
+    beta: float = 0.0
+
+    @property
+    def screw(self) -> Array:
+        """Return Rz(theta) Tz(d)."""
+        return _moved([0, 0, self.theta], [0, 0, self.d])
+
+    @property
+    def link(self) -> Array:
+        """Return Tx(a) Rx(alpha) Ry(beta)."""
+        return _moved([self.alpha, 0, 0], [self.a, 0, 0]) @ _moved([0, self.beta, 0], [0, 0, 0])
 
 
 def is_table(file: str, start: bytes) -> bool:
@@ -87,50 +94,41 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
         title, convention, unit, rows, tool = _of_toml(file, convention)
     else:
         if convention is None:
-            expected = ", or ".join(f"{name}, {order}" for name, order in _ORDER.items())
+            expected = ", or ".join(f"{name}, {order}" for name, order in CONVENTIONS.items())
             raise InputFileError(file, "--convention", "not given for a Denavit-Hartenberg table", expected)
         title, tool = os.path.splitext(os.path.basename(file))[0], (0.0, 0.0, 0.0)
         unit, rows = _of_csv(file)
     if not 0 < len(rows) <= MOST_JOINTS:
         raise InputFileError(file, "file", f"{len(rows)} rows", f"1 to {MOST_JOINTS}, one for each joint")
-    largest = max(abs(getattr(row, key)) for row in rows for key in _NUMBERS)
+    largest = max(abs(getattr(row, key)) for row in rows for key in (*_NUMBERS, "beta"))
     if not largest < _LARGEST:
         raise InputFileError(file, "file", f"a number of {largest:g}", "lengths and angles of a usual size")
     names: list[str] = []
     for row in rows:
         names.append(machine_name(row.name, names, joint=True))
-    columns = {key: [getattr(row, key) for row in rows] for key in _NUMBERS}
-    placed = CONVENTIONS[convention](
-        [row.type for row in rows],
-        columns["a"],
-        columns["alpha"],
-        columns["d"],
-        columns["theta"],
-        unit=unit,
-        name=title,
-        names=names,
-    )
-    machine = from_mechanism(placed, {"tool": tool})
-    joints = tuple(
-        replace(
-            joint,
-            axis=clean(row.sign * np.array(joint.axis), 15),
-            point=clean(np.array(joint.point), 12),
-            travel=row.travel,
-        )
-        for joint, row in zip(machine.joints, rows, strict=True)
-    )
-    target = replace(machine.targets[0], point=clean(np.array(machine.targets[0].point), 12))
+    joints, frame = [], np.eye(4)
+    for name, row in zip(names, rows, strict=True):
+        frame = frame if convention == "standard" else frame @ row.link
+        axis, point = row.sign * frame[:3, 2], frame[:3, 3]
+        kind = "revolute" if row.type == "R" else "prismatic"
+        point = point - axis * (axis @ point) if row.type == "R" else np.zeros(3)
+        joints.append(Joint(name, kind, clean(axis, 15), clean(point, 12), travel=row.travel))
+        frame = frame @ row.screw @ (row.link if convention == "standard" else np.eye(4))
+    targets = (Target("tool", clean((frame @ [*tool, 1.0])[:3], 12)),)
     head = (
         f"{os.path.basename(file)}: a {convention} Denavit-Hartenberg table of {len(rows)} joints, a row is "
-        f"{_ORDER[convention]}; lengths in {unit}."
+        f"{CONVENTIONS[convention]}; lengths in {unit}."
     )
     return Imported(
-        replace(
-            machine,
-            joints=joints,
-            targets=(target,),
-            measured=Measured("point", "free"),
+        Machine(
+            title,
+            unit,
+            "deg",
+            (0.0, 0.0, -1.0),
+            20.0,
+            tuple(joints),
+            targets,
+            Measured("point", "free"),
             estimate=("target",),
         ),
         (head, *_notes(names, rows)),
@@ -148,7 +146,7 @@ def _notes(names: list[str], rows: list[_Row]) -> Iterator[str]:
 
 def _of_csv(file: str) -> tuple[str, list[_Row]]:
     table = Measurements.load(file)
-    known = {*_NUMBERS, "joint", "type", "sign", "low", "high"}
+    known = {*_NUMBERS, "beta", "joint", "type", "sign", "low", "high"}
     for name, column in table.columns.items():
         if name not in known:
             place = f"{table.header_place}, column {shown(column.text)}"
@@ -156,7 +154,9 @@ def _of_csv(file: str) -> tuple[str, list[_Row]]:
     unit = table.columns["a"].unit or ""
     factors = {name: _factor(table, name, quantity, unit) for name, quantity in _NUMBERS.items()}
     both = {"low", "high"} & table.columns.keys()
-    factors |= {name: _factor(table, name, "angle", unit) for name in both}
+    factors |= {
+        name: _factor(table, name, "angle", unit) for name in both | ({"beta"} & table.columns.keys())
+    }
     if len(both) == 1:
         raise InputFileError(file, table.header_place, f"{both.pop()!r} alone", "low and high, the travel")
 
@@ -210,7 +210,7 @@ def _of_toml(file: str, convention: str | None) -> tuple[str, str, str, list[_Ro
 
 
 def _toml_rows(top: Table, per_angle: float) -> Iterator[_Row]:
-    keys = ("name", "type", "theta", "d", "a", "alpha", "sign", "travel")
+    keys = ("name", "type", "theta", "d", "a", "alpha", "beta", "sign", "travel")
     for number, block in enumerate(
         top.blocks("joint", MOST_JOINTS, missing=f"a block for each: {_EXAMPLE}"), start=1
     ):
@@ -232,4 +232,11 @@ def _toml_rows(top: Table, per_angle: float) -> Iterator[_Row]:
             table.get("alpha", NUMBER, 0.0) * per_angle,
             sign,
             (travel[0] * of_coordinate, travel[1] * of_coordinate) if travel else None,
+            table.get("beta", NUMBER, 0.0) * per_angle,
         )
+
+
+def _moved(turn: Sequence[float], shift: Sequence[float]) -> Array:
+    motion = np.eye(4)
+    motion[:3, :3], motion[:3, 3] = rotation_matrix(turn), shift
+    return motion
