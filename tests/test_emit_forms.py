@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from urdf import chain_of
 
 from rodgen.calibration.simulate import simulate
 from rodgen.cli import main as cli
@@ -538,6 +539,32 @@ def test_a_table_has_the_rows_of_the_imported_one_and_the_poses_of_the_fit(tmp_p
     again = replace(machine_from_table(path).machine, measured=Measured("point", "machine"))
     turn, shift = np.array(base)[:3, :3], np.array(base)[:3, 3]
     np.testing.assert_allclose(places(again, design) @ turn.T + shift, seen, atol=1e-6)
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_frames_of_a_urdf_are_where_the_table_has_them_but_for_the_fit(tmp_path, convention):
+    """Each joint stands in its frame of the table, and moves by no more than its correction, across its axis."""
+    (tmp_path / "robot.csv").write_text(TABLE)
+    machine = machine_from_table(tmp_path / "robot.csv", convention).machine
+    T, frames = np.eye(4), []
+    for row in csv.DictReader(TABLE.splitlines()):
+        theta, d, a, alpha = (float(x) for name, x in row.items() if name != "joint")
+        joint, link = np.eye(4), np.eye(4)
+        joint[:3, :3], joint[2, 3] = Rotation.from_euler("z", theta, degrees=True).as_matrix(), d
+        link[:3, :3], link[0, 3] = Rotation.from_euler("x", alpha, degrees=True).as_matrix(), a
+        frames.append(T if convention == "standard" else T @ link @ joint)
+        T = T @ (joint @ link if convention == "standard" else link @ joint)
+    machine = replace(machine, joints=tuple(replace(joint, travel=(-3.0, 3.0)) for joint in machine.joints))
+    parts = [f"J{j}.{part}" for j in range(2, 7) for part in ("axis", "point")]
+    values = {f"{part}.{x}": 2e-3 if "axis" in part else 0.3 for part in parts for x in "ab"}
+    fitted = replace(machine, measured=Measured("point", "machine"), estimate=tuple(parts), values=values)
+    (path,) = fitted.emit("urdf", tmp_path)
+    joints, _ = chain_of(path, "tool")
+    for joint, frame in zip(joints, frames, strict=True):
+        off = np.array(joint["point"]) - frame[:3, 3]
+        assert np.linalg.norm(off) < 0.5
+        assert abs(off @ frame[:3, 2]) < 1e-6
+        np.testing.assert_allclose(joint["axis"], frame[:3, 2], atol=4e-3)
 
 
 def test_numbers_of_a_table_that_are_held_or_undefined_have_no_uncertainty(tmp_path):

@@ -85,6 +85,22 @@ def seen(urdf: Path, base: str, tip: str, q: np.ndarray) -> np.ndarray:
     return T[:3, 3]
 
 
+def frames_of(urdf: Path) -> list[np.ndarray]:
+    """The frames of the moving joints from the first link, at zero, m."""
+    frames, T = [], np.eye(4)
+    for joint in ElementTree.parse(urdf).getroot().findall("joint")[1:]:
+        origin = joint.find("origin")
+        xyz, rpy = (
+            [float(x) for x in ("0 0 0" if origin is None else origin.get(key, "0 0 0")).split()]
+            for key in ("xyz", "rpy")
+        )
+        x, y, z = np.eye(3)
+        T = T @ to(np.array(xyz)) @ about(z, rpy[2]) @ about(y, rpy[1]) @ about(x, rpy[0])
+        if joint.get("type") != "fixed":
+            frames.append(T)
+    return frames
+
+
 def positions(machine: Machine, q: np.ndarray) -> np.ndarray:
     return np.asarray(to_mechanism(machine).forward(q) @ [*machine.targets[0].point, 1.0])[:3]
 
@@ -344,6 +360,24 @@ def test_a_users_own_urdf_is_corrected_in_its_origins_alone(robot, tmp_path, bas
     for row, values in enumerate(q):
         expected = [found[f"{x} [mm]"][row] for x in "xyz"]
         assert 1000 * (forward(values) @ local)[:3] == pytest.approx(expected, abs=1e-5)  # 1e-9 m are written
+
+
+def test_frames_of_a_corrected_urdf_move_by_the_correction_alone(robot, tmp_path):
+    """Neither along an axis nor about it, where no zero is corrected."""
+    machine = machine_from_urdf(robot, "floor", "hand").machine
+    names = [joint.name for joint in machine.joints]
+    parts = [f"{names[0]}.axis", *(f"{name}.{part}" for name in names[1:] for part in ("axis", "point"))]
+    values = {f"{part}.{x}": 2e-3 if "axis" in part else 0.3 for part in parts for x in "ab"}
+    fitted = replace(machine, measured=Measured("point", "machine"), estimate=tuple(parts), values=values)
+    (path,) = fitted.emit("urdf", tmp_path / "out", into=robot)
+    old, new = (frames_of(urdf) for urdf in (robot, path))
+    for joint, before, after in zip(machine.joints, old, new, strict=True):
+        shift, turn = after[:3, 3] - before[:3, 3], (after @ np.linalg.inv(before))[:3, :3]
+        vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
+        assert np.linalg.norm(vector) == pytest.approx(2e-3 * 2**0.5, rel=1e-3)
+        assert abs(vector @ joint.axis) < 4e-6
+        assert np.linalg.norm(shift) < 0.5e-3
+        assert abs(shift @ joint.axis) < 1e-6
 
 
 @pytest.mark.filterwarnings("ignore:Link .* is of type .fixed.")  # of ikpy, where no mask is given

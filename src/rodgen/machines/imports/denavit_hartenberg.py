@@ -82,7 +82,8 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
     Returns
     -------
     Imported
-        Axes and points in the frame before the first row; the target is the origin of the frame after the last.
+        Axes and points, those of the table's frames, in the frame before the first row; the target is the origin of
+        the frame after the last.
         Readings are points in a free frame, and the target is estimated.
 
     Raises
@@ -108,12 +109,12 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
         names.append(machine_name(row.name, names, joint=True))
     joints, frame = [], np.eye(4)
     for name, row in zip(names, rows, strict=True):
-        frame = frame if convention == "standard" else frame @ row.link
-        axis, point = row.sign * frame[:3, 2], frame[:3, 3]
+        frame = frame @ (row.link @ row.screw if convention == "modified" else np.eye(4))
+        axis, point = row.sign * frame[:3, 2], frame[:3, 3]  # of modified rows at the end of d
         kind = "revolute" if row.type == "R" else "prismatic"
-        point = point - axis * (axis @ point) if row.type == "R" else np.zeros(3)
+        point = point if row.type == "R" else np.zeros(3)
         joints.append(Joint(name, kind, clean(axis, 15), clean(point, 12), travel=row.travel))
-        frame = frame @ row.screw @ (row.link if convention == "standard" else np.eye(4))
+        frame = frame @ (row.screw @ row.link if convention == "standard" else np.eye(4))
     targets = (Target("tool", clean((frame @ [*tool, 1.0])[:3], 12)),)
     head = (
         f"{os.path.basename(file)}: a {convention} Denavit-Hartenberg table of {len(rows)} joints, a row is "
