@@ -185,7 +185,12 @@ def test_a_rough_table_is_enough_for_a_fit(tmp_path, rodgen_command: Run):
         )  # fmt: skip
         assert (code, err) == (0, "")
         rms[what] = Machine.load(machine).fit(Measurements.load(data)).rms
-    assert "Axes and points of all joints are estimated" in out
+    assert "Axes and points of all joints but the first, A1, are estimated" in out
+    estimated = Machine.load(machine)
+    assert not [entry for entry in estimated.estimate if entry.startswith("A1.")]  # the base stays level
+    estimated.fit(Measurements.load(data)).emit("urdf", tmp_path / "urdf")
+    (urdf,) = (tmp_path / "urdf").iterdir()
+    assert '<axis xyz="0 0 -1"' in urdf.read_text().partition('joint name="A2"')[0]
     assert rms["target"] > 0.5
     assert 0.015 < rms["geometry"] < 0.02  # 30 of 180 readings are used up
     code, _, err = rodgen_command(

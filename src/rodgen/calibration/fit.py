@@ -47,7 +47,8 @@ class Fit(FittedModel):
     def _doubts(self) -> str:
         """Return why the fitted machine may be wrong; empty where nothing is known to be."""
         unfinished = "" if self.solution.converged else NotConvergedError.reason
-        return self.check().sentence or unfinished
+        useless = self.held_out_geometry
+        return self.check().sentence or unfinished or (useless.text if useless and not useless.lowers else "")
 
     # What a fit alone does not need is imported when it is asked for, which saves a fifth of a second.
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 from rodgen.calibration.checks.gross import GrossReading, gross_readings
-from rodgen.calibration.checks.held_out import HeldOut, held_out
+from rodgen.calibration.checks.held_out import HeldOut, HeldOutGeometry, held_out, held_out_geometry
 from rodgen.calibration.checks.lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.calibration.determinacy import Determinacy, determinacy
 from rodgen.calibration.noise import NoiseFloor, noise_floor
@@ -619,6 +619,11 @@ class FittedModel:
     @cached_property
     def _held_out(self) -> HeldOut:
         return held_out(self)
+
+    @cached_property
+    def held_out_geometry(self) -> HeldOutGeometry | None:
+        """Whether estimated axes and points lower the error on poses left out; None where that is no question."""
+        return held_out_geometry(self)
 
 
 def _values(parameters: Sequence[Parameter], solution: Solution) -> Array:

@@ -90,6 +90,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "dependence": fit.dependence.to_dict(),
         "parameters": {key: estimate.to_dict() for key, estimate in fit.estimates.items()},
         "geometry": geometry(fit),
+        "held_out_geometry": fit.held_out_geometry.to_dict() if fit.held_out_geometry else None,
         "correlations": [{"pair": [a, b], "value": r} for a, b, r in _correlated(fit)],
         "undetermined": [
             {"parts": dict(d.parts), "gauge": d.gauge, "text": d.text} for d in fit.determinacy.directions
@@ -132,6 +133,8 @@ def _lines(fit: Fit) -> Iterator[str]:
         yield from _uneven(fit)
     if out := on_outliers(fit, fit.outliers):
         yield out
+    if fit.held_out_geometry and not fit.held_out_geometry.lowers:
+        yield fit.held_out_geometry.text
     yield from _warnings(fit)
     yield from _about_priors(fit)
     shown = [e for e in fit.estimates.values() if not e.held or e.value]

@@ -224,11 +224,11 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
             found = "--estimate geometry, and neither a URDF nor a Denavit-Hartenberg table"
             raise refused("--estimate", found, "[estimate] in the machine file")
         parts = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
-        estimate = tuple(
-            f"{joint.name}.{part}" for joint in made.machine.joints for part in parts[joint.type]
-        )
+        # the frame is free: axis and point of the first joint are the base
+        first, *carried = made.machine.joints
+        estimate = tuple(f"{joint.name}.{part}" for joint in carried for part in parts[joint.type])
         estimate += made.machine.estimate
-        note = "Axes and points of all joints are estimated: a fit needs no more than a rough geometry."
+        note = f"Axes and points of all joints but the first, {first.name}, are estimated: a rough geometry will do."
         made = replace(made, machine=replace(made.machine, estimate=estimate), notes=(*made.notes, note))
     elif alone in ([_URDF], [_TABLE]):
         note = "Axes and points of joints are taken as they are; --estimate geometry calibrates them, too."

@@ -50,6 +50,10 @@ TOGETHER = 4096
 """Rows of several fits that are evaluated at once, so that few numbers are held. Two fits or more have half of them at
 most: few enough that the search asks for nothing but normal equations."""
 NAMED = 3
+ENOUGH = 100
+"""Readings for each parameter at which the error on poses left out is that of the fit to half a per cent."""
+MOVED = 0.01
+"""Standard deviations by which a fit to the readings of the fit before moves a number at most."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +114,70 @@ class HeldOut:
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
         return plain(self, "rms unit folds poses unpredicted because converged text")
+
+
+@dataclass(frozen=True)
+class HeldOutGeometry:
+    """The error on poses that the fit did not see, with the estimated axes and points of joints and without."""
+
+    fitted: HeldOut
+    nominal: HeldOut
+
+    @property
+    def lowers(self) -> bool:
+        """Whether it falls by what is estimated, or is not known."""
+        return not self.fitted.rises_from(self.nominal)
+
+    @property
+    def text(self) -> str:
+        """A sentence."""
+        with_, without = (
+            "unknown" if each.rms is None else sized(each.rms, each.unit, ".3g")
+            for each in (self.fitted, self.nominal)
+        )
+        falls = "falls" if self.lowers else "does not fall"
+        return (
+            f"Axes and points of joints are estimated, and the rms on poses that the fit did not see {falls} by that: "
+            f"{with_} with it, {without} without."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "fitted": self.fitted.rms,
+            "nominal": self.nominal.rms,
+            "unit": self.fitted.unit,
+            "lowers": self.lowers,
+        }
+
+
+def held_out_geometry(fit: FittedModel) -> HeldOutGeometry | None:
+    """Compare a fit with one to the same readings whose joints are where the file has them.
+
+    None where no axis or point is estimated, or all are where the file has them, as in a file that a fit wrote; and
+    where there are so many readings that no parameter can follow their noise.
+    """
+    machine = fit.machine
+    parts = {entry for entry in machine.estimate if entry.rpartition(".")[2] in ("axis", "point")}
+    if not parts or fit.problem.count * fit.problem.components > ENOUGH * len(fit.free):
+        return None
+    own = [estimate for key, estimate in fit.estimates.items() if key.rpartition(".")[0] in parts]
+    if not any(abs(one.value) > (MOVED * one.std if one.std else 0.0) for one in own if not one.held):
+        return None
+
+    def others(given: Any) -> Any:
+        return {key: x for key, x in given.items() if key.rpartition(".")[0] not in parts}
+
+    nominal = replace(
+        machine,
+        estimate=tuple(entry for entry in machine.estimate if entry not in parts),
+        values=others(machine.values),
+        ties=others(machine.ties),
+        known=others(machine.known),
+    )
+    if any(f"{part}." in str(tie) for part in parts for tie in nominal.ties.values()):
+        return None
+    return HeldOutGeometry(fit.held_out(FOLDS), fit.refit(nominal).held_out(FOLDS))
 
 
 @stage("error on poses left out")
