@@ -4,13 +4,15 @@ import collections
 import csv
 import re
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from machine_simulator import Simulated, rotation
 
 from rodgen.errors import InputFileError
-from rodgen.machines.machine import Machine
+from rodgen.machines.imports.mounts import ALTAZ
+from rodgen.machines.machine import Machine, Measured
 
 MACHINE = """name = "Table"
 units = { length = "mm", angle = "deg" }
@@ -241,3 +243,37 @@ def test_a_formula_without_a_value_on_the_travel_is_refused(tmp_path):
         ):
             Machine.load(path).emit(form, tmp_path / form)
         assert not (tmp_path / form).exists()
+
+
+def test_a_control_with_the_terms_of_tpoint_points_at_the_stars(tmp_path):
+    """It takes the sum of the terms off azimuth and elevation of a star, with the signs of TPOINT's manual."""
+    arcsec = 1 / 3600  # the file has degrees
+    hidden = {
+        ("AZ", "zero_offset"): {"a": 50 * arcsec},
+        ("EL", "zero_offset"): {"a": -40 * arcsec},
+        ("AZ", "axis_tilt"): {"a": 30 * arcsec, "b": -20 * arcsec},
+        ("EL", "axis_tilt"): {"a": 0, "b": 25 * arcsec},
+    }
+    machine = replace(ALTAZ.machine("Telescope", 0.6), measured=Measured("direction", "machine"), estimate=())
+    for (joint, name), hold in hidden.items():
+        machine = machine.add(name, joint=joint, hold=hold)
+    machine = machine.add("tube_flexure", hold={"a": 12 * arcsec})
+    machine.save(tmp_path / "machine.toml")
+    (path,) = machine.emit("tpoint", tmp_path)
+    lines = (line.split() for line in path.read_text().splitlines()[2:])
+    terms = collections.defaultdict(float, {words[0]: float(words[1]) for words in lines if len(words) > 1})
+    assert set(terms) <= {"IA", "IE", "NPAE", "CA", "AN", "AW", "TF"}
+    random = np.random.default_rng(3)
+    A, E = random.uniform(-3, 3, 40), random.uniform(0.3, 1.2, 40)
+
+    def off(a, e):
+        seen = Simulated(tmp_path / "machine.toml").measure(np.degrees(np.stack([a, e], -1)))
+        star = np.stack([np.sin(A) * np.cos(E), np.cos(A) * np.cos(E), np.sin(E)], -1)
+        return np.linalg.norm(np.cross(seen, star), axis=1) * 206265
+
+    sin, cos, tan = np.sin, np.cos, np.tan
+    right = -terms["IA"] - terms["CA"] / cos(E) - terms["NPAE"] * tan(E)
+    right += -terms["AN"] * sin(A) * tan(E) - terms["AW"] * cos(A) * tan(E)
+    up = terms["IE"] - terms["AN"] * cos(A) + terms["AW"] * sin(A) - terms["TF"] * cos(E)
+    assert off(A, E).max() > 40
+    assert off(A - right / 206265, E - up / 206265).max() < 0.1

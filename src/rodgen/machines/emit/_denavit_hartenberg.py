@@ -143,9 +143,7 @@ def _text(geometries: Sequence[Geometry], rows: Sequence[_Rows], convention: str
             each = [np.insert(values, outer % (len(values) + 1), 0.0) for values in each]
         columns[key] = each[0], K * standard(each, 360.0 if angular else math.inf)
     fifth = [False] * len(machine.joints)
-    fifth[at] = [
-        bool(x) for x in (np.array(table.parallel) & np.any([row.beta != 0 for row in rows], axis=0))
-    ]
+    fifth[at] = np.any([row.beta != 0 for row in rows], axis=0).tolist()
     order = CONVENTIONS[convention].replace("Rx(alpha)", "Rx(alpha) Ry(beta)" if any(fifth) else "Rx(alpha)")
     coupled = of_couplings(machine, [joint.name for joint in machine.joints if joint.coordinate])
     lines = [f"# {note}", *(f"# not in it: {what}" for what in (*geometry.left_out, *coupled))]
