@@ -1149,7 +1149,7 @@ LEGAL_NAMES = [
 ]
 
 
-@pytest.mark.parametrize("form", ["urdf", "dh", "iso230", "screw", "map", "linuxcnc", "tpoint"])
+@pytest.mark.parametrize("form", ["urdf", "dh", "iso230", "screw", "linuxcnc", "tpoint"])
 @pytest.mark.parametrize("examples", [4, pytest.param(100, marks=pytest.mark.slow)])
 def test_what_programs_read_of_other_forms_is_that_of_plain_names(form, examples, tmp_path):
     def machine(title: str, slide: str, target: str) -> Machine:
@@ -1180,7 +1180,7 @@ def test_what_programs_read_of_other_forms_is_that_of_plain_names(form, examples
 @pytest.mark.parametrize("name", ["=1+1", "../x", "a\nb", "-2", "@x", "a,b"])
 def test_names_that_no_machine_file_has_are_in_no_table(name, tmp_path):
     machine = table(targets=(Target(name, (100.0, 0.0, 0.0)),))
-    for form in ("urdf", "dh", "iso230", "screw", "map", "linuxcnc", "tpoint"):
+    for form in ("urdf", "dh", "iso230", "screw", "linuxcnc", "tpoint"):
         with pytest.raises(InputFileError, match=r"target: .*; expected a name of letters"):
             emit(machine, form, tmp_path)
     assert os.listdir(tmp_path) == []
@@ -1229,7 +1229,7 @@ def test_bad_names_are_an_error(name, tmp_path):
 
 
 def test_other_languages_are_an_error(tmp_path):
-    languages = "c, cpp, matlab, numpy, jax, urdf, dh, tpoint, iso230, screw, map, linuxcnc"
+    languages = "c, cpp, matlab, numpy, jax, urdf, dh, tpoint, iso230, screw, linuxcnc"
     with pytest.raises(RodgenError, match=f"no language 'rust'; expected one of {languages}"):
         emit(table(), "rust", tmp_path)
 

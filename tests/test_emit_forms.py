@@ -253,103 +253,6 @@ def test_what_cannot_be_written_is_one_sentence(tmp_path, capsys):
     assert Measurements.load(tmp_path / "table_X.csv").rows > 20
 
 
-def test_an_error_map_interpolates_as_well_as_it_says(tmp_path):
-    """Corrected by the map, linearly between its points, commands come to the nominal places."""
-    from scipy.interpolate import RegularGridInterpolator
-
-    machine = slide_and_table()
-    joints = (machine.joints[0], replace(machine.joints[1], travel=(0.2, 1.2)))
-    machine = replace(
-        machine, joints=joints, effects=tuple(e for e in machine.effects if e.name != "gravity_windup")
-    )
-    machine.emit("map", tmp_path)
-    open_ended = replace(machine, joints=tuple(replace(joint, travel=None) for joint in joints))
-    open_ended.emit("map", tmp_path / "of_data", travel=[joint.travel for joint in joints])
-    of_data = columns(tmp_path / "of_data" / "table_map_ball.csv")
-    table = columns(tmp_path / "table_map_ball.csv")
-    assert all(np.array_equal(of_data[name], table[name], equal_nan=True) for name in table)
-    page = (tmp_path / "table_map.md").read_text()
-    stated = float(page.partition("off by at most ")[2].split()[0])
-    largest = float(page.partition("Of errors up to ")[2].split()[0])
-    left = float(page.partition("(rms ")[2].partition("), ")[2].split()[0])
-    assert stated < left < largest / 5  # nothing moves z
-    assert "X and C cannot move the target" in page
-    axes = [np.unique(table["X [mm]"]), np.unique(table["C [deg]"])]
-    shape = [len(axis) for axis in axes]
-    error = np.stack([table[f"d{x} [mm]"] for x in "xyz"], axis=1).reshape(*shape, 3)
-    change = np.stack([table["correct_X [mm]"], table["correct_C [deg]"]], axis=1).reshape(*shape, 2)
-    assert np.isfinite(change).all()
-    random = np.random.default_rng(3)
-    q = random.uniform([0, np.degrees(0.2)], [500, np.degrees(1.2)], (200, 2))
-
-    def design(q):
-        return {"X [mm]": q[:, 0], "C [deg]": q[:, 1], "dir_X": 0 * q[:, 0] + 1}
-
-    mean = tuple(e for e in machine.effects if e.name != "backlash")  # the mean of both approaches
-    real, bare = replace(machine, effects=mean), replace(machine, effects=())
-    off = places(real, design(q)) - places(bare, design(q))
-    found = RegularGridInterpolator(axes, error)(q)
-    assert np.linalg.norm(found - off, axis=1).max() <= 1.2 * stated
-    corrected = q + RegularGridInterpolator(axes, change)(q)
-    found = places(real, design(corrected)) - places(bare, design(q))
-    assert np.linalg.norm(found, axis=1).max() <= 1.2 * left
-
-
-def test_slides_correct_what_a_table_cannot_and_the_map_says_so(tmp_path):
-    """A table alone leaves what is across its motion; carried by three slides, these take all of it."""
-    table = Joint("C", "revolute", (0.0, 0.0, 1.0), travel=(-1.0, 1.0))
-    slides = [Joint(x, "prismatic", tuple(np.eye(3)[k])) for k, x in enumerate("XYZ")]
-    off = {}
-    for name, joints in (("alone", [table]), ("on slides", [*slides, table])):
-        machine = Machine(
-            "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, tuple(joints),
-            (Target("ball", (100.0, 0.0, 20.0)),), Measured("point", "machine"),
-        )  # fmt: skip
-        machine = machine.add(machine.effect("axis_tilt", "C", hold={"a": 60 / 3600, "b": -90 / 3600}))
-        machine = machine.add(machine.effect("encoder_eccentricity", "C", hold={"a": 20 / 3600, "b": 0.0}))
-        machine.emit("map", tmp_path / name)
-        found = columns(tmp_path / name / "table_map_ball.csv")
-        angles = found["C [deg]"]
-        design = {f"{x} [mm]": 0 * angles for x in "XYZ"} if joints[1:] else {}
-        wanted = places(replace(machine, effects=()), design | {"C [deg]": angles})
-        corrected = design | {"C [deg]": angles}
-        for header in [header for header in found if header.startswith("correct_")]:
-            of = header.removeprefix("correct_")
-            corrected[of] = corrected[of] + found[header]
-        before = places(machine, design | {"C [deg]": angles}) - wanted
-        off[name] = [np.linalg.norm(x, axis=1) for x in (before, places(machine, corrected) - wanted)]
-    alone, carried = ((tmp_path / name / "table_map.md").read_text() for name in off)
-    assert "corrections of X, Y and Z bring" in carried
-    assert off["on slides"][1].max() < 1e-8
-    assert off["alone"][1].max() > 0.5 * off["alone"][0].max()
-    assert f"Of errors up to {off['alone'][0].max():.3g} mm" in alone
-    remain = float(alone.partition("), ")[2].split()[0])
-    assert remain == pytest.approx(off["alone"][1].max(), rel=0.05)
-    assert "in directions in which C cannot move the target" in alone
-
-
-def test_a_map_of_many_joints_is_that_of_their_slides(tmp_path):
-    slides = [Joint(x, "prismatic", tuple(np.eye(3)[k]), travel=(0.0, 400.0)) for k, x in enumerate("XYZ")]
-    machine = Machine(
-        "Mill", "mm", "deg", (0.0, 0.0, -1.0), 20.0,
-        (*slides, Joint("B", "revolute", (0.0, 1.0, 0.0), travel=(-2.0, 2.0))),
-        (Target("tool", (0.0, 0.0, -80.0)),), Measured("point", "machine"),
-    )  # fmt: skip
-    machine = machine.add("scale", joint="X", hold={"k": 5e-5}).add(
-        "zero_offset", joint="B", hold={"a": 0.01}
-    )
-    for form in ("map", "screw"):
-        machine.emit(form, tmp_path)
-    table = columns(tmp_path / "mill_map_tool.csv")
-    assert [x for x in table if x.startswith(("X", "Y", "Z", "B", "corr"))] == [
-        "X [mm]", "Y [mm]", "Z [mm]", "correct_X [mm]", "correct_Y [mm]", "correct_Z [mm]",
-    ]  # fmt: skip
-    turned = 80 * np.sin(np.radians(0.01))  # the tool by B's zero, at B = 0
-    np.testing.assert_allclose(table["dx [mm]"], 5e-5 * table["X [mm]"] - turned, atol=1e-8)
-    assert "At zero: B; elsewhere the errors are others." in (tmp_path / "mill_map.md").read_text()
-    assert "without a table: Y, Z and B." in (tmp_path / "mill_tables.md").read_text()
-
-
 def test_numbers_have_their_expanded_uncertainties(tmp_path):
     """Of one parameter with a standard uncertainty: a scale of 1e-6, a shift of 2 um, a tilt of 3 arcsec."""
     slide = Machine(
@@ -359,7 +262,7 @@ def test_numbers_have_their_expanded_uncertainties(tmp_path):
     ).add("scale", joint="X")  # fmt: skip
     slide = replace(slide, values={"X.scale.k": 3e-5})
     covariance = ["X.scale.k"], np.array([[1e-12]])
-    for form in ("iso230", "screw", "map"):
+    for form in ("iso230", "screw"):
         slide.emit(form, tmp_path, covariance=covariance)
     rows = list(csv.DictReader((tmp_path / "slide_X.csv").read_text().splitlines()))
     at_end = rows[-1]
@@ -369,14 +272,6 @@ def test_numbers_have_their_expanded_uncertainties(tmp_path):
     for ending in (".comp", "_eec.ini"):
         text = (tmp_path / f"slide_X{ending}").read_text()
         assert "Expanded uncertainty of an error, k = 2: at most 0.0010 mm." in text
-    found = list(csv.DictReader((tmp_path / "slide_map_ball.csv").read_text().splitlines()))[-1]
-    assert (found["correct_X [mm]"], found["dx [mm]"], found["U(dx) [mm]"]) == (
-        "-0.01499955",
-        "0.0150",
-        "0.0010",
-    )
-    assert "U of an error is at most 0.001 mm" in (tmp_path / "slide_map.md").read_text()
-
     arm().emit("dh", tmp_path, covariance=(["target.tip.z"], np.array([[4e-6]])))
     assert "# U" not in (tmp_path / "arm_standard_dh.toml").read_text().partition("[[joint]]")[2]
     robot = replace(arm(), effects=())
@@ -411,15 +306,6 @@ def test_numbers_have_their_expanded_uncertainties(tmp_path):
     sigma = {line.split()[0]: float(line.split()[2]) for line in lines[2:-1]}
     assert sigma["AN"] == pytest.approx(3, abs=1e-4)
     assert sigma["AW"] == 0
-
-
-def test_an_error_map_needs_travels_of_few_joints(tmp_path):
-    wide = arm()
-    joints = tuple(replace(joint, travel=(-1.0, 1.0)) for joint in wide.joints)
-    with pytest.raises(InputFileError, match="a travel of 4 joints; expected one of 1 to 3 joints"):
-        replace(wide, joints=joints).emit("map", tmp_path)
-    with pytest.raises(InputFileError, match="directions; expected points or distances"):
-        replace(ALTAZ.machine("Telescope", 0.6), estimate=()).emit("map", tmp_path)
 
 
 def test_a_urdf_has_the_attitude_of_a_tool(tmp_path):

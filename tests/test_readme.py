@@ -10,9 +10,11 @@ import subprocess
 import sys
 import textwrap
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import rodgen
@@ -20,6 +22,7 @@ from rodgen.cli import main as cli
 from rodgen.cli.main import _joined, _parser
 from rodgen.cli.scripts import packaged_derivations
 from rodgen.machines.effects.catalogue import CATALOGUE
+from rodgen.machines.machine import Machine
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "docs/site"))
@@ -245,6 +248,29 @@ def test_effect_is_added_as_the_page_says(mount: Path, capsys: pytest.CaptureFix
     (mount / "mmt_2021.csv").rename("stars.csv")
     assert cli.main(command.split()) == 0
     assert capsys.readouterr().out.startswith(quoted)
+
+
+def test_table_of_corrections_that_the_page_makes_corrects(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = (ROOT / "docs/command_line.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    gantry = Machine.load(ROOT / "examples/machines/ballbar_gantry/machine.toml")
+    gantry = replace(gantry, estimate=()).add("squareness", joint="Y", hold={"a": 0.02, "b": 0.0})
+    gantry.add("scale", joint="X", hold={"k": 5e-5}).emit("numpy", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    exec(code, {})
+    x, y, z, dx, dy, dz, status, left = np.loadtxt("table.csv", delimiter=",", skiprows=1).T
+    tilt = np.radians(-0.02)  # of Y, towards X
+
+    def place(x, y, z):
+        return np.stack([x * (1 + 5e-5) + y * np.sin(tilt), y * np.cos(tilt), z])
+
+    assert not status.any()
+    assert left.max() < 1e-8
+    assert np.abs(place(x, y, z) - [x, y, z]).max() > 0.2
+    assert np.abs(place(x + dx, y + dy, z + dz) - [x, y, z]).max() < 1e-8
 
 
 @pytest.mark.slow

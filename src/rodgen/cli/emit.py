@@ -16,7 +16,6 @@ test. C99 or a C++17 header without allocation, MATLAB, NumPy, or JAX. Or write 
   tpoint     a mount as a model of TPOINT
   iso230     error motions of each axis over its travel (EXX, EBZ), and location errors (A0C)
   screw      errors of position of each axis, as tables for SINUMERIK and LinuxCNC
-  map        the error and the correction of commands on a grid over the travels of at most three joints, as CSV
   linuxcnc   a kinematics component for halcompile, which corrects the commands
 Each file says what of the fitted model is not in it.
 

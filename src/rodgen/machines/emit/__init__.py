@@ -31,7 +31,6 @@ FORMS = {
     "tpoint": "model of TPOINT",
     "iso230": "error motions and location errors, ISO 230",
     "screw": "errors of position, for SINUMERIK and LinuxCNC",
-    "map": "errors on a grid, CSV",
     "linuxcnc": "kinematics component for LinuxCNC",
 }
 """What a machine is written as, and what that is."""
@@ -102,9 +101,8 @@ def emit(
         alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified Denavit-Hartenberg
         table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each axis over its travel,
         and location errors, with the names of ISO 230. ``"screw"``: the errors of position of each axis as tables for
-        SINUMERIK and LinuxCNC. ``"map"``: the error and the correction of commands on a grid over the travels of at
-        most three joints. ``"linuxcnc"``: a kinematics component with the C code in it. Each file says what of the
-        model is not in it.
+        SINUMERIK and LinuxCNC. ``"linuxcnc"``: a kinematics component with the C code in it. Each file says what of
+        the model is not in it.
     folder : str or os.PathLike
         Is made where there is none. All files are written, or none.
     name : str, optional
@@ -204,10 +202,6 @@ def _tables(
         if form == "screw":
             return screw_texts(machine, name, note, travel, covariance)
         return iso_texts(machine, name, note, travel, covariance)
-    if form == "map":
-        from rodgen.machines.emit._error_map import map_texts
-
-        return map_texts(machine, name, note, travel, covariance)
     if form == "linuxcnc":
         from rodgen.machines.emit._linuxcnc import component_texts
 

@@ -149,12 +149,6 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
     )
 
 
-def numbers_of(model: Model, prefix: str = "") -> tuple[dict[str, float], Array]:
-    """Return the constants of a machine by their names in the code of one of the same structure, and its `seen`."""
-    numbers = _Numbers(model, _without_parameters(model.structure), prefix)
-    return {constant.name: constant.value for constant in numbers.constants}, numbers.seen
-
-
 def _without_parameters(structure: Structure) -> Structure:
     joints = tuple(replace(joint, axis=False, point=False) for joint in structure.joints)
     return replace(structure, joints=joints, target=False, numbers=())
