@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rodgen.errors import InputFileError, shown
-from rodgen.machines.measured import DIRECTION, ORIENTATION, POINT, POSE, Measurand, Measured
+from rodgen.machines.measured import DIRECTION, ORIENTATION, POINT, POSE, Measurand
 from rodgen.machines.model import Model
 from rodgen.machines.parts import Effect
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
+    from rodgen.machines.parameters import Parameter
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class Scope:
 
 def scope_of(machine: Machine, travel: Any = None) -> Scope:
     """Return the part of a fitted model that belongs to the machine; see :func:`rodgen.machines.emit.emit`."""
+    machine = _without_ties(machine, travel)
     left_out = dict(_left_out(machine))
     reasons = [(shown(effect.title), why) for effect, why in left_out.items()]
     measured, measurand = machine.measured, machine.measurand
@@ -49,17 +51,12 @@ def scope_of(machine: Machine, travel: Any = None) -> Scope:
         reasons.insert(0, ("the free frame", "where the instrument stood"))
     own = replace(
         machine,
-        measured=Measured(seen.kind, "machine"),
+        measured=replace(measured, kind=seen.kind, frame="machine", correlation=None),
         estimate=estimate,
         effects=tuple(e for e in machine.effects if e not in left_out),
     )
     model = Model(own, travel)
-    _check_values(model)
-    if model.tied:  # their values are known now
-        theta = model.start()
-        values = {tied.parameter.key: model.tied_value(tied, theta) for tied in model.tied}
-        own = replace(own, values={**own.values, **values}, ties={})
-        model = Model(own, travel)
+    _check_values(model, model.parameters)
     _check_travel(model)
     return Scope(own, model, tuple(reasons))
 
@@ -77,9 +74,21 @@ def _left_out(machine: Machine) -> Iterator[tuple[Effect, str]]:
             yield effect, "different for each set-up"
 
 
-def _check_values(model: Model) -> None:
-    machine = model.machine
-    for parameter, value in zip(model.parameters, model.start(), strict=True):
+def _without_ties(machine: Machine, travel: Any) -> Machine:
+    """Return the machine with the values of parameters that are tied to others, which may be the instrument's."""
+    if not machine.ties:
+        return machine
+    model = Model(machine, travel)
+    _check_values(model, [model.parameters[i] for tied in model.tied for i, _ in tied.factors])
+    theta = model.start()
+    values = {tied.parameter.key: model.tied_value(tied, theta) for tied in model.tied}
+    return replace(machine, values={**machine.values, **values}, ties={})
+
+
+def _check_values(model: Model, parameters: Iterable[Parameter]) -> None:
+    machine, start = model.machine, model.start()
+    for parameter in parameters:
+        value = start[model.keys[parameter.key]]
         given = parameter.hold is not None or parameter.key in machine.values or parameter.optional
         if given and np.isfinite(value):
             continue
