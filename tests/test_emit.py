@@ -7,9 +7,11 @@ ten times that, as in the tests of the models. A compensation ends within 2**-40
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import ctypes
 import importlib.util
+import inspect
 import itertools
 import os
 import re
@@ -40,9 +42,10 @@ from rodgen.cli import main as cli
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import write_files
-from rodgen.machines.emit import emit
+from rodgen.machines.emit import FORMS, emit
 from rodgen.machines.emit._content import Content, _even, content_of
 from rodgen.machines.emit._render import render
+from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.files.read import JOINT_NAME
 from rodgen.machines.files.toml import UnfitError
 from rodgen.machines.imports.mounts import ALTAZ
@@ -979,6 +982,52 @@ def test_users_formulas_and_covariates_are_emitted(compiler, tmp_path):
     assert np.abs(by_c - found).max() <= WITHIN
 
 
+def seen_by_the_tool() -> Machine:
+    joints = (
+        replace(prismatic("X", X, travel=(0.0, 100.0)), branch="tool"),
+        replace(prismatic("Y", Y, travel=(0.0, 100.0)), branch="tool"),
+        replace(revolute("C", Z), branch="workpiece"),
+    )
+    measured = Measured("point", "machine", instrument="tool")
+    machine = table(joints=joints, measured=measured).add("backlash", joint="C", hold={"b": 0.01})
+    return machine.add("scale", joint="X", hold={"k": 1e-4})
+
+
+@pytest.mark.parametrize("fault", ["instrument", "effect", "value"])
+def test_own_test_fails_where_another_machine_is_emitted_than_the_fit_predicts(fault, monkeypatch, tmp_path):
+    machine = seen_by_the_tool()
+
+    def wrong(given: Machine, travel: Any = None) -> Any:
+        changed = {
+            "instrument": {"measured": replace(given.measured, instrument="workpiece")},
+            "effect": {"effects": given.effects[:1]},
+            "value": {"effects": (given.effects[0], replace(given.effects[1], hold={"k": 2e-4}))},
+        }[fault]
+        return scope_of(replace(given, **changed), travel)
+
+    emit_both(machine, tmp_path / "right")
+    monkeypatch.setattr("rodgen.machines.emit._content.scope_of", wrong)
+    emit_both(machine, tmp_path / "wrong")
+    for folder, holds in (("right", True), ("wrong", False)):
+        code = loaded(tmp_path / folder)
+        monkeypatch.setitem(sys.modules, "device_np", code)
+        own = loaded(tmp_path / folder, "test_device_np")
+        with contextlib.nullcontext() if holds else pytest.raises(AssertionError):
+            own.test_places_are_the_references()
+
+
+def test_what_is_tied_to_an_error_of_the_instrument_keeps_its_value(tmp_path):
+    machine = table(joints=(prismatic("X", X, travel=(0.0, 100.0)),))
+    machine = (
+        machine.add("scale", joint="X").add("instrument_scale").tying("X.scale.k", "2*instrument_scale.k")
+    )
+    machine = replace(machine, values={"instrument_scale.k": 1e-3})
+    emit_both(machine, tmp_path)
+    assert loaded(tmp_path).forward([50.0]) == pytest.approx([150.1, 0, 0], abs=1e-12)
+    with pytest.raises(InputFileError, match=r"instrument_scale\.k: no value yet"):
+        emit(replace(machine, values={}), "c", tmp_path)
+
+
 # names, bytes, errors ---------------------------------------------------------------------------------------------
 
 
@@ -1232,6 +1281,14 @@ def test_other_languages_are_an_error(tmp_path):
     languages = "c, cpp, matlab, numpy, jax, urdf, dh, tpoint, iso230, screw, linuxcnc"
     with pytest.raises(RodgenError, match=f"no language 'rust'; expected one of {languages}"):
         emit(table(), "rust", tmp_path)
+
+
+def test_docstrings_list_the_forms_and_options_that_there_are():
+    listed = re.search(r"lang : \{(.*?)\}", Machine.emit.__doc__)[1]
+    assert re.findall(r'"(\w+)"', listed) == list(FORMS)
+    assert set(re.findall(r'``"(\w+)"``', emit.__doc__)) == set(FORMS)
+    options = [name for name, p in inspect.signature(emit).parameters.items() if p.kind is p.KEYWORD_ONLY]
+    assert re.findall(r"``(\w+)``", Machine.emit.__doc__) == options
 
 
 def test_nothing_is_left_of_files_that_cannot_all_be_written(tmp_path):

@@ -213,6 +213,10 @@ class OnLegs(Kinematics):
         """Say which of the poses that lengths of legs allow the emitted code finds."""
         raise NotImplementedError
 
+    def found_by_code(self, legs: Array) -> Array:
+        """Return the poses, (n, pose_numbers), that emitted code finds for legs (n, legs), right or wrong."""
+        return np.asarray(self.modes(legs)[:, 0])
+
 
 @dataclass(frozen=True)
 class OnThreeLegs(OnLegs):
@@ -359,6 +363,11 @@ class ThreeSpsS(OnThreeLegs):
         from rodgen.kinematics import three_sps_s
 
         return np.asarray(three_sps_s.legs(turns, self._geometry()))
+
+    def found_by_code(self, legs: Array) -> Array:
+        """Return the rotation matrices, (n, 9), that emitted code finds, right or wrong."""
+        begins = np.eye(3)[None] if self.start is None else rotation_matrix([self.start, *self.seen])
+        return self.found_from(begins, legs).reshape(-1, 9)
 
     def found_from(self, begins: Array, legs: Array) -> Array:
         """Return the rotations, (n, 3, 3), that emitted code finds: from the beginning whose legs are the nearest.

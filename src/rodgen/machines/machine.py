@@ -693,16 +693,15 @@ class Machine:
         return joint if joint is not None else target
 
     def emit(self, lang: str, folder: str | os.PathLike[str], **options: Any) -> list[Path]:
-        """Write the fitted machine as standalone code; see :func:`rodgen.machines.emit.emit`.
+        """Write the fitted machine as standalone code, or as what others read; see :func:`rodgen.machines.emit.emit`.
 
         Parameters
         ----------
-        lang : {"c", "numpy", "jax"}
+        lang : {"c", "cpp", "matlab", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw", "linuxcnc"}
         folder : str or os.PathLike
             Is made where there is none.
         **options
-            ``name`` of the files, ``travel`` of the joints in the data, and ``force`` for a machine that cannot be
-            right.
+            ``name``, ``travel``, ``covariance``, ``residual``, ``into`` and ``force`` of that function.
 
         Returns
         -------

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.errors import InputFileError
-from rodgen.machines.kinematics import Hexapod, OnLegs, ThreeSpsS
+from rodgen.machines.kinematics import OnLegs, ThreeSpsS
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 from rodgen.statistics.thresholds import EVIDENCE
 
@@ -369,14 +369,11 @@ def with_what_was_seen(machine: Machine, o: Observations) -> Machine:
 def not_found_by_code(machine: Machine, o: Observations) -> float:
     """Return in which part of the rows emitted code of a fitted machine does not find the platform."""
     kinematics = machine.kinematics
-    if isinstance(kinematics, Hexapod) and o.pose_start is not None:
-        some = _looked_at(o)
-        apart = np.abs((kinematics.found_by_code(o.q[some]) - o.pose_start[some]) / kinematics.pose_scale)
-        return float(np.mean(~(apart.max(axis=1) < NEAR)))
-    if not isinstance(kinematics, ThreeSpsS) or kinematics.start is None or o.pose_start is None:
+    if not isinstance(kinematics, OnLegs) or o.pose_start is None:
         return 0.0
-    begins = rotation_matrix([kinematics.start, *kinematics.seen])
-    return len(_not_found(kinematics, begins, o)[0]) / len(_looked_at(o))
+    some = _looked_at(o)
+    apart = np.abs((kinematics.found_by_code(o.q[some]) - o.pose_start[some]) / kinematics.pose_scale)
+    return float(np.mean(~(apart.max(axis=1) < NEAR)))
 
 
 def _not_found(kinematics: ThreeSpsS, begins: Array, o: Observations) -> tuple[Array, Array]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import keyword
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,8 +24,10 @@ from rodgen.machines.emit._kernels import (
     machine_kernels,
     step_kernel,
 )
+from rodgen.machines.emit._reference import Reference
 from rodgen.machines.emit._scope import Scope, scope_of
 from rodgen.machines.kinematics import OnLegs
+from rodgen.machines.measured import Measurand
 from rodgen.machines.model import Model
 from rodgen.machines.rigid import rotation_vector
 from rodgen.machines.structure import row_effects
@@ -90,7 +91,7 @@ class Sample:
     target: int
     place: tuple[float, ...]
     ideal: tuple[float, ...]
-    """Where the machine is, fitted and nominal: computed with fifty digits."""
+    """Where the machine is, fitted and nominal, by the kernels of a fit."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,8 @@ class Content:
     size: float
     """Of the numbers that a place is made of."""
     samples: tuple[Sample, ...]
+    is_bound: bool
+    """Whether the nominal machine moves a target on a curve or a surface only, as a rotary table does."""
 
     @property
     def directions(self) -> bool:
@@ -132,24 +135,6 @@ class Content:
         said = "Without load, at rest, at the reference temperature and time 0, between both directions of approach."
         return [said] if self.fields else []
 
-    @cached_property
-    def is_bound(self) -> bool:
-        """Whether the ideal machine moves a target on a curve or a surface only, as a rotary table does."""
-        freedoms = 0
-        for sample in self.samples[:LOOKED_AT]:
-            here = np.array(sample.ideal)
-            levers = np.where(np.arange(len(here)) < 3, 1.0, self.size)
-            moves = []
-            for j, weight in enumerate(self.weight):
-                q = list(sample.q)
-                q[j] += NEARBY * weight
-                moved = np.array(_exact(self.ideal, tuple(q), {}, sample.target)) - here
-                moves.append(moved * levers)
-            freedoms = max(
-                freedoms, int(np.linalg.matrix_rank(np.array(moves), tol=IN_LINE * NEARBY * self.size))
-            )
-        return freedoms < len(self.scope.machine.measurand.freedoms)
-
 
 def content_of(machine: Machine, name: str | None = None, travel: Any = None) -> Content:
     """Return the content of the files of a machine; see :func:`rodgen.machines.emit.emit`."""
@@ -163,6 +148,9 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     usual = [2 * np.pi if joint.revolute else size for joint in joints]
     ranges = [high - low for low, high in limits]
     weight = [way if 0 < way < np.inf else other for way, other in zip(ranges, usual, strict=True)]
+    reference = Reference.of(machine, scope, travel)
+    nominal = reference.nominal()
+    samples = tuple(_samples(scope, fitted, reference, nominal, size))
     return Content(
         name=chosen,
         machine=machine,
@@ -176,7 +164,8 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
         highest=tuple(float(high) for _, high in limits),
         weight=tuple(float(w) for w in weight),
         size=size,
-        samples=tuple(_samples(scope, fitted, ideal, size)),
+        samples=samples,
+        is_bound=_is_bound(nominal, samples[:LOOKED_AT], weight, size, measurand),
     )
 
 
@@ -338,37 +327,54 @@ def _size(scope: Scope) -> float:
     return float(sum(travel) + max(points)) or 1.0
 
 
-def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: float) -> Iterator[Sample]:
+def _samples(
+    scope: Scope, fitted: MachineKernels, reference: Reference, nominal: Reference, size: float
+) -> Iterator[Sample]:
     """Yield samples from an even sequence all over the travel, with their places."""
-    machine, joints = scope.machine, scope.machine.joints
-    spans = [
-        tuple(travel) if np.ptp(travel) > 0 else _usual_travel(machine, j, size)
-        for j, travel in enumerate(scope.model.travel)
-    ]
-    found, begins = 0, machine.kinematics.begins
-    for n, point in enumerate(_even(len(joints) + len(fitted.columns), TRIES)):
-        inside = MARGIN + (1 - 2 * MARGIN) * point[: len(joints)]
-        q = tuple(float(low + x * (high - low)) for x, (low, high) in zip(inside, spans, strict=True))
-        if len(begins):  # of several modes the one that is meant is only sure near these
-            near = begins[n % len(begins), : len(joints)] * (1 + OFF_SEEN * (2 * point[: len(joints)] - 1))
-            q = tuple(float(x) for x in near)
-        columns = {
-            name: _column(kind, float(x), spans[int(of)] if kind == "v" else None)
-            for (name, (kind, of)), x in zip(fitted.columns, point[len(joints) :], strict=True)
-        }
-        target = n % len(machine.targets)
-        place, nominal = _exact(fitted, q, columns, target), _exact(ideal, q, {}, target)
-        if not np.isfinite([*place, *nominal]).all() or not _is_regular(scope.machine, fitted, q):
-            continue
-        yield Sample(q, columns, target, place, nominal)
-        found += 1
-        if found == SAMPLES:
-            return
-    if not found:
+    machine, count = scope.machine, len(scope.machine.joints)
+    low, high = np.array(
+        [
+            travel if np.ptp(travel) > 0 else _usual_travel(machine, j, size)
+            for j, travel in enumerate(scope.model.travel.tolist())
+        ]
+    ).T
+    conditions, begins = reference.conditions, machine.kinematics.begins
+    points = np.array(list(_even(count + len(conditions), TRIES)))
+    numbers = np.arange(TRIES)
+    q = low + (MARGIN + (1 - 2 * MARGIN) * points[:, :count]) * (high - low)
+    if len(begins):  # of several modes the one that is meant is only sure near these
+        near = begins[numbers % len(begins), :count]
+        q = near * (1 + OFF_SEEN * (2 * points[:, :count] - 1))
+    values = {
+        (kind, of): _column(kind, x, high[int(of)] - low[int(of)] if kind == "v" else 0.0)
+        for (kind, of), x in zip(conditions, points[:, count:].T, strict=True)
+    }
+    targets = (numbers % len(machine.targets)).tolist()
+    places, ideal = reference.places(q, targets, values), nominal.places(q, targets)
+    good = np.isfinite(np.hstack([places, ideal])).all(axis=1) & reference.is_regular(q, REGULAR)
+    if not good.any():
         raise RodgenError(
             f"{machine.file or machine.name}: the model is not finite at any of {TRIES} points all over the travel; "
             "expected formulas and values that are"
         )
+    for n in np.flatnonzero(good)[:SAMPLES].tolist():
+        columns = {name: float(values[column][n]) for name, column in fitted.columns}
+        yield Sample(
+            tuple(q[n].tolist()), columns, targets[n], *(tuple(x[n].tolist()) for x in (places, ideal))
+        )
+
+
+def _is_bound(
+    nominal: Reference, samples: Sequence[Sample], weight: Sequence[float], size: float, measurand: Measurand
+) -> bool:
+    """Return whether no sample's target moves with as many freedoms as a place has."""
+    freedoms = 0
+    for sample in samples:
+        levers = np.where(np.arange(len(sample.ideal)) < 3, 1.0, size)
+        q = np.array(sample.q) + NEARBY * np.diag(weight)
+        moves = (nominal.places(q, [sample.target] * len(q)) - sample.ideal) * levers
+        freedoms = max(freedoms, int(np.linalg.matrix_rank(moves, tol=IN_LINE * NEARBY * size)))
+    return freedoms < len(measurand.freedoms)
 
 
 def _usual_travel(machine: Machine, j: int, size: float) -> tuple[float, float]:
@@ -376,18 +382,6 @@ def _usual_travel(machine: Machine, j: int, size: float) -> tuple[float, float]:
     if isinstance(machine.kinematics, OnLegs):
         return machine.kinematics.usual_travel(j)
     return (-np.pi, np.pi) if machine.joints[j].revolute else (-size, size)
-
-
-def _is_regular(machine: Machine, kernels: MachineKernels, q: tuple[float, ...]) -> bool:
-    """Return whether a platform is well away from singular poses, where differences are no good derivatives."""
-    if kernels.pose is None:
-        return True
-    values: dict[str, Any] = {constant.name: constant.value for constant in kernels.constants} | {
-        "q": list(q)
-    }
-    start = kernels.pose.evaluate({port.name: values[port.name] for port in kernels.pose.inputs})["start"]
-    assert isinstance(machine.kinematics, OnLegs)
-    return bool(machine.kinematics.least_singular_value(np.array([start], float))[0] > REGULAR)
 
 
 def _even(dimensions: int, count: int) -> Iterator[Array]:
@@ -400,22 +394,10 @@ def _even(dimensions: int, count: int) -> Iterator[Array]:
         yield np.asarray((0.5 + n * step) % 1.0)
 
 
-def _column(kind: str, x: float, span: Any) -> float:
+def _column(kind: str, x: Array, span: float) -> Array:
     low, high = {"s": (-1, 1), "T": (-5, 5), "t": (0, 3600), "F": (0, 100), "x": (0, 1)}.get(kind, (-1, 1))
     if kind == "s":
-        return 1.0 if x < 0.5 else -1.0
+        return np.where(x < 0.5, 1.0, -1.0)
     if kind == "v":
-        return (2 * x - 1) * float(np.ptp(span)) / 100  # the whole travel in 100 s
+        return (2 * x - 1) * span / 100  # the whole travel in 100 s
     return low + x * (high - low)
-
-
-def _exact(
-    kernels: MachineKernels, q: tuple[float, ...], columns: dict[str, float], target: int
-) -> tuple[float, ...]:
-    import mpmath
-
-    try:
-        place = kernels.place.evaluate(kernels.inputs(q, columns, target))["place"]
-    except (ArithmeticError, ValueError, mpmath.libmp.ComplexResult):
-        return (np.nan,) * kernels.place.port("place").size
-    return tuple(float(x) for x in place)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -160,7 +160,7 @@ def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kerne
     kinematics = model.machine.kinematics
     assert isinstance(kinematics, OnLegs)
     begins = kinematics.begins
-    general = pose_from_afar(ModelSteps(bare, "pose", with_residual=False), begins.shape)
+    general = _general_pose_kernel(bare, begins.shape)
     q = _port("q", (len(structure.joints),), "commanded coordinates")
     stands_for: dict[sp.Symbol, sp.Expr] = {}
     for (kind, of), symbol in zip(bare.columns, general.port("rows").symbols, strict=True):
@@ -174,6 +174,12 @@ def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kerne
     for slot, symbol in zip(_slots(bare), general.port("g").symbols, strict=True):
         stands_for[symbol] = numbers.by_slot[slot]
     return _folded(general, stands_for, [q], numbers)
+
+
+@lru_cache(maxsize=8)
+def _general_pose_kernel(bare: Structure, begins: tuple[int, ...]) -> Kernel:
+    """Write it once for the fitted machine and the nominal one."""
+    return pose_from_afar(ModelSteps(bare, "pose", with_residual=False), begins)
 
 
 def _folded(
