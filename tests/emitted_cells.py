@@ -193,12 +193,27 @@ class Cell(Case):
     def _effects(self, file: Mapping[str, Any], source: str, whole: bool) -> Iterator[dict[str, Any]]:
         """Yield effects that the machine can have."""
         here = {(e["name"], e.get("joint")) for e in file["effect"]}
+        kind = MEASURANDS[file["measured"]["kind"]]
+        alike = kind.kind if kind.moving else "direction"
         if legs := legs_of(file):
-            names = [d.name for d in CATALOGUE if "leg" in d.at]
-            found = [effect(name, leg) for leg in legs for name in names]
+            found = [effect(d.name, leg) for leg in legs for d in CATALOGUE if "leg" in d.at]
             found += [effect(name) for name in ("linear_drift", "frame_shift", "instrument_scale")]
         else:
-            found = possible(file)
+            found = possible({**file, "measured": {**file["measured"], "kind": alike}})
+        if kind.is_pose:  # a target is given by its place alone
+            found = [block for block in found if "target" not in block]
+        if (
+            alike != kind.kind
+        ):  # no line of sight, no weight at its end, and a frame that poses would shift, too
+            bends = {
+                "refraction",
+                "tube_flexure",
+                "target_offset",
+                "linear_drift",
+                "warm_up_drift",
+                "frame_shift",
+            }
+            found = [block for block in found if not (block["name"] in bends or "windup" in block["name"])]
         coupled = {
             joint["name"] for joint in file.get("joint", ()) if {"reading", "coordinate"} & joint.keys()
         }
@@ -316,6 +331,8 @@ class Cell(Case):
     def own(self, *, instrument: bool = False) -> dict[str, float]:
         """Return the errors that are the machine's, or the others."""
         others = OF_INSTRUMENT | (OF_FRAME if self.file["measured"]["frame"] == "free" else set())
+        if self.machine.measurand.has_zero:  # how it is mounted
+            others |= {"about", "vertical", "target"}
         return {key: x for key, x in self.values.items() if (key.split(".")[0] in others) == instrument}
 
     def plain(self, **measured: Any) -> dict[str, Any]:
@@ -329,10 +346,13 @@ class Cell(Case):
 
     def places(self, q: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
         """Return where targets are in machine axes, by the simulator."""
-        kind = "point" if self.machine.measurand.moving else "direction"
+        measurand = self.machine.measurand
+        attitudes = not (measurand.moving or measurand.is_direction)
+        kind = "pose" if measurand.is_pose or attitudes else "point" if measurand.moving else "direction"
         made = simulator(self.plain(kind=kind, frame="machine"), values)
         start = {"start": self.starts} if isinstance(made, Parallel) and made.family == "3-sps-s" else {}
-        return made.measure(self.commands(q), **self.arguments, **start)
+        found = made.measure(self.commands(q), **self.arguments, **start)
+        return found[:, 3:] if attitudes else found
 
     @property
     def starts(self) -> np.ndarray:
@@ -343,12 +363,38 @@ class Cell(Case):
         mounted = {
             key: x for key, x in self.values.items() if ".target_offset." in key or key[:7] == "target."
         }
-        return self.places(q, mounted if self.machine.measurand.moving else {})
+        measurand = self.machine.measurand
+        in_file = measurand.is_direction or measurand.has_zero
+        return self.places(q, {} if in_file else mounted)
 
     def read(self, places: np.ndarray) -> np.ndarray:
         """Return what the instrument reads of places in machine axes, by the simulator."""
         made = simulator(self.plain(), self.own(instrument=True))
         return made._read(places, {"t": self.data["t [s]"], "T": None}, None)
+
+
+def measuring(file: Mapping[str, Any], kind: str) -> dict[str, Any]:
+    """Return a machine file with something else measured."""
+    measurand = MEASURANDS[kind]
+    measured = {key: x for key, x in file["measured"].items() if key in {"frame", "instrument"}}
+    if measurand.has_origin:
+        measured["from"] = file["measured"].get("from", [300.0, -200.0, 500.0])
+    if measurand.line == "about":
+        measured["about"] = [0.0, 0.6, 0.8]
+    targets = [dict(target) for target in file["target"]]
+    for k, target in enumerate(targets):
+        if not measurand.moving:
+            del target["point"]
+        if measurand.is_direction or measurand.line == "vertical":
+            target["point"] = [float(x) for x in unit([0.3 * k, 0.8, 0.5])]
+    estimate, effects = file["estimate"]["parameters"], file["effect"]
+    if not measurand.moving:
+        slides = {j["name"] for j in file.get("joint", ()) if j["type"] == "prismatic"}
+        turning = [entry for entry in estimate if entry.endswith(".axis") and entry[:-5] not in slides]
+        estimate = [*turning, *(entry for entry in estimate if entry == "target")]
+        effects = [block for block in effects if block.get("joint") not in slides]
+    found = {**file, "target": targets, "measured": {"kind": kind, **measured}}
+    return {**found, "estimate": {"parameters": estimate}, "effect": effects}
 
 
 def cells() -> dict[str, tuple[str, dict[str, Any]]]:

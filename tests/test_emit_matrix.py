@@ -9,17 +9,23 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+import sys
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from emitted_cells import EXAMPLES, Cell, cells
+from conftest import C_WARNINGS
+from emitted_cells import EXAMPLES, Cell, cells, measuring
+from test_emit import passes_its_own_test_in_cpp, passes_its_own_test_in_octave
 
+from rodgen.files import write_files
 from rodgen.machines.emit._content import Content, content_of
-from rodgen.machines.emit._render import render
+from rodgen.machines.emit._render import LANGUAGES, render
 from rodgen.machines.emit._scope import scope_of
+from rodgen.machines.measured import MEASURANDS
 
 pytestmark = pytest.mark.xdist_group("emit_matrix")
 CELLS = cells()
@@ -40,7 +46,10 @@ def on_numpy() -> Any:
 
 @cache
 def cell(name: str, *, whole: bool = False) -> Cell:
-    return Cell(*CELLS[name], whole=whole)
+    source, file = CELLS[name.partition(":")[0]]
+    if ":" in name:  # something else is measured
+        file = measuring(file, name.partition(":")[2])
+    return Cell(source, file, whole=whole)
 
 
 _CONTENTS: dict[str, Content] = {}
@@ -178,3 +187,81 @@ def test_emitted_code_moves_the_machine_that_was_fitted(name, library):
     by_c, status_c = c.compensate(wanted, q, target, given)
     assert (status_c == status).all()
     assert np.abs(by_c - corrected)[status == code.CONVERGED].max(initial=0.0) <= 1e-6
+
+
+# the whole product ---------------------------------------------------------------------------------------------------
+
+
+def in_python(made: Content, language: str, folder: Path) -> None:
+    write_files(folder, render(made, language))
+    command = [sys.executable, "-W", "error", str(folder / f"test_{made.name}.py")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, f"{made.name}: all tests hold\n"), done.stderr
+
+
+def in_c(made: Content, compiler: str, folder: Path) -> None:
+    write_files(folder, render(made, "c"))
+    sources = [str(folder / f"{made.name}{x}.c") for x in ("", "_test")]
+    subprocess.run([compiler, *C_WARNINGS, "-O0", *sources, "-o", str(folder / "run"), "-lm"], check=True)
+    done = subprocess.run([folder / "run"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("name", CELLS)
+def test_own_test_holds_in_every_language(name, language, compiler, cpp_compiler, tmp_path):
+    """Its places are those of the prediction, and the commands bring the machine there."""
+    made = content(name)
+    if language == "c":
+        in_c(made, compiler, tmp_path)
+    elif language == "cpp":
+        passes_its_own_test_in_cpp(made, cpp_compiler, tmp_path)
+    elif language == "matlab":
+        passes_its_own_test_in_octave(made, tmp_path)
+    else:
+        if language == "jax":
+            pytest.importorskip("jax")
+        in_python(made, language, tmp_path)
+
+
+def moves_as_simulated(name: str, *, whole: bool = False) -> None:
+    case = cell(name, whole=whole)
+    code, given = numpy_of(name, whole=whole), conditions(name, whole=whole)
+    q, target = case.observations.q, case.observations.target
+    real, nominal = case.places(q, case.own()), case.ideal(q)
+    places = code.forward(q, target, **given)
+    assert np.abs(places - real).max() <= within(name)
+    assert np.abs(code.ideal(q, target) - nominal).max() <= WITHIN
+    corrected, status, _ = code.compensate(nominal, q, target, **given)
+    reached = case.places(corrected, case.own())
+    there = status == code.CONVERGED
+    assert np.abs(reached - nominal)[there].max(initial=0.0) <= REACHED + 10 * within(name)
+    if places.shape[1] == 3:
+        assert np.abs(case.read(places) - case.predicted()).max() <= within(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CELLS)
+def test_every_effect_at_once_is_in_the_code(name):
+    moves_as_simulated(name, whole=True)
+
+
+def of_other_kinds() -> list[str]:
+    """Return the cells in which something else is measured: of turns where a joint turns, on legs what is simulated."""
+    found = []
+    for name, (_, file) in CELLS.items():
+        turns = any(joint["type"] == "revolute" for joint in file.get("joint", ()))
+        found += [
+            f"{name}:{kind}"
+            for kind, measurand in MEASURANDS.items()
+            if kind != file["measured"]["kind"] and (turns or (measurand.moving and not measurand.is_pose))
+        ]
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", of_other_kinds())
+def test_whatever_is_measured_the_code_moves_the_machine(name, tmp_path):
+    moves_as_simulated(name)
+    in_python(content(name), "numpy", tmp_path)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from rodgen.machines.parameters import Parameter
 
 
-SAMPLES = 16
+SAMPLES = 20
 TRIES = 40 * SAMPLES
 """Points tried at most until enough of them have a finite place: a formula may have none at some."""
 OFF_SEEN = 0.01
