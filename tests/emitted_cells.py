@@ -251,7 +251,7 @@ class Cell(Case):
                 prefix, _, of = (
                     head.rpartition("_") if head.startswith(("dir_", "v_", "T_")) else ("", "", head)
                 )
-                if head in readings or of in followers:
+                if head in readings or (of in followers and prefix != "T"):
                     continue
                 columns["_".join(filter(None, [prefix, names.get(of, of)])) + bracket + tail] = x
             return columns
@@ -278,7 +278,7 @@ class Cell(Case):
     @cached_property
     def values(self) -> dict[str, float]:
         """Errors, none of which is zero."""
-        keys = [key for key in self.model.keys if not key.startswith("frame.")]
+        keys = [p.key for p in self.model.parameters if p.slot[0] != "frame" and p.hold is None]
         keys.sort(
             key=lambda key: key.split(".")[0] in OF_INSTRUMENT | OF_FRAME
         )  # the machine's as in another frame
@@ -313,7 +313,8 @@ class Cell(Case):
         """Return the arguments of the simulators but the commands: columns in the order of the file."""
         d, o = self.data, self.observations
         order = [self.machine.number_of(name) for name in self.joints]
-        warm = {name: d.get(f"T_{name} [degC]", np.full(o.n, 20.0)) for name in self.joints}
+        read = {j["name"]: j.get("reading", j["name"]) for j in self.file.get("joint", ())}
+        warm = {x: d.get(f"T_{read.get(x, x)} [degC]", np.full(o.n, 20.0)) for x in self.joints}
         return {
             "target": list(d["target"]), "s": np.asarray(o.s, float)[:, order], "v": o.v[:, order], "t": d["t [s]"],
             "temperature": warm, "load": d["load [N]"], "run": None,
@@ -344,12 +345,13 @@ class Cell(Case):
         found = {**self.file, "measured": {**self.file["measured"], **measured}}
         return {**found, "joint": joints} if joints else found
 
-    def places(self, q: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
-        """Return where targets are in machine axes, by the simulator."""
+    def places(self, q: np.ndarray, values: Mapping[str, float], *, nominal: bool = False) -> np.ndarray:
+        """Return where targets are in machine axes, by the simulator; on the nominal machine without what is held."""
         measurand = self.machine.measurand
         attitudes = not (measurand.moving or measurand.is_direction)
         kind = "pose" if measurand.is_pose or attitudes else "point" if measurand.moving else "direction"
-        made = simulator(self.plain(kind=kind, frame="machine"), values)
+        file = self.plain(kind=kind, frame="machine")
+        made = simulator({**file, "effect": []} if nominal else file, values)
         start = {"start": self.starts} if isinstance(made, Parallel) and made.family == "3-sps-s" else {}
         found = made.measure(self.commands(q), **self.arguments, **start)
         return found[:, 3:] if attitudes else found
@@ -365,7 +367,7 @@ class Cell(Case):
         }
         measurand = self.machine.measurand
         in_file = measurand.is_direction or measurand.has_zero
-        return self.places(q, {} if in_file else mounted)
+        return self.places(q, {} if in_file else mounted, nominal=True)
 
     def read(self, places: np.ndarray) -> np.ndarray:
         """Return what the instrument reads of places in machine axes, by the simulator."""

@@ -95,8 +95,8 @@ def conditions(name: str, *, whole: bool = False) -> dict[str, np.ndarray]:
     return {field.name: np.asarray(known[field.name], float) for field in content(name, whole=whole).fields}
 
 
-def within(name: str) -> float:
-    soft = any(block["name"] == "leg_compliance" for block in cell(name).file["effect"])
+def within(name: str, *, whole: bool = False) -> float:
+    soft = any(block["name"] == "leg_compliance" for block in cell(name, whole=whole).file["effect"])
     return GIVES_WAY if soft else WITHIN
 
 
@@ -231,14 +231,14 @@ def moves_as_simulated(name: str, *, whole: bool = False) -> None:
     q, target = case.observations.q, case.observations.target
     real, nominal = case.places(q, case.own()), case.ideal(q)
     places = code.forward(q, target, **given)
-    assert np.abs(places - real).max() <= within(name)
+    assert np.abs(places - real).max() <= within(name, whole=whole)
     assert np.abs(code.ideal(q, target) - nominal).max() <= WITHIN
     corrected, status, _ = code.compensate(nominal, q, target, **given)
     reached = case.places(corrected, case.own())
     there = status == code.CONVERGED
-    assert np.abs(reached - nominal)[there].max(initial=0.0) <= REACHED + 10 * within(name)
+    assert np.abs(reached - nominal)[there].max(initial=0.0) <= REACHED + 10 * within(name, whole=whole)
     if places.shape[1] == 3:
-        assert np.abs(case.read(places) - case.predicted()).max() <= within(name)
+        assert np.abs(case.read(places) - case.predicted()).max() <= within(name, whole=whole)
 
 
 @pytest.mark.slow
