@@ -205,14 +205,8 @@ class Cell(Case):
         if (
             alike != kind.kind
         ):  # no line of sight, no weight at its end, and a frame that poses would shift, too
-            bends = {
-                "refraction",
-                "tube_flexure",
-                "target_offset",
-                "linear_drift",
-                "warm_up_drift",
-                "frame_shift",
-            }
+            bends = {"target_offset", "linear_drift", "warm_up_drift", "frame_shift"}
+            bends |= {definition.name for definition in CATALOGUE if definition.of_directions}
             found = [block for block in found if not (block["name"] in bends or "windup" in block["name"])]
         coupled = {
             joint["name"] for joint in file.get("joint", ()) if {"reading", "coordinate"} & joint.keys()
@@ -336,10 +330,16 @@ class Cell(Case):
             others |= {"about", "vertical", "target"}
         return {key: x for key, x in self.values.items() if (key.split(".")[0] in others) == instrument}
 
+    @cached_property
+    def reach(self) -> dict[str, list[float]]:
+        """Travels of joints in the data."""
+        return {j.name: x.tolist() for j, x in zip(self.machine.joints, self.model.reach, strict=True)}
+
     def plain(self, **measured: Any) -> dict[str, Any]:
         """Return the file as simulators take it, with something else measured."""
         joints = [
-            {key: x for key, x in j.items() if key not in {"reading", "coordinate"}}
+            {"travel": self.reach[j["name"]]}
+            | {k: x for k, x in j.items() if k not in {"reading", "coordinate"}}
             for j in self.file.get("joint", ())
         ]
         found = {**self.file, "measured": {**self.file["measured"], **measured}}

@@ -68,9 +68,10 @@ def emit(
         distance that is left. Where several coordinates serve (more joints than a place has freedoms, joints
         along each other) they are, to first order in the correction, those that change least, each measured by its
         travel (where it has none: a turn, or the size of the machine); other weights may be given, 0 holds a joint.
-        They stay within the travels of the file. For what cannot be reached the status says so, with the nearest
-        coordinates found: NEAREST on a machine that moves a target on a curve or a surface only, such as a rotary
-        table, where that is the best that any command does; UNREACHABLE on others.
+        A joint that moves no target on the nominal machine is held. They stay within the travels of the file. For what
+        cannot be reached the status says so, with the nearest coordinates found: NEAREST on a machine that moves a
+        target on a curve or a surface only, such as a rotary table, where that is the best that any command does;
+        UNREACHABLE on others.
 
     What belongs to the machine. Joints, targets and every effect at them do, and so does refraction: it bends what is
     seen, whoever looks. With ``frame = "machine"`` the readings are in machine axes, so what moves that frame

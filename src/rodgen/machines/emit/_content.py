@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 from rodgen.codegen.kernel import Kernel
@@ -27,7 +28,6 @@ from rodgen.machines.emit._kernels import (
 from rodgen.machines.emit._reference import Reference
 from rodgen.machines.emit._scope import Scope, scope_of
 from rodgen.machines.kinematics import OnLegs
-from rodgen.machines.measured import Measurand
 from rodgen.machines.model import Model
 from rodgen.machines.rigid import rotation_vector
 from rodgen.machines.structure import row_effects
@@ -47,9 +47,9 @@ REGULAR = 0.1
 MARGIN = 0.1
 """Part of the travel at its ends from where no sample is taken, so that small steps from a sample stay inside."""
 
-NEARBY, IN_LINE, LOOKED_AT = 1e-6, 1e-3, 3
+NEARBY, IN_LINE = 1e-6, 1e-3
 """A motion of so many weights shows where a joint moves a place; a motion of all of them by less than this part of the
-size across the others is the curvature of these. Samples of which the one with most freedoms counts."""
+size across the others is the curvature of these. The sample with most freedoms counts."""
 
 _HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdarg stdbool
 stddef stdint stdio stdlib string tgmath time wchar wctype"""
@@ -112,12 +112,15 @@ class Content:
     lowest: tuple[float, ...]
     highest: tuple[float, ...]
     weight: tuple[float, ...]
-    """End of the travel of each joint, infinite where there is none; how freely it moves in a compensation."""
+    """End of the travel of each joint, infinite where there is none; how freely it moves in a compensation: not
+    where it moves no target on the nominal machine. A slide that tilts by an error would go far for an attitude."""
     size: float
     """Of the numbers that a place is made of."""
     samples: tuple[Sample, ...]
     is_bound: bool
     """Whether the nominal machine moves a target on a curve or a surface only, as a rotary table does."""
+    ways: tuple[float, ...]
+    """By which the test measures derivatives: the weights of all joints."""
 
     @property
     def directions(self) -> bool:
@@ -151,6 +154,7 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     reference = Reference.of(machine, scope, travel)
     nominal = reference.nominal()
     samples = tuple(_samples(scope, fitted, reference, nominal, size))
+    moved, freedoms = _moves(nominal, samples, weight, size)
     return Content(
         name=chosen,
         machine=machine,
@@ -162,10 +166,11 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
         fields=tuple(_fields(scope.machine, fitted)),
         lowest=tuple(float(low) for low, _ in limits),
         highest=tuple(float(high) for _, high in limits),
-        weight=tuple(float(w) for w in weight),
+        weight=tuple(np.where(moved, weight, 0.0).tolist()),
         size=size,
         samples=samples,
-        is_bound=_is_bound(nominal, samples[:LOOKED_AT], weight, size, measurand),
+        is_bound=freedoms < len(measurand.freedoms),
+        ways=tuple(map(float, weight)),
     )
 
 
@@ -317,7 +322,10 @@ def _size(scope: Scope) -> float:
     machine = scope.machine
     if not machine.measurand.moving:
         return 1.0
-    travel = [max(map(abs, j.travel)) for j in machine.joints if j.travel and j.type == "prismatic"]
+    slides = np.array([joint.type == "prismatic" for joint in machine.joints])
+    travel = (
+        np.abs(scope.model.travel[slides]).max(axis=1).tolist()
+    )  # that of the data where the file has none
     points = [
         float(np.linalg.norm(p))
         for p in (*(j.point for j in machine.joints), *(t.point for t in machine.targets))
@@ -364,17 +372,19 @@ def _samples(
         )
 
 
-def _is_bound(
-    nominal: Reference, samples: Sequence[Sample], weight: Sequence[float], size: float, measurand: Measurand
-) -> bool:
-    """Return whether no sample's target moves with as many freedoms as a place has."""
-    freedoms = 0
+def _moves(
+    nominal: Reference, samples: Sequence[Sample], weight: Sequence[float], size: float
+) -> tuple[NDArray[np.bool_], int]:
+    """Return which joints move a target on the nominal machine, and with how many freedoms together at most."""
+    moved, freedoms = np.zeros(len(weight), bool), 0
     for sample in samples:
         levers = np.where(np.arange(len(sample.ideal)) < 3, 1.0, size)
         q = np.array(sample.q) + NEARBY * np.diag(weight)
         moves = (nominal.places(q, [sample.target] * len(q)) - sample.ideal) * levers
-        freedoms = max(freedoms, int(np.linalg.matrix_rank(moves, tol=IN_LINE * NEARBY * size)))
-    return freedoms < len(measurand.freedoms)
+        least = IN_LINE * NEARBY * size
+        moved |= np.linalg.norm(moves, axis=1) > least
+        freedoms = max(freedoms, int(np.linalg.matrix_rank(moves, tol=least)))
+    return moved, freedoms
 
 
 def _usual_travel(machine: Machine, j: int, size: float) -> tuple[float, float]:
