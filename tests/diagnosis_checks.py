@@ -104,6 +104,7 @@ def format_errors(
     wanted = KEYS | ({"reason"} if verdict == "cannot_tell" else set())
     wanted |= {"could_hide"} if verdict == "nothing_missing" else set()
     wanted |= {"indistinguishable_sets"} & set(found)
+    wanted |= {"exclude"} if found.get("outliers") else set()
     hold(set(found) == wanted, f"keys {sorted(set(found) ^ wanted)}")
     reason = found.get("reason")
     hold(

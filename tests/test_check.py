@@ -169,6 +169,27 @@ def test_mended_data_are_those_before_the_damage(tmp_path: Path, capsys: pytest.
     assert not (tmp_path / "mended.toml").exists()
 
 
+def test_mended_data_say_which_rows_are_dropped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = right_files("trunnion", tmp_path)
+    for name in "xyz":
+        files.put(name, np.roll(files.numbers(name), 2))  # two balls a pose: a pose later
+    machine, data = files.write(tmp_path)
+    mended, n = tmp_path / "mended.csv", len(files.numbers("x"))
+    assert called("check", machine, data, "--mended-data", mended, "--json") == 1
+    repair = json.loads(capsys.readouterr().out)["repairs"][0]
+    lost = repair["commands_without_readings"], repair["readings_without_commands"]
+    assert lost == ([n - 2, n - 1], [0, 1])
+    assert repair["rows"] == Measurements.load(mended).rows == n - 2
+    assert called("check", machine, data, "--mended-data", mended) == 1
+    said = capsys.readouterr().out
+    assert (
+        f"mended.csv has {n - 2} of {n} rows: the commands of lines {n} and {n + 1} of data.csv and the "
+        in said
+    )
+    assert "readings of lines 2 and 3 of data.csv have no partner." in said
+    assert called("check", machine, mended) == 0
+
+
 def machine_of_a_table_that_turns_the_other_way(folder: Path) -> Path:
     text = (EXAMPLES / "rotary_table" / "machine.toml").read_text().partition("[estimate]")[0]
     machine = folder / "machine.toml"

@@ -18,13 +18,13 @@ import pytest
 from scipy import stats
 
 from rodgen.calibration.checks.held_out import folds_of_rows
+from rodgen.calibration.checks.outliers import are_neighbours, gross_errors
 from rodgen.calibration.diagnose import aliases as _aliases
 from rodgen.calibration.diagnose import search
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.evidence import Screening, gather_evidence
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
-from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, is_direct
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.noise.sampled_rows import MOST_ROWS, sample_of

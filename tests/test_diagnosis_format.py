@@ -73,6 +73,7 @@ FINE = {
     "copies": 0,
     "set_aside": {"rows": 0, "entries": []},
     "outliers": [2, 7],
+    "exclude": [{"rows": "4, 9", "file": "data.csv", "check": "0123456789ab", "why": "outlier of the diagnosis"}],
     "rms": {
         "before": 2.0, "after": 1.0, "before_held_out": 2.1, "after_held_out": None, "noise": None, "unit": "mm",
     },

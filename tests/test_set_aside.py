@@ -164,7 +164,7 @@ def test_rows_stay_the_same_rows(capsys: pytest.CaptureFixture[str]) -> None:
             aside(content)
         assert str(error.value) == (
             "m.toml: [measured], set_aside 1: lines 7-8, 20 (bumped) of data.csv, which are not the rows that were "
-            "set aside; expected the rows as they were, or no such entry: bring them back"
+            "set aside; expected the rows as they were; if this is another file, rodgen bring-back --all"
         )
     cells = lines[18].split(",")
     Path("data.csv").write_text(text.replace(lines[18], ",".join([cells[0], "0.5", *cells[2:]])))
@@ -323,10 +323,13 @@ def test_a_run_of_another_file_is_another_run(capsys: pytest.CaptureFixture[str]
     assert other.to_dict()["set_aside"]["entries"][1]["count"] is None
 
 
-def test_measurements_that_are_read_in_parts_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_measurements_that_are_read_in_parts_are_refused(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     set_aside()
     machine, data = read()
     data.to_pandas().to_parquet("part.parquet")
+    monkeypatch.setattr("rodgen.calibration.problem.blocks.STRETCH", 1)
     with pytest.raises(InputFileError, match=r"rows of part\.parquet, which is read in parts"):
         fit(machine, Measurements.scan("part.parquet"))
 

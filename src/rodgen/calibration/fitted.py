@@ -263,6 +263,38 @@ class FittedModel:
         numbers: list[int] = self.observations.given(np.flatnonzero(self.outliers)).tolist()
         return numbers
 
+    def excluding_outliers(self, why: str = "outlier") -> Machine:
+        """Return the machine with its fitted values and, set aside, the outliers: a fit to the same table is this one.
+
+        The machine as it is where there are none, or where the table is not known or read in parts.
+
+        Parameters
+        ----------
+        why : str
+            The note on these rows.
+        """
+        table, rows = self.observations.table, self.outlier_rows
+        return self.machine.setting_aside(table, rows=rows, why=why) if rows else self.machine
+
+    @property
+    def outlier_rows(self) -> list[int]:
+        """The outliers as their table numbers them, with their copies; none where it is unknown or read in parts."""
+        o = self.observations
+        if o.table is None or o.blocks is not None:
+            return []
+        rows: list[int] = o.table.numbers(np.flatnonzero(o.in_table(self.outliers))).tolist()
+        return rows
+
+    @property
+    def used_rows(self) -> dict[str, Any]:
+        """How many rows were fitted, which were not, and which disagree grossly with the others, as plain data."""
+        return {
+            "rows": self.problem.count,
+            **self.observations.not_here,
+            "outliers": self.outlier_numbers,
+            "gross": [one.to_dict(self.observations) for one in self.gross_readings],
+        }
+
     @property
     def moving(self) -> tuple[int, ...]:
         """Numbers of the parameters that were adjusted and are not at a bound of the machine file."""

@@ -186,8 +186,7 @@ class Ladder:
         return {
             "machine": first.machine.name,
             "data": first.observations.data.file,
-            "rows": first.observations.n,
-            **first.observations.not_here,
+            **self.rungs[-1].fit.used_rows,
             "unit": first.unit,
             "noise": self.noise.to_dict(),
             "rungs": [rung.to_dict() for rung in self.rungs],

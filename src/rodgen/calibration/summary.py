@@ -73,11 +73,8 @@ def as_dict(fit: Fit) -> dict[str, Any]:
     return {
         "machine": fit.machine.name,
         "data": fit.observations.data.file,
-        "rows": fit.problem.count,
+        **fit.used_rows,
         "readings": fit.problem.count * fit.problem.components,
-        **fit.observations.not_here,
-        "outliers": fit.outlier_numbers,
-        "gross": [one.to_dict(fit.observations) for one in fit.gross_readings],
         "converged": fit.solution.converged,
         "rms": fit.rms,
         "unit": fit.unit,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import refused
@@ -12,6 +12,7 @@ from rodgen.errors import InputFileError, shown
 from rodgen.files import read_input
 
 if TYPE_CHECKING:
+    from rodgen.data.set_aside import SetAside
     from rodgen.machines.machine import Effect, Machine
 
 LARGEST = 50_000_000
@@ -34,6 +35,7 @@ class ReadDiagnosis:
     verdict: str
     forms: tuple[dict[str, Any], ...]  # outside the catalogue: the keys of their [[effect]], or none
     outliers: int  # number of outlying rows
+    exclude: tuple[SetAside, ...]  # the entries that exclude these in a machine file
 
     def effects(self, machine: Machine, chosen: Sequence[int] = ()) -> tuple[Effect, ...]:
         """Return the effects, then the forms, or the chosen of these steps, counted from 1, in the order of adding.
@@ -80,16 +82,22 @@ class ReadDiagnosis:
             machine = machine.with_effect(effect)
         return tuple(effects)
 
-    def remarks(self, *, fitted: bool, robust: bool) -> list[str]:
-        """Return remarks on parts of the diagnosis that the new machine or its fit ignores."""
+    def excluding(self, machine: Machine) -> Machine:
+        """Return a machine with the outliers of the diagnosis set aside."""
+        there = machine.measured.set_aside
+        entries = (*there, *(entry for entry in self.exclude if entry not in there))
+        return replace(machine, measured=replace(machine.measured, set_aside=entries), file=machine.file)
+
+    def remarks(self) -> list[str]:
+        """Return remarks on parts of the diagnosis that the new machine lacks."""
         found = []
         if left_out := sum(not form for form in self.forms):
             several = f"{left_out} forms" if left_out > 1 else "1 form"
             found.append(f"{self.file}: {several} left out, written without units; diagnose again to add")
-        if fitted and not robust and self.outliers:
+        if self.outliers and not self.exclude:
             several = f"{self.outliers} outliers" if self.outliers > 1 else "1 outlier"
             found.append(
-                f"{self.file}: {several} in the diagnosis, which this fit treats as valid; --loss huber does not"
+                f"{self.file}: {several} in the diagnosis, not set aside; diagnose one whole file to do it"
             )
         return found
 
@@ -98,6 +106,8 @@ def read_diagnosis(file: str) -> ReadDiagnosis:
     """Return the diagnosis in a file; ``"-"`` is standard input."""
     name = "standard input" if file == "-" else file
     data = _parsed(read_input(file, _EXPECTED, largest=LARGEST, pipe=True), name)
+    from rodgen.machines.files.read import entries_of
+
     verdict = data.get("verdict")
     if not isinstance(verdict, str) or verdict not in _NONE:
         raise InputFileError(name, "verdict", _found(data, "verdict"), _EXPECTED)
@@ -106,7 +116,10 @@ def read_diagnosis(file: str) -> ReadDiagnosis:
         _form(each, number, name) for number, each in enumerate(_list(data, "unexplained", name), 1)
     )
     outliers = _list(data, "outliers", name)
-    return ReadDiagnosis(name, steps, verdict, forms, len(outliers))
+    exclude = _list(data, "exclude", name) if "exclude" in data else []
+    if wrong := [entry for entry in exclude if not isinstance(entry, dict)]:
+        raise InputFileError(name, "exclude", shown(json.dumps(wrong[0])), "entries of set_aside")
+    return ReadDiagnosis(name, steps, verdict, forms, len(outliers), entries_of(exclude, name, "exclude"))
 
 
 def _parsed(content: bytes, name: str) -> Mapping[str, Any]:

@@ -160,7 +160,7 @@ def _parameter(text: str) -> tuple[str, str]:
 
 def _add_diagnosed(options: argparse.Namespace) -> int:
     from rodgen.cli._from_diagnosis import read_diagnosis
-    from rodgen.machines.files.edit import text_with_effects
+    from rodgen.machines.files.edit import text_with_effects, text_with_set_aside
     from rodgen.machines.machine import Machine
 
     if options.data is not None:
@@ -178,18 +178,24 @@ def _add_diagnosed(options: argparse.Namespace) -> int:
     machine = Machine.load(options.machine)
     diagnosis = read_diagnosis(options.from_diagnosis)
     effects = diagnosis.effects(machine, options.step)
+    text = text_with_effects(options.machine, effects)
+    if diagnosis.exclude:
+        machine = diagnosis.excluding(machine)
+        text = text_with_set_aside(options.machine, machine.measured.set_aside, text)
     machines = [machine]
     for effect in effects:
         machines.append(machines[-1].with_effect(effect))
     change = Change(
         tuple(machines),
         effects,
-        text_with_effects(options.machine, effects),
+        text,
         ("diagnosed",),
         several=True,
     )
     written = carry_out(options, change, diagnosis.file)
-    for remark in diagnosis.remarks(fitted=options.data is not None, robust=options.loss != "linear"):
+    if options.data is None and diagnosis.exclude:
+        notify(f"{written.output}: set aside are {'; '.join(entry.named() for entry in diagnosis.exclude)}")
+    for remark in diagnosis.remarks():
         notify(remark)
     return _done(options, written)
 

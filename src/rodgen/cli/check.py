@@ -14,7 +14,7 @@ from rodgen.errors import InputFileError, RodgenError
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
-    from rodgen.calibration.file_check import Mend
+    from rodgen.calibration.file_check import Check, Mend
 
 _CHECK = f"""\
 Check whether a machine file and its measurements can belong together, before anything is explained by them. Where they
@@ -68,18 +68,28 @@ def _run(options: argparse.Namespace) -> int:
                 outputs.add(options.output, text_with_geometry(options.machine, mended).encode())
             if options.mended_data:
                 write_mended_data(observations, found.observations, options.mended_data)
-    show_result(options, found.to_dict, lambda: "\n".join([found.summary(), *_mending(options, mend)]))
+    fit = None
     if not found.wrong:
         with contextlib.suppress(RodgenError):  # nothing to fit
-            remark_on_readings(machine.fit(found.observations))
+            fit = machine.fit(found.observations)
+    used = {} if fit is None else fit.used_rows
+    show_result(
+        options,
+        lambda: found.to_dict() | used,
+        lambda: "\n".join([found.summary(), *_mending(options, found, mend)]),
+    )
+    if fit is not None:
+        remark_on_readings(fit)
     return FAILED if found.wrong else OK
 
 
-def _mending(options: argparse.Namespace, mend: Mend | None) -> Iterator[str]:
+def _mending(options: argparse.Namespace, found: Check, mend: Mend | None) -> Iterator[str]:
     """Yield which mended files were written, or which option writes them."""
     written = [path for path in (options.output, options.mended_data) if path]
     if written:
         yield f"Mended: {', '.join(written)}"
+        if options.mended_data and mend:
+            yield f"{options.mended_data} has {mend.on_rows(found.observations)}"
     elif mend and mend.of_data:
         yield "The data must be changed; --mended-data FILE writes them."
     elif mend:

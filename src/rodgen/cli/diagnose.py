@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from rodgen.cli._console import Command, after_fits, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_scheduler, add_test, add_timings, diagnosed
 from rodgen.cli._outputs import Outputs
 from rodgen.errors import joined
 
+if TYPE_CHECKING:
+    from rodgen.calibration.diagnose import Diagnosis
+
 _DIAGNOSE = f"""\
 Fit a machine, and find the physical effect that its model lacks. Every effect of the catalogue is tested at every
 joint; those that the data support are added one at a time, each with the effects that these data cannot distinguish
 from it. Among these the one that such machines most often have is named first, unless --prefer says otherwise. An
 error that no effect of the catalogue explains is given as a formula. "Nothing is missing" and "these data cannot tell"
-are possible answers. Outliers are set aside, and the correlation of readings is estimated.
+are possible answers. Outliers are left out, which -o notes in the new machine file, and the correlation of readings is
+estimated.
 
 {FILES}
   rodgen diagnose mount.toml stars.csv
@@ -42,7 +47,8 @@ def add_to(command: Command) -> None:
         "-o",
         "--output",
         metavar="BETTER.toml",
-        help="write the machine file with the effects that were found, to be fitted, added to or emitted",
+        help="write the machine file with the effects that were found, and the outliers set aside, to be fitted, added "
+        "to or emitted",
     )
     add_json(diagnose)
     add_scheduler(diagnose)
@@ -55,14 +61,29 @@ def _run(options: argparse.Namespace) -> int:
         found = diagnosed(options, options.test, options.prefer, shown=True)
         written = ""
         if options.output:
-            from rodgen.machines.files.edit import text_with_effects
+            from rodgen.machines.files.edit import text_with_effects, text_with_set_aside
 
             effects = [one.effect for one in found.found]
-            outputs.add(options.output, text_with_effects(options.machine, effects).encode())
-            what = f"with {joined(effect.title for effect in effects)}" if effects else "as it is"
-            written = f"\n\n{options.output}: {options.machine} {what}"
+            text = text_with_effects(options.machine, effects)
+            if found.further_exclusions:
+                entries = found.machine.measured.set_aside
+                text = text_with_set_aside(options.machine, entries, text)
+            outputs.add(options.output, text.encode())
+            written = f"\n\n{options.output}: {options.machine} {_changes(found)}"
     show_result(options, found.to_dict, lambda: found.summary() + written)
     return after_fits(all(each.solution.converged for each in found.fits))
+
+
+def _changes(found: Diagnosis) -> str:
+    """Return what the new machine file has more than the one before."""
+    titles, count = [one.effect.title for one in found.found], len(found.outliers)
+    what = f"with {joined(titles)}" if titles else "without a change"
+    if not count:
+        return what
+    outliers = f"{count} outlier{'s' * (count > 1)}"
+    if found.further_exclusions:
+        return f"{what if titles else 'with the same model'}; {outliers} set aside"
+    return f"{what}; {outliers} not set aside: that is done in one file that is read whole"
 
 
 def _preferred(text: str) -> tuple[str, str | None]:

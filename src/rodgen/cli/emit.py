@@ -63,17 +63,18 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.into and options.lang != "urdf":
         raise refused("--into", f"with --lang {options.lang}", "--lang urdf")
-    converged, lost, missing = True, 0.0, ""
+    converged, lost, missing, used = True, 0.0, "", {}
     given = {"into": options.into, "force": options.force}
     if not options.data:
         written = Machine.load(options.machine).emit(options.lang, options.output, **given)
     else:
         fit = fitted(options)
         written = fit.emit(options.lang, options.output, **given)
+        used = fit.used_rows
         converged, lost = fit.solution.converged, not_found_by_code(fit.machine, fit.observations)
         missing = fit.lack_of_fit.text if fit.lack_of_fit and fit.lack_of_fit.misses else ""
     files = [str(path) for path in written]
-    show_result(options, lambda: {"files": files, "converged": converged}, lambda: "\n".join(files))
+    show_result(options, lambda: {"files": files, "converged": converged, **used}, lambda: "\n".join(files))
     if missing:
         notify(f"{missing} That is in none of these files; 'rodgen diagnose' looks for it.")
     if lost > 0:

@@ -67,7 +67,7 @@ def _run(options: argparse.Namespace) -> int:
             from rodgen.machines.fixed import fixed_machine
 
             with stage("writing files"):
-                outputs.add(options.output, machine_text(fixed_machine(fit.machine)).encode())
+                outputs.add(options.output, machine_text(fixed_machine(fit.excluding_outliers())).encode())
         if options.residuals:
             from rodgen.calibration.residual_columns import residual_columns
             from rodgen.data.tables import copied_with

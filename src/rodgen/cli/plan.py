@@ -66,6 +66,7 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan import Constraints, PlanError, load_constraints, plan
     from rodgen.data.measurements import Measurements
     from rodgen.machines.machine import Machine
@@ -90,7 +91,8 @@ def _run(options: argparse.Namespace) -> int:
             outputs.add(options.output, found.csv().encode())
         elif options.output:
             notify(f"{options.output} is not written: there is nothing to measure")
-    show_result(options, found.to_dict, found.summary)
+    fit = of if isinstance(of, FittedModel) else of.final_with_forms
+    show_result(options, lambda: found.to_dict() | {"used": fit.used_rows}, found.summary)
     return OK
 
 

@@ -32,7 +32,10 @@ from rodgen.views import data_frame, html_of_table
 if TYPE_CHECKING:
     from rodgen.data.tables.reader import Rows, Table
 
-__all__ = ["Measurements", "Names", "Numbers", "Places", "Scan", "plain_name"]
+__all__ = ["UNNAMED", "Measurements", "Names", "Numbers", "Places", "Scan", "plain_name"]
+
+UNNAMED = "data"
+"""Name of a table in memory that was given none: it tells no table from another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +257,7 @@ class Measurements:
         return data if isinstance(data, cls) else cls.from_frame(data)
 
     @classmethod
-    def from_frame(cls, frame: Any, *, name: str = "data") -> Measurements:
+    def from_frame(cls, frame: Any, *, name: str = UNNAMED) -> Measurements:
         """Return the measurements of a table in memory; its numbers are copied.
 
         Parameters

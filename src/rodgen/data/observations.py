@@ -82,6 +82,8 @@ class Observations:
         -1 of rows that are set aside; None where it has neither. Parts of the observations do not have it.
     aside : RowsAside or None
         Rows that the machine file sets aside, which are not here; None where it says nothing of any.
+    table : Measurements or None
+        As it was given, with the rows that are not here. Parts of the observations do not have it.
     blocks : Blocks or None
         Where these are a sample of more rows, all of them. Parts of the observations do not have it.
     """
@@ -110,6 +112,7 @@ class Observations:
     counted_as: NDArray[np.int_] | None = None
     correlation: NDArray[np.float64] | None = None
     aside: RowsAside | None = None
+    table: Measurements | None = None
     blocks: Any = None
 
     @property
@@ -216,6 +219,10 @@ class Observations:
         there = np.flatnonzero(self.counted_as >= 0)
         return there[np.unique(self.counted_as[there], return_index=True)[1]][rows]
 
+    def in_table(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which rows of the table as it was given are counted as some of those here, (n,)."""
+        return mask if self.counted_as is None else np.isin(self.counted_as, np.flatnonzero(mask))
+
     def counted(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which rows here, (n,), are counted for some of those of the table as it was given."""
         if self.counted_as is None:
@@ -236,6 +243,7 @@ class Observations:
             run_names=tuple(self.run_names[i] for i in there),
             counted_as=np.where(kept, np.cumsum(kept) - 1, -1),
             aside=aside,
+            table=self.table,
         )
 
     def counted_once(self) -> Observations:
@@ -247,7 +255,7 @@ class Observations:
         kept, counted_as = np.unique(found, return_inverse=True)
         if self.counted_as is not None:
             counted_as = np.where(self.counted_as < 0, -1, counted_as[self.counted_as])
-        return replace(self.take(kept), counted_as=counted_as, aside=self.aside)
+        return replace(self.take(kept), counted_as=counted_as, aside=self.aside, table=self.table)
 
     def unit_of(self, column: str, usual: str = "") -> tuple[str, float]:
         """Return the unit of a column of the data, `usual` where it states none, and its internal value."""

@@ -144,6 +144,8 @@ class SetAside:
         UnexpectedError
             When there is no such row, run or column, or the rows are others than they were.
         """
+        from rodgen.data.measurements import UNNAMED  # there is a table: what reads tables is imported
+
         name = os.path.basename(data.file)
         ours = not self.file or os.path.basename(self.file) == name
         if not self.rows:
@@ -158,11 +160,12 @@ class SetAside:
         same = there.all() and (not self.check or self.check == _check(data, mask, compared))
         if same and (ours or self.check):
             return np.asarray(mask)
-        if not ours:
+        if not ours or (self.check and name == UNNAMED):
             return None
         if self.check:
             found = f"{self.named(data.counted)} of {name}, which are not the rows that were set aside"
-            raise UnexpectedError(found, "the rows as they were, or no such entry: bring them back")
+            expected = "the rows as they were; if this is another file, rodgen bring-back --all"
+            raise UnexpectedError(found, expected)
         found = f"{data.counted} {pairs[~there][0]} of {name}, which is no measurement"
         raise UnexpectedError(found, f"{data.counted}s that are")
 

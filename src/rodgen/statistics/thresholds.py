@@ -441,16 +441,17 @@ class RobustPolicy(NamedTuple):
 class GrossPolicy(NamedTuple):
     """Which readings are grossly wrong beyond any doubt (tests/test_gross_readings.py)."""
 
-    factor: float = 10.0
-    """Times the largest residual of all other rows: nothing physical makes a gap like that, a slip of a digit does."""
+    factor: float = 3.0
+    """Times the largest residual of the rows that agree. What the models of the examples miss, before a diagnosis,
+    makes rows that are 1.4 times as far off at most."""
+    suspicion: float = 1.5
+    """Times the cut of a robust fit that one row must be off, from all rows: else nothing is looked for."""
+    rounds: int = 3
+    """Times that the worst rows are left out before all are judged."""
+    largest_part: float = 0.2
+    """Largest share of rows: more are no slips."""
     fewest_rows: int = 10
     """Rows: among fewer a fit follows a wrong one."""
-    few: int = 3
-    """Rows that may be grossly wrong, ..."""
-    part: float = 0.05
-    """... or this part of all: more are no slips."""
-    share: float = 0.5
-    """Part of the sum of squares that so many rows have where one is wrong and its leverage is below a half."""
     spare: float = 0.5
     """Part of the other readings that are more than the parameters need: else a fit to these is close by itself."""
     named: int = 8

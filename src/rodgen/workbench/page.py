@@ -726,10 +726,21 @@ class Page:
                         ui.label(one.effect.title)
                         said = f"p {probability(one.p_value)}, leaves {one.rms:.3g} {state.fit.unit}"
                         ui.label(said).classes("soft")
+            if rows := diagnosis.outlier_rows:
+                count = f"{len(rows)} outlier{'s' * (len(rows) > 1)}"
+                with ui.element("div").classes("suspect"):
+                    take = button("Set aside", partial(self._exclude, rows), label=f"Set aside {count}")
+                    take.set_enabled(state is self.state)
+                    ui.label(count).classes("what")
             with ui.expansion("What it says").props("dense").classes("w-full"):
                 ui.label(diagnosis.summary()).classes("code")
             command = shlex.join(["rodgen", "diagnose", state.file, self.desk.session.data_file])
             same(command, "from rodgen.calibration.diagnose import diagnose\nprint(diagnose(machine, data))")
+
+    async def _exclude(self, rows: list[int]) -> None:
+        from rodgen.calibration.diagnose.diagnosis import EXCLUDED
+
+        await self.desk.do(Aside(rows=rows, why=EXCLUDED))
 
     async def _take(self, one: Any) -> None:
         await self.desk.do(Add(keys(one.effect, self.state.machine), why="diagnosis"))

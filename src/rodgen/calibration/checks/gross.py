@@ -1,8 +1,8 @@
-"""Readings that are grossly wrong, such as a typing error, and that pull a fit by least squares.
+"""Rows that disagree with the others: the one pass by which every command finds them, and its words.
 
-Only what no physics does is called that: rows that are farther off, by a factor, than any other, seen from a fit
-without them. A smaller outlier is left to the robust loss and to a diagnosis. A grossly wrong row has most of the sum
-of squares, unless the fit follows it; so rows are left out one after the other while few have most of it.
+A robust fit finds the rows that do not agree with the others and a model (`rodgen.calibration.solve.robust`). Rows that
+are neighbours are right, and something is missing in the model. A diagnosis leaves the others out. A fit names those
+that are farther off, by a factor, than any row that agrees: what an incomplete model misses makes no such gap.
 """
 
 from __future__ import annotations
@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.array_types import Array
+from rodgen.array_types import Array, Mask
+from rodgen.calibration.checks.outliers import are_neighbours, on_a_branch
+from rodgen.calibration.solve.robust import gross_rows, sizes_in_cuts
 from rodgen.calibration.words import capitalized, in_component, sized
 from rodgen.data.set_aside import rows_text
-from rodgen.statistics.thresholds import GROSS
+from rodgen.statistics.thresholds import EVIDENCE, GROSS, VERDICT
 from rodgen.views import html_of
 
 if TYPE_CHECKING:
@@ -53,6 +55,21 @@ class GrossReading:
         return asdict(self) | {"row": int(observations.given(np.array(self.row)))}
 
 
+def disagreeing_rows(fit: FittedModel, *, complete: bool = True) -> Mask:
+    """Return the rows, (n,), that do not agree with the others and a model that was fitted to these.
+
+    More than the largest part that may be wrong are returned as they are found: the model is then in doubt, not they.
+
+    Parameters
+    ----------
+    complete : bool
+        Whether the model is thought to have all that acts, so that tails of its residuals are of wrong rows.
+    """
+    found = gross_rows(fit.problem, fit.solution, fit.free, restart=complete)
+    too_many = found.mean() > EVIDENCE.largest_wrong_part
+    return found if too_many else unless_neighbours(fit, found, fit.relative_residuals)
+
+
 def gross_readings(fit: FittedModel) -> tuple[GrossReading, ...]:
     """Return the readings that are grossly wrong, in the order of the rows.
 
@@ -61,29 +78,33 @@ def gross_readings(fit: FittedModel) -> tuple[GrossReading, ...]:
     fit : FittedModel
         None are looked for where rows were left out already.
     """
-    size, without = _sizes(fit), fit
-    gone = np.zeros(len(size), bool)
+    if fit.outliers.any() or fit.observations.n < GROSS.fewest_rows:
+        return ()
+    size = sizes_in_cuts(fit.problem, fit.solution, fit.free)
+    if not size.max() > GROSS.suspicion:
+        return ()
     # not from what was fitted, where such a row may have turned an axis by a whole turn
     fitted = {fit.parameters[i].key for i in fit.free}
     values = {key: value for key, value in fit.machine.values.items() if key not in fitted}
     start = replace(fit.machine, values=values)
-    few = max(GROSS.few, int(GROSS.part * len(size)))
-    if fit.outliers.any() or len(size) < GROSS.fewest_rows:
+    found = np.zeros(len(size), bool)
+    for _ in range(GROSS.rounds):  # the worst first: they make others look wrong
+        found |= size >= max(1.0, size[~found].max() / GROSS.factor)
+        if found.mean() > GROSS.largest_part:
+            return ()
+        without = fit.refit(start, outliers=found)
+        size = sizes_in_cuts(without.problem, without.solution, without.free)
+        if not size[~found].max() > 1:
+            break
+    again = disagreeing_rows(without, complete=False)
+    if not np.array_equal(found, again):
+        found, without = again, fit.refit(start, outliers=again)
+    length = np.linalg.norm(without.relative_residuals, axis=1)
+    wrong = found & (length > GROSS.factor * length[~found].max())
+    spare = without.degrees_of_freedom / (without.rows * without.problem.components)
+    if not wrong.any() or found.mean() > GROSS.largest_part or spare < GROSS.spare:
         return ()
-    while gone.sum() < few and _are_few(size[~gone], few):
-        gone[np.flatnonzero(~gone)[np.argmax(size[~gone])]] = True
-        without = fit.refit(start, outliers=gone)
-        size = _sizes(without)
-    spare = without.degrees_of_freedom / (np.sum(~gone) * fit.problem.components)
-    order = np.argsort(-size)
-    gaps = np.flatnonzero(size[order[:-1]] > GROSS.factor * size[order[1:]])
-    gaps = gaps[gaps < gone.sum()]
-    if not len(gaps) or spare < GROSS.spare:
-        return ()
-    wrong = np.zeros(len(size), bool)
-    wrong[order[: gaps[-1] + 1]] = True
-    residuals = without.residuals
-    others = float(np.abs(residuals[~wrong]).max())
+    others = float(np.abs(without.residuals[~wrong]).max())
     rows = np.flatnonzero(wrong)
     return tuple(
         GrossReading(int(row), component, off, others)
@@ -91,16 +112,47 @@ def gross_readings(fit: FittedModel) -> tuple[GrossReading, ...]:
     )
 
 
-def _are_few(size: Array, few: int) -> bool:
-    """Return whether few rows hold most of the sum of squares, as one that is grossly wrong does."""
-    squares = size**2
-    total = float(squares.sum())
-    return bool(np.isfinite(total) and np.sum(np.partition(squares, -few)[-few:]) > GROSS.share * total)
+def unless_neighbours(fitted: FittedModel, outliers: Mask, residual: Array) -> Mask:
+    """Return the outliers, or none where they are neighbours in a driver: then they show a missing effect.
+
+    Where most poses of a stretch are outliers, the others there are displaced as well. Of the rest, those are none
+    that lie where rows measured before and after them do.
+
+    Parameters
+    ----------
+    outliers : ndarray of bool, shape (n,)
+    residual : ndarray, shape (n, m)
+        What was judged, weighted.
+    """
+    o, outliers = fitted.observations, fitted.with_bodies(outliers)
+    recorded = o.drivers("joint", "time", "temperature", "column", "load")
+    # two targets of a pose that were mixed up are no neighbours: a pose counts once
+    poses, first = np.unique(o.pose, return_index=True)
+    wrong = np.isin(poses, o.pose[outliers])
+    if outliers.any() and are_neighbours(wrong, [driver.values[first] for driver in recorded]):
+        return np.zeros_like(outliers)
+    outliers = outliers | displaced_rows(o, outliers)
+    order = np.arange(o.n) if o.t is None else np.argsort(o.t, kind="stable")
+    return outliers & ~on_a_branch(outliers, residual, order)
 
 
-def _sizes(fit: FittedModel) -> Array:
-    """Return the lengths of the weighted residuals, (n,)."""
-    return np.asarray(np.linalg.norm(fit.relative_residuals, axis=1))
+def displaced_rows(o: Observations, outliers: Mask) -> Mask:
+    """Return the rows, (n,), of the poses from the first outlier to the last, where most of these are; else none.
+
+    Parameters
+    ----------
+    outliers : ndarray of bool, shape (n,)
+    """
+    numbers = np.unique(o.pose)
+    wrong = np.isin(numbers, o.pose[outliers])
+    found = np.flatnonzero(wrong)
+    if (
+        not len(found)
+        or np.mean(wrong[found[0] : found[-1] + 1]) < VERDICT.together
+        or not are_neighbours(wrong, [np.arange(len(numbers), dtype=float)])
+    ):
+        return np.zeros(o.n, bool)
+    return np.isin(o.pose, numbers[found[0] : found[-1] + 1])
 
 
 def _worst(fit: FittedModel, rows: NDArray[np.int_]) -> tuple[list[float], list[str]]:

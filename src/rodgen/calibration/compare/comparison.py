@@ -13,7 +13,7 @@ from rodgen.calibration.compare.dependence import Dependence, Search, Trial, sea
 from rodgen.calibration.compare.drivers import compared
 from rodgen.calibration.compare.regions import Worst, worst_regions
 from rodgen.calibration.compare.sample import Sample
-from rodgen.calibration.compare.scatter import Far, Tails, Uneven, far, tails, uneven
+from rodgen.calibration.compare.scatter import Tails, Uneven, tails, uneven
 from rodgen.calibration.compare.serial_correlation import Drift, drift
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.drivers import Driver
@@ -51,8 +51,6 @@ class Comparison:
     uneven : tuple of Uneven
         How the remaining scatter follows each driver.
     tails : tuple of Tails
-    far : Far or None
-        The residual that is farthest out.
     """
 
     fit: Fit
@@ -62,7 +60,6 @@ class Comparison:
     drifts: tuple[Drift | None, ...]
     uneven: tuple[Uneven, ...]
     tails: tuple[Tails, ...]
-    far: Far | None
 
     __repr__ = brief
     _repr_html_ = html_of
@@ -172,7 +169,6 @@ class Comparison:
             ``allowed_for``: whether the p-values of the table allow for a wander in this component;
             ``scatter``: of the rest, against each covariate: ``covariate``, ``least`` and ``largest`` (``where``,
             ``rms``), ``p_value`` times the number of covariates; ``tails``: ``component``, ``kurtosis``, ``p_value``;
-            ``farthest``: ``row``, ``place``, ``component``, ``sigmas``, ``p_value``, or null;
             ``worst``: ``regions`` (``covariate``, ``unit``, ``low``, ``high``, ``category``, ``where``, ``rms``, in
             stated uncertainties where these differ much,
             ``poses``, ``p_value`` times the number of regions), ``poses`` and ``rows`` (``row``, ``place``,
@@ -183,12 +179,9 @@ class Comparison:
         return {
             "machine": self.fit.machine.name,
             "data": self.fit.observations.data.file,
-            "rows": self.fit.problem.count,
-            **self.fit.observations.not_here,
+            **self.fit.used_rows,
             "rows_looked_at": len(self.sample.rows),
             "poses": len(stretches(self.fit.observations.pose)[0]),
-            "outliers": self.fit.outlier_numbers,
-            "gross": [one.to_dict(self.fit.observations) for one in self.fit.gross_readings],
             "unit": self.unit,
             "rms": self.fit.rms,
             "components": [
@@ -252,14 +245,6 @@ class Comparison:
                 }
                 for t in self.tails
             ],
-            "farthest": self.far
-            and {
-                "row": self._number(self.far.row),
-                "place": self.fit.observations.data.place(self.far.row),
-                "component": components[self.far.component],
-                "sigmas": self.far.sigmas,
-                "p_value": self.p_value(self.far.log10_p),
-            },
             "worst": {
                 "regions": [
                     {
@@ -356,5 +341,4 @@ def compare(fit: Fit) -> Comparison:
             drifts=trends,
             uneven=tuple(uneven(sample, found, covariates)),
             tails=tuple(tails(sample, found)),
-            far=far(sample, found),
         )

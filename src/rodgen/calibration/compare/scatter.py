@@ -1,9 +1,8 @@
-"""How evenly residuals scatter once all dependences are taken out, and whether any of them is too far out.
+"""How evenly residuals scatter once all dependences are taken out, and whether large ones are too frequent.
 
 Evenness: cube roots of the cells' mean squares, which are nearly normal for normal errors (Wilson and Hilferty 1931),
 are tested against every driver as the residuals are, by poses (in the manner of Breusch and Pagan 1979, and of Levene
-1960 for groups). Tails: kurtosis of one cell a pose (Anscombe and Glynn 1983), and the largest residual by its
-studentised size (Grubbs 1950), times the number of residuals.
+1960 for groups). Tails: kurtosis of one cell a pose (Anscombe and Glynn 1983).
 """
 
 from __future__ import annotations
@@ -46,18 +45,6 @@ class Tails:
     component: int
     kurtosis: float
     log10_p: float
-
-
-@dataclass(frozen=True)
-class Far:
-    """A residual that is farther out than the others allow."""
-
-    row: int
-    component: int
-    sigmas: float
-    """Its size in standard deviations of the component's other residuals."""
-    log10_p: float
-    """Of any residual as far out."""
 
 
 def _errors(sample: Sample, search: Search) -> Array:
@@ -121,21 +108,3 @@ def tails(sample: Sample, search: Search) -> list[Tails]:
                 Tails(c, kurtosis, float(np.log10(max(kurtosis_tail(kurtosis, len(e)), SMALLEST_P))))
             )
     return found
-
-
-def far(sample: Sample, search: Search) -> Far | None:
-    """Return the residual that is farthest out."""
-    from scipy import special
-
-    errors = np.abs(_errors(sample, search))
-    cell, c = divmod(int(np.nanargmax(errors)), errors.shape[1])
-    size, count = float(errors[cell, c]), np.isfinite(errors[:, c]).sum()
-    # The degrees of freedom of poses: readings of a pose may be one error.
-    dof = sample.poses * (1 - search.last.space.space.rank / search.last.space.y.size)
-    if dof < LEAST_POSES or size**2 >= count:
-        return None
-    student = size * np.sqrt((count - 1) / (count - size**2))  # against the others alone
-    p = float(2 * special.stdtr(dof - 1, -student)) * errors.size
-    rows = sample.rows[sample.cell == cell]
-    row = int(rows[np.argmax(np.abs(sample.fit.residuals[rows, c]))])
-    return Far(row, c, float(student), float(np.log10(min(max(p, SMALLEST_P), 1.0))))

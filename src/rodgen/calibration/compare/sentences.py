@@ -74,7 +74,7 @@ def claims(comparison: Comparison) -> Iterator[str]:
     yield from _time(comparison)
     yield from _withheld(comparison)
     yield from _scatter(comparison)
-    yield from _far_out(comparison)
+    yield from _heavy_tails(comparison)
 
 
 # one after the other -----------------------------------------------------------------------------------------------
@@ -263,18 +263,10 @@ def _scatter(comparison: Comparison) -> Iterator[str]:
         )
 
 
-def _far_out(comparison: Comparison) -> Iterator[str]:
+def _heavy_tails(comparison: Comparison) -> Iterator[str]:
     if comparison.fit.gross_readings:
         return
-    far, m = comparison.far, max(len(comparison.tails), 1)
-    if far and far.log10_p < np.log10(COMPARISON.tails):
-        place = comparison.fit.observations.data.places([far.row])
-        where = f" {_where(comparison, far.component)}" if len(comparison.components) > 1 else ""
-        yield (
-            f"{capitalized(place)} is {far.sigmas:.1f} standard deviations off{where} "
-            f"({_p(far.log10_p)}): look at it, or fit with --loss huber."
-        )
-        return
+    m = max(len(comparison.tails), 1)
     heavy = [t for t in comparison.tails if t.log10_p < np.log10(COMPARISON.tails / m)]
     for t in sorted(heavy, key=lambda t: t.log10_p)[:1]:
         where = f" {_where(comparison, t.component)}" if len(comparison.components) > 1 else ""

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.noise.correlation import Correlation
     from rodgen.calibration.plan import Plan
+    from rodgen.data.set_aside import SetAside
 
+EXCLUDED = "outlier of the diagnosis"
+"""Why outliers are set aside, in the machine file."""
 VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
 
 
@@ -349,9 +352,20 @@ class Diagnosis:
         return self.unexplained[-1].fit if self.unexplained else self.final
 
     @property
+    def further_exclusions(self) -> tuple[SetAside, ...]:
+        """The entries of ``set_aside`` that the machine file needs so that the outliers do not count."""
+        there = self.base.machine.measured.set_aside
+        return tuple(entry for entry in self.machine.measured.set_aside if entry not in there)
+
+    @property
     def machine(self) -> Machine:
-        """The machine with all effects and forms that were found, and fitted values."""
-        return self.final_with_forms.machine
+        """The machine with all effects and forms that were found, fitted values, and the outliers set aside."""
+        return self.final_with_forms.excluding_outliers(EXCLUDED)
+
+    @property
+    def outlier_rows(self) -> list[int]:
+        """The outliers as their table numbers them, with their copies; none where it is unknown or read in parts."""
+        return self.final_with_forms.outlier_rows
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, as ``rodgen diagnose --json`` prints it."""
@@ -369,6 +383,8 @@ class Diagnosis:
             "unexplained": [form.to_dict() for form in self.unexplained],
             "dependence": self.final_with_forms.dependence.to_dict(),
         }
+        if self.further_exclusions:
+            found["exclude"] = [entry.to_dict() for entry in self.further_exclusions]
         if self.indistinguishable_sets:
             found["indistinguishable_sets"] = [one.to_dict() for one in self.indistinguishable_sets]
         if self.verdict == "nothing_missing":

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.array_types import Mask
+from rodgen.array_types import Array, Mask
 from rodgen.calibration.checks.bounds import held_at_bounds
+from rodgen.calibration.checks.gross import disagreeing_rows
 from rodgen.calibration.diagnose.acceptance import (
     WRONG_SIGN,
     earned_forms,
@@ -37,13 +38,12 @@ from rodgen.calibration.diagnose.subject import Subject
 from rodgen.calibration.diagnose.uncatalogued import Explanation
 from rodgen.calibration.diagnose.undecidable import LEGS_OPEN, on_unmoved_joints, why_undecidable
 from rodgen.calibration.diagnose.validation import bind_validation
-from rodgen.calibration.diagnose.wrong_rows import gross_rows_of, unless_neighbours
+from rodgen.calibration.diagnose.wrong_rows import gross_rows_of
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.blocks import observed
 from rodgen.calibration.progress import Progress, reporting
-from rodgen.calibration.solve.robust import gross_rows
-from rodgen.calibration.solve.staged_fit import FitError
+from rodgen.calibration.solve.staged_fit import FitError, measured_along
 from rodgen.machines.machine import Machine
 from rodgen.stages import each, stage
 from rodgen.statistics.thresholds import EVIDENCE
@@ -99,6 +99,11 @@ def diagnose(
             fitted = fitted.fit(observations)
     with reporting(progress), one_thread_in_blas():
         diagnosis = _diagnosed(fitted, others, prefer)
+        travel = _travel_of_good_rows(diagnosis)
+        if travel is not None:
+            observations = replace(fitted.observations, travel=travel)
+            fitted = fitted.refit(observations=observations, outliers=fitted.outliers)
+            diagnosis = _diagnosed(fitted, others, prefer)
         for _ in range(EVIDENCE.balanced):
             arm = diagnosis.final_with_forms.noise_arm
             if abs(math.log(arm / diagnosis.base.observations.arm)) < EVIDENCE.same_arm:
@@ -109,6 +114,19 @@ def diagnose(
             )
             diagnosis = _diagnosed(fitted, others, prefer)
         return diagnosis
+
+
+def _travel_of_good_rows(diagnosis: Diagnosis) -> Array | None:
+    """Return the travels of the joints without the outliers, (J, 2); None where nothing is measured along others."""
+    final, o = diagnosis.final_with_forms, diagnosis.base.observations
+    if not final.outliers.any():
+        return None
+    good = o.q[~final.outliers]
+    travel = np.array(
+        [limits or (q.min(), q.max()) for limits, q in zip(o.machine.limits, good.T, strict=True)]
+    )
+    along = list(measured_along(final.problem.model))
+    return None if np.array_equal(travel[along], o.travel[along]) else travel
 
 
 def _diagnosed(
@@ -178,11 +196,9 @@ class _Search:
     @stage("looking for outliers")
     def _outliers_of_final(self, final: Fit, outliers: Mask) -> Mask:
         """Return the outliers of the final model with its forms; the ones given where these would be too many."""
-        found = gross_rows(final.problem, final.solution, final.free)
+        found = disagreeing_rows(final)
         self.too_many = int(found.sum()) if found.mean() > EVIDENCE.largest_wrong_part else 0
-        if self.too_many:
-            return outliers
-        return unless_neighbours(self.subject.fitted, found, final.relative_residuals)
+        return outliers if self.too_many else found
 
     def _settled(self, evidence: Evidence, chosen: Sequence[Candidate]) -> FittedExplanation:
         """Return what explains the residuals, without effects that are insignificant in the full fits.

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
+from rodgen.calibration.checks.gross import displaced_rows
 from rodgen.calibration.checks.positions import distinct_positions
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
-from rodgen.calibration.diagnose.wrong_rows import displaced_rows
 from rodgen.calibration.noise.correlation import Correlation
 from rodgen.calibration.words import chance, sized, uncapitalized
 from rodgen.data.poses import moved_one_way as joints_one_way

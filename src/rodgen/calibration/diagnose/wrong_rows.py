@@ -1,4 +1,4 @@
-"""Rows that are left out as wrong: outliers, unless their neighbours show that something is missing in the model."""
+"""Rows that are left out as wrong before anything is found: those that no candidate explains."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from rodgen.array_types import Array, Mask
+from rodgen.array_types import Mask
+from rodgen.calibration.checks.gross import unless_neighbours
+from rodgen.calibration.checks.outliers import gross_errors
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.evidence import Screening
-from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors, on_a_branch
 from rodgen.calibration.fitted import FittedModel
-from rodgen.data.observations import Observations
 from rodgen.stages import stage
-from rodgen.statistics.thresholds import VERDICT
 
 
 @stage("looking for outliers")
@@ -34,49 +33,6 @@ def gross_rows_of(fitted: FittedModel, screening: Screening) -> Mask:
     found[sensitivities.rows[wrong]] = True
     residual[sensitivities.rows] = left
     return unless_neighbours(fitted, found, residual)
-
-
-def unless_neighbours(fitted: FittedModel, outliers: Mask, residual: Array) -> Mask:
-    """Return the outliers, or none where they are neighbours in a driver: then they show a missing effect.
-
-    Where most poses of a stretch are outliers, the others there are displaced as well. Of the rest, those are none
-    that lie where rows measured before and after them do.
-
-    Parameters
-    ----------
-    outliers : ndarray of bool, shape (n,)
-    residual : ndarray, shape (n, m)
-        What was judged, weighted.
-    """
-    o, outliers = fitted.observations, fitted.with_bodies(outliers)
-    recorded = o.drivers("joint", "time", "temperature", "column", "load")
-    # two targets of a pose that were mixed up are no neighbours: a pose counts once
-    poses, first = np.unique(o.pose, return_index=True)
-    wrong = np.isin(poses, o.pose[outliers])
-    if outliers.any() and are_neighbours(wrong, [driver.values[first] for driver in recorded]):
-        return np.zeros_like(outliers)
-    outliers = outliers | displaced_rows(o, outliers)
-    order = np.arange(o.n) if o.t is None else np.argsort(o.t, kind="stable")
-    return outliers & ~on_a_branch(outliers, residual, order)
-
-
-def displaced_rows(o: Observations, outliers: Mask) -> Mask:
-    """Return the rows, (n,), of the poses from the first outlier to the last, where most of these are; else none.
-
-    Parameters
-    ----------
-    outliers : ndarray of bool, shape (n,)
-    """
-    numbers = np.unique(o.pose)
-    wrong = np.isin(numbers, o.pose[outliers])
-    found = np.flatnonzero(wrong)
-    if (
-        not len(found)
-        or np.mean(wrong[found[0] : found[-1] + 1]) < VERDICT.together
-        or not are_neighbours(wrong, [np.arange(len(numbers), dtype=float)])
-    ):
-        return np.zeros(o.n, bool)
-    return np.isin(o.pose, numbers[found[0] : found[-1] + 1])
 
 
 def _a_few_of_each(found: Iterable[Candidate]) -> list[Candidate]:

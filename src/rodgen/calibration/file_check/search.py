@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rodgen.calibration.file_check.near_file import ROUNDS, NearFit, exchanged, fit_near
 from rodgen.calibration.file_check.repairs import Repair, Rows, offsets, repairs
@@ -72,12 +73,47 @@ class Mend:
         return not all(repair.of_data for repair in self.repairs)
 
     def applied(self, machine: Machine, observations: Observations) -> tuple[Machine, Observations]:
-        """Return the machine and the observations, mended; without the rows whose commands are in no other row."""
-        every = np.arange(observations.n)
-        shifted = any(repair.offset for repair in self.repairs)
-        rows = _with_neighbours(observations, every) if shifted else {0: observations}
-        made, rows = _mended(self.repairs, machine, rows)
-        return made, rows[0]
+        """Return the machine and the observations, mended; without the rows that are `unpaired`."""
+        rows = {0: observations}
+        if self.offset:
+            _, readings = self.unpaired(observations)
+            paired = np.setdiff1d(np.arange(observations.n), readings)
+            rows = {0: observations.take(paired)}
+            rows[self.offset] = observations.take(paired + self.offset).read_as(rows[0])
+        made, mended = _mended(self.repairs, machine, rows)
+        return made, mended[0]
+
+    @property
+    def offset(self) -> int:
+        """How many rows later the commands are that belong to readings."""
+        return sum(repair.offset for repair in self.repairs)
+
+    def unpaired(self, observations: Observations) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+        """Return the rows whose commands have no readings any more, and those whose readings have no commands."""
+        n, rows = observations.n, np.arange(observations.n)
+        commands, readings = (rows + shift for shift in (-self.offset, self.offset))
+        return rows[(commands < 0) | (commands >= n)], rows[(readings < 0) | (readings >= n)]
+
+    def to_dict(self, observations: Observations) -> dict[str, Any]:
+        """Return it as plain data, with the numbers of the rows that it drops."""
+        commands, readings = (observations.given(rows).tolist() for rows in self.unpaired(observations))
+        return {
+            "change": self.words,
+            "of_machine": self.of_machine,
+            "of_data": self.of_data,
+            "rows": observations.n - len(readings),
+            "commands_without_readings": commands,
+            "readings_without_commands": readings,
+        }
+
+    def on_rows(self, observations: Observations) -> str:
+        """Return a sentence on how many rows the mended data have, and which are dropped."""
+        commands, readings = self.unpaired(observations)
+        left = f"{observations.n - len(readings)} of {observations.n} rows"
+        if not len(readings):
+            return f"{left}."
+        places = observations.data.places
+        return f"{left}: the commands of {places(commands)} and the readings of {places(readings)} have no partner."
 
 
 @dataclass(frozen=True)
@@ -166,10 +202,7 @@ class Check:
             "error": self.before,
             "error_mended": self.after,
             "unit": self.unit,
-            "repairs": [
-                {"change": mend.words, "of_machine": mend.of_machine, "of_data": mend.of_data}
-                for mend in self.repairs
-            ],
+            "repairs": [mend.to_dict(self.observations) for mend in self.repairs],
         }
 
     def __str__(self) -> str:

@@ -104,7 +104,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
            [-120.,    0.,    0.]]))
     """
     machine.validate()
-    data = Measurements.of(data)
+    table = data = Measurements.of(data)
     aside = None if allow_missing_readings else machine.aside(data)
     binder = _Binder(machine, data)
     binder.check_names()
@@ -139,6 +139,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
     observations = Observations(
         machine=machine,
         data=data,
+        table=table,
         q=q,
         s=s,
         v=binder.velocities(),

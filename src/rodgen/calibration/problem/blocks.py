@@ -753,15 +753,16 @@ def observed(machine: Machine, data: Any) -> Observations:
     """
     if not isinstance(data, Scan):
         return bind_once(machine, data)
+    everything = replace(machine, measured=replace(machine.measured, set_aside=()))
+    bind(everything, data.empty)  # columns and units are wrong before anything is read
+    if data.rows <= STRETCHES * STRETCH:
+        return bind_once(machine, data.whole())
     if machine.measured.set_aside:
         found, expected = (
             f"rows of {data.file}, which is read in parts",
             "none, or one file that is read whole",
         )
         raise InputFileError(machine.file or machine.name, "[measured], set_aside", found, expected)
-    bind(machine, data.empty)  # columns and units are wrong before anything is read
-    if data.rows <= STRETCHES * STRETCH:
-        return bind_once(machine, data.whole())
     if machine.kinematics.is_closed or machine.measurand.has_attitude:
         what = "a machine on legs" if machine.kinematics.is_closed else "attitudes"
         expected = (

@@ -43,7 +43,7 @@ from rodgen.statistics.kurtosis import has_heavy_tails
 from rodgen.statistics.robust import HUBER, huber_weight, median_factor
 from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT, ROBUST
 
-__all__ = ["Judgement", "gross_rows", "robust_fit"]
+__all__ = ["Judgement", "gross_rows", "robust_fit", "sizes_in_cuts"]
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
@@ -152,7 +152,20 @@ def robust_fit_of_parts(
     return problem, best
 
 
-def gross_rows(problem: Problem, solution: Solution, free: Sequence[int]) -> Mask:
+def sizes_in_cuts(problem: Problem, solution: Solution, free: Sequence[int]) -> Array:
+    """Return how large each row is compared with the cut, (n,): above 1 it may be wrong. Costs no fit.
+
+    Parameters
+    ----------
+    problem, solution, free
+        As of `gross_rows`.
+    """
+    search = _OutlierSearch(Problem(problem.model, problem.observations), free)
+    size = search.sizes(solution)
+    return size / max(search.cut * search.rough_scale(size), np.finfo(float).tiny)
+
+
+def gross_rows(problem: Problem, solution: Solution, free: Sequence[int], *, restart: bool = True) -> Mask:
     """Return the rows, (n,), that do not agree with the others and a fit of the right model that is close to them.
 
     Parameters
@@ -163,15 +176,16 @@ def gross_rows(problem: Problem, solution: Solution, free: Sequence[int]) -> Mas
         Of the rows that were believed before.
     free : sequence of int
         Numbers of the parameters that are adjusted.
+    restart : bool
+        Whether to begin anew where residuals have heavy tails: of a complete model, which may have followed wrong rows.
+        What a model misses makes heavy tails, too.
     """
     problem = Problem(problem.model, problem.observations)
     search = _OutlierSearch(problem, free)
     if not search.enough_rows:
         return np.zeros(problem.rows, bool)
     solution, scale = search.settled(solution)
-    if search.has_heavy_tails(
-        solution, scale
-    ):  # least squares may have followed more wrong rows than one sees from it
+    if restart and search.has_heavy_tails(solution, scale):
         solution, scale = search.settled(search.start(solution))
     return search.confirmed(search.judgement(solution, scale, search.cut)).outliers
 

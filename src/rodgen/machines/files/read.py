@@ -449,18 +449,21 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     if "instrument" in table and "branch" not in top:
         raise table.error("instrument", "given without [[branch]]", "it with blocks [[branch]] only")
     instrument = table.get("instrument", one_of(BRANCHES), BRANCHES[0])
-    return Measured(
-        kind, frame, origin, noise, attitude_noise, correlation, about, instrument, _set_aside(table)
-    )
+    entries = table.get("set_aside", _ENTRIES) if "set_aside" in table else ()
+    set_aside = entries_of(entries, table.file, f"{table.place}, set_aside")
+    return Measured(kind, frame, origin, noise, attitude_noise, correlation, about, instrument, set_aside)
 
 
-def _set_aside(measured: Table) -> tuple[SetAside, ...]:
-    """Return the entries on rows that are set aside."""
+def entries_of(contents: Sequence[dict[str, Any]], file: str, place: str) -> tuple[SetAside, ...]:
+    """Return the entries of ``set_aside`` that tables describe.
+
+    Raises
+    ------
+    InputFileError
+    """
     found = []
-    entries = measured.get("set_aside", _ENTRIES) if "set_aside" in measured else ()
-    for number, content in enumerate(entries, 1):
-        place = f"{measured.place}, set_aside {number}"
-        entry = Table(measured.file, place, content, tuple(SetAside.__dataclass_fields__))
+    for number, content in enumerate(contents, 1):
+        entry = Table(file, f"{place} {number}", content, tuple(SetAside.__dataclass_fields__))
         said = {
             key: entry.get(key, _WORD if key in {"rows", "run"} else TEXT) for key in content if key != "back"
         }

@@ -1,0 +1,190 @@
+"""What a diagnosis leaves out, every command after it leaves out; before it, each names the same rows."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from rodgen.calibration.diagnose import Diagnosis, diagnose
+from rodgen.calibration.fit import fit
+from rodgen.cli.main import main
+from rodgen.data.measurements import Measurements
+from rodgen.errors import InputFileError
+from rodgen.machines.machine import Machine
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "machines"
+SLIPS = {20: ("x", 0.15), 57: ("y", -0.2), 101: ("z", 0.3), 150: ("x", -0.25), 199: ("z", 0.16)}
+"""By line: the component, and what is added to it, in mm."""
+ROWS = [line - 2 for line in SLIPS]
+SAID = "5 of the 224 rows of data.csv are set aside: lines 20, 57, 101, 150, 199 (outlier of the diagnosis)."
+
+
+def spoiled(example: str, folder: Path, slips: dict[int, tuple[str, float]]) -> tuple[str, str]:
+    """Copy an example with something added to the readings of some lines; return machine and data."""
+    header, *lines = (EXAMPLES / example / "data.csv").read_text().splitlines()
+    names = [cell.partition(" ")[0] for cell in header.split(",")]
+    rows = [line.split(",") for line in lines]
+    for line, (name, error) in slips.items():
+        k = names.index(name)
+        rows[line - 2][k] = repr(float(rows[line - 2][k]) + error)
+    (folder / "data.csv").write_text("\n".join([header, *map(",".join, rows)]) + "\n")
+    (folder / "machine.toml").write_text((EXAMPLES / example / "machine.toml").read_text())
+    return str(folder / "machine.toml"), str(folder / "data.csv")
+
+
+def printed(*command: str) -> Any:
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert main([*command]) == 0
+    return json.loads(out.getvalue()) if "--json" in command else out.getvalue()
+
+
+class Trunnion(NamedTuple):
+    """A trunnion with five outliers, and its diagnosis."""
+
+    machine: str
+    data: str
+    better: str
+    said: dict[str, Any]
+    diagnosis: Diagnosis
+
+
+@pytest.fixture(scope="module")
+def trunnion(tmp_path_factory: pytest.TempPathFactory) -> Trunnion:
+    folder = tmp_path_factory.mktemp("trunnion")
+    machine, data = spoiled("trunnion", folder, SLIPS)
+    better = str(folder / "better.toml")
+    said = printed("diagnose", machine, data, "-o", better, "--json")
+    return Trunnion(machine, data, better, said, diagnose(Machine.load(machine), Measurements.load(data)))
+
+
+def close(found: dict[str, Any], expected: dict[str, Any]) -> None:
+    """Hold parameters to a thousandth of their standard deviations."""
+    for key, one in expected.items():
+        assert found[key]["value"] == pytest.approx(one["value"], abs=1e-3 * (one["std"] or 1e-9)), key
+        assert found[key]["std"] == pytest.approx(one["std"], rel=1e-3), key
+
+
+def test_a_fit_after_a_diagnosis_has_its_numbers(trunnion: Trunnion) -> None:
+    said, final = trunnion.said, trunnion.diagnosis.final_with_forms
+    assert said["outliers"] == ROWS
+    found = printed("fit", trunnion.better, trunnion.data, "--json")
+    assert found["rms"] == pytest.approx(said["rms"]["after"], rel=1e-6)
+    assert found["rms"] == pytest.approx(final.rms, rel=1e-6)
+    close(found["parameters"], {key: e.to_dict() for key, e in final.estimates.items()})
+    assert (found["rows"], found["outliers"], found["gross"]) == (219, [], [])
+    assert found["set_aside"]["entries"] == [entry | {"count": 5} for entry in said["exclude"]]
+    assert SAID in printed("fit", trunnion.better, trunnion.data)
+
+
+def test_other_commands_count_the_same_rows(
+    trunnion: Trunnion, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    used = {key: printed("fit", trunnion.better, trunnion.data, "--json")[key] for key in
+            ("rows", "copies", "set_aside", "outliers", "gross")}  # fmt: skip
+    compared = printed("compare", trunnion.better, trunnion.data, "--json")
+    emitted = printed(
+        "emit", trunnion.better, trunnion.data, "--lang", "numpy", "-o", str(tmp_path), "--json"
+    )
+    for found in (compared, emitted):
+        assert {key: found[key] for key in used} == used
+    assert compared["rms"] == pytest.approx(trunnion.said["rms"]["after"], rel=1e-6)
+    capsys.readouterr()
+    places = str(tmp_path / "places.csv")
+    main(["predict", trunnion.better, trunnion.data, trunnion.data, "-o", places, "--all-digits"])
+    assert SAID in capsys.readouterr().err
+    final = trunnion.diagnosis.final_with_forms
+    expected = final.predict(Measurements.load(trunnion.data)).columns(rounded=False)
+    table = Measurements.load(places).columns
+    for text, values in expected.items():
+        name = text.partition(" [")[0]
+        if name.startswith("model_") and not name.startswith("model_u_"):
+            np.testing.assert_allclose(table[name].values, values, atol=1e-6)
+
+
+def test_python_has_the_same_machine(trunnion: Trunnion) -> None:
+    machine, data = trunnion.diagnosis.machine, Measurements.load(trunnion.data)
+    assert machine.measured.set_aside == Machine.load(trunnion.better).measured.set_aside
+    final = trunnion.diagnosis.final_with_forms
+    again = machine.fit(data)
+    assert again.rms == pytest.approx(final.rms, rel=1e-6)
+    close(
+        {k: e.to_dict() for k, e in again.estimates.items()},
+        {k: e.to_dict() for k, e in final.estimates.items()},
+    )
+    # rows of a table are no rows of another one
+    table = {column.text: column.values for column in data.columns.values()}
+    other = {name: values[::-1].copy() for name, values in table.items()}
+    assert diagnose(machine, table).machine.fit(other).observations.n == 224
+
+
+@pytest.mark.slow
+def test_a_report_and_a_diagnosis_say_which_rows_do_not_count(trunnion: Trunnion, tmp_path: Path) -> None:
+    again = printed("diagnose", trunnion.better, trunnion.data, "--json")
+    assert (again["verdict"], again["steps"], again["rows"]) == ("nothing_missing", [], 219)
+    assert (again["outliers"], again["set_aside"]["rows"]) == ([], 5)
+    page = tmp_path / "page.html"
+    main(["report", trunnion.better, trunnion.data, "-o", str(page)])
+    assert "lines 20, 57, 101, 150, 199 (outlier of the diagnosis)" in page.read_text()
+
+
+def test_every_command_names_the_same_rows_before_the_diagnosis(trunnion: Trunnion, tmp_path: Path) -> None:
+    files = trunnion.machine, trunnion.data
+    gross = printed("fit", *files, "--json")["gross"]
+    assert [one["row"] for one in gross] == ROWS
+    for one, (component, off) in zip(gross, SLIPS.values(), strict=True):
+        assert one["component"] == component
+        assert one["off"] == pytest.approx(off, abs=0.02)
+    assert printed("compare", *files, "--json")["gross"] == gross
+    assert printed("emit", *files, "--lang", "numpy", "-o", str(tmp_path), "--json")["gross"] == gross
+    assert printed("check", *files, "--json")["gross"] == gross
+    assert printed("plan", *files, "-n", "1", "--for", "C.axis.a", "--json")["used"]["gross"] == gross
+    added = printed("add", trunnion.machine, "scale", trunnion.data, "--joint", "X",
+                    "-o", str(tmp_path / "more.toml"), "--json")  # fmt: skip
+    assert [one["row"] for one in added["ladder"]["gross"]] == ROWS
+
+
+def test_a_diagnosis_in_json_sets_the_same_rows_aside(trunnion: Trunnion, tmp_path: Path) -> None:
+    read, better = tmp_path / "d.json", str(tmp_path / "better.toml")
+    read.write_text(json.dumps(trunnion.said))
+    printed("add", trunnion.machine, "--from-diagnosis", str(read), "-o", better, "--json")
+    assert Machine.load(better) == Machine.load(trunnion.better)
+    read.write_text(json.dumps(trunnion.said | {"exclude": [{"rows": "x", "file": "data.csv"}]}))
+    assert main(["add", trunnion.machine, "--from-diagnosis", str(read), "-o", better]) == 2
+
+
+def test_outliers_can_be_brought_back(trunnion: Trunnion, tmp_path: Path) -> None:
+    every = str(tmp_path / "every.toml")
+    printed("bring-back", trunnion.better, trunnion.data, "--rows", "101", "-o", every)
+    assert printed("fit", every, trunnion.data, "--json")["set_aside"]["rows"] == 4
+    printed("bring-back", every, trunnion.data, "--all", "-o", every)
+    found = printed("fit", every, trunnion.data, "--json")
+    assert (found["rows"], found["set_aside"]["entries"]) == (224, [])
+    assert [one["row"] for one in found["gross"]] == ROWS
+
+
+def test_another_file_of_that_name_is_refused_in_one_sentence(trunnion: Trunnion, tmp_path: Path) -> None:
+    other = tmp_path / "data.csv"
+    other.write_text((EXAMPLES / "trunnion" / "data.csv").read_text())
+    with pytest.raises(
+        InputFileError, match=r"not the rows that were set aside; expected .* if this is another file"
+    ):
+        fit(Machine.load(trunnion.better), Measurements.load(other))
+    renamed = other.rename(tmp_path / "march.csv")
+    assert fit(Machine.load(trunnion.better), Measurements.load(renamed)).observations.n == 224
+
+
+def test_copies_of_an_outlier_and_outliers_of_a_robust_fit_do_not_come_back(tmp_path: Path) -> None:
+    machine, data = spoiled("rotary_table", tmp_path, {20: ("x", 0.5)})
+    text = Path(data).read_text()
+    header, *lines = text.splitlines(keepends=True)
+    Path(data).write_text(header + "".join(lines) + "".join(lines))
+    fitted, again = str(tmp_path / "fitted.toml"), len(lines) + 18
+    found = printed("fit", machine, data, "--loss", "huber", "-o", fitted, "--json")
+    assert found["outliers"] == [18]
+    assert Machine.load(fitted).aside(Measurements.load(data)).mask.nonzero()[0].tolist() == [18, again]
