@@ -1294,7 +1294,7 @@ def test_docstrings_list_the_forms_and_options_that_there_are():
 def test_nothing_is_left_of_files_that_cannot_all_be_written(tmp_path):
     """One of the two MATLAB files is in a folder of its own."""
     (tmp_path / "t1_test.m").mkdir()
-    with pytest.raises(InputFileError, match="a folder stands in its place"):
+    with pytest.raises(InputFileError, match="a folder; expected the name of a file"):
         emit(table(), "matlab", tmp_path, name="t1")
     assert [path.name for path in tmp_path.iterdir()] == ["t1_test.m"]
     (tmp_path / "t1_test.m").rmdir()

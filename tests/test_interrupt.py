@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from rodgen.cli import main as cli
-from rodgen.cli._outputs import Outputs
+from rodgen.files import publish_outputs, write_file
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 
@@ -78,11 +78,10 @@ def test_a_signal_that_ends_a_command_leaves_no_temporary_file(ending, tmp_path)
     code = f"""
 import os, signal, sys
 from rodgen.cli import effects, main
-from rodgen.cli._outputs import Outputs
+from rodgen.files import write_file
 def run(options):
-    with Outputs() as outputs:
-        outputs.add("c.toml", b"1")
-        os.kill(os.getpid(), signal.{ending})
+    write_file("c.toml", b"1")
+    os.kill(os.getpid(), signal.{ending})
 effects._run = run
 sys.argv[1:] = ["effects"]
 sys.exit(main.main())
@@ -141,12 +140,11 @@ def test_files_that_were_complete_are_named(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
 
     def stop(options):
-        with Outputs() as outputs:
-            outputs.add("a.toml", b"1")
-            outputs.add("b.toml", b"1")
-        with Outputs() as outputs:
-            outputs.add("c.toml", b"1")
-            raise KeyboardInterrupt
+        write_file("a.toml", b"1")
+        write_file("b.toml", b"1")
+        publish_outputs()
+        write_file("c.toml", b"1")
+        raise KeyboardInterrupt
 
     monkeypatch.setattr("rodgen.cli.effects._run", stop)
     assert cli.main(["effects"]) == 130

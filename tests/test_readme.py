@@ -19,7 +19,7 @@ import pytest
 
 import rodgen
 from rodgen.cli import main as cli
-from rodgen.cli.main import _joined, _parser
+from rodgen.cli.main import _parser
 from rodgen.cli.scripts import packaged_derivations
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Machine
@@ -237,7 +237,7 @@ def commands(page: Path) -> list[str]:
 def test_commands_of_the_pages_have_arguments_that_there_are(page: Path) -> None:
     for words in commands(page):
         arguments = shlex.split(words)
-        assert callable(_parser(arguments[0]).parse_args(_joined(arguments)).run), words
+        assert callable(_parser(arguments[0]).parse_args(arguments).run), words
 
 
 def test_effect_is_added_as_the_page_says(mount: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -31,7 +31,7 @@ from rodgen.cli.axis import solve_table
 from rodgen.codegen import KernelBuilder
 from rodgen.codegen.compile import compile_kernel
 from rodgen.errors import InputFileError
-from rodgen.files import AtomicFile, commit_all, write_file
+from rodgen.files import AtomicFile, OutputSet, write_file
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/fd").exists(), reason="files are found by their descriptors"
@@ -336,14 +336,12 @@ def test_what_was_complete_is_undone_on_a_disk_without_hard_links(tmp_path, monk
 
     monkeypatch.setattr(os, "link", refused)
     first, second = (AtomicFile(str(tmp_path / name)) for name in ("a", "b"))
-    for file in (first, second):
-        Path(file.file).write_bytes(b"old")
-        file.write(b"new")
-    monkeypatch.setattr(second, "commit", refused)
-    with pytest.raises(OSError, match="not permitted"):
-        commit_all([first, second])
-    for file in (first, second):
-        file.discard()
+    monkeypatch.setattr(second, "publish", refused)
+    with pytest.raises(OSError, match="not permitted"), OutputSet():  # noqa: PT012
+        for file in (first, second):
+            Path(file.file).write_bytes(b"old")
+            file.write(b"new")
+            file.commit()
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"old", "b": b"old"}
 
 

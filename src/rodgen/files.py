@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import contextlib
 import errno
 import os
@@ -10,7 +11,7 @@ import secrets
 import shutil
 import stat
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from io import BufferedReader
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -41,6 +42,8 @@ def open_input(file: str, expected: str) -> BufferedReader:
         When it cannot be opened.
     """
     try:
+        if _outputs is not None:
+            _outputs.protect(file)
         return open(file, "rb")
     except (OSError, ValueError) as error:
         raise unreadable(file, error, expected) from None
@@ -153,21 +156,232 @@ def unwritable(file: str, error: BaseException) -> InputFileError:
 
 _BINARY: int = getattr(os, "O_BINARY", 0)
 
-_completed: list[str] | None = None
+_outputs: OutputSet | None = None
+
+
+class Output(abc.ABC):
+    """What is written under a temporary name, or held back, until it is complete; `file` is its name for messages."""
+
+    file: str
+    place = ""
+    """Where a file gets its name; empty of what replaces no file."""
+    _joined = False
+
+    def commit(self) -> None:
+        """Publish the complete, closed output: now, or together with the others of the `OutputSet` around."""
+        if _outputs is None:
+            self.publish()
+        else:
+            _outputs.add(self)
+            self._joined = True
+
+    def discard(self) -> None:
+        """Remove what is temporary, unless an `OutputSet` has it."""
+        if not self._joined:
+            self.clean()
+
+    @abc.abstractmethod
+    def publish(self, *, undoable: bool = False) -> None:
+        """Show the output under its name; what is `undoable` can be undone until it is cleaned."""
+
+    @abc.abstractmethod
+    def undo(self) -> None:
+        """Bring back what stood there before: another file, or none."""
+
+    @abc.abstractmethod
+    def clean(self) -> None:
+        """Remove what is temporary."""
+
+    @contextlib.contextmanager
+    def located(self) -> Iterator[None]:
+        """Raise an OSError of the block as the InputFileError of this output, unless its reader has seen enough."""
+        try:
+            yield
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise unwritable(self.file, error) from None
+
+
+class OutputSet:
+    """Files that appear together: all that is written in its block gets its name at the end, or nothing does.
+
+    None of them replaces a file that was read in the block, by whatever name. The files of a set in the block of
+    another one appear with those of the latter.
+
+    Attributes
+    ----------
+    completed : list of str
+        The files that have their names.
+    """
+
+    def __init__(self) -> None:
+        self.completed: list[str] = []
+        self._written: list[Output] = []
+        self._folders: list[Path] = []
+        self._inputs: set[tuple[int, int]] = set()
+        self._input_folders: set[str] = set()
+        self._rewritten: set[str] = set()
+        self._claimed: set[str] = set()
+
+    def __enter__(self) -> OutputSet:
+        global _outputs
+        self._around, _outputs = _outputs, self
+        if self._around is not None:
+            around = self._around
+            self._inputs, self._input_folders = around._inputs, around._input_folders
+            self._rewritten = around._rewritten
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        global _outputs
+        _outputs = self._around
+        try:
+            if kind is None and self._around is not None:
+                for output in self._written:
+                    self._around.add(output)
+                self._around._folders += self._folders
+                self._written, self._folders = [], []
+            elif kind is None:
+                self.commit()
+        finally:
+            self._clean()
+            for folder in self._folders:
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+
+    def protect(self, file: str) -> None:
+        """Note an input; of a folder, the Parquet files that may be in it."""
+        if os.path.isdir(file):
+            self._input_folders.add(os.path.realpath(file))
+        elif (identity := _identity(file)) is not None:
+            self._inputs.add(identity)
+
+    def allow(self, file: str) -> None:
+        """Note an input that may be replaced."""
+        self._rewritten.add(os.path.realpath(file))
+
+    def claim(self, file: str, *, folder: bool = False) -> None:
+        """Reserve the name of an output, and find out whether it can be written, before the work that leads to it.
+
+        Parameters
+        ----------
+        folder : bool
+            Whether it is a folder for files, which is made where it is not there.
+
+        Raises
+        ------
+        InputFileError
+        """
+        place = os.path.realpath(file)
+        if place in self._claimed:
+            raise _twice(file)
+        self._claimed.add(place)
+        self.check(file, place)
+        if folder:
+            there = next(each for each in (Path(place), *Path(place).parents) if each.exists())
+            if not there.is_dir():
+                raise InputFileError(file, "file", f"{there.name} is no folder", "the name of a folder")
+        if not folder and not is_device(file):
+            trial = AtomicFile(file)
+            try:
+                trial.open().close()
+            finally:
+                trial.clean()
+
+    def check(self, file: str, place: str) -> None:
+        """Refuse a file that is an input, or would become one.
+
+        Parameters
+        ----------
+        file, place : str
+            Its name as it was given, and without symbolic links.
+
+        Raises
+        ------
+        InputFileError
+        """
+        if place in self._rewritten:
+            return
+        if _identity(place) in self._inputs:
+            raise InputFileError(file, "file", "the input file itself", "another name for the output")
+        folder = os.path.dirname(place)
+        if folder in self._input_folders and place.endswith(".parquet"):
+            raise InputFileError(file, "file", "a file in the input folder", "another folder for the output")
+
+    def add(self, output: Output) -> None:
+        """Take a complete output."""
+        if output.place and any(output.place == other.place for other in self._written):
+            raise _twice(output.file)
+        self._written.append(output)
+
+    def commit(self) -> None:
+        """Publish what was written until now: all of it, or nothing."""
+        # What was read since it was written counts, too; standard output comes last, since its reader may leave.
+        outputs = sorted(self._written, key=lambda output: not output.place)
+        begun: list[Output] = []
+        before = len(self.completed)
+        try:
+            for output in outputs:
+                if output.place:
+                    self.check(output.file, output.place)
+            for output in outputs:
+                begun.append(output)
+                output.publish(undoable=len(outputs) > 1)
+                if output.place:
+                    self.completed.append(output.file)
+            self._folders = []
+        except BrokenPipeError:  # no fault of the files, which are complete
+            self._folders = []
+            raise
+        except BaseException:
+            del self.completed[before:]
+            for output in reversed(begun):
+                output.undo()
+            raise
+        self._clean()
+
+    def _clean(self) -> None:
+        for output in self._written:
+            output.clean()
+        self._written = []
+
+    def folder_made(self, *folders: Path) -> None:
+        """Note new folders, the innermost first, which go again where the files do not appear."""
+        self._folders[:0] = folders
+
+
+def _identity(file: str) -> tuple[int, int] | None:
+    """Return what is the same for all names of a file; None where there is no file, or a device."""
+    with contextlib.suppress(OSError, ValueError):
+        status = os.stat(file)
+        if stat.S_ISREG(status.st_mode):
+            return status.st_dev, status.st_ino
+    return None
+
+
+def _twice(file: str) -> InputFileError:
+    return InputFileError(file, "file", "the name of two outputs", "a name for each")
+
+
+def publish_outputs() -> None:
+    """Publish what was written until now in the `OutputSet` around, if there is one: what comes may fail or be cut."""
+    if _outputs is not None:
+        _outputs.commit()
 
 
 @contextlib.contextmanager
-def noting_completed() -> Iterator[list[str]]:
-    """Yield the list to which the files are added that are completed in the block."""
-    global _completed
-    before, _completed = _completed, []
+def written_at_once() -> Iterator[None]:
+    """Let each file of the block appear as soon as it is complete, as where no `OutputSet` is around."""
+    global _outputs
+    around, _outputs = _outputs, None
     try:
-        yield _completed
+        yield
     finally:
-        _completed = before
+        _outputs = around
 
 
-class AtomicFile:
+class AtomicFile(Output):
     """A file that has a temporary name, in its final folder, until it is complete and on the disk.
 
     A device or a pipe is written directly. A symbolic link stays a link: its target is replaced. A file that is
@@ -182,7 +396,7 @@ class AtomicFile:
     def __init__(self, file: str) -> None:
         self.file = file
         self._device = is_device(file)
-        self._final = self._part = self._before = ""
+        self.place = self._part = self._before = ""
         self._was_there = False
         self._descriptor = -1
 
@@ -191,54 +405,54 @@ class AtomicFile:
         try:
             if self._device:
                 return open(self.file, "wb")
-            self._final = os.path.realpath(self.file)
-            if os.path.exists(self._final) and not (
-                os.access(self._final, os.W_OK) and os.stat(self._final).st_mode & 0o222
+            self.place = os.path.realpath(self.file)
+            if os.path.isdir(self.place):
+                raise InputFileError(self.file, "file", "a folder", "the name of a file")
+            if _outputs is not None:
+                _outputs.check(self.file, self.place)
+            if os.path.exists(self.place) and not (
+                os.access(self.place, os.W_OK) and os.stat(self.place).st_mode & 0o222
             ):  # a superuser may write to it, too, but it was made so on purpose
                 raise PermissionError(errno.EACCES, "it is read-only")
-            folder, name = os.path.split(self._final)
+            folder, name = os.path.split(self.place)
             self._part, self._descriptor = _locked(
                 os.path.join(folder, f".{name[:80]}.rodgen-"),
                 lambda part: os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, 0o666),
             )
-            if os.path.exists(self._final):
-                shutil.copymode(self._final, self._part)
+            if os.path.exists(self.place):
+                shutil.copymode(self.place, self._part)
             return open(os.dup(self._descriptor), "wb")
         except BaseException as error:
-            self.discard()
-            if isinstance(error, OSError | ValueError):
+            self.clean()
+            if isinstance(error, OSError | ValueError) and not isinstance(error, InputFileError):
                 raise unwritable(self.file, error) from None
             raise
 
-    def commit(self, *, undoable: bool = False) -> None:
-        """Give the complete, closed file its name; what is `undoable` can be undone until it is discarded."""
+    def publish(self, *, undoable: bool = False) -> None:
+        """Give the file its name."""
         with self.located():
             if not self._device:
                 _synchronise(self._descriptor)
-                self._was_there = os.path.exists(self._final)
+                self._was_there = os.path.exists(self.place)
                 if undoable and self._was_there:
                     self._before = f"{self._part}-before"
                     try:
-                        os.link(self._final, self._before)
+                        os.link(self.place, self._before)
                     except OSError:  # a disk without hard links
-                        shutil.copy2(self._final, self._before)
+                        shutil.copy2(self.place, self._before)
                 if sys.platform == "win32":  # where an open file keeps its name
                     self._close()
-                os.replace(self._part, self._final)
-            if _completed is not None:
-                _completed.append(self.file)
+                os.replace(self._part, self.place)
 
     def undo(self) -> None:
-        """Bring back what stood there before a commit: the other file, or none."""
+        """Bring back what stood there before: the other file, or none."""
         if not self._part or os.path.exists(self._part):
             return
         with contextlib.suppress(OSError):
             if self._was_there:
-                os.replace(self._before, self._final)
+                os.replace(self._before, self.place)
             else:
-                os.unlink(self._final)
-            if _completed is not None and self.file in _completed:
-                _completed.remove(self.file)
+                os.unlink(self.place)
 
     def write(self, content: bytes) -> None:
         """Write all of the content under the temporary name."""
@@ -246,15 +460,7 @@ class AtomicFile:
         with self.located(), stream:
             stream.write(content)
 
-    @contextlib.contextmanager
-    def located(self) -> Iterator[None]:
-        """Raise an OSError of the block as the InputFileError of this file."""
-        try:
-            yield
-        except OSError as error:
-            raise unwritable(self.file, error) from None
-
-    def discard(self) -> None:
+    def clean(self) -> None:
         """Remove what has a temporary name."""
         for name in filter(None, (self._part, self._before)):
             _remove(name)
@@ -274,19 +480,6 @@ def _synchronise(descriptor: int) -> None:
     except OSError as error:
         if error.errno not in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP):
             raise
-
-
-def commit_all(files: Iterable[AtomicFile]) -> None:
-    """Give complete files their names: all of them, or none."""
-    done: list[AtomicFile] = []
-    try:
-        for file in files:
-            done.append(file)
-            file.commit(undoable=True)
-    except BaseException:
-        for file in done:
-            file.undo()
-        raise
 
 
 @contextlib.contextmanager
@@ -321,6 +514,35 @@ def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
                 os.close(descriptor)
 
 
+class _NewFolder(Output):
+    """A folder that has a temporary name until it is complete."""
+
+    def __init__(self, file: str) -> None:
+        self.file, self.place = file, os.path.abspath(file)
+        self._stack = contextlib.ExitStack()
+        self._made = Path()
+
+    def open(self) -> Path:
+        """Make it, under its temporary name."""
+        parent, name = os.path.split(self.place)
+        with self.located():
+            self._made = self._stack.enter_context(temporary_folder(Path(parent), f".{name}.")) / "made"
+            self._made.mkdir()
+        return self._made
+
+    def publish(self, *, undoable: bool = False) -> None:
+        with self.located():
+            self._made.rename(self.place)
+
+    def undo(self) -> None:
+        if not self._made.exists():
+            with contextlib.suppress(OSError):
+                os.rename(self.place, self._made)
+
+    def clean(self) -> None:
+        self._stack.close()
+
+
 @contextlib.contextmanager
 def new_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a folder for files that appear together: it takes its name when the block ends without an error.
@@ -330,16 +552,17 @@ def new_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     InputFileError
         When something has this name already, or it cannot be written.
     """
-    place = Path(path)
-    if place.exists():
-        raise InputFileError(place, "file", "is there already", "the name of a new folder")
+    file = os.fspath(path)
+    if os.path.lexists(file):
+        raise InputFileError(file, "file", "is there already", "the name of a new folder")
+    folder = _NewFolder(file)
     try:
-        with temporary_folder(place.absolute().parent, f".{place.name}.") as made:
-            (made / "made").mkdir()
-            yield made / "made"
-            (made / "made").rename(place)
-    except OSError as error:
-        raise unwritable(os.fspath(place), error) from None
+        made = folder.open()
+        with written_at_once(), folder.located():
+            yield made
+        folder.commit()
+    finally:
+        folder.discard()
 
 
 @contextlib.contextmanager
@@ -464,35 +687,28 @@ def write_files(folder: Path, files: Mapping[str, str]) -> list[Path]:
     InputFileError
         When the folder cannot be made or written.
     """
-    names = sorted(files)
-    paths = [folder / name for name in names]
-    folders = {folder, *(parent for path in paths for parent in path.parents)}
-    missing = sorted((f for f in folders if not f.exists()), key=lambda f: -len(f.parts))
-    targets = [AtomicFile(str(path)) for path in paths]
-    complete = False
+    paths = {name: folder / name for name in sorted(files)}
+    with OutputSet():
+        for parent in dict.fromkeys((folder, *(path.parent for path in paths.values()))):
+            make_folder(parent)
+        for name, path in paths.items():
+            write_file(path, files[name].encode())
+    return list(paths.values())
+
+
+def make_folder(folder: str | os.PathLike[str]) -> None:
+    """Make a folder, and those that it is in; they go again where the `OutputSet` around fails.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be made.
+    """
+    path = Path(folder)
     try:
-        _make(folder, paths)
-        for target, name in zip(targets, names, strict=True):
-            target.write(files[name].encode())
-        commit_all(targets)
-        complete = True
-    finally:
-        for target in targets:
-            target.discard()
-        if not complete:
-            for parent in missing:
-                with contextlib.suppress(OSError):
-                    parent.rmdir()
-    return paths
-
-
-def _make(folder: Path, paths: list[Path]) -> None:
-    for parent in dict.fromkeys((folder, *(path.parent for path in paths))):
-        try:
-            parent.mkdir(parents=True, exist_ok=True)
-        except (OSError, ValueError) as error:
-            found = f"no folder can be made ({_reason(error)})"
-            raise InputFileError(parent, "file", found, "a writable place") from None
-    for path in paths:
-        if path.is_dir():
-            raise InputFileError(path, "file", "a folder stands in its place", "a file, or nothing")
+        if _outputs is not None:
+            _outputs.folder_made(*(each for each in (path, *path.parents) if not each.exists()))
+        path.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        found = f"no folder can be made ({_reason(error)})"
+        raise InputFileError(path, "file", found, "a writable place") from None

@@ -42,6 +42,9 @@ class Workers:
         How many tasks run at a time.
     """
 
+    address: str | None = None
+    """By which `workers` were asked for them."""
+
     def __init__(self, executor: Any, count: int) -> None:
         self._executor = executor
         self.count = count
@@ -168,7 +171,8 @@ def workers(address: str | None = None) -> Iterator[Workers]:
     address : str, optional
         ``"tcp://host:port"`` of a Dask scheduler, ``"processes"`` or ``"processes=4"`` for Dask workers that are
         started on this computer and end with the context, ``"threads"`` or ``"threads=4"``. Left out: the workers of
-        the context around, of the Dask client that is active, or threads.
+        the context around, of the Dask client that is active, or threads. The address of the context around stands
+        for its workers.
 
     Raises
     ------
@@ -182,10 +186,11 @@ def workers(address: str | None = None) -> Iterator[Workers]:
     [(0, 9), (1, 16)]
     """
     around = _active.get()
-    if address is None and around is not None:
+    if around is not None and address in (None, around.address):
         yield around
         return
     with _made(address) as made:
+        made.address = address
         before = _active.set(made)
         try:
             yield made

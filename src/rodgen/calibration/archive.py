@@ -232,15 +232,11 @@ def _data_file(fit: Fit, folder: Path) -> tuple[Path, bool]:
                 return copy, True
         except (OSError, RodgenError):
             pass
-    import pyarrow as pa
-
-    from rodgen.data.tables import open_sink
+    from rodgen.data.tables import write_columns
 
     path, aside = folder / "data.csv", fit.observations.aside
     columns = (aside.data if aside else data).columns.values()
-    batch = pa.RecordBatch.from_pydict({c.text: c.values for c in columns})
-    with open_sink(path, batch.schema) as sink:
-        sink.write(sink.encode(batch))
+    write_columns(path, {c.text: c.values for c in columns})
     return path, False
 
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._machine import load_data, remark_on_readings, remark_on_rows
-from rodgen.cli._outputs import Outputs
+from rodgen.cli._values import EditedMachine
 from rodgen.errors import joined
+from rodgen.files import write_file
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate
@@ -74,20 +75,18 @@ class Written:
             yield from _advice(effect, rung, added=added)
 
 
-def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Written:
-    """Write the new machine file, and fit all machines when there are measurements; `inputs` are not overwritten."""
+def carry_out(options: argparse.Namespace, change: Change) -> Written:
+    """Write the new machine file, and fit all machines when there are measurements."""
     output = options.output or new_name(options.machine, change.words)
     ladder = None
-    with Outputs(*filter(None, [options.data, *inputs])) as outputs:
-        outputs.claim(output)
-        outputs.add(output, change.text.encode())
-        if options.data:
-            from rodgen.calibration.ladder import ladder_of
+    write_file(output, change.text.encode())
+    if options.data:
+        from rodgen.calibration.ladder import ladder_of
 
-            data = load_data(options.data)
-            ladder = ladder_of(change.machines, data, loss=options.loss)
-            remark_on_rows(ladder.rungs[-1].fit.observations)
-            remark_on_readings(ladder.rungs[-1].fit)
+        data = load_data(options.data)
+        ladder = ladder_of(change.machines, data, loss=options.loss)
+        remark_on_rows(ladder.rungs[-1].fit.observations)
+        remark_on_readings(ladder.rungs[-1].fit)
     return Written(change, options.machine, output, ladder)
 
 
@@ -97,6 +96,7 @@ def add_output(command: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         metavar="NEW.toml",
+        type=EditedMachine,
         help="may be MACHINE itself; default: a new name in the same folder, which is printed",
     )
 

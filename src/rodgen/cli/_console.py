@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol, TypeAlias
 
 from rodgen.errors import InputFileError, RodgenError, nearest_hint
-from rodgen.files import unwritable
+from rodgen.files import publish_outputs, unwritable
 from rodgen.stages import stage, step
 
+DEBUG = "--debug"
 OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERNAL = 0, 1, 2, 3, 70
 INTERRUPTED, READER_GONE, TERMINATED = 130, 141, 143
 
@@ -23,7 +24,7 @@ exit codes:
   1  a check failed: a statement is not proved, generated files are stale, a file is wrong, a fleet or a watch has an
      alarm, or the installation is broken
   2  bad input: one line on standard error, FILE: PLACE: what was found; what was expected
-  3  a fit did not converge: the numbers are where it stopped
+  3  a fit did not converge: the numbers are where it stopped; or pairs of points do not determine their axis
   70  an error in rodgen itself: one line on standard error; with --debug, where
   130  interrupted (Ctrl-C)
   141  the reader of the output closed it
@@ -85,7 +86,7 @@ class Parser(argparse.ArgumentParser):
             return super().parse_known_args(args, namespace)
         self._in_two_passes = True
         try:
-            found, unknown = self.parse_known_intermixed_args(args, namespace)
+            found, unknown = self.parse_known_intermixed_args(self._joined(args), namespace)
         finally:
             self._in_two_passes = False
         if unknown:  # said here, where the options are known: else the parser of all commands says it
@@ -93,6 +94,18 @@ class Parser(argparse.ArgumentParser):
             hint = nearest_hint(unknown[0].partition("=")[0], options)
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return found, unknown
+
+    def _joined(self, arguments: Sequence[str]) -> list[str]:
+        """Join ``--point -1,2,3`` with an equals sign: argparse takes "-1,2,3", a value, for an option."""
+        joined: list[str] = []
+        for argument in arguments:
+            action = self._option_string_actions.get(joined[-1]) if joined else None
+            takes_text = action is not None and action.nargs is None and not isinstance(action.type, type)
+            if takes_text and re.match("-[^-]", argument) and argument not in self._option_string_actions:
+                joined[-1] += f"={argument}"
+            else:
+                joined.append(argument)
+        return joined
 
     def error(self, message: str) -> NoReturn:
         """Raise the message as a `UsageError`."""
@@ -121,6 +134,7 @@ def adder(commands: Any) -> Command:
             epilog=EXIT_CODES,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
+        made.add_argument(DEBUG, action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         made.set_defaults(run=run)
         return made
 
@@ -166,6 +180,7 @@ def located(file: str, place: str, expected: str = "") -> Iterator[None]:
 
 def show(text: str, end: str = "\n") -> None:
     """Print to standard output; a failure is an `InputFileError`."""
+    publish_outputs()  # before the reader of standard output may leave
     if sys.stdout is None:
         raise InputFileError("standard output", "file", "closed", "an open standard output")
     text = _harmless(text)
@@ -224,6 +239,12 @@ def notify(text: str) -> None:
     """Print a remark to standard error, if the process has one."""
     if sys.stderr is not None:
         print(_harmless(text), file=sys.stderr)
+
+
+def conclude(text: str) -> None:
+    """Give outputs their names, and say on standard error what they are."""
+    publish_outputs()
+    notify(text)
 
 
 # progress ----------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import notify, reading_progress
+from rodgen.cli._values import InputFile
 from rodgen.errors import RodgenError
 from rodgen.stages import stage
 
@@ -29,9 +30,9 @@ unit in brackets after each column's name:
 
 def add_files(command: argparse.ArgumentParser, *, needed: bool = True) -> None:
     """Add MACHINE and DATA; DATA is optional unless `needed`."""
-    command.add_argument("machine", metavar="MACHINE", help="the machine file")
+    command.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
     about = "the measurements; '-' is CSV on standard input"
-    command.add_argument("data", metavar="DATA", nargs=None if needed else "?", help=about)
+    command.add_argument("data", metavar="DATA", type=InputFile, nargs=None if needed else "?", help=about)
 
 
 def add_loss(command: argparse.ArgumentParser) -> None:
@@ -68,7 +69,7 @@ def add_scheduler(command: argparse.ArgumentParser) -> None:
 def add_test(command: argparse.ArgumentParser) -> None:
     """Add --test."""
     about = "further measurements, on which the error before and after is reported"
-    command.add_argument("--test", metavar="FILE", help=about)
+    command.add_argument("--test", metavar="FILE", type=InputFile, help=about)
 
 
 def add_place(command: argparse.ArgumentParser) -> None:

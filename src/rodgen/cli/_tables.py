@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from rodgen.cli._console import OK, notify, reading_progress
+from rodgen.cli._console import OK, conclude, reading_progress
+from rodgen.cli._values import InputFile, OutputFile
 from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ Columns: TypeAlias = list[tuple[str, Any]]
 def add_table(parser: argparse.ArgumentParser, name: str, *, needed: bool = True) -> None:
     """Add the table that is read, as `options.table`, and the one that is written, as `options.output`."""
     about = "the table; '-' is CSV on standard input"
-    parser.add_argument("table", metavar=name, nargs=None if needed else "?", help=about)
+    parser.add_argument("table", metavar=name, type=InputFile, nargs=None if needed else "?", help=about)
     add_output(parser)
 
 
@@ -34,6 +35,7 @@ def add_output(parser: argparse.ArgumentParser, what: str = "") -> None:
         "-o",
         "--output",
         metavar="FILE",
+        type=OutputFile,
         help=f"{what}.csv, .csv.gz or .parquet; default: CSV on standard output",
     )
 
@@ -83,12 +85,12 @@ def map_rows(
         summary = map_files(
             options.table, options.output, lambda file, to: map_table(file, to, given, prepared)
         )
-        notify(counted(options.table, summary, after=" written"))
+        conclude(counted(options.table, summary, after=" written"))
         return OK
     with contextlib.ExitStack() as stack:
         progress = reading_progress(stack)
         summary = map_table(options.table, options.output, given, prepared, progress=progress, **how)
-    notify(counted(options.table, summary, after=" written"))
+    conclude(counted(options.table, summary, after=" written"))
     return OK
 
 
@@ -153,24 +155,3 @@ def rows_of(count: Any, further: Any = False) -> tuple[Any, Any, Any]:
 def status_names(status: type[IntEnum], codes: Any) -> Any:
     """Return the names of status codes in lower case, as tables have them."""
     return np.array([code.name.lower() for code in status])[np.asarray(codes)]
-
-
-def write_columns(path: str | None, columns: Mapping[str, Any]) -> None:
-    """Write arrays of one size as the columns of a table.
-
-    Parameters
-    ----------
-    path : str or None
-        CSV on standard output when None.
-    columns : mapping of str to array_like
-        By name with unit; masked elements become empty cells.
-    """
-    import pyarrow as pa
-
-    from rodgen.data.tables import open_sink
-
-    flat = {name: np.ma.ravel(values) for name, values in columns.items()}
-    arrays = {name: pa.array(a.data, mask=np.ma.getmaskarray(a)) for name, a in flat.items()}
-    batch = pa.RecordBatch.from_pydict(arrays)
-    with open_sink(path, batch.schema) as sink:
-        sink.write(sink.encode(batch))

@@ -10,9 +10,29 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from rodgen.errors import in_file, shown
+from rodgen.errors import RodgenError, in_file, shown
 
 _NUMBERS = r"\s*([-+.,\deE\s]*\d\.?)\s*([^\d\s,.+-].*?)\s*"
+
+
+class InputFile(str):
+    """The name of a file that is read, or of a folder or pattern of such."""
+
+
+class OutputFile(str):
+    """The name of a file that is written, or of a new folder."""
+
+
+class OutputFolder(str):
+    """The name of a folder that files are written into; it may be there."""
+
+
+class EditedMachine(OutputFile):
+    """The name of a machine file that is written, which may be MACHINE itself."""
+
+
+class StateFile(OutputFile):
+    """The name of a file that is read where it is there, and written again."""
 
 
 def whole(low: int, high: int | None = None) -> Callable[[str], int]:
@@ -27,6 +47,16 @@ def whole(low: int, high: int | None = None) -> Callable[[str], int]:
         raise argparse.ArgumentTypeError(f"{shown(text)} is not a whole number {limits}")
 
     return read
+
+
+def frequency(text: str) -> float:
+    """Return how often something happens, per second, as ``1/year`` says it."""
+    from rodgen.calibration.watch.watch import frequency as per_second
+
+    try:
+        return per_second(text)
+    except RodgenError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def number(expected: str, holds: Callable[[float], bool]) -> Callable[[str], float]:

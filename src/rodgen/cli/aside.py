@@ -6,8 +6,8 @@ import argparse
 
 from rodgen.cli._change import add_output, new_name
 from rodgen.cli._console import OK, Command, refused, show_result
-from rodgen.cli._machine import FILES, add_json, load_data
-from rodgen.cli._outputs import Outputs
+from rodgen.cli._machine import FILES, add_files, add_json, load_data
+from rodgen.files import write_file
 
 _ASIDE = f"""\
 Copy a machine file and note in it rows of measurements that are set aside: every command leaves them out, and says so.
@@ -32,8 +32,7 @@ def add_to(command: Command) -> None:
     aside = command("set-aside", _set_aside, "set rows of measurements aside", _ASIDE)
     back = command("bring-back", _bring_back, "let rows that are set aside count again", _BACK)
     for each in (aside, back):
-        each.add_argument("machine", metavar="MACHINE", help="the machine file")
-        each.add_argument("data", metavar="DATA", help="the measurements")
+        add_files(each)
         which = each.add_mutually_exclusive_group(required=True)
         which.add_argument(
             "--rows",
@@ -81,9 +80,7 @@ def _change(options: argparse.Namespace, method: str, word: str) -> int:
         raise refused(f"--{option}", error.found, error.expected) from None
     text = text_with_set_aside(options.machine, changed.measured.set_aside)
     output = options.output or new_name(options.machine, (word,))
-    with Outputs(options.data) as outputs:
-        outputs.claim(output)
-        outputs.add(output, text.encode())
+    write_file(output, text.encode())
     aside = changed.aside(data)
     said = aside.text if aside else f"No row of {options.data} is set aside."
     found = {"file": output, "set_aside": aside.to_dict() if aside else {"rows": 0, "entries": []}}

@@ -8,11 +8,11 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import OK, Command, notify, reading_progress, show
+from rodgen.cli._console import NOT_CONVERGED, OK, Command, conclude, reading_progress, show
 from rodgen.cli._machine import add_scheduler
-from rodgen.cli._outputs import add_plot, figures_for
+from rodgen.cli._plot import add_plot, figures_for
 from rodgen.cli._tables import add_table, counted, map_files
-from rodgen.cli._values import number, quantity
+from rodgen.cli._values import InputFile, number, quantity
 from rodgen.errors import InputFileError, RodgenError, shown
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ Where PAIRS are many Parquet files, a pattern or a folder, the output is a new f
 
 _FIT = f"""\
 Fit one axis to all pairs of a table: its direction, a point on it, their uncertainties, and what the data do
-not determine.
+not determine. The exit code is 3 where they determine no single line.
 
 {_PAIRS}"""
 
@@ -63,7 +63,7 @@ def add_to(command: Command) -> None:
     )
 
     fit = command("fit-axis", _fit_axis, "one axis from all pairs of a table", _FIT)
-    fit.add_argument("pairs", metavar="PAIRS", help="the table; '-' is CSV on standard input")
+    fit.add_argument("pairs", metavar="PAIRS", type=InputFile, help="the table; '-' is CSV on standard input")
     fit.add_argument(
         "--point",
         type=_point,
@@ -147,13 +147,13 @@ def _solve(options: argparse.Namespace) -> int:
         with contextlib.ExitStack() as stack:
             summary = solve_table(options.table, options.output, progress=reading_progress(stack), **given)
     hint = " (see --length-tolerance)" if "lengths_differ" in summary.counts else ""
-    notify(counted(options.table, summary, "pair") + hint)
+    conclude(counted(options.table, summary, "pair") + hint)
     return OK
 
 
 def _fit_axis(options: argparse.Namespace) -> int:
     from rodgen.data.tables import read_pairs
-    from rodgen.kinematics.axis_fit import fit_axis
+    from rodgen.kinematics.axis_fit import AxisFitStatus, fit_axis
 
     figures = figures_for(options.plot)
     pairs = read_pairs(options.pairs)
@@ -175,4 +175,4 @@ def _fit_axis(options: argparse.Namespace) -> int:
     else:
         show(f"{options.pairs}, lengths in {pairs.unit}")
         show(fit.summary(pairs.places))
-    return OK
+    return OK if fit.status < AxisFitStatus.TWO_AXES else NOT_CONVERGED

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rodgen.cli._change import Change, Written, add_output, carry_out
 from rodgen.cli._console import Command, UsageError, after_fits, notify, refused, show_result
 from rodgen.cli._machine import FILES, add_json, add_loss, add_place
-from rodgen.cli._values import whole
+from rodgen.cli._values import InputFile, whole
 from rodgen.errors import shown
 
 if TYPE_CHECKING:
@@ -40,13 +40,13 @@ def add_to(command: Command) -> None:
     add = command("add", _add, "add effects to a machine, and see the error fall", _ADD)
     remove = command("remove", _remove, "remove an effect from a machine", _REMOVE)
     for each in (add, remove):
-        each.add_argument("machine", metavar="MACHINE", help="the machine file")
+        each.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
         name = "its name; 'rodgen effects' lists them"
         if each is add:
             name += "; left out with --from-diagnosis"
         each.add_argument("effect", metavar="EFFECT", nargs="?" if each is add else None, help=name)
         about = "measurements, to fit the machine to, before and after"
-        each.add_argument("data", metavar="DATA", nargs="?", help=about)
+        each.add_argument("data", metavar="DATA", type=InputFile, nargs="?", help=about)
         add_place(each)
         if each is add:
             each.add_argument(
@@ -77,6 +77,7 @@ def add_to(command: Command) -> None:
             each.add_argument(
                 "--from-diagnosis",
                 metavar="FILE",
+                type=InputFile,
                 help="add what 'rodgen diagnose --json' wrote; '-' is standard input",
             )
             each.add_argument(
@@ -192,7 +193,7 @@ def _add_diagnosed(options: argparse.Namespace) -> int:
         ("diagnosed",),
         several=True,
     )
-    written = carry_out(options, change, diagnosis.file)
+    written = carry_out(options, change)
     if options.data is None and diagnosis.exclude:
         notify(f"{written.output}: set aside are {'; '.join(entry.named() for entry in diagnosis.exclude)}")
     for remark in diagnosis.remarks():

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from rodgen.cli._console import FAILED, OK, Command, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_timings, load_data, remark_on_readings
-from rodgen.cli._outputs import Outputs
+from rodgen.cli._values import OutputFile
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.files import write_file
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
@@ -30,10 +31,17 @@ def add_to(command: Command) -> None:
     check = command("check", _run, "whether a machine file and its data can be right", _CHECK)
     add_files(check)
     check.add_argument(
-        "-o", "--output", metavar="MENDED.toml", help="write the mended machine file, with its comments"
+        "-o",
+        "--output",
+        metavar="MENDED.toml",
+        type=OutputFile,
+        help="write the mended machine file, with its comments",
     )
     check.add_argument(
-        "--mended-data", metavar="FILE", help="write the mended data: .csv, .csv.gz or .parquet"
+        "--mended-data",
+        metavar="FILE",
+        type=OutputFile,
+        help="write the mended data: .csv, .csv.gz or .parquet",
     )
     add_json(check)
     add_timings(check)
@@ -46,28 +54,26 @@ def _run(options: argparse.Namespace) -> int:
         from rodgen.machines.files.edit import text_with_geometry
         from rodgen.machines.machine import Machine
 
-    with Outputs(options.machine, options.data) as outputs:
-        outputs.claim(options.output, options.mended_data)
-        with stage("reading"):
-            machine = Machine.load(options.machine)
-        found = check(machine, load_data(options.data))
-        mend = found.repairs[0] if found.repairs else None
-        if options.output or options.mended_data:
-            if mend is None:
-                why = "no single change mends the files" if found.wrong else "nothing is wrong with the files"
-                raise InputFileError(options.machine, "file", why, "no output")
-            for path, changed, right, other in (
-                (options.output, mend.of_machine, "a machine file that is right", "--mended-data"),
-                (options.mended_data, mend.of_data, "data that are right", "-o"),
-            ):
-                if path and not changed:
-                    why = f"{right}, as {mend.words}"
-                    raise InputFileError(path, "file", why, f"{other} for what is wrong")
-            mended, observations = mend.applied(found.machine, found.observations)
-            if options.output:
-                outputs.add(options.output, text_with_geometry(options.machine, mended).encode())
-            if options.mended_data:
-                write_mended_data(observations, found.observations, options.mended_data)
+    with stage("reading"):
+        machine = Machine.load(options.machine)
+    found = check(machine, load_data(options.data))
+    mend = found.repairs[0] if found.repairs else None
+    if options.output or options.mended_data:
+        if mend is None:
+            why = "no single change mends the files" if found.wrong else "nothing is wrong with the files"
+            raise InputFileError(options.machine, "file", why, "no output")
+        for path, changed, right, other in (
+            (options.output, mend.of_machine, "a machine file that is right", "--mended-data"),
+            (options.mended_data, mend.of_data, "data that are right", "-o"),
+        ):
+            if path and not changed:
+                why = f"{right}, as {mend.words}"
+                raise InputFileError(path, "file", why, f"{other} for what is wrong")
+        mended, observations = mend.applied(found.machine, found.observations)
+        if options.output:
+            write_file(options.output, text_with_geometry(options.machine, mended).encode())
+        if options.mended_data:
+            write_mended_data(observations, found.observations, options.mended_data)
     fit = None
     if not found.wrong:
         with contextlib.suppress(RodgenError):  # nothing to fit

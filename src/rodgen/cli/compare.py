@@ -15,6 +15,7 @@ from rodgen.cli._machine import (
     fitted,
     wrong_file,
 )
+from rodgen.cli._values import OutputFile, OutputFolder
 from rodgen.stages import stage
 
 _COMPARE = f"""\
@@ -33,11 +34,16 @@ def add_to(command: Command) -> None:
     compare.add_argument(
         "--plot",
         metavar="PLACE",
+        type=_place,
         help="draw the residuals: a page such as residuals.html, or a folder for PNG and SVG",
     )
     add_json(compare)
     add_scheduler(compare)
     add_timings(compare)
+
+
+def _place(text: str) -> OutputFile | OutputFolder:
+    return OutputFile(text) if text.lower().endswith((".html", ".htm")) else OutputFolder(text)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import FAILED, OK, Command, notify, show
+from rodgen.cli._console import FAILED, OK, Command, conclude, notify, show
+from rodgen.cli._values import InputFile, OutputFile, OutputFolder
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.stages import each, stage
 
@@ -36,21 +37,21 @@ diff, and the exit code is 1.
 def add_to(command: Command) -> None:
     """Add the commands."""
     derive = command("derive", _derive, "run a derivation and print its report", _DERIVE)
-    derive.add_argument("derivation", metavar="NAME|SCRIPT.py", help="one of rodgen's own, or a script")
+    about = "one of rodgen's own, or a script"
+    derive.add_argument("derivation", metavar="NAME|SCRIPT.py", type=InputFile, help=about)
     derive.add_argument("--steps", action="store_true", help="print every proof with its steps, too")
-    derive.add_argument("--notebook", metavar="FILE.ipynb", help="also run it as a notebook, and write that")
+    about = "also run it as a notebook, and write that"
+    derive.add_argument("--notebook", metavar="FILE.ipynb", type=OutputFile, help=about)
 
     errata = command("errata", _errata, "errors in the sources", _ERRATA)
-    errata.add_argument(
-        "derivation", metavar="NAME|SCRIPT.py", nargs="?", help="default: all of rodgen's own derivations"
-    )
+    about = "default: all of rodgen's own derivations"
+    errata.add_argument("derivation", metavar="NAME|SCRIPT.py", type=InputFile, nargs="?", help=about)
     errata.add_argument("--format", choices=("text", "markdown", "json"), default="text")
 
     kernels = command("kernels", _kernels, "generate code from a derivation", _KERNELS)
-    kernels.add_argument(
-        "derivation", metavar="NAME|SCRIPT.py", nargs="?", help="default: all of rodgen's own derivations"
-    )
-    kernels.add_argument("-o", "--output", metavar="DIR", default="generated", help="default: %(default)s")
+    kernels.add_argument("derivation", metavar="NAME|SCRIPT.py", type=InputFile, nargs="?", help=about)
+    about = "default: %(default)s"
+    kernels.add_argument("-o", "--output", metavar="DIR", type=OutputFolder, default="generated", help=about)
     kernels.add_argument(
         "--target",
         choices=("numpy", "c", "cpp", "matlab"),
@@ -130,6 +131,10 @@ def _kernels(options: argparse.Namespace) -> int:
     from rodgen.codegen.source_files import USUAL_TARGETS, check_kernels, write_kernels
 
     derivations = _loaded(options.derivation)
+    if not any(derivation.kernels for derivation in derivations):
+        raise InputFileError(
+            options.derivation, "kernels", "none: it proves statements only", "a derivation with kernels"
+        )
     folder = Path(options.output)
     own = options.derivation is None
     # rodgen's own kernels are a NumPy extension, too
@@ -140,14 +145,16 @@ def _kernels(options: argparse.Namespace) -> int:
                 written = write_kernels(derivations, folder, **written_as)
             for path in written:
                 show(str(path))
+            if not written:
+                conclude(f"{folder}: the files are there already, as they would be written")
             return OK
         with stage("comparing kernels"):
             difference = check_kernels(derivations, folder, **written_as)
     except KernelError as error:
         raise RodgenError(f"{options.derivation}: {error}") from None
+    except BrokenPipeError:
+        raise
     except (OSError, UnicodeDecodeError) as error:
-        if isinstance(error, BrokenPipeError):
-            raise
         reason = getattr(error, "strerror", None) or str(error)
         file = getattr(error, "filename", None) or str(folder)
         raise InputFileError(file, "file", reason, "a folder for generated files") from None

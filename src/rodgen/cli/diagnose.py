@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from rodgen.cli._console import Command, after_fits, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_scheduler, add_test, add_timings, diagnosed
-from rodgen.cli._outputs import Outputs
+from rodgen.cli._values import OutputFile
 from rodgen.errors import joined
+from rodgen.files import write_file
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose import Diagnosis
@@ -47,6 +48,7 @@ def add_to(command: Command) -> None:
         "-o",
         "--output",
         metavar="BETTER.toml",
+        type=OutputFile,
         help="write the machine file with the effects that were found, and the outliers set aside, to be fitted, added "
         "to or emitted",
     )
@@ -56,20 +58,17 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    with Outputs(*filter(None, [options.machine, options.data, options.test])) as outputs:
-        outputs.claim(options.output)
-        found = diagnosed(options, options.test, options.prefer, shown=True)
-        written = ""
-        if options.output:
-            from rodgen.machines.files.edit import text_with_effects, text_with_set_aside
+    found = diagnosed(options, options.test, options.prefer, shown=True)
+    written = ""
+    if options.output:
+        from rodgen.machines.files.edit import text_with_effects, text_with_set_aside
 
-            effects = [one.effect for one in found.found]
-            text = text_with_effects(options.machine, effects)
-            if found.further_exclusions:
-                entries = found.machine.measured.set_aside
-                text = text_with_set_aside(options.machine, entries, text)
-            outputs.add(options.output, text.encode())
-            written = f"\n\n{options.output}: {options.machine} {_changes(found)}"
+        effects = [one.effect for one in found.found]
+        text = text_with_effects(options.machine, effects)
+        if found.further_exclusions:
+            text = text_with_set_aside(options.machine, found.machine.measured.set_aside, text)
+        write_file(options.output, text.encode())
+        written = f"\n\n{options.output}: {options.machine} {_changes(found)}"
     show_result(options, found.to_dict, lambda: found.summary() + written)
     return after_fits(all(each.solution.converged for each in found.fits))
 

@@ -6,6 +6,7 @@ import argparse
 
 from rodgen.cli._console import Command, after_fits, notify, refused, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
+from rodgen.cli._values import InputFile, OutputFolder
 from rodgen.machines.emit import FORMS
 
 _EMIT = f"""\
@@ -42,10 +43,12 @@ def add_to(command: Command) -> None:
         required=True,
         help="C99, C++17, MATLAB and GNU Octave, Python with NumPy or JAX, or one of the forms above",
     )
-    emit.add_argument("-o", "--output", metavar="FOLDER", default="build", help="default: %(default)s")
+    about = "default: %(default)s"
+    emit.add_argument("-o", "--output", metavar="FOLDER", type=OutputFolder, default="build", help=about)
     emit.add_argument(
         "--into",
         metavar="ROBOT.urdf",
+        type=InputFile,
         help="with --lang urdf: the URDF that was imported; it is written with corrected origins, and else as it is",
     )
     add_loss(emit)

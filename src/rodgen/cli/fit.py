@@ -15,8 +15,9 @@ from rodgen.cli._machine import (
     fitted,
     wrong_file,
 )
-from rodgen.cli._outputs import Outputs
+from rodgen.cli._values import OutputFile
 from rodgen.errors import InputFileError
+from rodgen.files import write_file
 from rodgen.stages import stage
 
 _FIT = f"""\
@@ -34,12 +35,14 @@ def add_to(command: Command) -> None:
         "-o",
         "--output",
         metavar="FITTED.toml",
+        type=OutputFile,
         help="write the machine with the fitted values, and nothing to estimate",
     )
     add_loss(fit)
     fit.add_argument(
         "--residuals",
         metavar="FILE",
+        type=OutputFile,
         help=".csv, .csv.gz or .parquet: the table with the predictions of the model and the residuals added",
     )
     add_json(fit)
@@ -48,31 +51,29 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    with Outputs(options.machine, options.data) as outputs:
-        outputs.claim(options.output, options.residuals)
-        if options.residuals:
-            from rodgen.data.tables import check_output
-            from rodgen.data.tables.parts import is_many
+    if options.residuals:
+        from rodgen.data.tables import check_output
+        from rodgen.data.tables.parts import is_many
 
-            if is_many(options.data):
-                expected = "one file; 'rodgen predict' writes the predictions for many"
-                raise InputFileError(options.data, "file", "--residuals of many files", expected)
-            check_output(options.data, options.residuals)
-        fit = fitted(options, shown=True)
-        wrong = wrong_file(fit, options)
-        with stage("writing the answer"):
-            text = "" if options.json else "\n".join(filter(None, [wrong, fit.summary()]))
-        if options.output:
-            from rodgen.machines.files.write import machine_text
-            from rodgen.machines.fixed import fixed_machine
+        if is_many(options.data):
+            expected = "one file; 'rodgen predict' writes the predictions for many"
+            raise InputFileError(options.data, "file", "--residuals of many files", expected)
+        check_output(options.data, options.residuals)
+    fit = fitted(options, shown=True)
+    wrong = wrong_file(fit, options)
+    with stage("writing the answer"):
+        text = "" if options.json else "\n".join(filter(None, [wrong, fit.summary()]))
+    if options.output:
+        from rodgen.machines.files.write import machine_text
+        from rodgen.machines.fixed import fixed_machine
 
-            with stage("writing files"):
-                outputs.add(options.output, machine_text(fixed_machine(fit.excluding_outliers())).encode())
-        if options.residuals:
-            from rodgen.calibration.residual_columns import residual_columns
-            from rodgen.data.tables import copied_with
+        with stage("writing files"):
+            write_file(options.output, machine_text(fixed_machine(fit.excluding_outliers())).encode())
+    if options.residuals:
+        from rodgen.calibration.residual_columns import residual_columns
+        from rodgen.data.tables import copy_with
 
-            with stage("writing files"), copied_with(options.data, options.residuals, residual_columns(fit)):
-                pass
+        with stage("writing files"):
+            copy_with(options.data, options.residuals, residual_columns(fit))
     show_result(options, lambda: fit.to_dict() | ({"wrong_file": wrong} if wrong else {}), lambda: text)
     return after_fits(fit.solution.converged)

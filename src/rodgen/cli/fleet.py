@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import BAD_INPUT, FAILED, INTERNAL, NOT_CONVERGED, OK, Command, refused, show_result
+from rodgen.cli._console import BAD_INPUT, FAILED, INTERNAL, NOT_CONVERGED, OK, Command, show_result
 from rodgen.cli._machine import add_json, add_timings
-from rodgen.cli._values import whole
+from rodgen.cli._values import InputFile, OutputFolder, frequency, whole
 
 _FLEET = """\
 Diagnose every machine of a fleet, and say which effects are common, which machines are odd, and what changes from night
@@ -29,17 +29,22 @@ def add_to(command: Command) -> None:
     """Add the command."""
     fleet = command("fleet", _run, "many machines: which effects are common, which machines odd", _FLEET)
     fleet.add_argument(
-        "machines", metavar="MACHINES", help="a folder of machine files, one file, or a table of pairs"
+        "machines",
+        metavar="MACHINES",
+        type=InputFile,
+        help="a folder of machine files, one file, or a table of pairs",
     )
-    fleet.add_argument(
-        "data", metavar="DATA", nargs="?", help="a folder of measurements; a table of pairs names its own"
-    )
-    fleet.add_argument("-o", "--output", metavar="RESULTS", required=True, help="the folder of results")
+    about = "a folder of measurements; a table of pairs names its own"
+    fleet.add_argument("data", metavar="DATA", type=InputFile, nargs="?", help=about)
+    about = "the folder of results"
+    fleet.add_argument("-o", "--output", metavar="RESULTS", type=OutputFolder, required=True, help=about)
     about = "the folder of earlier results, to compare the nights; may be given several times"
-    fleet.add_argument("--history", metavar="RESULTS", action="append", default=[], help=about)
+    fleet.add_argument(
+        "--history", metavar="RESULTS", type=InputFile, action="append", default=[], help=about
+    )
     fleet.add_argument("--date", metavar="YYYY-MM-DD", help="when the machines were measured; default: today")
-    about = "how many a year are accepted for the whole fleet; default: 1"
-    fleet.add_argument("--false-alarms", metavar="NUMBER", type=float, default=1.0, help=about)
+    about = "how often an alarm of the whole fleet may come by chance; default: 1/year"
+    fleet.add_argument("--false-alarms", metavar="N/TIME", type=frequency, default="1/year", help=about)
     about = "processes of this computer; default: one for each processor"
     fleet.add_argument("--jobs", metavar="N", type=whole(1), default=None, help=about)
     about = "a Dask scheduler instead of --jobs, tcp://HOST:PORT, whose workers read files by the same names"
@@ -50,16 +55,15 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.calibration.fleet import diagnose_fleet, pairs_of
+    from rodgen.data.units import parse_unit
     from rodgen.schedulers import processors
 
-    if not 0 < options.false_alarms < float("inf"):
-        raise refused("--false-alarms", f"{options.false_alarms:g}", "a positive number")
     found = diagnose_fleet(
         pairs_of(options.machines, options.data),
         options.output,
         history=options.history,
         date=options.date,
-        false_alarms=options.false_alarms,
+        false_alarms=float(f"{options.false_alarms * parse_unit('year').factor():.12g}"),
         jobs=options.jobs or processors(),
         scheduler=options.scheduler,
     )

@@ -10,10 +10,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rodgen.cli._console import FAILED, OK, Command, Parser, UsageError, refused, show
-from rodgen.cli._outputs import Outputs, add_plot, figures_for
-from rodgen.cli._values import Quantity, quantity
+from rodgen.cli._plot import add_plot, figures_for
+from rodgen.cli._values import InputFile, OutputFile, Quantity, quantity
 from rodgen.errors import InputFileError, shown
-from rodgen.files import read_start
+from rodgen.files import read_start, write_file
 
 if TYPE_CHECKING:
     from rodgen.machines.imports.imported import Imported
@@ -71,11 +71,11 @@ def imported_with(sources: Sequence[str], arguments: Sequence[str]) -> Imported:
 
 
 def _add_options(made: argparse.ArgumentParser) -> None:
-    made.add_argument("sources", metavar="SOURCE", nargs="+", help="the file, or files")
-    made.add_argument(
-        "-o", "--output", metavar="MACHINE.toml", help="the machine file, unless a SOURCE is one"
-    )
-    made.add_argument("-d", "--data", metavar="DATA", help="the measurements: .csv, .csv.gz or .parquet")
+    made.add_argument("sources", metavar="SOURCE", type=InputFile, nargs="+", help="the file, or files")
+    about = "the machine file, unless a SOURCE is one"
+    made.add_argument("-o", "--output", metavar="MACHINE.toml", type=OutputFile, help=about)
+    about = "the measurements: .csv, .csv.gz or .parquet"
+    made.add_argument("-d", "--data", metavar="DATA", type=OutputFile, help=about)
     add_plot(made, "the machine's axes and targets, and the first readings, in space,")
     made.add_argument(
         "--column",
@@ -138,33 +138,31 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.files.read import machine_of
     from rodgen.machines.machine import Machine
 
-    with Outputs(*options.sources) as outputs:
-        outputs.claim(options.output, options.data, options.plot)
-        figures = figures_for(options.plot)
-        made, given = _imported(options)
-        for name, wanted, there in (
-            ("-o", options.output, not given),
-            ("-d", options.data, bool(made.columns)),
-        ):
-            if bool(wanted) != there:
-                raise refused("rodgen import", *_MISFITS[name, there])
-        machine = made.machine
-        said = list(made.notes)
-        if options.output:
-            machine = machine_of(made.text, options.output, Machine)
-            outputs.add(options.output, made.text.encode())
-            said += ["", f"{options.output}:", machine.describe()]
-        wrong, observations = False, None
-        if made.columns:
-            from rodgen.calibration.file_check import check
+    figures = figures_for(options.plot)
+    made, given = _imported(options)
+    for name, wanted, there in (
+        ("-o", options.output, not given),
+        ("-d", options.data, bool(made.columns)),
+    ):
+        if bool(wanted) != there:
+            raise refused("rodgen import", *_MISFITS[name, there])
+    machine = made.machine
+    said = list(made.notes)
+    if options.output:
+        machine = machine_of(made.text, options.output, Machine)
+        write_file(options.output, made.text.encode())
+        said += ["", f"{options.output}:", machine.describe()]
+    wrong, observations = False, None
+    if made.columns:
+        from rodgen.calibration.file_check import check
 
-            data = made.measurements()
-            checked = check(machine, data)
-            wrong, observations = bool(checked.wrong), checked.observations
-            said += ["", f"{options.data}: {data.rows} rows", checked.summary()]
-            outputs.add(options.data, made.data(options.data))
-        if figures is not None:
-            figures.save_figure(figures.skeleton(machine, observations), options.plot)
+        data = made.measurements()
+        checked = check(machine, data)
+        wrong, observations = bool(checked.wrong), checked.observations
+        said += ["", f"{options.data}: {data.rows} rows", checked.summary()]
+        made.write_data(options.data)
+    if figures is not None:
+        figures.save_figure(figures.skeleton(machine, observations), options.plot)
     show("\n".join(said))
     return FAILED if wrong else OK
 

@@ -14,11 +14,13 @@ import signal
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
+from glob import glob, has_magic
 from importlib import import_module
 from typing import IO, Any, NoReturn
 
 from rodgen.cli._console import (
     BAD_INPUT,
+    DEBUG,
     EXIT_CODES,
     EXTRAS,
     FAILED,
@@ -37,13 +39,12 @@ from rodgen.cli._console import (
 )
 from rodgen.cli._progress import Display, display
 from rodgen.cli._timings import Timings
+from rodgen.cli._values import EditedMachine, InputFile, OutputFile, OutputFolder, StateFile
 from rodgen.errors import InputFileError, NotConvergedError, RodgenError
-from rodgen.files import noting_completed
+from rodgen.files import OutputSet
 from rodgen.stages import listening, stage
 
 __all__ = ["main"]
-
-DEBUG = "--debug"
 
 _COMMANDS = {
     "check": ("check",),
@@ -100,12 +101,6 @@ _GROUPS = {
 
 _ENDING = [signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else [])]
 
-_WITH_A_MINUS = (
-    *("--point", "--hold", "--effect", "--q", "--tool", "--latitude"),
-    *("--why", "--where", "--prior", "--bounds", "--tie", "--formula"),
-)
-"""Options whose value may start with a minus sign."""
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
@@ -120,24 +115,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
-    all_given = list(sys.argv[1:] if arguments is None else arguments)
-    given = [argument for argument in all_given if argument != DEBUG]
-    debug = given != all_given
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    called = next((argument for argument in given if not argument.startswith("-")), "")
     timings = Timings()
-    completed: list[str] = []
-    options = argparse.Namespace()
+    outputs = OutputSet()
+    completed = outputs.completed
+    options = argparse.Namespace(debug=DEBUG in given)
     if arguments is None:
         for ending in _ENDING:
             if signal.getsignal(ending) is signal.SIG_DFL:  # nohup ignores SIGHUP
                 signal.signal(ending, _terminate)
     try:
-        with noting_completed() as completed, display() as shown, _one_line_warnings(shown):
+        with outputs, display() as shown, _one_line_warnings(shown):
             try:
                 with listening(timings), stage("starting"):
-                    options = _parser(given[0] if given else "").parse_args(_joined(given))
+                    options = _parser(called).parse_args(given)
             except SystemExit:  # --help and --version
                 show("", end="")
                 return OK
+            _claim(outputs, options)
             if getattr(options, "timings", False):
                 options.timings = timings
             with listening(timings, *filter(None, [shown])), _scheduled(options):
@@ -162,9 +158,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         extra = EXTRAS.get((error.name or "").partition(".")[0])
         if extra is None:
-            return _internal_error(error, given, debug, completed)
+            return _internal_error(error, called, options.debug, completed)
         found, expected = f"no module {error.name!r}", f"it: pip install 'rodgen[{extra}]'"
-        notify(str(refused(given[0], found, expected)))
+        notify(str(refused(called, found, expected)))
         return BAD_INPUT
     except RodgenError as error:
         from rodgen.cli.scripts import UnprovedError
@@ -178,7 +174,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return NOT_CONVERGED
         return FAILED if isinstance(error, UnprovedError) else BAD_INPUT
     except Exception as error:
-        return _internal_error(error, given, debug, completed)
+        return _internal_error(error, called, options.debug, completed)
+
+
+def _claim(outputs: OutputSet, options: argparse.Namespace) -> None:
+    """Refuse outputs that are inputs, or cannot be written, before the command begins."""
+    values = [
+        each for value in vars(options).values() for each in (value if isinstance(value, list) else [value])
+    ]
+    for value in values:
+        if isinstance(value, InputFile):
+            for file in glob(value, recursive=True) if has_magic(value) else [value]:
+                outputs.protect(file)
+        elif isinstance(value, EditedMachine) and os.path.realpath(value) == os.path.realpath(
+            options.machine
+        ):
+            outputs.allow(value)
+    for value in values:
+        if isinstance(value, OutputFolder) or (isinstance(value, OutputFile) and value != "-"):
+            outputs.claim(value, folder=isinstance(value, OutputFolder))
+        if isinstance(value, StateFile):
+            outputs.allow(value)
 
 
 class _TerminatedError(KeyboardInterrupt):
@@ -214,11 +230,11 @@ def _complete(completed: Sequence[str]) -> str:
     return f"complete: {files}" if files else ""
 
 
-def _internal_error(error: Exception, given: Sequence[str], debug: bool, completed: Sequence[str]) -> int:
+def _internal_error(error: Exception, called: str, debug: bool, completed: Sequence[str]) -> int:
     """Report an error that rodgen does not expect, on one line, and return the exit code; raise it to debug."""
     if debug:
         raise error
-    command = " ".join(["rodgen", *given[:1]])
+    command = f"rodgen {called}".rstrip()
     if isinstance(error, MemoryError):
         said = "out of memory; give it fewer rows or columns, or more memory"
     else:
@@ -290,17 +306,6 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _joined(arguments: list[str]) -> list[str]:
-    """Join ``--point -1,2,3`` with an equals sign: argparse takes "-1,2,3" for an option."""
-    joined: list[str] = []
-    for argument in arguments:
-        if joined and joined[-1] in _WITH_A_MINUS and re.match(r"-([\d.]|inf\b)", argument):
-            joined[-1] += f"={argument}"
-        else:
-            joined.append(argument)
-    return joined
-
-
 def _parser(called: str = "") -> argparse.ArgumentParser:
     """Return the parser of the command that is called, or of all where none is."""
     parser = _GroupedParser(
@@ -311,7 +316,6 @@ def _parser(called: str = "") -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", nargs=0, action=_Version, help="print the version and exit")
-    # taken out of the arguments before they are parsed, so that it may stand anywhere
     parser.add_argument(DEBUG, action="store_true", help="after an error in rodgen itself, show where it was")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
+from typing import TypeVar
 
 from rodgen.cli._console import OK, Command, located, show
-from rodgen.cli._outputs import Outputs
-from rodgen.cli._values import quantity, whole
+from rodgen.cli._values import OutputFile, quantity, whole
 from rodgen.errors import InputFileError
+from rodgen.files import write_file
+
+Answer = TypeVar("Answer")
 
 _NEW = """\
 Write a machine file with comments, to be changed to your machine.
@@ -34,7 +38,8 @@ def add_to(command: Command) -> None:
     made.add_argument(
         "kind", metavar="KIND", nargs="?", help="what kind of machine; left out, the kinds are listed"
     )
-    made.add_argument("-o", "--output", metavar="MACHINE.toml", help="default: standard output")
+    about = "default: standard output"
+    made.add_argument("-o", "--output", metavar="MACHINE.toml", type=OutputFile, help=about)
     made.add_argument("--code", metavar="CODE", help="of a machine tool, such as '[w C A b X Y Z t]'")
     made.add_argument(
         "--latitude",
@@ -45,7 +50,7 @@ def add_to(command: Command) -> None:
     made.add_argument(
         "--balls",
         metavar="N",
-        type=whole(1),
+        type=whole(1, 1000),
         help="of a machine tool: N balls on the table are measured, by a probe in the spindle",
     )
     made.add_argument(
@@ -66,18 +71,20 @@ def _run(options: argparse.Namespace) -> int:
         show("\n".join(f"  {name:{width}}  {words}" for name, words in KINDS.items()))
         if not (sys.stdin and sys.stdin.isatty() and sys.stdout and sys.stdout.isatty()):
             return OK
-        kind = _answer("Which kind?")
+        kind = _answer("Which kind?", str)
         if kind in CODES and code is None:
-            code = _answer(f"Axes from the workpiece w over the bed b to the tool t? [{CODES[kind]}]") or None
+            code = (
+                _answer(f"Axes from the workpiece w over the bed b to the tool t? [{CODES[kind]}]", str)
+                or None
+            )
         if kind.startswith("equatorial") and latitude is None:
-            latitude = _latitude(f"{_answer('Latitude in degrees?')}deg")
+            latitude = _answer("Latitude in degrees?", lambda answer: _latitude(f"{answer}deg"))
     north = latitude.to("rad")[0] if latitude else None
-    with located("command line", "rodgen new", "a kind of 'rodgen new'"), Outputs() as outputs:
-        outputs.claim(options.output)
+    with located("command line", "rodgen new", "a kind of 'rodgen new'"):
         text = machine_template(kind, code=code, latitude=north, balls=options.balls, ballbar=options.ballbar)
         machine = machine_of(text, options.output or kind, Machine)
         if options.output:
-            outputs.add(options.output, text.encode())
+            write_file(options.output, text.encode())
     show(
         f"{options.output}:\n{machine.describe()}" if options.output else text,
         end="\n" if options.output else "",
@@ -85,9 +92,14 @@ def _run(options: argparse.Namespace) -> int:
     return OK
 
 
-def _answer(question: str) -> str:
-    """Return the answer to a question; the end of input is none."""
-    try:
-        return input(f"{question} ").strip()
-    except EOFError:
-        raise InputFileError("standard input", "file", "no answer", "KIND and the options of it") from None
+def _answer(question: str, read: Callable[[str], Answer]) -> Answer:
+    """Return what `read` makes of the answer to a question, which is asked again where it cannot; the end is none."""
+    while True:
+        try:
+            return read(input(f"{question} ").strip())
+        except EOFError:
+            raise InputFileError(
+                "standard input", "file", "no answer", "KIND and the options of it"
+            ) from None
+        except argparse.ArgumentTypeError as error:
+            show(str(error))

@@ -8,8 +8,9 @@ from collections.abc import Callable
 
 from rodgen.cli._console import OK, Command, show
 from rodgen.cli._machine import FILES
-from rodgen.cli._values import whole
+from rodgen.cli._values import InputFile, whole
 from rodgen.errors import InputFileError
+from rodgen.files import written_at_once
 
 _OPEN = f"""\
 Open a machine and its measurements on a page in the browser: see the residuals, suspect, add an effect, watch the error
@@ -29,10 +30,12 @@ def add_to(command: Command) -> None:
     """Add the command."""
     opened = command("open", _run, "a page on which effects are added and the error falls", _OPEN)
     about = "the machine file, a session, or results of a fleet; left out, the page offers examples and files"
-    opened.add_argument("machine", metavar="MACHINE", nargs="?", help=about)
-    opened.add_argument("data", metavar="DATA", nargs="?", help="the measurements; a session knows its own")
+    opened.add_argument("machine", metavar="MACHINE", type=InputFile, nargs="?", help=about)
+    about = "the measurements; a session knows its own"
+    opened.add_argument("data", metavar="DATA", type=InputFile, nargs="?", help=about)
     opened.add_argument("--no-browser", action="store_true", help="print the address only")
-    opened.add_argument("--port", metavar="N", type=whole(1), default=0, help="default: any that is free")
+    about = "default: any that is free"
+    opened.add_argument("--port", metavar="N", type=whole(1, 65535), default=0, help=about)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -76,10 +79,11 @@ def _of_fleet(options: argparse.Namespace) -> int:
 def _served(options: argparse.Namespace, page: Callable[[], Callable[[], object]]) -> int:
     from rodgen.workbench.server import serve
 
-    serve(
-        page,
-        port=options.port,
-        browser=not options.no_browser,
-        said=lambda address: show(f"{address}\nCtrl-C ends it."),
-    )
+    with written_at_once():  # what is saved on the page
+        serve(
+            page,
+            port=options.port,
+            browser=not options.no_browser,
+            said=lambda address: show(f"{address}\nCtrl-C ends it."),
+        )
     return OK

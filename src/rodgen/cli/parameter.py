@@ -7,8 +7,9 @@ import argparse
 from rodgen.cli._change import add_output, new_name
 from rodgen.cli._console import OK, Command, UsageError, show_result
 from rodgen.cli._machine import add_json
-from rodgen.cli._outputs import Outputs
+from rodgen.cli._values import InputFile
 from rodgen.errors import InputFileError, joined, shown
+from rodgen.files import write_file
 
 _PARAMETER = """\
 Copy a machine file and say in it what is known of a parameter, in [known], or what it is tied to, in [ties]; every fit
@@ -24,7 +25,7 @@ uses it. The rest of the file, including comments, is unchanged. KEY is as 'rodg
 def add_to(command: Command) -> None:
     """Add the command."""
     made = command("parameter", _run, "say what is known of a parameter, or tie it to others", _PARAMETER)
-    made.add_argument("machine", metavar="MACHINE", help="the machine file")
+    made.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
     made.add_argument("key", metavar="KEY", help="of the parameter, or in [known] of several: C.axis")
     made.add_argument("--prior", metavar="TEXT", help="such as '0 ± 10 arcsec'")
     made.add_argument(
@@ -61,9 +62,7 @@ def _run(options: argparse.Namespace) -> int:
         expected = joined([*machine.known, *machine.ties]) or "an entry; there is none"
         raise InputFileError(file, "[known] and [ties]", f"nothing of {shown(key)}", expected)
     output = options.output or new_name(file, key.split("."))
-    with Outputs() as outputs:
-        outputs.claim(output)
-        outputs.add(output, text.encode())
+    write_file(output, text.encode())
     changed = machine_of(text, output, Machine)
     entries = {
         "known": known_line(changed, key, changed.known[key]) if key in changed.known else None,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from rodgen.cli._console import OK, Command, notify, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, diagnosed, fitted
-from rodgen.cli._outputs import Outputs
-from rodgen.cli._values import whole
+from rodgen.cli._values import InputFile, OutputFile, whole
 from rodgen.errors import RodgenError
 from rodgen.stages import stage
 
@@ -40,7 +39,11 @@ def add_to(command: Command) -> None:
         help="readings at most, 12 when left out; fewer where they are enough to tell effects apart",
     )
     plan.add_argument(
-        "-o", "--output", metavar="PLAN.csv", help="write the rows, if any, as a measurement file"
+        "-o",
+        "--output",
+        metavar="PLAN.csv",
+        type=OutputFile,
+        help="write the rows, if any, as a measurement file",
     )
     plan.add_argument(
         "--for",
@@ -54,11 +57,13 @@ def add_to(command: Command) -> None:
     plan.add_argument(
         "--constraints",
         metavar="LIMITS.toml",
+        type=InputFile,
         help="where readings can be taken, and what moves cost: limits of joints, regions, boxes to keep out of, balls",
     )
     plan.add_argument(
         "--poses",
         metavar="POSES.csv",
+        type=InputFile,
         help="choose readings from this list, a measurement file without readings",
     )
     add_loss(plan)
@@ -71,26 +76,23 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.data.measurements import Measurements
     from rodgen.machines.machine import Machine
 
-    given = [file for file in (options.constraints, options.poses) if file]
-    with Outputs(options.machine, options.data, *given) as outputs:
-        outputs.claim(options.output)
-        constraints = Constraints()
-        if given:
-            machine = Machine.load(options.machine)
-            if options.constraints:
-                constraints = load_constraints(options.constraints, machine)
-            if options.poses:
-                constraints = constraints.with_poses(machine, Measurements.load(options.poses))
-        of = fitted(options) if options.wanted else _diagnosed(options)
-        try:
-            with stage("planning"):
-                found = plan(of, options.count, wanted=options.wanted or None, constraints=constraints)
-        except PlanError as error:  # the count was checked before, so a parameter is wrong
-            raise RodgenError(f"command line: --for: {error}") from None
-        if options.output and found.count:
-            outputs.add(options.output, found.csv().encode())
-        elif options.output:
-            notify(f"{options.output} is not written: there is nothing to measure")
+    constraints = Constraints()
+    if options.constraints or options.poses:
+        machine = Machine.load(options.machine)
+        if options.constraints:
+            constraints = load_constraints(options.constraints, machine)
+        if options.poses:
+            constraints = constraints.with_poses(machine, Measurements.load(options.poses))
+    of = fitted(options) if options.wanted else _diagnosed(options)
+    try:
+        with stage("planning"):
+            found = plan(of, options.count, wanted=options.wanted or None, constraints=constraints)
+    except PlanError as error:  # the count was checked before, so a parameter is wrong
+        raise RodgenError(f"command line: --for: {error}") from None
+    if options.output and found.count:
+        found.save(options.output)
+    elif options.output:
+        notify(f"{options.output} is not written: there is nothing to measure")
     fit = of if isinstance(of, FittedModel) else of.final_with_forms
     show_result(options, lambda: found.to_dict() | {"used": fit.used_rows}, found.summary)
     return OK

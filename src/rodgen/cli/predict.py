@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import Command, after_fits, notify
+from rodgen.cli._console import Command, after_fits, conclude, notify
 from rodgen.cli._machine import add_files, add_loss, add_scheduler, fitted, load_data
-from rodgen.cli._outputs import Outputs
 from rodgen.cli._tables import add_output
-from rodgen.cli._values import number
+from rodgen.cli._values import InputFile, number
 from rodgen.errors import InputFileError, shown
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ def add_to(command: Command) -> None:
         "predict", _run, "positions of a fitted machine at other commands, with uncertainty", _PREDICT
     )
     add_files(predict)
-    predict.add_argument("design", metavar="DESIGN", help="what is commanded")
+    predict.add_argument("design", metavar="DESIGN", type=InputFile, help="what is commanded")
     add_loss(predict)
     predict.add_argument(
         "--coverage",
@@ -50,24 +49,18 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.data.tables import check_output, copied_with
+    from rodgen.data.tables import check_output, copy_with
     from rodgen.data.tables.parts import is_many
 
     if is_many(options.design):
         return _run_parts(options)
     file = None if options.output == "-" else options.output
-    with Outputs(options.machine, options.data, options.design) as outputs:
-        outputs.claim(file)
-        check_output(options.design, options.output)
-        design = load_data(options.design)
-        fit = fitted(options)
-        made = fit.predict(design)
-        with copied_with(
-            options.design,
-            options.output,
-            made.columns(coverage=options.coverage, rounded=not options.all_digits),
-        ):
-            pass
+    check_output(options.design, options.output)
+    design = load_data(options.design)
+    fit = fitted(options)
+    made = fit.predict(design)
+    columns = made.columns(coverage=options.coverage, rounded=not options.all_digits)
+    copy_with(options.design, options.output, columns)
     return _end(options, fit, file or "standard output", design.rows, int((~made.determined).sum()))
 
 
@@ -90,7 +83,7 @@ def _run_parts(options: argparse.Namespace) -> int:
 def _end(options: argparse.Namespace, fit: Fit, output: str, rows: int, undetermined: int) -> int:
     """Say what was written, and what its uncertainties are."""
     more = f"; {undetermined} not determined by these measurements" if undetermined else ""
-    notify(f"{output}: {rows} row{'s' * (rows != 1)}{more}")
+    conclude(f"{output}: {rows} row{'s' * (rows != 1)}{more}")
     if options.coverage is not None:
         notify(f"Uncertainties are expanded, k = {options.coverage:g}.")
     notify(fit.dependence.text)

@@ -9,7 +9,9 @@ import os
 
 from rodgen.cli._console import OK, Command, after_fits, refused, show
 from rodgen.cli._machine import FILES, add_files, add_test, diagnosed
+from rodgen.cli._values import OutputFile, OutputFolder
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.files import is_device
 from rodgen.stages import stage
 
 _REPORT = f"""\
@@ -31,10 +33,14 @@ def add_to(command: Command) -> None:
     """Add the command."""
     report = command("report", _run, "the diagnosis of a machine as one page", _REPORT)
     add_files(report, needed=False)
-    report.add_argument("-o", "--output", metavar="PAGE.html", required=True, help="the page")
+    about = "the page"
+    report.add_argument("-o", "--output", metavar="PAGE.html", type=OutputFile, required=True, help=about)
     add_test(report)
     report.add_argument(
-        "--images", metavar="FOLDER", help="write the page's figures into this folder, too, as PNG and SVG"
+        "--images",
+        metavar="FOLDER",
+        type=OutputFolder,
+        help="write the page's figures into this folder, too, as PNG and SVG",
     )
     report.add_argument(
         "--radius",
@@ -87,22 +93,11 @@ def _of_fleet(options: argparse.Namespace) -> int:
 
 
 def _check_output(options: argparse.Namespace) -> None:
-    """Check that the page can be written, before a long diagnosis."""
-    from rodgen.cli._outputs import Outputs
-    from rodgen.files import AtomicFile, is_device
-
-    with Outputs(*filter(None, [options.machine, options.data, options.test])) as outputs:
-        outputs.claim(options.output)
-    if not is_device(options.output):
-        if not options.output.lower().endswith((".html", ".htm")):
-            raise InputFileError(
-                options.output, "file", "not the name of a page", "one that ends in .html or .htm"
-            )
-        file = AtomicFile(options.output)
-        try:
-            file.write(b"")
-        finally:
-            file.discard()
+    """Check the name of the page, before a long diagnosis."""
+    if not options.output.lower().endswith((".html", ".htm")) and not is_device(options.output):
+        raise InputFileError(
+            options.output, "file", "not the name of a page", "one that ends in .html or .htm"
+        )
 
 
 def _radius(text: str) -> tuple[str, float]:

@@ -7,11 +7,11 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rodgen.cli._console import OK, Command, UsageError, notify, refused, show_json, show_result
+from rodgen.cli._console import OK, Command, UsageError, conclude, refused, show_json, show_result
 from rodgen.cli._machine import add_json, load_data
-from rodgen.cli._outputs import Outputs
-from rodgen.cli._values import whole
+from rodgen.cli._values import InputFile, OutputFile, whole
 from rodgen.errors import InputFileError
+from rodgen.files import write_file
 
 _SIMULATE = """\
 Simulate measurements of a machine with effects that its file does not have, to test the tools:
@@ -33,8 +33,8 @@ parameters gets a size that is visible in the data.
 def add_to(command: Command) -> None:
     """Add the command."""
     simulate = command("simulate", _run, "simulated measurements with a hidden effect", _SIMULATE)
-    simulate.add_argument("machine", metavar="MACHINE", nargs="?", help="the machine file")
-    simulate.add_argument("design", metavar="DESIGN", nargs="?", help="what is commanded")
+    simulate.add_argument("machine", metavar="MACHINE", type=InputFile, nargs="?", help="the machine file")
+    simulate.add_argument("design", metavar="DESIGN", type=InputFile, nargs="?", help="what is commanded")
     simulate.add_argument(
         "--effect",
         metavar="EFFECT",
@@ -52,10 +52,16 @@ def add_to(command: Command) -> None:
     )
     simulate.add_argument("--seed", type=whole(0), metavar="N", help="the same number gives the same data")
     simulate.add_argument(
-        "-o", "--output", metavar="DATA", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
+        "-o",
+        "--output",
+        metavar="DATA",
+        type=OutputFile,
+        help=".csv, .csv.gz or .parquet; default: CSV on standard output",
     )
-    simulate.add_argument("--truth", metavar="TRUTH.json", help="what is hidden; needed with --hidden")
-    simulate.add_argument("--open", metavar="TRUTH.json", help="print what was hidden; takes no other files")
+    about = "what is hidden; needed with --hidden"
+    simulate.add_argument("--truth", metavar="TRUTH.json", type=OutputFile, help=about)
+    about = "print what was hidden; takes no other files"
+    simulate.add_argument("--open", metavar="TRUTH.json", type=InputFile, help=about)
     add_json(simulate)
 
 
@@ -74,21 +80,18 @@ def _run(options: argparse.Namespace) -> int:
         raise _usage("--json, while standard output has the data", "-o DATA, too")
     from rodgen.calibration.simulate import simulate
     from rodgen.calibration.simulate.hidden_truth import truth_as_json
-    from rodgen.data.tables import check_output, copied_with
+    from rodgen.data.tables import check_output, copy_with
     from rodgen.machines.machine import Machine
 
-    with Outputs(options.machine, options.design) as outputs:
-        outputs.claim(None if options.output == "-" else options.output, options.truth)
-        check_output(options.design, options.output)
-        machine = Machine.load(options.machine)
-        design = load_data(options.design)
-        made = simulate(
-            machine, design, options.effect, hidden=options.hidden, noise=options.noise, seed=options.seed
-        )
-        if options.truth:
-            outputs.add(options.truth, truth_as_json(made.truth).encode())
-        with copied_with(options.design, options.output, made.columns, replaced=made.replaced):
-            pass
+    check_output(options.design, options.output)
+    machine = Machine.load(options.machine)
+    design = load_data(options.design)
+    made = simulate(
+        machine, design, options.effect, hidden=options.hidden, noise=options.noise, seed=options.seed
+    )
+    if options.truth:
+        write_file(options.truth, truth_as_json(made.truth).encode())
+    copy_with(options.design, options.output, made.columns, replaced=made.replaced)
     about = {
         "data": options.output,
         "truth": options.truth,
@@ -98,7 +101,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         show_json(about)
     else:
-        notify(_summary(options, about))
+        conclude(_summary(options, about))
     return OK
 
 

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import FAILED, OK, Command, notify, refused, show, show_json_line
 from rodgen.cli._machine import add_json, load_data
-from rodgen.cli._outputs import Outputs, add_plot, figures_for
-from rodgen.cli._values import whole
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.cli._plot import add_plot, figures_for
+from rodgen.cli._values import InputFile, StateFile, frequency, whole
+from rodgen.errors import InputFileError
+from rodgen.files import publish_outputs, write_file, written_at_once
 
 if TYPE_CHECKING:
     from rodgen.calibration.watch import Watch
@@ -45,9 +46,11 @@ The exit code is 1 where there was an alarm.
 def add_to(command: Command) -> None:
     """Add the command."""
     watch = command("watch", _run, "readings as they come: has the machine changed?", _WATCH)
-    watch.add_argument("machine", metavar="MACHINE", help="the machine file")
-    watch.add_argument("data", metavar="DATA", help="the new readings; '-' is CSV on standard input")
-    watch.add_argument("--reference", metavar="FILE", help="measurements of the machine as it should stay")
+    watch.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
+    about = "the new readings; '-' is CSV on standard input"
+    watch.add_argument("data", metavar="DATA", type=InputFile, help=about)
+    about = "measurements of the machine as it should stay"
+    watch.add_argument("--reference", metavar="FILE", type=InputFile, help=about)
     watch.add_argument(
         "--learn",
         metavar="ROWS",
@@ -61,13 +64,13 @@ def add_to(command: Command) -> None:
     watch.add_argument(
         "--rate",
         metavar="N/TIME",
-        type=_frequency,
+        type=frequency,
         help="how often readings come, such as 100/h; default: by the column t, or 100/h",
     )
     watch.add_argument(
         "--false-alarms",
         metavar="N/TIME",
-        type=_frequency,
+        type=frequency,
         default="1/year",
         help="how often an alarm may come while nothing changes (default: 1/year)",
     )
@@ -81,33 +84,21 @@ def add_to(command: Command) -> None:
             default="go-on",
             help=f"{about}: say so and go on (default), or {stop}",
         )
-    watch.add_argument(
-        "--state", metavar="FILE", help="keep there what was seen; a later call goes on from it"
-    )
+    about = "keep there what was seen; a later call goes on from it"
+    watch.add_argument("--state", metavar="FILE", type=StateFile, help=about)
     add_plot(watch, "the evidence for a change over the rows")
     add_json(watch)
 
 
-def _frequency(text: str) -> float:
-    from rodgen.calibration.watch.watch import frequency
-
-    try:
-        return frequency(text)
-    except RodgenError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
 def _run(options: argparse.Namespace) -> int:
     figures = figures_for(options.plot)
-    inputs = [options.machine, options.data, *filter(None, [options.reference])]
-    with Outputs(*inputs) as outputs:
-        outputs.claim(options.plot, options.state)
     with _stopping() as stop:
         watching = _Watching(options, stop)
         watching.run()
         watching.save()
         if figures and watching.watch is not None:
             figures.save_figure(figures.watched(watching.watch), options.plot)
+        publish_outputs()  # also after a signal
     return FAILED if watching.alarms else OK
 
 
@@ -194,7 +185,8 @@ class _Watching:
                     self._take(data)
                 self._place = tail.place
                 if time.monotonic() - self._saved > SAVED_EVERY:
-                    self.save()
+                    with written_at_once():
+                        self.save()
         self._end(tail.file)
 
     def _end(self, file: str) -> None:
@@ -301,8 +293,6 @@ class _Watching:
     def save(self) -> None:
         """Write the state, where it is wanted and there is one."""
         if self.options.state and self.watch is not None:
-            from rodgen.files import write_file
-
             write_file(self.options.state, self.watch.state(self._place, self._learned))
         self._saved = time.monotonic()
 

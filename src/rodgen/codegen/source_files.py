@@ -48,7 +48,7 @@ from rodgen.codegen.source_text import (
     matlab_lines,
     scale_functions,
 )
-from rodgen.files import write_file
+from rodgen.files import write_files
 from rodgen.symbolic import Derivation
 
 USUAL_TARGETS = ("numpy", "c")
@@ -167,15 +167,13 @@ def write_kernels(
     extension : bool
         Whether the loops of NumPy gufuncs are written, too.
     """
-    changed = []
-    for name, text in sorted(_files(derivations, targets, extension).items()):
-        path = folder / name
-        if path.exists() and path.read_bytes() == text.encode():
-            continue
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_file(path, text.encode())
-        changed.append(path)
-    return changed
+    files = _files(derivations, targets, extension)
+    changed = {
+        name: text
+        for name, text in files.items()
+        if not (path := folder / name).exists() or path.read_bytes() != text.encode()
+    }
+    return write_files(folder, changed)
 
 
 def check_kernels(

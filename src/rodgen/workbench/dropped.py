@@ -234,7 +234,7 @@ def _opened_in(
         machine = machines[0]
     else:
         Path(machine).write_text(made.text, encoding="utf-8")
-    Path(data).write_bytes(made.data(data))
+    made.write_data(data)
     session = Session.open(machine, data)
     session.remarks += made.notes
     return session

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem.attitudes import attitude_numbers
 from rodgen.data.observations import Observations
-from rodgen.data.tables.writer import open_sink
+from rodgen.data.tables.writer import write_columns
 from rodgen.data.units import parse_unit
 from rodgen.machines.measured import TURNS
 
@@ -43,7 +43,7 @@ def write_mended_data(mended: Observations, observations: Observations, path: st
             changed[f"u_{name}"] = mended.sigma[:, i] / (mended.arm if name in TURNS else 1.0)
     if mended.attitude is not None:
         changed |= attitude_numbers(mended.attitude, data)
-    columns: dict[str, pa.Array] = {}
+    columns: dict[str, Any] = {}
     for name, column in data.columns.items():
         values = column.values
         if name in changed:
@@ -51,7 +51,5 @@ def write_mended_data(mended: Observations, observations: Observations, path: st
             new = np.array([float(f"{x:.12g}") for x in changed[name] / factor])
             if not np.allclose(new, values, rtol=1e-11, atol=0):
                 values = new
-        columns[column.text] = pa.array(values)
-    batch = pa.RecordBatch.from_pydict(columns)
-    with open_sink(path, batch.schema, source=observations.data.file) as sink:
-        sink.write(sink.encode(batch))
+        columns[column.text] = values
+    write_columns(path, columns)

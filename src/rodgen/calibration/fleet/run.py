@@ -13,10 +13,18 @@ from rodgen.calibration.fleet.changes import moment
 from rodgen.calibration.fleet.fleet import Fleet
 from rodgen.calibration.fleet.pairs import Pair
 from rodgen.calibration.fleet.processes import each_in_processes
-from rodgen.calibration.fleet.store import Plan, read_plan, read_result, write_plan, write_result
+from rodgen.calibration.fleet.store import (
+    MACHINES,
+    PLAN,
+    Plan,
+    read_plan,
+    read_result,
+    write_plan,
+    write_result,
+)
 from rodgen.calibration.fleet.task import diagnose_pair, failed, key_of
 from rodgen.errors import InputFileError, RodgenError, shown
-from rodgen.files import noting_completed, one_process_in
+from rodgen.files import make_folder, one_process_in, written_at_once
 from rodgen.schedulers import workers
 from rodgen.stages import stage, step
 from rodgen.statistics.thresholds import FLEET
@@ -65,13 +73,9 @@ def diagnose_fleet(
         When the scheduler cannot be used.
     """
     folder = os.fspath(results)
-    try:
-        os.makedirs(folder, exist_ok=True)
-    except OSError as error:
-        raise InputFileError(
-            folder, "file", f"no folder can be made ({error.strerror})", "a writable place"
-        ) from None
-    with one_process_in(folder):
+    _check_apart(folder, pairs)
+    make_folder(folder)
+    with written_at_once(), one_process_in(folder):
         with stage("reading results"):
             keys = [key_of(pair) for pair in pairs]
             known = [read_result(folder, pair.name) for pair in pairs]
@@ -86,9 +90,19 @@ def diagnose_fleet(
         ]
         with closing(_each(todo, jobs, scheduler)) as found:
             for number, result in found:
-                with noting_completed():  # an interruption need not name them all
-                    write_result(folder, todo[number].name, result)
+                write_result(folder, todo[number].name, result)
         return Fleet.load(folder)
+
+
+def _check_apart(folder: str, pairs: Sequence[Pair]) -> None:
+    """Refuse a folder of results that has files of the fleet where results stand."""
+    taken = {os.path.realpath(os.path.join(folder, name)) for name in (PLAN, MACHINES)}
+    for file in {file for pair in pairs for file in (pair.machine, pair.data) if file}:
+        place = os.path.realpath(file)
+        if place in taken or os.path.dirname(place) in taken:
+            raise InputFileError(
+                file, "file", f"in the place of results, {folder}", "another folder of results"
+            )
 
 
 def _date(folder: str, given: str | None, stale: bool) -> str:

@@ -17,7 +17,7 @@ from urllib.parse import quote
 
 from rodgen.calibration.fleet.pairs import Pair
 from rodgen.errors import InputFileError
-from rodgen.files import read_input, write_file
+from rodgen.files import make_folder, read_input, write_file
 
 PLAN, MACHINES = "fleet.json", "machines"
 FORMAT = 1
@@ -106,11 +106,7 @@ def read_result(folder: str, name: str) -> dict[str, Any] | None:
 def write_result(folder: str, name: str, result: Mapping[str, Any]) -> None:
     """Write the result of a machine: all of it, or nothing."""
     place = _place(folder, name)
-    try:
-        os.makedirs(os.path.dirname(place), exist_ok=True)
-    except OSError as error:
-        found = f"no folder can be made ({error.strerror})"
-        raise InputFileError(folder, "file", found, "a writable place") from None
+    make_folder(os.path.dirname(place))
     _write(place, result)
 
 

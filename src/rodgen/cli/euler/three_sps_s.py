@@ -11,9 +11,9 @@ import numpy as np
 from rodgen.cli._attitude import ATTITUDE_TEXT, QUATERNION, add_form, columns_of, matrices
 from rodgen.cli._closed_chain import ordered_limits, take_machine
 from rodgen.cli._console import OK, Command, located, refused, show, show_json
-from rodgen.cli._outputs import add_plot, figures_for
-from rodgen.cli._tables import add_table, map_rows, named, rows_of, status_names, write_columns
-from rodgen.cli._values import number, quantity, whole
+from rodgen.cli._plot import add_plot, figures_for
+from rodgen.cli._tables import add_table, map_rows, named, rows_of, status_names
+from rodgen.cli._values import InputFile, OutputFile, number, quantity, whole
 
 if TYPE_CHECKING:
     from rodgen.kinematics.three_sps_s import Geometry
@@ -111,7 +111,8 @@ def add_to(command: Command) -> None:
     )
     space.add_argument("--json", action="store_true", help="print JSON: angles in rad")
     add_plot(space, "maps of tilt and azimuth")
-    space.add_argument("-o", "--output", metavar="FILE", help="the grid: .csv, .csv.gz or .parquet")
+    about = "the grid: .csv, .csv.gz or .parquet"
+    space.add_argument("-o", "--output", metavar="FILE", type=OutputFile, help=about)
 
 
 def _add_machine(parser: argparse.ArgumentParser) -> None:
@@ -122,7 +123,8 @@ def _add_machine(parser: argparse.ArgumentParser) -> None:
         ("h", "260mm", "height of the pivot over the base"),
     ):
         parser.add_argument(f"--{name}", metavar="LENGTH", type=quantity(f"--{name}", example), help=text)
-    parser.add_argument("--machine", metavar="FILE", help="machine file that has R, r and h")
+    about = "machine file that has R, r and h"
+    parser.add_argument("--machine", metavar="FILE", type=InputFile, help=about)
 
 
 def _add_limits(parser: argparse.ArgumentParser) -> None:
@@ -287,6 +289,7 @@ def _workspace(options: argparse.Namespace) -> int:
 
 
 def _write(path: str, found: Any, geometry: Any, unit: str) -> None:
+    from rodgen.data.tables import write_columns
     from rodgen.kinematics import three_sps_s
 
     torsion, azimuth, tilt = np.meshgrid(found.torsion, found.azimuth, found.tilt, indexing="ij")

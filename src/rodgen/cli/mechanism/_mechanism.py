@@ -12,7 +12,7 @@ import numpy as np
 
 from rodgen.cli._console import located
 from rodgen.cli._tables import Columns, add_table
-from rodgen.cli._values import quantity
+from rodgen.cli._values import InputFile, quantity
 from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -60,7 +60,8 @@ class Chain:
 
 def add_mechanism(parser: argparse.ArgumentParser) -> None:
     """Add MECHANISM."""
-    parser.add_argument("mechanism", metavar="MECHANISM", help="link table, machine file, or robot")
+    about = "link table, machine file, or robot"
+    parser.add_argument("mechanism", metavar="MECHANISM", type=InputFile, help=about)
 
 
 def add_files(parser: argparse.ArgumentParser, name: str) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import OK, Command, notify, refused, show, show_json
+from rodgen.cli._console import OK, Command, conclude, refused, show, show_json
 from rodgen.cli._machine import add_json
-from rodgen.cli._outputs import Outputs, add_plot
+from rodgen.cli._plot import add_plot
 from rodgen.cli.mechanism._mechanism import MECHANISM_TEXT, add_mechanism, chain_of
 from rodgen.errors import RodgenError, listed, shown
 
@@ -42,12 +42,10 @@ def _run(options: argparse.Namespace) -> int:
     if options.plot is not None:
         from rodgen.output import figures
 
-        with Outputs(options.mechanism) as outputs:
-            outputs.claim(options.plot)
         figures.save_figure(
             figures.planar_representation(mechanism, options.input, options.output), options.plot
         )
-        notify(f"{options.plot}: planar representation")
+        conclude(f"{options.plot}: planar representation")
     if options.json:
         show_json(data)
     else:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rodgen.cli._console import located, refused
+from rodgen.cli._values import InputFile
 from rodgen.errors import InputFileError, in_file, shown
 from rodgen.files import decoded, read_input
 
@@ -49,7 +50,7 @@ def add_covariance(parser: argparse.ArgumentParser) -> None:
         help="such as A0,A1=0.5",
     )
     parser.add_argument(
-        "--covariance", metavar="FILE", help=".toml with uncertainties, or .csv with a matrix"
+        "--covariance", metavar="FILE", type=InputFile, help=".toml with uncertainties, or .csv with a matrix"
     )
 
 
@@ -78,6 +79,20 @@ def _correlated(text: str) -> tuple[tuple[str, str], float]:
         with contextlib.suppress(ValueError):
             return (pair[0], pair[1]), float(value)
     raise argparse.ArgumentTypeError(f"{shown(text)} is not a pair and a number, such as A0,A1=0.5")
+
+
+def source_of(options: argparse.Namespace) -> str:
+    """Return where the covariance of the parameters is from, as a remark says it."""
+    if options.covariance is not None:
+        return f"U_x is that of {options.covariance}."
+    if options.u:
+        return (
+            "U_x is by --u: " + ", ".join(f"u({name}) = {u:g} {unit}" for name, (u, unit) in options.u) + "."
+        )
+    return (
+        "U_x is the paper's (23), as neither --u nor --covariance was given: u = 0.005 mm/√3 of the rods, "
+        "0.01 mm/√3 of r and R."
+    )
 
 
 def covariance_of(options: argparse.Namespace, unit: str) -> Any:

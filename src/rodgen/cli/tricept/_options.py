@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rodgen.cli._closed_chain import ordered_limits, take_machine
 from rodgen.cli._console import located, refused
-from rodgen.cli._values import Quantity, quantity
+from rodgen.cli._values import InputFile, Quantity, quantity
 
 if TYPE_CHECKING:
     from rodgen.kinematics.tricept import Geometry
@@ -37,7 +37,10 @@ def add_geometry(parser: argparse.ArgumentParser) -> None:
         help="lengths of a rod; default: 568,858mm for the paper's machine (no --R, no --r), else none",
     )
     parser.add_argument(
-        "--machine", metavar="FILE", help="machine file that has R, r and q, instead of these options"
+        "--machine",
+        metavar="FILE",
+        type=InputFile,
+        help="machine file that has R, r and q, instead of these options",
     )
 
 

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, located, notify, refused, show, show_json
-from rodgen.cli._outputs import add_plot, figures_for
-from rodgen.cli._tables import write_columns
-from rodgen.cli._values import number, quantity, whole
-from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
+from rodgen.cli._console import OK, Command, conclude, located, notify, refused, show, show_json
+from rodgen.cli._plot import add_plot, figures_for
+from rodgen.cli._values import OutputFile, number, quantity, whole
+from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of, source_of
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
 from rodgen.errors import shown
 
@@ -64,7 +63,11 @@ def add_to(command: Command) -> None:
     add_plot(parser, "the influence map")
     parser.add_argument("--json", action="store_true", help="print JSON: angles in rad")
     parser.add_argument(
-        "-o", "--output", metavar="FILE", help="table of the bounds or of the map: .csv or .parquet"
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=OutputFile,
+        help="table of the bounds or of the map: .csv or .parquet",
     )
 
 
@@ -117,6 +120,7 @@ def _run(options: argparse.Namespace) -> int:
         show_json(
             {
                 "unit": unit,
+                "U_x": source_of(options),
                 **extra,
                 "rods_certified": rods.outer.tolist(),
                 "within_limits": None if limits is None else inside,
@@ -125,6 +129,7 @@ def _run(options: argparse.Namespace) -> int:
         )
         return OK
     _print(found, cube, rods, limits, inside, unit)
+    notify(source_of(options))
     return OK
 
 
@@ -165,6 +170,7 @@ def _print(found: Any, cube: Any, rods: Any, limits: Any, inside: bool, unit: st
 
 
 def _write_bounds(path: str, found: Any, unit: str) -> None:
+    from rodgen.data.tables import write_columns
     from rodgen.kinematics import tricept
 
     columns: dict[str, Any] = {"element": list(tricept.ELEMENTS)}
@@ -183,6 +189,7 @@ def _write_bounds(path: str, found: Any, unit: str) -> None:
 
 
 def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any, unit: str) -> int:
+    from rodgen.data.tables import write_columns
     from rodgen.kinematics import tricept
 
     figures = figures_for(options.plot)
@@ -202,7 +209,7 @@ def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any
             {"pair": list(pair), "element": element, "beams": int(known.sum()), "range": [least, greatest]}
         )
     else:
-        notify(
+        conclude(
             f"U_x[{pair[0]}, {pair[1]}] on U_y[{element}]: {least:.6g} … {greatest:.6g} on {known.sum()} beams"
         )
     return OK

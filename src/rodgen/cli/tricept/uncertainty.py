@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, located, refused, show, show_json
-from rodgen.cli._outputs import add_plot, figures_for
+from rodgen.cli._console import OK, Command, located, notify, refused, show, show_json
+from rodgen.cli._plot import add_plot, figures_for
 from rodgen.cli._tables import Columns, add_table, map_rows, named
 from rodgen.cli._values import number, plane, quantity, whole
-from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
+from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of, source_of
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
 from rodgen.errors import InputFileError
 
@@ -68,7 +68,9 @@ def add_to(command: Command) -> None:
         help="draw errors from rectangles, ±√3 u, instead of normal ones",
     )
     parser.add_argument("--seed", metavar="N", type=whole(0), default=0, help="of the draws (0)")
-    parser.add_argument("--json", action="store_true", help="print budget and Monte Carlo as JSON")
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON, of at most 100 points: angles in rad"
+    )
     add_plot(parser, "the map of --slice")
     parser.add_argument(
         "--slice",
@@ -86,6 +88,8 @@ def _run(options: argparse.Namespace) -> int:
         raise refused(missing, "nothing", f"both --plot and --slice, such as {other}")
     if not (options.point or options.table or options.plot):
         raise refused("POINTS", "nothing", "a table, --point, or --plot with --slice")
+    if options.json and options.output:
+        raise refused("--output", "together with --json", "one of the two")
     if options.plot:
         _draw(options)
     if options.budget or options.monte_carlo:
@@ -94,7 +98,9 @@ def _run(options: argparse.Namespace) -> int:
         if not (options.point or options.table):
             raise refused("POINTS", "nothing", "a table, or --point")
         return _analyse(options)
-    return _table(options) if options.table else _one(options) if options.point else OK
+    if options.table and not options.json:
+        return _table(options)
+    return _listed(options) if options.point or options.table else OK
 
 
 def _draw(options: argparse.Namespace) -> None:
@@ -127,7 +133,7 @@ def _points(options: argparse.Namespace) -> tuple[Any, str]:
             options.table,
             "file",
             f"{len(points)} points",
-            f"at most {_MOST_POINTS} with --budget or --monte-carlo",
+            f"at most {_MOST_POINTS} with --json, --budget or --monte-carlo",
         )
     return points, unit
 
@@ -144,7 +150,7 @@ def _analyse(options: argparse.Namespace) -> int:
     geometry, limits, U = _machine(options, unit)
     states = np.atleast_1d(tricept.place_covariance(points, geometry, U, limits)[1])
     rectangular = [name for n, name in enumerate(tricept.PARAMETERS) if U[n, n] > 0]
-    answers = []
+    answers, texts = [], []
     for nth, point in enumerate(points, start=1):
         status = tricept.TriceptStatus(states[nth - 1]).name.lower()
         answer: dict[str, Any] = {"point": point.tolist(), "unit": unit, "status": status}
@@ -154,8 +160,7 @@ def _analyse(options: argparse.Namespace) -> int:
             if options.budget:
                 made = tricept.budget(point, geometry, U)
                 answer["budget"] = made.to_dict()
-                if not options.json:
-                    show(f"{head}\n{made.summary(unit)}")
+                texts.append(f"{head}\n{made.summary(unit)}")
             if options.monte_carlo:
                 drawn = tricept.monte_carlo(
                     point,
@@ -167,11 +172,13 @@ def _analyse(options: argparse.Namespace) -> int:
                     seed=options.seed,
                 )
                 answer["monte_carlo"] = drawn.to_dict()
-                if not options.json:
-                    show(f"{head}\n{drawn.summary(unit)}")
+                texts.append(f"{head}\n{drawn.summary(unit)}")
         answers.append(answer)
     if options.json:
         show_json(answers)
+    else:
+        show("\n".join(texts))
+        notify(source_of(options))
     return OK
 
 
@@ -204,23 +211,33 @@ def _table(options: argparse.Namespace) -> int:
         machine = _machine(options, unit)
         return _columns(), lambda points: (_values(points, *machine, options.probability), None)
 
-    return map_rows(options, named("length", "Qx Qy Qz"), prepare)
+    code = map_rows(options, named("length", "Qx Qy Qz"), prepare)
+    notify(source_of(options))
+    return code
 
 
-def _one(options: argparse.Namespace) -> int:
+def _listed(options: argparse.Namespace) -> int:
+    """Print one point, or as JSON those of a table."""
     from rodgen.kinematics import tricept
 
     points, unit = _points(options)
     values = _values(points, *_machine(options, unit), options.probability)
     columns = _columns()
-    answer = {name: value[0].item() for (name, _), value in zip(columns, values, strict=True)}
-    answer["status"] = tricept.TriceptStatus(answer["status"]).name.lower()
+    answers = []
+    for n, point in enumerate(points.tolist()):
+        answer = {name: value[n].item() for (name, _), value in zip(columns, values, strict=True)}
+        answer["status"] = tricept.TriceptStatus(answer["status"]).name.lower()
+        answers.append({"point": point, **answer})
     if options.json:
-        show_json({"unit": unit, **answer})
+        common = {"unit": unit, "U_x": source_of(options)}
+        show_json(common | ({"points": answers} if options.table else answers[0]))
         return OK
     units = {"length": unit, "area": f"{unit}²"}
+    lines = []
     for name, kind in columns:
-        value = answer[name]
+        value = answers[0][name]
         text = value if isinstance(value, str) else format(value, ".5g")
-        show(f"{name:11} {text} {units.get(kind, '')}".rstrip())
+        lines.append(f"{name:11} {text} {units.get(kind, '')}".rstrip())
+    show("\n".join(lines))
+    notify(source_of(options))
     return OK

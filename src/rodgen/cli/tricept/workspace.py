@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, located, notify, refused, show, show_json
-from rodgen.cli._tables import add_output, status_names, write_columns
+from rodgen.cli._console import OK, Command, conclude, located, refused, show, show_json
+from rodgen.cli._tables import add_output, status_names
 from rodgen.cli._values import plane, whole
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
 
@@ -49,6 +49,8 @@ def _run(options: argparse.Namespace) -> int:
     geometry, limits = geometry_of(options, unit), needed(limits_of(options, unit))
     if options.output and not options.slice:
         raise refused("--output", "no --slice", "a plane for the table, --slice z=700mm")
+    if options.json and options.slice:
+        raise refused("--slice", "together with --json", "one of the two")
     with located("command line", "--limits"):
         if options.slice:
             return _write_slice(options, geometry, limits, unit)
@@ -72,6 +74,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _write_slice(options: argparse.Namespace, geometry: Any, limits: tuple[float, float], unit: str) -> int:
+    from rodgen.data.tables import write_columns
     from rodgen.kinematics import tricept
 
     axis, given = options.slice
@@ -81,5 +84,5 @@ def _write_slice(options: argparse.Namespace, geometry: Any, limits: tuple[float
     columns["ratio"] = np.ma.masked_invalid(found.ratio)
     write_columns(options.output, columns)
     inside = int((found.status == tricept.TriceptStatus.REACHABLE).sum())
-    notify(f"{axis} = {given.numbers[0]:g} {given.unit}: {found.status.size} points, {inside} reachable")
+    conclude(f"{axis} = {given.numbers[0]:g} {given.unit}: {found.status.size} points, {inside} reachable")
     return OK

@@ -9,19 +9,19 @@ Any unit that Pint knows and that fits the column is valid, and it may differ fr
 
 - `open_table` reads in blocks, so that a file of any length needs bounded memory; `open_frame` takes a table in memory.
 - `open_sink` writes in blocks, into a temporary file that takes its name only when it is complete.
-- `read_pairs` reads pairs of points; `map_table` adds columns of results to a table, row by row; `copied_with` adds
+- `read_pairs` reads pairs of points; `map_table` adds columns of results to a table, row by row; `copy_with` adds
   columns that are known already.
 
 Whatever is wrong with a file is an :class:`rodgen.errors.InputFileError`: one sentence with the file, the
 line and column, what was found and what was expected.
 """
 
-from rodgen.data.tables.annotated import check_output, copied_with
+from rodgen.data.tables.annotated import check_output, copy_with
 from rodgen.data.tables.columns import Column, EveryColumn
 from rodgen.data.tables.mapped import Answer, MapSummary, Progress, Result, map_table
 from rodgen.data.tables.pairs import PAIR_COLUMNS, Pairs, read_pairs
 from rodgen.data.tables.reader import Rows, Table, open_csv, open_frame, open_table
-from rodgen.data.tables.writer import open_sink, table_bytes
+from rodgen.data.tables.writer import open_sink, write_columns
 
 __all__ = [
     "PAIR_COLUMNS",
@@ -35,12 +35,12 @@ __all__ = [
     "Rows",
     "Table",
     "check_output",
-    "copied_with",
+    "copy_with",
     "map_table",
     "open_csv",
     "open_frame",
     "open_sink",
     "open_table",
     "read_pairs",
-    "table_bytes",
+    "write_columns",
 ]

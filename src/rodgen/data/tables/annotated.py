@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,11 @@ from rodgen.data.tables.columns import MEASUREMENTS
 from rodgen.data.tables.reader import open_table
 from rodgen.data.tables.writer import open_sink
 from rodgen.errors import InputFileError, shown
+from rodgen.files import OutputSet
 
 
 def check_output(source: str, output: str | os.PathLike[str] | None) -> None:
-    """Raise early the errors of `copied_with` that follow from the names alone.
+    """Raise early the errors of `copy_with` that follow from the names alone.
 
     Raises
     ------
@@ -28,18 +28,17 @@ def check_output(source: str, output: str | os.PathLike[str] | None) -> None:
     if source in ("-", "standard input"):
         expected = "the name of a file: it is read twice"
         raise InputFileError("standard input", "file", "a pipe, whose rows are to be written again", expected)
-    open_sink(output, pa.schema([]), source=source)
+    open_sink(output, pa.schema([]))
 
 
-@contextmanager
-def copied_with(
+def copy_with(
     source: str,
     output: str | os.PathLike[str] | None,
     columns: Mapping[str, NDArray[Any]],
     *,
     replaced: Mapping[str, str] | None = None,
-) -> Iterator[None]:
-    """Copy a table with further columns; the copy gets its name when the block ends without an error.
+) -> None:
+    """Copy a table with further columns.
 
     Parameters
     ----------
@@ -61,7 +60,7 @@ def copied_with(
     check_output(source, output)
     instead = dict(replaced or {})
     keep_text = output is None or not os.fspath(output).lower().endswith(".parquet")
-    with open_table(source, MEASUREMENTS, keep_text=keep_text) as table:
+    with OutputSet(), open_table(source, MEASUREMENTS, keep_text=keep_text) as table:
         for name in columns:
             if name in table.schema.names and name not in instead:
                 raise InputFileError(
@@ -75,7 +74,7 @@ def copied_with(
             pa.field(instead[f.name], pa.float64()) if f.name in instead else f for f in table.schema
         ] + [pa.field(name, pa.from_numpy_dtype(columns[name].dtype)) for name in last]
         schema = pa.schema(fields)
-        with open_sink(output, schema, source=source) as sink:
+        with open_sink(output, schema) as sink:
             start = 0
             for batch, _ in table.map(lambda rows: rows.batch, empty=True):
                 stop = start + len(batch)
@@ -91,7 +90,6 @@ def copied_with(
                 start = stop
             if any(start != len(values) for values in columns.values()):
                 raise _changed(table.file)
-            yield
 
 
 def _array(values: NDArray[Any]) -> pa.Array:

@@ -21,6 +21,7 @@ from rodgen.data.tables.columns import Column, bare_name
 from rodgen.data.tables.reader import Rows, open_table
 from rodgen.data.tables.writer import open_sink
 from rodgen.data.units import conversion_factor
+from rodgen.files import OutputSet
 
 Progress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
 """Called once with the total (or None) and its unit; returns a function to be called with every advance."""
@@ -91,7 +92,7 @@ def map_table(
         When the input or the output cannot be used. The output is then what it was before.
     """
     keep_text = output is None or not os.fspath(output).lower().endswith(".parquet")
-    with open_table(path, columns, keep_text=keep_text) as table:
+    with OutputSet(), open_table(path, columns, keep_text=keep_text) as table:
         units = table.units()
         length = next((units[c.name] for c in columns if c.quantity == "length"), "")
         angle = next((units[c.name] for c in columns if c.quantity == "angle"), "deg")
@@ -105,7 +106,7 @@ def map_table(
         status = next((n for n, writer in enumerate(writers) if writer.names), None)
         counts = np.zeros(len(writers[status].names) if status is not None else 1, np.int64)
 
-        with open_sink(output, schema, source=path) as sink:
+        with open_sink(output, schema) as sink:
 
             def work(rows: Rows) -> tuple[Any, NDArray[np.int64]]:
                 arrays, index = function(rows.values)

@@ -16,14 +16,15 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Mapping
 from typing import IO, Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from rodgen.errors import InputFileError, shown
-from rodgen.files import AtomicFile, is_device, unwritable
+from rodgen.files import AtomicFile, Output, is_device
 
 # Row groups of a few MB per column are read fast; larger ones would only stay in memory longer.
 _ROW_GROUP = 1 << 17
@@ -37,7 +38,7 @@ class Sink(abc.ABC):
     As a context manager it completes the output when its block ends without an error, and otherwise leaves nothing.
     """
 
-    def __init__(self, place: AtomicFile | _Stdout | _Memory, schema: pa.Schema) -> None:
+    def __init__(self, place: AtomicFile | _Stdout, schema: pa.Schema) -> None:
         self._place = place
         self._schema = schema
         self._streams: list[Any] = []  # each writes to the one after it
@@ -70,7 +71,7 @@ class Sink(abc.ABC):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        """Rename the temporary file, or remove it when there was an error."""
+        """Commit the temporary file, or remove it when there was an error."""
         complete = False
         try:
             if kind is None:
@@ -89,13 +90,10 @@ class Sink(abc.ABC):
                 if complete:
                     self._place.commit()
         finally:
-            # After a commit there is nothing under the temporary name any more.
             self._place.discard()
 
 
-def open_sink(
-    path: str | os.PathLike[str] | None, schema: pa.Schema, *, source: str | os.PathLike[str] | None = None
-) -> Sink:
+def open_sink(path: str | os.PathLike[str] | None, schema: pa.Schema) -> Sink:
     """Return a file, or standard output, open for writing a table in blocks.
 
     Parameters
@@ -104,8 +102,6 @@ def open_sink(
         Ends in ``.csv``, ``.csv.gz`` or ``.parquet``; None or ``"-"`` is CSV on standard output.
     schema : pyarrow.Schema
         Of the blocks.
-    source : str or os.PathLike, optional
-        The file that is being read, which must be another one.
 
     Returns
     -------
@@ -124,40 +120,32 @@ def open_sink(
     name = file.lower()
     if not name.endswith((".csv", ".csv.gz", ".parquet")) and not is_device(file):
         raise InputFileError(file, "file", "a name that does not say what to write", _KINDS)
-    if os.path.isdir(file):
-        raise InputFileError(file, "file", "a folder", _KINDS)
-    if (
-        source is not None
-        and os.path.exists(file)
-        and os.path.exists(source)
-        and os.path.samefile(file, source)
-    ):
-        raise InputFileError(file, "file", "the input file itself", "another name for the output")
     if name.endswith(".parquet"):
         return _ParquetSink(AtomicFile(file), schema)
     _check_csv_holds(file, schema)
     return _CsvSink(AtomicFile(file), schema, compress=name.endswith(".gz"))
 
 
-def table_bytes(file: str, table: pa.Table) -> bytes:
-    """Return the content of a file with a table, for one that is written together with others.
+def write_columns(path: str | os.PathLike[str] | None, columns: Mapping[str, Any]) -> None:
+    """Write arrays of one size as the columns of a table.
 
     Parameters
     ----------
-    file : str
-        Its name, as for `open_sink`, which says what to write.
-
-    Raises
-    ------
-    InputFileError
-        When its name has no known ending.
+    path : str, os.PathLike or None
+        As for `open_sink`.
+    columns : mapping of str to array_like
+        By name with unit; masked elements become empty cells.
     """
-    sink = open_sink(file, table.schema)
-    sink._place = place = _Memory(file)
-    with sink:
-        for batch in table.to_batches():
-            sink.write(sink.encode(batch))
-    return place.getvalue()
+    batch = pa.RecordBatch.from_pydict({name: _array(values) for name, values in columns.items()})
+    with open_sink(path, batch.schema) as sink:
+        sink.write(sink.encode(batch))
+
+
+def _array(values: Any) -> pa.Array:
+    if not isinstance(values, np.ndarray):
+        return pa.array(values)
+    flat = np.ma.ravel(values)
+    return pa.array(flat.data, mask=np.ma.getmaskarray(flat))
 
 
 def _check_csv_holds(file: str, schema: pa.Schema) -> None:
@@ -171,7 +159,7 @@ def _check_csv_holds(file: str, schema: pa.Schema) -> None:
             )
 
 
-class _Stdout:
+class _Stdout(Output):
     """Standard output, which gets everything or nothing."""
 
     file = "standard output"
@@ -183,50 +171,22 @@ class _Stdout:
         # The sink closes what it wrote to; the spool has to outlive that.
         return _Unclosed(self._spool)  # type: ignore[return-value]
 
-    def commit(self) -> None:
-        self._spool.seek(0)
-        sys.stdout.flush()
-        binary = getattr(sys.stdout, "buffer", None)
-        if binary is None:  # standard output was replaced by a text buffer
-            sys.stdout.write(self._spool.read().decode())
-        else:
-            shutil.copyfileobj(self._spool, binary, 1 << 20)
-            binary.flush()
-        self._spool.close()
+    def publish(self, *, undoable: bool = False) -> None:
+        with self.located():
+            self._spool.seek(0)
+            sys.stdout.flush()
+            binary = getattr(sys.stdout, "buffer", None)
+            if binary is None:  # standard output was replaced by a text buffer
+                sys.stdout.write(self._spool.read().decode())
+            else:
+                shutil.copyfileobj(self._spool, binary, 1 << 20)
+                binary.flush()
 
-    def discard(self) -> None:
-        self._spool.close()
-
-    @contextlib.contextmanager
-    def located(self) -> Iterator[None]:
-        try:
-            yield
-        except BrokenPipeError:  # the reader has seen enough: no fault of any file
-            raise
-        except OSError as error:
-            raise unwritable(self.file, error) from None
-
-
-class _Memory:
-    """A file in memory."""
-
-    def __init__(self, file: str) -> None:
-        self.file = file
-        self._content = io.BytesIO()
-        self.getvalue = self._content.getvalue
-
-    def open(self) -> IO[bytes]:
-        return _Unclosed(self._content)  # type: ignore[return-value]
-
-    def commit(self) -> None:
+    def undo(self) -> None:
         pass
 
-    def discard(self) -> None:
-        pass
-
-    @contextlib.contextmanager
-    def located(self) -> Iterator[None]:
-        yield
+    def clean(self) -> None:
+        self._spool.close()
 
 
 class _Unclosed:

@@ -179,7 +179,8 @@ class AxisFit:
         """
         point = "point known" if self.point_known else "point free"
         used = int(np.count_nonzero(self.weights))
-        lines = [f"Axis fitted to {self.pairs} pairs ({point}, loss {self.loss}): {self.status.name}"]
+        pairs = f"{self.pairs} pair{'s' * (self.pairs != 1)}"
+        lines = [f"Axis fitted to {pairs} ({point}, loss {self.loss}): {self.status.name}"]
         u = self.axis_uncertainty
         lines.append(f"  direction   {_vector(self.axis, u[0])}")
         lines.append(
@@ -190,7 +191,7 @@ class AxisFit:
             lines.append(
                 f"              ± {_plain(self.point_uncertainty)}; nearest to the centroid of the readings"
             )
-        lines.append(f"  residuals   rms {self.rms:.4g}; {used} of {self.pairs} pairs count")
+        lines.append(f"  residuals   rms {self.rms:.4g}; {used} of {pairs} count{'s' * (self.pairs == 1)}")
         source = "given" if self.sigma_given else f"estimated, {self.dof} degrees of freedom"
         noise = (
             "unknown" if math.isnan(self.sigma) else f"{self.sigma:.4g} a coordinate of a reading ({source})"

@@ -65,13 +65,11 @@ class Imported:
         what = {"row": "table row"}.get(*counted, *counted)
         return data.placed([int(number) for _, _, number in parts], what)
 
-    def data(self, name: str) -> bytes:
-        """Return the measurement file, in the form that the ending of its name says."""
-        import pyarrow as pa
+    def write_data(self, file: str) -> None:
+        """Write the measurement file, in the form that the ending of its name says."""
+        from rodgen.data.tables import write_columns
 
-        from rodgen.data.tables import table_bytes
-
-        return table_bytes(name, pa.table({key: pa.array(column) for key, column in self.columns.items()}))
+        write_columns(file, self.columns)
 
 
 def clean(vector: NDArray[np.float64], digits: int) -> Vector:

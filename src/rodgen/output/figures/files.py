@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from rodgen.errors import InputFileError
-from rodgen.files import write_file
+from rodgen.files import OutputSet, make_folder, write_file
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -81,17 +81,12 @@ def save_figures(
 
         write_file(place, figure_page(listed).encode())
         return [place]
-    try:
-        os.makedirs(place, exist_ok=True)
-    except OSError as error:
-        found = f"cannot be made ({error.strerror or error})"
-        raise InputFileError(place, "file", found, "a writable folder") from None
     jobs = [(figure, kind) for figure in listed for kind in ("png", "svg")]
-    files = []
-    for (figure, kind), content in zip(jobs, _images(jobs, place), strict=True):
-        file = os.path.join(place, f"{figure.layout.meta['name']}.{kind}")
-        write_file(file, content)
-        files.append(file)
+    files = [os.path.join(place, f"{figure.layout.meta['name']}.{kind}") for figure, kind in jobs]
+    with OutputSet():
+        make_folder(place)
+        for file, content in zip(files, _images(jobs, place), strict=True):
+            write_file(file, content)
     return files
 
 

@@ -20,7 +20,7 @@ from rodgen.calibration.fleet.summary import (
     valued,
 )
 from rodgen.calibration.words import capitalized, sized
-from rodgen.files import write_file
+from rodgen.files import OutputSet, write_file
 from rodgen.output.figures import fleet_nights, fleet_parameter, save_figures
 from rodgen.output.figures.html import asset, figures_json, policy, scripts
 from rodgen.output.report.page import environment, report_asset
@@ -173,5 +173,6 @@ def write_fleet_report(
             policy=policy(*code),
         )
     )
-    write_file(path, page.encode())
-    return [os.fspath(path), *(save_figures(figures, images) if images is not None else [])]
+    with OutputSet():
+        write_file(path, page.encode())
+        return [os.fspath(path), *(save_figures(figures, images) if images is not None else [])]

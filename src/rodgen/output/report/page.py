@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.errors import InputFileError, joined
-from rodgen.files import write_file
+from rodgen.files import OutputSet, write_file
 from rodgen.output.figures import diagnosis as figures_of
 from rodgen.output.figures import save_figures
 from rodgen.output.figures.diagnoses import unit_of
@@ -63,8 +63,9 @@ def write_report(
         When one of them cannot be written, a radius is that of no joint, or there is no browser for images.
     """
     figures, page = _made(diagnosis, plan, radii or {})
-    write_file(path, page.encode())
-    return [os.fspath(path), *(save_figures(figures, images) if images is not None else [])]
+    with OutputSet():
+        write_file(path, page.encode())
+        return [os.fspath(path), *(save_figures(figures, images) if images is not None else [])]
 
 
 def report_page(

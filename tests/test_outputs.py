@@ -1,0 +1,314 @@
+"""What commands write: no input is replaced, and all outputs of a command appear, or none does."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import itertools
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rodgen.cli import main as cli
+from rodgen.cli._values import EditedMachine, InputFile, OutputFile, OutputFolder, StateFile
+from rodgen.errors import InputFileError
+from rodgen.files import OutputSet, make_folder, new_folder, open_input, write_file, written_at_once
+
+EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
+
+NEEDED = {"emit": ["--lang", "c"], "set-aside": ["--rows", "1"], "bring-back": ["--rows", "1"]}
+"""Options that commands need, but files and folders."""
+
+TEXTS = {
+    *(
+        "--base",
+        "--code",
+        "--column",
+        "--component",
+        "--date",
+        "--for",
+        "--formula",
+        "--given",
+        "--hold",
+        "--input",
+    ),
+    *("--joint", "--noise", "--parameter", "--prior", "--bounds", "--tie", "--radius", "--rows", "--run"),
+    *("--scheduler", "--target", "--tip", "--where", "--why", "--effect"),
+    *("EFFECT", "KEY", "NAME", "KIND"),
+    "mechanism mobility --output",
+}
+"""Options and arguments that are neither numbers nor files."""
+
+
+def leaves(parser: argparse.ArgumentParser, name: str = "") -> Iterator[tuple[str, list[argparse.Action]]]:
+    """Yield the name of each command, and its arguments."""
+    groups = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    if not groups:
+        yield name.strip(), parser._actions
+    for group in groups:
+        for member, below in group.choices.items():
+            yield from leaves(below, f"{name} {member}")
+
+
+COMMANDS = dict(leaves(cli._parser()))
+
+
+def made(action: argparse.Action) -> object:
+    """Return what an argument makes of the name of a file."""
+    with contextlib.suppress(ValueError, argparse.ArgumentTypeError):
+        return action.type("p.html") if callable(action.type) else None
+    return None
+
+
+def name_of(action: argparse.Action) -> str:
+    return action.option_strings[-1] if action.option_strings else str(action.metavar)
+
+
+def those(name: str, *kinds: type) -> list[argparse.Action]:
+    return [action for action in COMMANDS[name] if isinstance(made(action), kinds)]
+
+
+def arguments(name: str, values: dict[argparse.Action, str]) -> list[str]:
+    """Return a command line with such values, and others where one must be there."""
+    line = [*name.split(), *NEEDED.get(name, [])]
+    positions = [action for action in COMMANDS[name] if not action.option_strings]
+    last = max((n for n, action in enumerate(positions) if action in values or action.required), default=-1)
+    line += [values.get(action, "other.html") for action in positions[: last + 1]]
+    for action in COMMANDS[name]:
+        needed = action.required and isinstance(made(action), (InputFile, OutputFile, OutputFolder))
+        if action.option_strings and (action in values or needed):
+            line += [action.option_strings[-1], values.get(action, "other.html")]
+    return line
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_each_argument_is_a_file_or_known_to_be_none(name):
+    for action in COMMANDS[name]:
+        if action.nargs == 0 or action.choices or action.type is not None:
+            continue
+        title = name_of(action)
+        assert title in TEXTS or f"{name} {title}" in TEXTS, f"is {title} of {name} read, written, or a text?"
+
+
+PAIRS = [
+    pytest.param(name, source, output, id=f"{name} {name_of(source)} {name_of(output)}")
+    for name in COMMANDS
+    for source, output in itertools.product(those(name, InputFile), those(name, OutputFile, OutputFolder))
+]
+
+
+@pytest.mark.parametrize(("name", "source", "output"), PAIRS)
+def test_no_input_is_replaced_by_whatever_name(name, source, output, tmp_path, monkeypatch, rodgen_command):
+    monkeypatch.chdir(tmp_path)
+    content = b"not replaced"
+    Path("file.html").write_bytes(content)
+    Path("link.html").symlink_to("file.html")
+    os.link("file.html", "hard.html")
+    before = sorted(os.listdir())
+    in_place = isinstance(made(output), EditedMachine) and source.dest == "machine"
+    for other in ("file.html", "./file.html", "link.html", "hard.html")[3 if in_place else 0 :]:
+        line = arguments(name, {source: "file.html", output: other})
+        code, out, err = rodgen_command(*line)
+        assert (code, out, err.count("\n")) == (2, "", 1), line
+        assert ": the input file itself; expected another name for the output" in err
+        assert Path("file.html").read_bytes() == content
+        assert sorted(os.listdir()) == before
+
+
+SEVERAL = [name for name in COMMANDS if len(those(name, OutputFile, OutputFolder)) > 1]
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+def test_where_one_output_cannot_be_written_none_is(name, tmp_path, monkeypatch, rodgen_command):
+    monkeypatch.chdir(tmp_path)
+    Path("regular").touch()
+    Path("folder.html").mkdir()
+    outputs = those(name, OutputFile, OutputFolder)
+    for bad, place in itertools.product(outputs, ("regular/x.html", "folder.html")):
+        if place == "folder.html" and isinstance(made(bad), OutputFolder):
+            continue
+        values = {output: f"{n}.html" for n, output in enumerate(outputs)} | {bad: place}
+        code, out, err = rodgen_command(*arguments(name, values))
+        assert (code, out, err.count("\n")) == (2, "", 1), err
+        assert err.startswith(place)
+        assert sorted(os.listdir()) == ["folder.html", "regular"]
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+def test_two_outputs_have_two_names(name, tmp_path, monkeypatch, rodgen_command):
+    monkeypatch.chdir(tmp_path)
+    one, two = those(name, OutputFile, OutputFolder)[:2]
+    code, out, err = rodgen_command(*arguments(name, {one: "new.html", two: "./new.html"}))
+    assert (code, out) == (2, "")
+    assert err == "./new.html: file: the name of two outputs; expected a name for each\n"
+    assert os.listdir() == []
+
+
+def test_a_state_is_no_other_input():
+    assert [name for name in COMMANDS if those(name, StateFile)] == ["watch"]
+
+
+# real outputs -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def work(tmp_path, monkeypatch):
+    shutil.copy(EXAMPLES / "rotary_table" / "machine.toml", tmp_path / "m.toml")
+    shutil.copy(EXAMPLES / "rotary_table" / "data.csv", tmp_path / "d.csv")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+LATE = {
+    "fit": ["fit", "m.toml", "d.csv", "-o", "f.toml", "--residuals", "r.csv"],
+    "simulate": [
+        "simulate",
+        "m.toml",
+        "d.csv",
+        "--hidden",
+        "--seed",
+        "1",
+        "-o",
+        "s.csv",
+        "--truth",
+        "t.json",
+    ],
+    "emit": ["emit", "m.toml", "d.csv", "--lang", "c", "-o", "code"],
+    "compare": ["compare", "m.toml", "d.csv", "--plot", "p.html"],
+    "tricept": [
+        "tricept",
+        "bounds",
+        "--influence",
+        "A0,xx",
+        "--beams",
+        "9",
+        "-o",
+        "t.csv",
+        "--plot",
+        "p.html",
+    ],
+}
+
+
+@pytest.mark.parametrize("name", LATE)
+def test_a_disk_that_fails_at_the_last_file_leaves_none(name, work, monkeypatch, rodgen_command):
+    before = sorted(os.listdir())
+    renamed, count, most = os.replace, [], [1000]
+
+    def counted(part, final):
+        if str(final).startswith(str(work)):  # not in the cache of kernels
+            count.append(final)
+            if len(count) == most[0]:
+                raise OSError(28, "No space left on device")
+        renamed(part, final)
+
+    monkeypatch.setattr("rodgen.files.os.replace", counted)
+    assert rodgen_command(*LATE[name])[0] == 0
+    new = sorted(set(os.listdir()) - set(before))
+    assert new
+    for file in new:
+        shutil.rmtree(file) if os.path.isdir(file) else os.unlink(file)
+    most[0], count[:] = len(count), []
+    code, out, err = rodgen_command(*LATE[name])
+    assert (code, out) == (2, "")
+    assert "cannot be written (No space left on device)" in err.splitlines()[-1]
+    assert "complete" not in err
+    assert sorted(os.listdir()) == before
+
+
+def test_a_reader_that_leaves_early_takes_no_file_along(work, monkeypatch):
+    class Gone:
+        encoding = "utf-8"
+
+        def write(self, text):
+            raise BrokenPipeError
+
+        def flush(self):
+            raise BrokenPipeError
+
+    monkeypatch.setattr("sys.stdout", Gone())
+    assert cli.main(["fit", "m.toml", "d.csv", "-o", "f.toml"]) == 141
+    assert "f.toml" in os.listdir()
+
+
+def test_the_machine_file_may_be_changed_in_place_and_nothing_else(work, rodgen_command):
+    before = Path("m.toml").read_text()
+    command = ["parameter", "m.toml", "C.axis", "--prior", "0 ± 10 arcsec"]
+    assert rodgen_command(*command, "-o", "./m.toml")[0] == 0
+    assert Path("m.toml").read_text() != before
+    data = Path("d.csv").read_bytes()
+    code, _, err = rodgen_command("set-aside", "m.toml", "d.csv", "--rows", "2", "-o", "d.csv")
+    assert (code, err) == (2, "d.csv: file: the input file itself; expected another name for the output\n")
+    assert Path("d.csv").read_bytes() == data
+
+
+def test_a_folder_that_is_read_gets_no_further_part(tmp_path, monkeypatch, rodgen_command):
+    monkeypatch.chdir(tmp_path)
+    Path("parts").mkdir()
+    Path("parts/a.parquet").write_bytes(b"PAR1")
+    for output in ("parts/a.parquet", "parts/b.parquet", "./parts/../parts/b.parquet"):
+        code, _, err = rodgen_command("predict", "m.toml", "parts", "d.csv", "-o", output)
+        assert (code, err) == (
+            2,
+            f"{output}: file: a file in the input folder; expected another folder for the output\n",
+        )
+    code, _, err = rodgen_command("predict", "m.toml", "parts/*.parquet", "d.csv", "-o", "parts/a.parquet")
+    assert (code, "the input file itself" in err) == (2, True)
+    assert {path.name: path.read_bytes() for path in Path("parts").iterdir()} == {"a.parquet": b"PAR1"}
+
+
+def test_results_of_a_fleet_replace_no_file_of_the_fleet(tmp_path, monkeypatch, rodgen_command):
+    monkeypatch.chdir(tmp_path)
+    Path("machines").mkdir()
+    Path("machines/a.json").write_text("data")
+    Path("pairs.csv").write_text("machine,data,name\nm.toml,machines/a.json,a\n")
+    code, _, err = rodgen_command("fleet", "pairs.csv", "-o", ".", "--jobs", "1")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "machines/a.json: file: in the place of results" in err
+    assert Path("machines/a.json").read_text() == "data"
+    assert sorted(os.listdir()) == ["machines", "pairs.csv"]
+
+
+# the set ------------------------------------------------------------------------------------------------------------
+
+
+def test_files_of_a_set_appear_together(tmp_path):
+    with OutputSet() as outputs:
+        write_file(tmp_path / "a", b"1")
+        with OutputSet():
+            make_folder(tmp_path / "deep" / "er")
+            write_file(tmp_path / "deep" / "er" / "b", b"2")
+        with new_folder(tmp_path / "new") as folder:
+            (folder / "c").write_bytes(b"3")
+        assert [path.name for path in tmp_path.iterdir() if not path.name.startswith(".")] == ["deep"]
+        with written_at_once():
+            write_file(tmp_path / "now", b"4")
+        assert (tmp_path / "now").exists()
+    assert (tmp_path / "new" / "c").read_bytes() == b"3"
+    assert (tmp_path / "deep" / "er" / "b").read_bytes() == b"2"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "deep", "new", "now"]
+    assert [os.path.basename(file) for file in outputs.completed] == ["a", "b", "new"]
+
+
+def test_nothing_of_a_set_that_fails_stays(tmp_path):
+    (tmp_path / "a").write_bytes(b"old")
+    with pytest.raises(ZeroDivisionError), OutputSet():  # noqa: PT012
+        write_file(tmp_path / "a", b"1")
+        make_folder(tmp_path / "deep" / "er")
+        write_file(tmp_path / "deep" / "er" / "b", b"2")
+        with new_folder(tmp_path / "new") as folder:
+            (folder / "c").write_bytes(b"3")
+        raise ZeroDivisionError
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"old"}
+
+
+def test_what_is_read_after_it_was_written_is_not_replaced_either(tmp_path):
+    (tmp_path / "a").write_bytes(b"old")
+    with pytest.raises(InputFileError, match="the input file itself"), OutputSet():  # noqa: PT012
+        write_file(tmp_path / "b", b"2")
+        write_file(tmp_path / "a", b"1")
+        open_input(str(tmp_path / "a"), "a file").close()
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"old"}
