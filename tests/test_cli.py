@@ -765,4 +765,4 @@ def test_folder_of_kernels_that_cannot_be_written_is_one_line(lens, capsys):
     assert cli.main(["kernels", str(lens), "-o", str(lens / "x")]) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert ": file: no folder can be made (Not a directory); expected a writable place" in err
+    assert ": file: lens.py is no folder; expected the name of a folder" in err

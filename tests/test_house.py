@@ -165,6 +165,55 @@ def test_nothing_private_is_imported_from_another_folder() -> None:
     assert wrong == []
 
 
+WRITERS = {
+    "write_text",
+    "write_bytes",
+    "replace",
+    "rename",
+    "makedirs",
+    "mkdir",
+    "copyfile",
+    "copy2",
+    "savetxt",
+}
+"""Names of functions that change files."""
+OWN_PLACES = {
+    "rodgen.files": "the writers themselves",
+    "rodgen.codegen.build_cache": "the cache of kernels",
+    "rodgen.calibration.archive": "a temporary folder",
+    "rodgen.workbench.dropped": "a temporary folder",
+}
+
+
+def writes(call: ast.Call) -> bool:
+    """Return whether a call changes files past `rodgen.files`."""
+    function = call.func
+    if isinstance(function, ast.Name):
+        modes = [*call.args[1:2], *(each.value for each in call.keywords if each.arg == "mode")]
+        return function.id == "open" and any(ast.unparse(mode) not in ("'r'", "'rb'") for mode in modes)
+    if not isinstance(function, ast.Attribute) or function.attr not in WRITERS:
+        return False
+    # str.replace has the name of os.replace
+    return function.attr not in ("replace", "rename") or ast.unparse(function.value) in ("os", "path")
+
+
+def test_files_are_written_by_the_set_of_outputs_alone() -> None:
+    wrong = [
+        f"{module}, line {node.lineno}: {ast.unparse(node.func)}"
+        for module, file in MODULES.items()
+        if module not in OWN_PLACES
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and writes(node)
+    ]
+    assert wrong == []
+    at_once = {"rodgen.cli.open", "rodgen.cli.watch"}  # what is saved on a page, and the state of a watch
+    for module, file in MODULES.items():
+        names = {name.rpartition(".")[2] for name in Imports(file).names if name.startswith("rodgen.files.")}
+        if module.startswith("rodgen.cli"):
+            assert "AtomicFile" not in names, module
+            assert ("written_at_once" in names) == (module in at_once), module
+
+
 def test_modules_import_each_other_in_no_circle_but_for_the_facade() -> None:
     graph = {
         module: {target for name in imported_names(file) if (target := module_of(name)) not in (None, module)}

@@ -132,6 +132,10 @@ def test_the_command_writes_and_lists(tmp_path, rodgen_command: Run):
         (["3-axis", "[w Z b X Y t]"], machine_template("3-axis", code="[w Z b X Y t]")),
         (["table-table", ""], machine_template("table-table")),
         (["turntable"], machine_template("turntable")),
+        (
+            ["equatorial-fork", "abc", "", "-31.5"],  # asked again
+            machine_template("equatorial-fork", latitude=np.radians(-31.5)),
+        ),
     ],
 )
 def test_a_terminal_is_asked(answers, expected, tmp_path, monkeypatch, rodgen_command: Run):

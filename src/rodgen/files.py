@@ -285,7 +285,7 @@ class OutputSet:
         if not folder and not is_device(file):
             trial = AtomicFile(file)
             try:
-                trial.open().close()
+                trial.write(b"")
             finally:
                 trial.clean()
 
@@ -327,7 +327,7 @@ class OutputSet:
                     self.check(output.file, output.place)
             for output in outputs:
                 begun.append(output)
-                output.publish(undoable=len(outputs) > 1)
+                output.publish(undoable=True)
                 if output.place:
                     self.completed.append(output.file)
             self._folders = []

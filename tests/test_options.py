@@ -1,0 +1,187 @@
+"""Values of options that look like options, are out of range, or are left aside by a mode."""
+
+from __future__ import annotations
+
+import json
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import pytest
+from test_outputs import COMMANDS
+
+from rodgen import schedulers
+from rodgen.cli import main as cli
+from rodgen.cli._console import UsageError
+
+TAKES_A_MINUS = {
+    "add": ["--formula=-k*cos(q)", "--hold=-k2=0"],
+    "parameter": ["--tie=-AZ.axis.a", "--prior=-3 arcsec ± 1 arcsec", "--bounds=-inf,3 um"],
+    "set-aside": ["--why=-x", "--where=-x > 3"],
+    "fit-axis": ["--point=-1,2,3"],
+    "mechanism forward": ["--tool=-.5,2,3mm"],
+}
+
+
+@pytest.mark.parametrize("name", TAKES_A_MINUS)
+def test_a_value_may_start_with_a_minus_sign(name):
+    rest = {"set-aside": ["--rows", "1"] if name == "set-aside" else []}.get(name, [])
+    positions = [a for a in COMMANDS[name] if not a.option_strings and (a.required or a.metavar == "EFFECT")]
+    for text in TAKES_A_MINUS[name]:
+        option, _, value = text.partition("=")
+        more = [] if option == "--where" else rest
+        line = [*name.split(), *["a"] * len(positions), *more]
+        apart = vars(cli._parser().parse_args([*line, option, value]))
+        joined = vars(cli._parser().parse_args([*line, text]))
+        del apart["parser"], joined["parser"]
+        assert apart == joined
+
+
+def test_a_forgotten_value_is_not_taken_from_the_next_option(rodgen_command):
+    for line in (
+        ["fit", "a", "b", "-o", "--json"],
+        ["fit", "a", "b", "-o", "-x"],
+        ["add", "m", "e", "--formula", "-o"],
+    ):
+        code, _, err = rodgen_command(*line)
+        assert (code, "expected one argument" in err) == (2, True)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_debug_is_an_option_of_each_command_and_no_value(name):
+    parser = cli._parser(name.split()[0])
+    texts = [
+        a for a in COMMANDS[name] if a.option_strings and a.type is None and not a.choices and a.nargs is None
+    ]
+    if texts:
+        with pytest.raises(UsageError):
+            parser.parse_args([*name.split(), texts[0].option_strings[-1], "--debug"])
+    assert any("--debug" in action.option_strings for action in COMMANDS[name])
+
+
+def test_the_name_of_a_file_may_be_debug(rodgen_command):
+    code, _, err = rodgen_command("doctor", "--", "--debug")
+    assert (code, "unrecognized arguments: -- --debug" in err) == (2, True)
+    options = cli._parser("parameter").parse_args(["--debug", "parameter", "m.toml", "K", "--prior=--debug"])
+    assert (options.debug, options.prior) == (True, "--debug")
+    assert not cli._parser("parameter").parse_args(["parameter", "m.toml", "K", "--prior=--debug"]).debug
+
+
+@pytest.mark.parametrize("port", ["0", "65536", "99999", "-1", "10000000000000000000"])
+def test_a_port_is_one_that_there_is(port, rodgen_command):
+    code, out, err = rodgen_command("open", "--port", port)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "is not a whole number from 1 to 65535" in err
+
+
+def test_workers_of_one_address_are_started_once(monkeypatch):
+    started = []
+    make = schedulers._made
+
+    @contextmanager
+    def counted(address):
+        started.append(address)
+        with make(address) as made:
+            yield made
+
+    monkeypatch.setattr(schedulers, "_made", counted)
+    with schedulers.workers("threads=2") as some, schedulers.workers("threads=2") as same:
+        assert some is same
+        with schedulers.workers("threads=1") as other:
+            assert other is not some
+    assert started == ["threads=2", "threads=1"]
+
+
+def test_a_fleet_starts_its_scheduler_once(monkeypatch, tmp_path, rodgen_command):
+    started = []
+    make = schedulers._made
+
+    @contextmanager
+    def counted(address):
+        started.append(address)
+        with make("threads=1") as made:
+            yield made
+
+    monkeypatch.setattr(schedulers, "_made", counted)
+    (tmp_path / "pairs.csv").write_text("machine,data\nnone.toml,none.csv\n")
+    line = ["fleet", tmp_path / "pairs.csv", "-o", tmp_path / "results", "--scheduler", "processes=1"]
+    assert rodgen_command(*line)[0] == 2
+    assert started == ["processes=1"]
+
+
+def test_a_fleet_and_a_watch_read_how_often_alarms_come_alike(monkeypatch, rodgen_command):
+    asked = []
+
+    def diagnosed(*_, false_alarms, **__):
+        asked.append(false_alarms)
+        return SimpleNamespace(to_dict=dict, summary=str, failed=(), alarms=(), diagnosed=())
+
+    monkeypatch.setattr("rodgen.calibration.fleet.diagnose_fleet", diagnosed)
+    monkeypatch.setattr("rodgen.calibration.fleet.pairs_of", lambda *_: [])
+    for text in ("1/year", "0.5/year", "4/year"):
+        assert rodgen_command("fleet", "a", "b", "-o", "results", "--false-alarms", text)[0] == 0
+    assert rodgen_command("fleet", "a", "b", "-o", "results")[0] == 0
+    assert asked == [1, 0.5, 4, 1]
+    for bad in ("x", "3", "0/year", "-1/year", "1/mm"):
+        errors = {
+            rodgen_command(*line, f"--false-alarms={bad}")[2].partition("--false-alarms")[2]
+            for line in (["fleet", "a", "b", "-o", "results"], ["watch", "a", "b"])
+        }
+        assert len({error.partition("; expected what")[0] for error in errors}) == 1
+        assert "expected a number above 0 per time, such as 100/h or 1/year" in errors.pop()
+
+
+def test_a_derivation_without_kernels_is_refused(tmp_path, rodgen_command):
+    script = tmp_path / "lens.py"
+    script.write_text(
+        "from rodgen.symbolic import Derivation\nderivation = Derivation('lens', title='A lens', source='none')\n"
+    )
+    code, out, err = rodgen_command("kernels", script, "-o", tmp_path / "k2")
+    assert (code, out) == (2, "")
+    assert "kernels: none: it proves statements only; expected a derivation with kernels" in err
+    assert not (tmp_path / "k2").exists()
+
+
+JSON = {
+    "tricept uncertainty": ["t.csv", "--json"],
+    "tricept bounds": ["--centre", "0,0,685mm", "--edge", "9mm", "--gap", "0.5", "--json"],
+    "tricept workspace": ["--samples", "9", "--json"],
+    "euler workspace": ["--R", "3mm", "--r", "2mm", "--h", "4mm", "--samples", "6", "--json"],
+    "mechanism mobility": ["puma_560", "--json"],
+    "effects": ["backlash", "--json"],
+}
+
+
+@pytest.mark.parametrize("name", JSON)
+def test_json_is_all_that_stands_on_standard_output(name, tmp_path, monkeypatch, rodgen_command):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "t.csv").write_text("Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,0,700\n")
+    code, out, _ = rodgen_command(*name.split(), *JSON[name])
+    assert code == 0
+    assert json.loads(out, parse_constant=pytest.fail)
+
+
+def test_the_uncertainty_of_points_says_what_it_takes_for_the_parameters(tmp_path, rodgen_command):
+    table = tmp_path / "t.csv"
+    table.write_text("Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,0,700\n")
+    found = json.loads(rodgen_command("tricept", "uncertainty", table, "--json")[1])
+    assert found["U_x"].startswith("U_x is the paper's (23), as neither --u nor --covariance was given")
+    assert [point["point"] for point in found["points"]] == [[0, 0, 700], [10, 0, 700]]
+    assert [point["status"] for point in found["points"]] == ["reachable", "reachable"]
+    one = json.loads(rodgen_command("tricept", "uncertainty", "--point", "10,0,700mm", "--json")[1])
+    assert {key: one[key] for key in found["points"][1]} == found["points"][1]
+    _, out, err = rodgen_command("tricept", "uncertainty", table, "--u", "rods=3um")
+    assert out.startswith("Qx [mm]")
+    assert err.splitlines()[-1] == "U_x is by --u: u(rods) = 3 um."
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ["tricept", "uncertainty", "t.csv", "--json", "-o", "o.csv"],
+        ["tricept", "workspace", "--slice", "z=700mm", "--json"],
+    ],
+)
+def test_an_option_that_json_has_no_use_for_is_refused(line, rodgen_command):
+    code, out, err = rodgen_command(*line)
+    assert (code, out) == (2, "")
+    assert "together with --json; expected one of the two" in err
