@@ -248,7 +248,7 @@ def test_name_that_asks_for_nothing_is_refused(tmp_path: Path) -> None:
 
 def test_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputFileError, match="cannot be made") as error:
+    with pytest.raises(InputFileError, match="no folder can be made") as error:
         figures.save_figures(axis(), tmp_path / "file" / "plots")
     assert "\n" not in str(error.value)
 
