@@ -16,7 +16,7 @@ BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] genera
 FAST_TESTS := -m pytest -n $(JOBS) --dist loadgroup -m "not slow"
 
 .DEFAULT_GOAL := help
-.PHONY: help demo open test test-processors test-slow torture fuzz kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
+.PHONY: help demo open test test-processors test-slow torture fuzz answers kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -41,6 +41,9 @@ torture: .venv/test ## let each file operation of every command fail in turn, an
 
 fuzz: .venv/test ## run commands on files and arguments that are changed at random, for ten minutes, with a new seed each day (FUZZ_SEED=...)
 	$(BIN)/python tests/fuzz.py $(if $(FUZZ_SEED),--seed $(FUZZ_SEED)) $(if $(FUZZ_SECONDS),--seconds $(FUZZ_SECONDS))
+
+answers: .venv/test ## compare what the product says with the frozen answers (ACCEPT=1 freezes them, ALL=1 lists all, ONLY=diagnoses: one part)
+	$(BIN)/python answers/run.py -j $(JOBS) $(if $(ONLY),--only $(ONLY)) $(if $(ALL),--all) $(if $(ACCEPT),--accept)
 
 kernels: .venv/all ## regenerate generated/ from derivation/
 	$(BIN)/rodgen kernels
