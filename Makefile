@@ -43,7 +43,7 @@ fuzz: .venv/test ## run commands on files and arguments that are changed at rand
 	$(BIN)/python tests/fuzz.py $(if $(FUZZ_SEED),--seed $(FUZZ_SEED)) $(if $(FUZZ_SECONDS),--seconds $(FUZZ_SECONDS))
 
 answers: .venv/test ## compare what the product says with the frozen answers (ACCEPT=1 freezes them, ALL=1 lists all, ONLY=diagnoses: one part)
-	$(BIN)/python answers/run.py -j $(JOBS) $(if $(ONLY),--only $(ONLY)) $(if $(ALL),--all) $(if $(ACCEPT),--accept)
+	$(BIN)/python answers/run.py -j $(JOBS) $(if $(ONLY),--only $(ONLY)) $(if $(CASE),--case "$(CASE)") $(if $(ALL),--all) $(if $(ACCEPT),--accept)
 
 kernels: .venv/all ## regenerate generated/ from derivation/
 	$(BIN)/rodgen kernels

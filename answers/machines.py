@@ -58,7 +58,7 @@ def made() -> dict[str, Callable[[], Question]]:
             f"template {kind}{way}": partial(of_template, kind, options) for way, options in ways.items()
         }
     found |= {f"example {f.name}": partial(of_example, f) for f in sorted(EXAMPLES.iterdir()) if f.is_dir()}
-    for kind in READINGS:
+    for kind in ("point", "direction", "distance", "pose"):
         found[f"every effect, {kind}"] = partial(of_case, lambda kind=kind: machine_cases.every(kind))
     for kind in ("point", "direction", "pose"):
         found[f"own formulas, {kind}"] = partial(of_case, lambda kind=kind: machine_cases.own(kind)[0])

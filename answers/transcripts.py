@@ -10,8 +10,10 @@ import gzip
 import hashlib
 import html
 import io
+import json
 import os
 import re
+import shlex
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -33,6 +35,13 @@ LONGEST = 6000
 COVARIANCE, LIMITS = fuzz.COVARIANCE.decode(), fuzz.LIMITS.decode()
 POINTS = "Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"
 ATTITUDES = "alpha [deg],beta [deg],gamma [deg]\n0,10,20\n5,-8,3\n"
+TIMES = {
+    r"(proved|refuted) +\d+ +(?=\d+  )": r"\1 TIME ",
+    r"verdict +ms +chars": "verdict ms chars",
+    r"\d+\.\d s in proofs": "TIME in proofs",
+    r'"seconds": [\d.e-]+': '"seconds": 0',
+}
+"""What differs from one run to the next, and what stands there instead."""
 COMMANDS = """check fit compare diagnose plan predict report fleet watch open add remove parameter set-aside bring-back
 emit simulate effects new import solve fit-axis tricept euler mechanism derive errata kernels doctor completion"""
 CHI = "chi_x [deg],chi_y [deg],chi_z [deg]\n10,20,15\n0,0,0\n"
@@ -167,7 +176,7 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
     "wrong file": (
         of_example("rotary_table", **{"m.toml": fuzz.TURNTABLE.replace(b"[0, 0, 1]", b"[0, 0, -1]", 1)}),
         """
-        check m.toml d.csv -o mended.toml --mended-data mended.csv
+        check m.toml d.csv -o mended.toml
         check m.toml d.csv --json
         fit m.toml d.csv
         diagnose m.toml d.csv
@@ -187,6 +196,7 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
     "mechanisms": (
         {
             "l.csv": (EXAMPLES / "mechanisms/puma_560.csv").read_bytes(),
+            "p60.csv": (EXAMPLES / "mechanisms/ge_p60.csv").read_bytes(),
             "loop.csv": (EXAMPLES / "mechanisms/rrrcc.csv").read_bytes(),
             "q.csv": fuzz.JOINTS,
             "pose.csv": (EXAMPLES / "mechanisms/p60_pose.csv").read_bytes(),
@@ -196,7 +206,7 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
         mechanism mobility loop.csv
         mechanism forward l.csv q.csv
         mechanism reverse l.csv q.csv
-        mechanism reverse l.csv pose.csv --from matrix
+        mechanism reverse p60.csv pose.csv --from matrix
         mechanism toolkit 4
         """,
     ),
@@ -244,11 +254,12 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
         fit-axis axis_pairs/shared.csv
         fit-axis axis_pairs/slide.csv --sigma 0.01mm
         import coaxial_dh_table/other.csv --convention standard -o coaxial.toml
-        import point_column/dh.csv point_column/cal.csv -o points.toml -d points.csv
-        import point_column/dh.csv arm_of_dh_table/cal.csv -o arm.toml -d arm.csv
+        import point_column/dh.csv point_column/cal.csv --convention standard -o points.toml -d points.csv
+        import point_column/dh.csv arm_of_dh_table/cal.csv --convention standard -o arm.toml -d arm.csv
         fit arm.toml arm.csv -o fitted.toml
         emit fitted.toml --lang dh -o dh
-        import balls/machine.toml balls/probing.csv -d probing.csv
+        import balls/machine.toml balls/probing.csv -d p.csv --column 'x=X meas [mm]' \
+            --column 'y=Y meas [mm]' --column 'z=Z meas [mm]'
         check constant_commands/machine.toml constant_commands/data.csv
         check parallel_joints/machine.toml parallel_joints/data.csv
         check angle_of_one_axis/machine.toml angle_of_one_axis/good_full_turn.csv
@@ -259,7 +270,7 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
     "fleet": (of_fleet(), "fleet m.toml data -o results --jobs 1 --date 2026-11-20\nreport results -o fleet.html"),
     "equations": ({}, """
         derive rodrigues
-        errata
+        errata rodrigues
         kernels axis -o out
         kernels rodrigues -o none
         completion bash
@@ -300,15 +311,15 @@ def answers(case: str) -> Iterator[tuple[str, dict[str, Any]]]:
         for name, content in files.items():
             Path(name).parent.mkdir(exist_ok=True)
             Path(name).write_bytes(content if isinstance(content, bytes) else content.encode())
-        for number, command in enumerate(commands.strip().splitlines(), 1):
+        for number, command in enumerate(map(str.strip, commands.strip().splitlines()), 1):
             before = contents()
-            record = ran(command.split())
+            record = ran(shlex.split(command))
             if command.startswith("doctor"):  # which says what this computer has
                 record = {"out": [line for line in record["out"] if re.match(" {0,2}[^ ]", line)]}
                 record["out"] = [re.sub(r": .*", "", line) for line in record["out"]]
             written = {n: c for n, c in contents().items() if before.get(n) != c}
             record["files"] = {n: lines_of(text_of(n, c)) for n, c in written.items()}
-            yield f"{case} {number:02}: rodgen {command.strip()}", record
+            yield f"{case} {number:02}: rodgen {command}", record
 
 
 @contextlib.contextmanager
@@ -353,6 +364,8 @@ def text_of(name: str, content: bytes) -> str:
     if b"\0" in content:
         return f"{len(content)} bytes"
     text = content.decode()
+    if name.endswith(".json") and len(text.splitlines()) == 1:
+        text = json.dumps(json.loads(text), indent=1, ensure_ascii=False)
     if name.endswith(".html"):
         text = re.sub(r"<(script|style)\b.*?</\1>", " ", text, flags=re.DOTALL)
         text = html.unescape(re.sub(r"\s*\n\s*", "\n", re.sub(r"<[^>]*>", "\n", text)))
@@ -362,9 +375,8 @@ def text_of(name: str, content: bytes) -> str:
 def lines_of(text: str) -> list[str]:
     """Return the lines of a text without paths, times, version and digits beyond the ninth."""
     text = text.replace(str(Path.cwd()), "FOLDER").replace(rodgen.__version__, "VERSION")
-    text = (
-        re.sub(r"\b\d+(\.\d+)? m?s\b(?= *$)", "TIME", text, flags=re.MULTILINE) if "proved" in text else text
-    )
+    for pattern, instead in TIMES.items():
+        text = re.sub(pattern, instead, text)
     text = re.sub(r"-?\d+\.\d{7,}(e[-+]?\d+)?", lambda number: f"{float(number[0]):.9g}", text)
     lines = text.splitlines()
     kept, length = 0, 0
