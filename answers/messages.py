@@ -153,5 +153,6 @@ def message_of(call: Callable[[], Any]) -> str:
         call()
     except Exception as error:  # an error in rodgen itself is an answer, too
         name = "" if isinstance(error, RodgenError) else f"{type(error).__name__}: "
-        return re.sub(r" at 0x[0-9a-f]+", "", name + str(error))
+        text = str(error).replace(str(EXAMPLES), "EXAMPLES").replace(str(Path.cwd()), "FOLDER")
+        return re.sub(r" at 0x[0-9a-f]+", "", name + text)
     return "no error"

@@ -259,7 +259,7 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
         fit arm.toml arm.csv -o fitted.toml
         emit fitted.toml --lang dh -o dh
         import balls/machine.toml balls/probing.csv -d p.csv --column 'x=X meas [mm]' \
-            --column 'y=Y meas [mm]' --column 'z=Z meas [mm]'
+--column 'y=Y meas [mm]' --column 'z=Z meas [mm]'
         check constant_commands/machine.toml constant_commands/data.csv
         check parallel_joints/machine.toml parallel_joints/data.csv
         check angle_of_one_axis/machine.toml angle_of_one_axis/good_full_turn.csv
