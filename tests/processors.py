@@ -22,7 +22,7 @@ class Setting:
     """How linear algebra, NumPy's loops and rodgen's loops are chosen."""
 
     blas: str | None
-    """Processor for which OpenBLAS takes its routines; None: this one."""
+    """Processor for which OpenBLAS takes its routines; None: that of the environment."""
     threads: int
     without: tuple[str, ...]
     """How the names begin of instruction sets that NumPy's loops must not use."""
@@ -81,11 +81,7 @@ def run(name: str, command: list[str]) -> int | None:
         return None
     chosen = environment(setting)
     print(f"As {name}: {' '.join(f'{key}={value!r}' for key, value in chosen.items())}", flush=True)
-    before = {
-        key: value for key, value in os.environ.items() if not key.startswith(("OPENBLAS_", "OMP_", "MKL_"))
-    }
-    before.pop("NPY_DISABLE_CPU_FEATURES", None)
-    return subprocess.run([sys.executable, *command], env=before | chosen, check=False).returncode
+    return subprocess.run([sys.executable, *command], env={**os.environ, **chosen}, check=False).returncode
 
 
 def main(which: str, *command: str) -> int:
