@@ -89,7 +89,7 @@ def test_an_axis_with_the_wrong_sign_is_named_though_a_fit_can_turn_it(tmp_path:
         (
             "mount",
             lambda f: WRONG["joint_order"](f, np.random.default_rng(0)),
-            "order of the chain is AZ, EL",
+            "order of the chain is AZ and EL",
         ),
     ],
     ids=["order", "radians", "mirror", "inches", "metres", "axis", "order of a mount"],

@@ -91,7 +91,7 @@ def test_text_names_the_effects_and_the_falling_error(with_diagnoses, rodgen_com
     code, out, err = rodgen_command("diagnose", "mount.toml", "stars.csv", "-o", "better.toml")
     assert (code, err) == (0, "")
     lines = out.splitlines()
-    assert lines[-1] == "better.toml: mount.toml with tube_flexure, refraction"
+    assert lines[-1] == "better.toml: mount.toml with tube_flexure and refraction"
     assert rodgen_command("add", "mount.toml", "--from-diagnosis", "mount.json", "-o", "added.toml")[0] == 0
     assert Path("better.toml").read_text() == Path("added.toml").read_text()
     assert lines[0] == "Alt-azimuth mount of a telescope, stars.csv: 80 rows"
@@ -359,7 +359,7 @@ def test_text_shows_the_ladder_and_what_to_do(with_diagnoses, rodgen_command):
     titles = [f"{s['effect']} at {s['joint']}" if s["joint"] else s["effect"] for s in steps]
     assert (code, err) == (0, "")
     lines = out.splitlines()
-    assert lines[0] == f"mount_diagnosed.toml: mount.toml with {', '.join(titles)}"
+    assert lines[0] == f"mount_diagnosed.toml: mount.toml with {' and '.join(titles)}"
     assert lines[4].split()[:2] == ["base", "2.711"]
     for title in titles:
         assert any(line.startswith(f"+ {title} ") for line in lines)

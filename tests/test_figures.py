@@ -405,7 +405,7 @@ def test_residuals_before_and_after_whitened_and_in_parts() -> None:
     np.testing.assert_allclose(np.hypot(reading.y * arm, across.y), size, rtol=1e-6)
     with pytest.raises(ValueError, match="'W' is none of X, Y"):
         figures.residual_plot(before, "W")
-    with pytest.raises(ValueError, match="'W' is no joint: X, Y, Z, C"):
+    with pytest.raises(ValueError, match="'W' is no joint: X, Y, Z and C"):
         figures.residual_plot(before, approach="W")
 
 

@@ -103,7 +103,7 @@ def test_the_command_says_what_was_taken_for_what(tmp_path, rodgen_command: Run)
         "kuka.csv: a standard Denavit-Hartenberg table of 6 joints, a row is Rz(theta) Tz(d) Tx(a) Rx(alpha)"
         in out
     )
-    assert "Turned the other way (sign -1): A1, A4, A6." in out
+    assert "Turned the other way (sign -1): A1, A4 and A6." in out
     machine = Machine.load(output)
     assert [joint.name for joint in machine.joints] == ["A1", "A2", "A3", "A4", "A5", "A6"]
     assert machine.joints[0].axis == (0, 0, -1)

@@ -303,7 +303,7 @@ def test_ur10_s_measurements_fit_its_urdf(tmp_path, rodgen_command: Run):
         "import", UR10 / "robot.urdf", UR10 / "calibration.csv", *links, "-o", machine, "-d", data
     )
     assert (code, err) == (0, "")
-    assert "Not taken: 'phix1', 'phiy1', 'phiz1'" in out
+    assert "Not taken: 'phix1', 'phiy1' and 'phiz1'" in out
     assert "nothing looks wrong" in out
     # 2.0 mm in SOURCE.txt, of an independent fit with frame and target free
     assert Machine.load(machine).fit(Measurements.load(data)).rms == pytest.approx(2.0, abs=0.05)

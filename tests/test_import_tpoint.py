@@ -317,7 +317,7 @@ def test_a_model_is_known_by_its_terms(second, tmp_path, rodgen_command: Run):
         "import", tmp_path / "model.dat", "--latitude", "35.9deg", "-o", tmp_path / "m.toml"
     )
     assert (code, err) == (0, "")
-    assert "model.dat: a model, whose terms are held effects: IH, ID, CH" in out
+    assert "model.dat: a model, whose terms are held effects: IH, ID and CH" in out
     held = {effect.title: dict(effect.hold) for effect in Machine.load(tmp_path / "m.toml").effects}
     assert held["zero_offset at HA"]["a"] == pytest.approx(np.radians(-320.4815 / 3600))
 
@@ -327,7 +327,7 @@ def test_a_model_and_a_run_make_one_machine(tmp_path, rodgen_command: Run):
     name = model_file(tmp_path, {"IH": -10.0, "TF": 5.0})
     machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
     _, out, _ = rodgen_command("import", tmp_path / "run.dat", name, "-o", machine, "-d", data)
-    assert "model.mod: a model, whose terms are held effects: IH, TF" in out
+    assert "model.mod: a model, whose terms are held effects: IH and TF" in out
     made = Machine.load(machine)
     assert made.gravity == pytest.approx((-np.cos(0.55307353), 0, -np.sin(0.55307353)))
     assert [effect.title for effect in made.effects] == ["zero_offset at HA", "tube_flexure"]

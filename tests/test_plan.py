@@ -372,7 +372,7 @@ def test_effect_that_the_machine_does_not_have_may_be_asked_for(table):
     [
         (0, None, "n '0'; expected a whole number from 1 to 500"),
         (12, ["C.axle"], "no parameter 'C.axle'; expected one of C.axis.a"),
-        (12, ["C.backlash.k"], "no parameter 'k' of backlash at C; expected one of b"),
+        (12, ["C.backlash.k"], "no parameter 'k' of backlash at C; expected 'b'"),
     ],
 )
 def test_what_cannot_be_planned_is_one_sentence(table, n, wanted, text):

@@ -578,7 +578,7 @@ def test_another_text_of_what_gives_a_formula_its_meaning_is_another_key(tmp_pat
     monkeypatch.setattr(model, "_HOME", tmp_path / "machines")
     for folder in (home, home.parent / "data"):
         shutil.copytree(folder, tmp_path / folder.name)
-    structure = Machine.load(home.parents[2] / "examples/machines/mount/machine.toml").structure
+    structure = Machine.load(Path(__file__).parents[1] / "examples/machines/mount/machine.toml").structure
     before = model._key(structure)
     source_hash.cache_clear()
     assert model._key(structure) == before

@@ -250,7 +250,7 @@ def test_names_are_escaped_in_the_picture():
 def test_a_missing_joint_is_an_error():
     with pytest.raises(RodgenError, match="no joint 9; expected 0 to 5"):
         planar_representation(spatial.PUMA_560, input=9)
-    with pytest.raises(RodgenError, match="no joint 'X'; expected one of R1"):
+    with pytest.raises(RodgenError, match="no joint 'X'; expected 'R1'"):
         planar_representation(spatial.PUMA_560, output="X")
 
 
