@@ -42,7 +42,7 @@ torture: .venv/test ## let each file operation of every command fail in turn, an
 fuzz: .venv/test ## run commands on files and arguments that are changed at random, for ten minutes, with a new seed each day (FUZZ_SEED=...)
 	$(BIN)/python tests/fuzz.py $(if $(FUZZ_SEED),--seed $(FUZZ_SEED)) $(if $(FUZZ_SECONDS),--seconds $(FUZZ_SECONDS))
 
-answers: .venv/test ## compare what the product says with the frozen answers (ACCEPT=1 freezes them, ALL=1 lists all, ONLY=diagnoses: one part)
+answers: .venv/study ## compare what the product says with the frozen answers (ACCEPT=1 freezes them, ALL=1 lists all, ONLY=diagnoses: one part)
 	$(BIN)/python answers/run.py -j $(JOBS) $(if $(ONLY),--only $(ONLY)) $(if $(CASE),--case "$(CASE)") $(if $(ALL),--all) $(if $(ACCEPT),--accept)
 
 kernels: .venv/all ## regenerate generated/ from derivation/

@@ -26,6 +26,7 @@ class Octave:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            cwd=folder,  # there it leaves its workspace when it is killed
         )
 
     def run(self, code: str) -> str:
