@@ -13,10 +13,11 @@ INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 # The sources of the compiled kernels: when one changes, the package is installed again.
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
-FAST_TESTS := -m pytest -n $(JOBS) --dist loadgroup -m "not slow"
+PYTEST     := -m pytest -n $(JOBS) --dist loadgroup -m
+FAST_TESTS := $(PYTEST) "not slow and not thorough"
 
 .DEFAULT_GOAL := help
-.PHONY: help demo open test test-processors test-slow torture fuzz answers kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
+.PHONY: help demo open test test-processors test-thorough test-slow torture fuzz answers kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -33,8 +34,11 @@ test: .venv/test ## run the tests (PROCESSOR=prescott: as on that one of tests/p
 test-processors: .venv/test ## run the tests as on each processor of tests/processors.py: other linear algebra, other loops
 	$(BIN)/python tests/processors.py all $(FAST_TESTS)
 
+test-thorough: .venv/test ## run the tests that take more than half a second each, four minutes in all
+	$(BIN)/python $(if $(PROCESSOR),tests/processors.py $(PROCESSOR)) $(PYTEST) "thorough and not slow"
+
 test-slow: .venv/test-slow ## run the tests that take longer: grids of cases, long statistics, sanitizers of all kernels
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m slow
+	$(BIN)/python $(PYTEST) slow
 
 torture: .venv/test ## let each file operation of every command fail in turn, and memory end and Ctrl-C be pressed at many calls
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal tests/test_torture.py

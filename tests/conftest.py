@@ -46,12 +46,16 @@ def group_of(derivation: str) -> str:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Give a file to one of several test processes, so that its fixtures and derivations are made once.
 
-    Of a grid whose mark names the quick cases, the others are slow.
+    Of a grid whose mark names the quick cases, the others are slow. Cases that the mark `thorough` names are not
+    thorough themselves.
     """
     for item in items:
         quick = item.get_closest_marker("quick")
         if quick is not None and item.callspec.id not in quick.args:
             item.add_marker(pytest.mark.slow)
+        thorough = item.get_closest_marker("thorough")
+        if thorough is not None and thorough.args and item.callspec.id in thorough.args:
+            item.own_markers.remove(thorough)
         if item.get_closest_marker("xdist_group") is None:
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
 

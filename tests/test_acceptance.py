@@ -98,6 +98,7 @@ def test_a_pair_is_judged_together(tmp_path):
     assert "tube_flexure lowers the error only together with refraction." in str(found)
 
 
+@pytest.mark.thorough
 def test_six_positions_show_the_kind_of_a_motion(tmp_path):
     """Four waves along the axis of A go through any six errors; that they all are along the axis is no chance."""
     from real_machines import real
@@ -157,6 +158,7 @@ def test_what_may_only_imitate_an_undecided_effect_is_not_claimed():
     )  # explains the readings otherwise
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["axial_error_motion", "radial_error_motion", "encoder_eccentricity"])
 def test_what_a_joint_does_in_all_directions_at_six_positions_is_no_kind_of_motion(name, tmp_path):
     """Each position of A shifts and turns the table otherwise: along the axis as across it."""
@@ -212,6 +214,7 @@ def test_a_time_constant_or_a_period_at_which_an_effect_says_nothing(effect, pla
     assert bool(found) == bool(reason)
 
 
+@pytest.mark.thorough
 def test_the_search_goes_on_without_an_effect_that_full_fits_do_not_confirm(tmp_path, monkeypatch):
     machine, data = hidden("rotary_table", 11, [("backlash", "C")], raises=1.5).write(tmp_path)
     machine, data = rodgen.Machine.load(machine), rodgen.Measurements.load(data)
@@ -344,6 +347,7 @@ def test_an_effect_that_a_larger_one_hides_is_judged_when_the_larger_one_is_ther
     assert acceptance.weakest_last(errors(3.0, 2.0, 1.0)) == [0, 1]
 
 
+@pytest.mark.thorough
 def test_an_effect_that_chance_does_in_one_of_twenty_data_sets_is_mentioned(tmp_path):
     from real_machines import real
 

@@ -64,6 +64,7 @@ def test_a_fit_comes_from_far_off(tmp_path, off):
     assert found.value + off == pytest.approx(wanted.value, abs=1e-3 * wanted.std)
 
 
+@pytest.mark.thorough
 def test_another_mode_than_that_of_the_readings_is_reported_and_diagnoses_nothing(tmp_path, capsys):
     path = example(tmp_path, ("h = 260", "start = [0, 0, -150]\nh = 260"))
     main(["fit", str(path), str(FOLDER / "data.csv")])

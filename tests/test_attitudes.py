@@ -289,6 +289,7 @@ def milled(kind: str, wave: float, seed: int = 2) -> tuple[dict[str, Any], Array
     return columns | read(kind, turn, 0, np.array([0, 0, -1.0]), NOISE, about=STEEP), turn
 
 
+@pytest.mark.thorough("angle")
 @pytest.mark.parametrize(
     "kind", ["orientation", "angle", pytest.param("inclination", marks=pytest.mark.slow)]
 )

@@ -34,6 +34,7 @@ every_family = pytest.mark.parametrize("family", accuracy.FAMILIES, ids=lambda f
 COUNT = 200
 
 
+@pytest.mark.thorough("\\u03c7 ~ 1e-160", "\\u03c7 ~ 1e-4", "\\u03c1 within 1e-8 of the axis")
 @every_family
 def test_compiled_kernels_keep_the_promise(family: object) -> None:
     assert accuracy.measure(accuracy.gufunc, family.name, count=COUNT).worst <= family.bound
@@ -57,12 +58,14 @@ def test_every_instruction_set_keeps_the_promise(level: str, gufuncs: dict[str, 
     assert {name: w for name, w in worst.items() if not w <= 1} == {}
 
 
+@pytest.mark.thorough
 def test_emitted_c_keeps_the_promise(compiler: str, tmp_path: Path) -> None:
     solve = accuracy.emitted_c(tmp_path)
     worst = {f.name: accuracy.measure(solve, f.name, count=COUNT).worst / f.bound for f in accuracy.FAMILIES}
     assert {name: w for name, w in worst.items() if not w <= 1} == {}
 
 
+@pytest.mark.thorough("numpy_module")
 @pytest.mark.parametrize("solver", ["gufunc", "numpy_module"])
 def test_float32_keeps_the_promise(solver: str) -> None:
     solve, families = getattr(accuracy, solver), [f for f in accuracy.FAMILIES if f.float32]

@@ -237,6 +237,7 @@ def by_scipy(x: np.ndarray, y: np.ndarray, a: np.ndarray, known: bool, seed: int
     return min((least_squares(misses, start, **tight) for start in starts), key=lambda r: r.cost)
 
 
+@pytest.mark.thorough("1.5-None-True", "0.3-2.9-True", "0.01-None-True")
 @pytest.mark.parametrize("known", [False, True])
 @pytest.mark.parametrize(("noise", "angle"), [(0.01, None), (1.5, None), (0.01, 0.3), (0.3, 2.9)])
 def test_agrees_with_the_best_of_many_scipy_starts(known: bool, noise: float, angle: float | None) -> None:
@@ -382,6 +383,7 @@ def robust_interval_share(loss: str, bad: float, count: int, n: int = 60) -> flo
     return float(np.mean(np.abs(z) < student.ppf(0.975, np.median([f.dof for f in fits]))))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("bad", "n", "count"),
     [
@@ -443,6 +445,7 @@ def test_known_point_regions_hold_95_percent(count: int) -> None:
     assert share == pytest.approx(0.95, abs=binomial(count))
 
 
+@pytest.mark.thorough
 def test_mean_is_true_within_its_own_error() -> None:
     _, _, fits = draws(12, 0.01, 1300)
     U = tangents(AXIS)
@@ -606,6 +609,7 @@ def test_half_of_the_pairs_are_counted_and_both_axes_named() -> None:
     assert sorted(axis[2] for axis in axes) == pytest.approx([-1, 1], abs=1e-3)
 
 
+@pytest.mark.thorough("6")
 @pytest.mark.parametrize("n", [6, pytest.param(8, marks=slow), 30])
 def test_good_pairs_rarely_contradict(n: int) -> None:
     fits = [fit_axis(*scene(n, 0.01, 900 + seed), loss="huber") for seed in range(40)]
@@ -899,6 +903,7 @@ def test_two_pairs_of_equal_angle_determine_all() -> None:
     assert fit.dof == 2
 
 
+@pytest.mark.thorough("3", "4", "5")
 @pytest.mark.parametrize("seed", range(8))
 def test_any_mixture_of_degenerate_pairs_is_fitted_as_well_as_can_be(seed: int) -> None:
     """No exception, no warning, a unit axis, plain JSON, and no other line that fits better."""

@@ -62,6 +62,7 @@ def every(kind: str, instrument: str = "workpiece") -> Case:
     return Case(file, data_for(file, ROWS, np.random.default_rng(4)))
 
 
+@pytest.mark.thorough("pose-workpiece", "direction-workpiece")
 @pytest.mark.parametrize(
     ("kind", "instrument"),
     [("point", "workpiece"), ("pose", "workpiece"), ("direction", "workpiece"), ("point", "tool")],
@@ -171,6 +172,7 @@ def five_axis() -> dict[str, Any]:
     return branched(machine_file(joints, [(0, 0, 150)], effects=effects), "A C", "X Y Z")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("compiler", COMPILERS[:1])
 def test_emitted_code_brings_the_tool_to_its_place_in_the_workpiece(compiler, tmp_path):
     file = five_axis()
@@ -291,6 +293,7 @@ def measured(folder: Path, seed: int, *effects: tuple[str, str]) -> tuple[Hidden
     return case, *case.write(folder)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("seed", "name", "place"),
     [
@@ -313,6 +316,7 @@ def test_an_error_of_the_table_is_found_where_it_is_and_with_its_signs(seed, nam
             assert abs(found[key] - truth.values[key]) < 4 * estimate.std / estimate.value * found[key], key
 
 
+@pytest.mark.thorough
 def test_a_wrong_instrument_and_a_wrong_sign_are_found(tmp_path):
     file = five_axis() | {"effect": [], "estimate": {"parameters": ["A.point", "C.point", "target"]}}
     case, rng = Case(file, data_for(file, 60, np.random.default_rng(8))), np.random.default_rng(9)

@@ -73,6 +73,7 @@ def test_an_axis_with_the_wrong_sign_is_named_though_a_fit_can_turn_it(tmp_path:
     assert found.unit == "mm"
 
 
+@pytest.mark.thorough("order of a mount")
 @pytest.mark.parametrize(
     ("bench", "damage", "words"),
     [
@@ -102,6 +103,7 @@ def test_the_right_repair_is_named(bench: str, damage, words: str, tmp_path: Pat
     assert any(words in mend.words for mend in found.repairs), str(found)
 
 
+@pytest.mark.thorough("1")
 @pytest.mark.parametrize("offset", [1, -2])
 def test_rows_that_are_shifted_are_named(offset: int, tmp_path: Path) -> None:
     files = right_files("trunnion", tmp_path)
@@ -111,6 +113,7 @@ def test_rows_that_are_shifted_are_named(offset: int, tmp_path: Path) -> None:
     assert found.wrong
 
 
+@pytest.mark.thorough
 def test_furlongs_are_wrong_though_no_repair_is_known(tmp_path: Path) -> None:
     files = right_files("gantry", tmp_path)
     for name in "xyz":
@@ -129,6 +132,7 @@ def called(*arguments: object) -> int:
     return main([str(argument) for argument in arguments])
 
 
+@pytest.mark.thorough
 def test_the_command_names_writes_and_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine, data = damaged_trunnion(tmp_path)
     machine.write_text(machine.read_text() + "# a note\n")
@@ -206,6 +210,7 @@ def test_a_number_that_no_machine_has_is_not_emitted(
     assert not (tmp_path / "code").exists()
 
 
+@pytest.mark.thorough
 def test_python_emits_no_more_than_the_command(tmp_path: Path) -> None:
     machine = Machine.load(machine_of_a_table_that_turns_the_other_way(tmp_path))
     with pytest.raises(InputFileError, match=r"C\.scale\.k = -2, which no machine has.*force=True"):

@@ -82,6 +82,7 @@ def test_only_the_command_that_is_called_is_imported():
     subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
 
 
+@pytest.mark.thorough
 def test_a_fit_imports_no_library_of_other_tables():
     """Arrow imports pandas for some of its conversions, where it is installed."""
     folder = Path(__file__).parent.parent / "examples/machines/rotary_table"
@@ -143,6 +144,7 @@ def test_every_command_has_help(command, capsys):
     assert max(map(len, text.splitlines())) <= 120
 
 
+@pytest.mark.thorough
 def test_solving_never_imports_sympy_nor_what_other_commands_need(pairs, tmp_path):
     code = (
         "import sys, rodgen.cli.main\n"
@@ -308,6 +310,7 @@ def test_fault_at_the_end_leaves_stdout_empty(tmp_path):
     assert shown.stderr == f"{path}: line 100004, column 'angle [deg]': 'x'; expected a number\n"
 
 
+@pytest.mark.thorough("arguments1")
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
 @pytest.mark.parametrize(
     "arguments", [("solve", "-"), ("--help",), ("solve", "-", "-o", "/dev/full"), ("fit-axis", "-")]
@@ -344,6 +347,7 @@ def test_closed_streams_are_an_error(stream):
     assert shown.stderr.count("\n") == 1
 
 
+@pytest.mark.thorough
 def test_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
     path = tmp_path / "pairs.csv"
     path.write_text(PAIRS + "3,4,12,12,-3,4,120\n" * 20_000)
@@ -357,6 +361,7 @@ def test_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
     assert command.wait(60) == 141
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_interrupt_is_one_line_and_leaves_no_file(tmp_path):
     def take_interrupts():  # a test run in the background ignores them, and so would its children
@@ -681,6 +686,7 @@ def test_errata_name_what_the_source_only_says_or_takes_for_granted(lens, capsys
     ]
 
 
+@pytest.mark.thorough
 @pytest.mark.xdist_group("rodrigues")
 def test_derivation_of_the_paper_is_closed_and_finds_its_misprints(capsys):
     assert cli.main(["derive", "rodrigues"]) == 0
@@ -697,6 +703,7 @@ def test_derivation_of_the_paper_is_closed_and_finds_its_misprints(capsys):
 # warnings ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "setting", ["error", *(pytest.param(s, marks=pytest.mark.slow) for s in ("default", "ignore"))]
 )

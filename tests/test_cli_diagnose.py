@@ -75,6 +75,7 @@ def parsed(text):
 # diagnose ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_json_is_all_that_is_printed(diagnosed):
     mount, gantry = (parsed(diagnosed[name]) for name in DATA)
     counted = ["rows", "copies", "set_aside", "outliers"]
@@ -151,6 +152,7 @@ def test_further_measurements_without_a_column_of_what_was_found_cost_only_that_
     assert err.startswith("bare.csv: line 1: no column 'T_C [degC]'; expected one, because")
 
 
+@pytest.mark.thorough
 def test_a_machine_with_nothing_to_estimate_is_diagnosed(folder, rodgen_command):
     """What `fit -o` writes: all numbers are held, and the effect is still missing."""
     assert rodgen_command("fit", "gantry.toml", "gantry.csv", "-o", "fixed.toml")[0] == 0
@@ -162,6 +164,7 @@ def test_a_machine_with_nothing_to_estimate_is_diagnosed(folder, rodgen_command)
     assert ("encoder_eccentricity", "C") in named  # a weight about C does the same
 
 
+@pytest.mark.thorough
 def test_standard_input_is_read(with_diagnoses):
     with open("gantry.csv", encoding="utf-8") as stream:
         done = run_process("diagnose", "gantry.toml", "-", "--json", folder=with_diagnoses, stdin=stream)
@@ -182,6 +185,7 @@ def test_cannot_tell_is_an_answer(folder, rodgen_command):
     assert f"These data cannot tell: {found['reason'][:30]}" in out
 
 
+@pytest.mark.thorough
 def test_a_fit_that_does_not_converge_ends_with_3(folder, rodgen_command, monkeypatch):
     monkeypatch.setattr(
         "rodgen.calibration.solve.least_squares.minimise.__kwdefaults__",
@@ -193,6 +197,7 @@ def test_a_fit_that_does_not_converge_ends_with_3(folder, rodgen_command, monkey
     assert parsed(out)["rows"] == 80
 
 
+@pytest.mark.thorough
 def test_progress_shows_where_somebody_looks_and_nowhere_else(folder, capfd, monkeypatch):
     command = ["diagnose", "mount.toml", "stars.csv", "--json"]
     assert cli.main(command) == 0
@@ -583,6 +588,7 @@ def test_every_effect_of_the_catalogue_may_be_added_where_it_can_stand(folder, r
     assert rodgen.Machine.load("new.toml") == machine
 
 
+@pytest.mark.thorough
 def test_a_step_is_added_in_python_too(folder):
     machine = rodgen.Machine.load("gantry.toml")
     diagnosis = machine.fit(rodgen.Measurements.load("gantry.csv")).diagnose()
@@ -611,6 +617,7 @@ def without_a_compiler(cache, **more):
     return env | {"RODGEN_CACHE": str(cache), "CC": "/nonexistent"} | more
 
 
+@pytest.mark.thorough
 def test_few_rows_need_no_compiler(with_diagnoses, fresh_cache):
     env = without_a_compiler(fresh_cache)
     done = run_process("diagnose", "mount.toml", "stars.csv", "--json", folder=with_diagnoses, env=env)
@@ -619,6 +626,7 @@ def test_few_rows_need_no_compiler(with_diagnoses, fresh_cache):
     assert done.stdout == (with_diagnoses / "mount.json").read_text()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("how", ["numpy asked for", "no compiler"])
 def test_without_a_compiler(folder, fresh_cache, how):
     """The same answer; and one notice, where a compiler was meant to be there."""
@@ -636,6 +644,7 @@ def test_without_a_compiler(folder, fresh_cache, how):
     )
 
 
+@pytest.mark.thorough
 def test_without_plotly_and_what_else_is_not_needed(with_diagnoses):
     code = (
         "import sys\n"
@@ -679,6 +688,7 @@ def test_sizes_have_the_digits_that_their_uncertainty_leaves(with_diagnoses, rod
         assert len(std.replace(".", "").lstrip("0")) == 2
 
 
+@pytest.mark.thorough
 def test_errors_are_weighted_where_stated_uncertainties_differ(rodgen_command):
     """Along z the tracker is eight times worse: in millimetres the error hardly falls."""
     place = EXAMPLES / "positioner"

@@ -89,6 +89,7 @@ def test_fit_without_a_spare_reading_is_json_all_the_same(folder, rodgen_command
     assert json.loads(out, parse_constant=pytest.fail)["degrees_of_freedom"] == 0
 
 
+@pytest.mark.thorough
 def test_loading_a_compiled_model_imports_no_sympy(folder):
     assert run_process("fit", "mount.toml", "stars.csv").returncode == 0
     code = (
@@ -100,6 +101,7 @@ def test_loading_a_compiled_model_imports_no_sympy(folder):
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
 
 
+@pytest.mark.thorough("mount", "gantry_rotary", "ballbar_gantry")
 @pytest.mark.parametrize(
     "name",
     [pytest.param(n, marks=pytest.mark.slow) if n in ("robot_6r_tracker", "tricept") else n for n in NAMES],

@@ -107,6 +107,7 @@ def test_direct_keeps_rods_without_a_pose_and_numbers_all_poses(rods, capsys):
     np.testing.assert_allclose(legs, given, rtol=1e-11)
 
 
+@pytest.mark.thorough
 def test_workspace_prints_what_the_library_finds(capsys):
     assert cli.main(["tricept", "workspace", "--samples", "10", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

@@ -23,13 +23,13 @@ import numpy as np
 import pytest
 import sympy as sp
 from code_tokens import ANY_NAME, code_of, python_code
-from conftest import CPP_WARNINGS, compile_shared
 from hypothesis import strategies as st
 from kernel_reference import GENERATED, KERNELS, inputs_of, of_kernels, pairs
 from octave import Octave, OctaveError
 
 import rodgen
 import rodgen.generated
+from conftest import CPP_WARNINGS, compile_shared
 from rodgen.codegen import Kernel, KernelBuilder, KernelError
 from rodgen.codegen.compile import compile_kernel
 from rodgen.codegen.printers import (
@@ -173,6 +173,7 @@ def test_expand_writes_an_output_in_the_inputs() -> None:
         kernel.expand(kernel["unused"])
 
 
+@pytest.mark.thorough("chi_from_matrix", "chi_from_quaternion", "chi_from_zyx")
 @of_kernels(GENERATED)
 def test_every_kernel_is_in_order_and_assigns_once(name: str) -> None:
     kernel = KERNELS[name]
@@ -493,6 +494,7 @@ def test_what_has_no_real_value_is_nan_in_matlab_as_elsewhere(octave: Octave, tm
     octave.run(f"rmpath('{tmp_path}/matlab');")
 
 
+@pytest.mark.thorough("32-row by row")
 @pytest.mark.parametrize("rows", ["in blocks", "row by row"])
 @pytest.mark.parametrize("bits", [64, 32])
 def test_vector_printer_writes_every_construct(bits: int, rows: str, compiler: str, tmp_path: Path) -> None:

@@ -31,6 +31,11 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return str(TABLE / "data.csv")
 
 
+@pytest.mark.thorough(
+    "add m.toml backlash --joint C -o new.toml",
+    "remove more.toml backlash --joint C -o new.toml",
+    "parameter m.toml C.axis.a --prior 0\\xb120arcsec -o new.toml",
+)
 @pytest.mark.parametrize(
     "words",
     [

@@ -115,6 +115,7 @@ def shared(shape: tuple[int, int], pose: np.ndarray, random: np.random.Generator
     return random.normal(size=(pose.max() + 1, shape[1]))[pose] + 0.3 * random.normal(size=shape)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("rows", "errors", "draws"),
     [
@@ -222,6 +223,7 @@ def examples() -> Callable[[str], Comparison]:
     return example
 
 
+@pytest.mark.thorough("mount", "positioner", "ballbar_gantry")
 @pytest.mark.parametrize("name", sorted(HIDDEN))
 def test_examples_say_what_the_missing_effect_depends_on(
     name: str, examples: Callable[[str], Comparison]
@@ -261,6 +263,7 @@ def test_what_is_explained_is_what_a_fit_with_the_effect_explains(bench: Bench) 
     assert found.explained == pytest.approx(1 - (better.rms / f.rms) ** 2, abs=4 * np.sqrt(2 * 9) / 340)
 
 
+@pytest.mark.thorough("effects7-None-None", "effects0-dir_A-A", "effects1-dir_C-C")
 @pytest.mark.parametrize(
     ("effects", "driver", "joint"),
     [
@@ -317,6 +320,7 @@ def test_a_linear_drift_is_reported_with_its_size(bench: Bench) -> None:
     assert any("time" in claim and "drift by" in claim for claim in comparison.claims)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("draws", [10, pytest.param(50, marks=pytest.mark.slow)])
 def test_a_wandering_set_up_is_reported_and_joints_are_not_blamed(tmp_path: Path, draws: int) -> None:
     # C goes round slowly, again and again, and A up and down: both are alike in successive poses, as a walk is.
@@ -462,6 +466,7 @@ def test_orthonormal_columns_leave_out_what_is_nothing() -> None:
 # Few data, many data, exact data
 
 
+@pytest.mark.thorough("1", "2", "9")
 @pytest.mark.parametrize("rows", [1, 2, 3, 6, 9, 14])
 def test_few_rows_say_that_they_are_few(tmp_path: Path, rows: int) -> None:
     random = np.random.default_rng(1)
@@ -544,6 +549,7 @@ def test_dictionary_is_plain_documented_and_agrees_with_the_text(
     )
 
 
+@pytest.mark.thorough
 def test_names_of_a_user_s_file_are_drawn_as_they_are(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     covariates = {name: random.normal(size=40) for name in ("a$b_{c}$", "../x", "A$B_{C}$", "<b>d</b>")}

@@ -31,6 +31,7 @@ def diagnosed(case, folder):
     return rodgen.Machine.load(machine).fit(rodgen.Measurements.load(data)).diagnose()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("bench", "seed", "effects", "raises", "outliers", "named"),
     [
@@ -63,6 +64,7 @@ def test_a_form_gives_way_to_effects_that_explain_as_much(
         assert (step.effect.name, step.effect.place) in names
 
 
+@pytest.mark.thorough("mount-azimuth_wave")
 @pytest.mark.parametrize(
     ("bench", "outside"), [("rotary_table", "fifth_harmonic"), ("mount", "azimuth_wave")]
 )

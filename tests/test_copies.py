@@ -36,6 +36,7 @@ def files(name: str, folder: Path, *, in_place: bool = False) -> tuple[str, str]
 SAID = "40 of the 80 rows of data.csv are copies of others, their readings included; each is counted once."
 
 
+@pytest.mark.thorough("check", "compare", "fit")
 @pytest.mark.parametrize(
     "command", ["check", "fit", "compare", "diagnose", "predict", "add", "plan", "emit", "report"]
 )
@@ -67,6 +68,7 @@ def test_every_command_says_that_rows_are_copies(
     assert "copies" not in (said.err if shown is said.out else said.out)
 
 
+@pytest.mark.thorough("twice-mount", "each line twice-mount", "twice-positioner")
 @pytest.mark.parametrize("name", ["rotary_table", "mount", "ballbar_gantry", "three_sps_s", "positioner"])
 @pytest.mark.parametrize("in_place", [False, True], ids=["twice", "each line twice"])
 def test_copies_count_once(name: str, in_place: bool, tmp_path: Path) -> None:

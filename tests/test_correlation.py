@@ -260,6 +260,7 @@ def gantry(poses: int = 80) -> Bench:
 # variances ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("bench", "draws"),
     [
@@ -337,6 +338,7 @@ def test_a_wander_is_estimated_together_with_what_poses_share(draws: int) -> Non
     assert np.median([how.time for how in found]) == pytest.approx(0.05 * np.ptp(b.at), rel=0.3)
 
 
+@pytest.mark.thorough("40-1.0")
 @pytest.mark.parametrize(
     ("poses", "part"), [(40, 0.1), (40, 1.0), pytest.param(200, 1.0, marks=pytest.mark.slow)]
 )
@@ -363,6 +365,7 @@ def test_runs_wander_by_themselves() -> None:
 # tests of effects --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("bench", "error", "draws"),
     [
@@ -394,6 +397,7 @@ def test_p_values_of_columns_that_follow_nothing_are_uniform(bench: Any, error: 
     assert np.mean(p < 0.5) == pytest.approx(0.5, abs=0.12)
 
 
+@pytest.mark.thorough("shared-7")
 @pytest.mark.parametrize("draws", [7, pytest.param(15, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("error", ["wander", "shared"])
 def test_a_drift_is_not_taken_for_an_effect(error: str, draws: int) -> None:
@@ -411,6 +415,7 @@ def test_a_drift_is_not_taken_for_an_effect(error: str, draws: int) -> None:
         assert naive >= draws // 2
 
 
+@pytest.mark.thorough("encoder_eccentricity-36-1.5")
 @pytest.mark.parametrize(
     ("name", "poses", "raises"),
     [

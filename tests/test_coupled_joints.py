@@ -213,6 +213,7 @@ def test_a_coordinate_that_is_the_reading_changes_no_bit(reading, rule):
 # what is done with them ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_play_behind_a_motor_is_found_where_it_is_though_two_joints_move():
     machine, data = Machine.load(EXAMPLE / "machine.toml"), Measurements.load(EXAMPLE / "data.csv")
     found = machine.fit(data).diagnose()
@@ -238,6 +239,7 @@ def test_plan_keeps_motors_and_joints_within_their_travels_and_names_columns_of_
     assert columns["J2m [deg]"].min() >= -50
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("compiler", COMPILERS[:1])
 def test_emitted_code_commands_the_motors(compiler, tmp_path):
     effects = [effect("encoder_eccentricity", "A"), effect("tilt_error_motion", "C"), effect("scale", "Z")]

@@ -32,6 +32,7 @@ TOLERANCE = mpmath.mpf(10) ** -25  # 40 digits, less those that cancel in formul
 EPS = np.finfo(float).eps
 
 
+@pytest.mark.thorough
 def test_every_entry_is_proved_but_the_one_slip_of_the_paper():
     assert model.derivation.open == []
     assert list(model.derivation.kernels) == ["rotation_from_vector", "tilted_axis"]
@@ -357,6 +358,7 @@ def test_cantilever_and_bridge_against_a_numeric_beam():
 # What is emitted
 
 
+@pytest.mark.thorough
 def test_emitted_test_passes():
     folder = Path(rodgen.generated.__file__).parent / "tests"
     command = [

@@ -3,8 +3,8 @@
 import re
 
 import pytest
-from conftest import group_of
 
+from conftest import group_of
 from rodgen.cli.scripts import load_derivation, packaged_derivations
 from rodgen.symbolic._display import LINES, WIDTH
 from rodgen.symbolic._latex import rendered_width
@@ -35,6 +35,7 @@ def formulas(page):
     return displayed, inline
 
 
+@pytest.mark.thorough("trig_equation")
 @pytest.mark.parametrize("name", NAMES)
 def test_pages_show_steps_and_are_typeset(name):
     derivation = load_derivation(name)

@@ -65,6 +65,7 @@ def test_what_the_packages_did_is_not_refuted():
     assert "| Maple | 25 h | 40 pages |" in paper.table_1()
 
 
+@pytest.mark.thorough
 def test_no_entry_of_the_sensitivity_is_open():
     assert sensitivity.derivation.open == []
 
@@ -140,6 +141,7 @@ def sample(symbols, modulo, insert, generator):
     return point
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("rodrigues")
 @pytest.mark.parametrize("notes", [paper, sensitivity], ids=["rodrigues", "axis_sensitivity"])
 def test_what_is_proved_holds_at_random_numbers(notes):
@@ -336,6 +338,7 @@ def evaluate(letter, values, axis):
     return np.array(sp.lambdify(symbols, formula, "numpy")(*scaled), dtype=float)
 
 
+@pytest.mark.thorough("plus")
 def test_derivatives_agree_with_differences_for_any_direction_of_the_axis(case):
     values, axis, difference = case
     letters = (sensitivity.by_rho, sensitivity.by_rho_prime, sensitivity.by_angle)

@@ -24,6 +24,7 @@ SAID = ["Ox", "changes", "dimensionless", "vector-of-4", "after-multiplying-3", 
 TACIT = ["usual-Ox", "units"]
 
 
+@pytest.mark.thorough("eq-2", "eq-3", "eq-4")
 @pytest.mark.parametrize("id", PRINTED)
 def test_every_printed_formula_is_an_entry_with_its_place(id):
     entry = paper.derivation.entries[id]
@@ -135,6 +136,7 @@ def test_a35_of_eq_20_is_the_derivative_of_the_point_by_differences(seed):
             np.testing.assert_allclose(A[:, j], np.array(list(slope), float), rtol=1e-11, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_the_resultant_has_the_machines_exact_solutions():
     """Each positive root, isolated by exact arithmetic, is z² of a pose, and the other way round."""
     isolated = paper.resultant.intervals(eps=sp.Rational(1, 10**8), inf=0)

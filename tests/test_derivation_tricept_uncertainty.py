@@ -12,6 +12,7 @@ pytestmark = pytest.mark.xdist_group("tricept_uncertainty")
 tricept_uncertainty = LazyDerivation("tricept_uncertainty")
 
 
+@pytest.mark.thorough
 def test_everything_is_decided() -> None:
     assert tricept_uncertainty.derivation.open == []
     refuted = {

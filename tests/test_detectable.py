@@ -50,6 +50,7 @@ def share_found(base, one, factor):
     return count / DRAWS
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "title", ["squareness at Y", pytest.param("gravity_sag at X", marks=pytest.mark.slow)]
 )

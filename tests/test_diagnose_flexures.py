@@ -71,6 +71,7 @@ FRAME = {
 }
 
 
+@pytest.mark.thorough("title1-DEC.axis_flexure.a-same1")
 @pytest.mark.parametrize(
     ("title", "key", "same"),
     [
@@ -97,6 +98,7 @@ def test_a_coupling_of_a_wrist_is_named():
     assert abs(estimate.value - 8e-4) < 3.5 * estimate.std < 2e-4
 
 
+@pytest.mark.thorough
 def test_the_scale_of_one_axis_of_an_instrument_is_named():
     data = measured(WRIST, FRAME | {"instrument_axis_scales.y": 2e-4}, 120, 7)
     found = diagnose(WRIST, data)

@@ -147,6 +147,7 @@ def test_a_later_run_of_the_telescope_whose_pointing_model_was_another_one_is_sa
     )
 
 
+@pytest.mark.thorough
 def test_a_telescope_whose_pointing_wanders_has_no_wave_of_its_elevation():
     """Three other runs of this telescope show none."""
     found = second_run()

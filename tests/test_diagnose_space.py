@@ -438,6 +438,7 @@ def test_chance_passes_as_often_as_it_may():
     assert stats.binomtest(claims, 500, 0.01).pvalue > 1e-3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "place"), [("rotary_table", "C"), pytest.param("positioner", "phi", marks=slow)]
 )
@@ -635,6 +636,7 @@ def test_an_effect_apart_from_what_most_candidates_have_in_common_makes_no_gross
     assert alarms <= 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("wrong", [0.5, -5.0])
 def test_a_gross_error_is_found_where_all_candidates_together_could_follow_it(wrong, tmp_path):
     """One reading of the first row of a trunnion, after which its warm-up begins, is off by so many mm."""
@@ -725,6 +727,7 @@ def test_why_names_the_parameters_and_the_forms_that_the_model_has_by_now(parts,
     assert _aliases.why_alike(selection, sensitivities, one, [], [other])[0] == text
 
 
+@pytest.mark.thorough
 def test_good_rows_that_looked_wrong_at_first_change_nothing(monkeypatch):
     """A second round has all rows again: its answer is that of a diagnosis in which none looked wrong."""
     folder = EXAMPLES / "mount"
@@ -754,6 +757,7 @@ def leg_machine():
     return gather_evidence(base, Screening.at(base))
 
 
+@pytest.mark.thorough
 def test_a_zero_offset_does_not_stand_for_three_effects_of_other_kinds():
     """With a price of 17 for each of five parameters one offset was cheaper, though chi-square was larger by 44."""
     _, chosen = leg_machine()

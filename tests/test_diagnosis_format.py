@@ -140,12 +140,14 @@ def test_the_check_finds_what_is_spoilt(what):
 # diagnoses ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("directions")
 @every_case
 def test_a_diagnosis_is_written_as_the_formats_say(name):
     found = diagnosed(name).to_dict()
     assert format_errors(found, file_of(name), rows_of(files(name)[1]), NAMES) == []
 
 
+@pytest.mark.thorough("directions")
 @pytest.mark.parametrize("name", ["one effect", "directions"])
 def test_the_command_prints_the_same_and_nothing_else(name, capsys):
     machine, data = files(name)
@@ -192,6 +194,7 @@ def test_outliers_are_row_numbers_of_the_file():
     )  # a good reading beyond 4 sigma is believed to be one
 
 
+@pytest.mark.thorough
 def test_parameters_are_those_of_the_final_model():
     found = diagnosed("two effects")
     estimates = found.final.estimates
@@ -214,6 +217,7 @@ def test_effects_said_to_be_the_same_fit_as_well_when_fitted_anew(name):
     assert far_aliases(rodgen.Machine.load(machine), rodgen.Measurements.load(data), found) == []
 
 
+@pytest.mark.thorough
 def test_p_values_end_at_1e_300_and_ranking_goes_on():
     machine, data = hidden("rotary_table", 9, [("encoder_eccentricity", "C")], raises=400.0, size=2.0).write(
         mkdtemp()

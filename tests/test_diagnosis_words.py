@@ -54,6 +54,7 @@ def test_a_size_is_called_unusual_only_where_it_is_surely_ten_times_the_usual(va
         assert said.startswith("a is 45 times the size that is usual.")
 
 
+@pytest.mark.thorough
 def test_what_is_improbable_with_the_data_is_not_said_to_be_indistinguishable():
     machine = mount().base.machine
     likely = Alias((machine.effect("scale", "EL"),), "scale at EL does the same.", 1.0, 0.5, 0.4)

@@ -144,6 +144,7 @@ def test_a_set_up_that_wanders_is_not_displaced(wanders, tmp_path):
     assert "wanders" in " ".join(found.notes)
 
 
+@pytest.mark.thorough("6")
 @pytest.mark.parametrize("seed", [3, 6])
 def test_a_row_far_out_on_a_walk_is_no_outlier(seed, tmp_path):
     """It lies where those before and after it do; line 153 or 159 was left out."""

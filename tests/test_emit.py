@@ -31,12 +31,12 @@ import hypothesis
 import numpy as np
 import pytest
 from code_tokens import ANY_NAME, code_of, python_code
-from conftest import C_WARNINGS, CPP_WARNINGS
 from hypothesis import strategies as st
 from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file, unit
 from machine_simulator import Simulated, rotation
 from scipy.io import loadmat, savemat
 
+from conftest import C_WARNINGS, CPP_WARNINGS
 from rodgen.calibration.fit import fit
 from rodgen.cli import main as cli
 from rodgen.data.measurements import Measurements
@@ -322,6 +322,7 @@ def test_samples_are_taken_all_over_the_travel(dimensions):
         assert np.histogram2d(one, other, bins=2, range=[[0, 1]] * 2)[0].min() >= 8  # 16 on average
 
 
+@pytest.mark.thorough("gcc-table--O2")
 @pytest.mark.parametrize(
     ("name", "optimisation"),
     [
@@ -576,6 +577,7 @@ def test_ideal_is_the_simulator_without_errors(every, name):
     assert np.abs(places - device.case.simulated(mounted)).max() <= WITHIN
 
 
+@pytest.mark.thorough("table", "mount")
 @pytest.mark.parametrize("name", MACHINES)
 def test_c_and_numpy_compute_the_same(every, compiler, name):
     device = every(name)
@@ -1064,6 +1066,7 @@ def hostile_machine(names: Iterator[str]) -> Machine:
     )  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "first", [pytest.param(k, marks=pytest.mark.slow) if k % 2 else k for k in range(len(HOSTILE))]
 )
@@ -1122,6 +1125,7 @@ def test_code_of_any_names_is_that_of_plain_names(examples, compiler, tmp_path):
     same()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("examples", [20, pytest.param(500, marks=pytest.mark.slow)])
 def test_code_of_any_names_is_that_of_plain_names_in_other_languages(examples):
     content = content_of(hostile_machine(itertools.repeat("plain")), "device")

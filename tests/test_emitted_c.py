@@ -16,8 +16,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import C_FOLDER, C_MODULES, C_WARNINGS
 from kernel_reference import GENERATED, MODULE_OF, expected, of_kernels
+
+from conftest import C_FOLDER, C_MODULES, C_WARNINGS
 
 # -O0 keeps every access that the source makes, and compiles in a fifth of the time of -O1. No pointer to a local leaves
 # its scope in straight-line code, and to guard each scope takes GCC minutes where a function has a thousand locals.
@@ -217,6 +218,7 @@ def hostile(rng: np.random.Generator, size: int, bits: int) -> np.ndarray:
 QUICK = {"axis", "rotations"}  # matrices and scalars, statuses, trigonometric and usual cases
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("axis_angle_from_matrix")
 @of_kernels(GENERATED, slow=lambda name: MODULE_OF[name] not in QUICK)
 def test_sanitizers_find_nothing_and_results_are_right(
@@ -243,6 +245,7 @@ def test_sanitizers_find_nothing_and_results_are_right(
     assert content == b""
 
 
+@pytest.mark.thorough
 @of_kernels(GENERATED, slow=lambda name: name != "solve_axis")
 def test_sanitizers_find_nothing_whatever_the_numbers_are(
     drivers: Callable[[str], Path], name: str, tmp_path: Path

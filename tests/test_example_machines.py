@@ -95,6 +95,7 @@ FOUND_BY: dict[
 }
 
 
+@pytest.mark.thorough("ballbar_gantry", "positioner")
 @pytest.mark.parametrize("name", MADE)
 def test_what_is_missing_explains_the_data_to_the_noise(name: str) -> None:
     script = runpy.run_path(str(EXAMPLES / "make_data.py"))

@@ -314,6 +314,7 @@ def test_axis_figure_shows_every_pair_and_marks_outliers() -> None:
     )
 
 
+@pytest.mark.thorough
 def test_directions_and_distances_are_drawn() -> None:
     for name, unit in (("mount", "arcsec"), ("ballbar_gantry", "µm")):
         for figure in comparison_of(name):
@@ -409,6 +410,7 @@ def test_residuals_before_and_after_whitened_and_in_parts() -> None:
         figures.residual_plot(before, approach="W")
 
 
+@pytest.mark.thorough
 def test_many_rows_are_thinned_keep_their_extremes_and_say_so() -> None:
     fit = made_diagnoses.table(40_000).base
     figure = figures.residual_plot(fit, selected=[12_345])

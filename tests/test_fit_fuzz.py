@@ -156,6 +156,7 @@ def family(number: int) -> dict[str, Any]:
     return random_machine(100 + number)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("examples", [12, pytest.param(60, marks=pytest.mark.slow)])
 def test_odd_numbers_give_a_result_or_a_sentence(examples):
     @settings(QUICK, max_examples=examples)
@@ -168,6 +169,7 @@ def test_odd_numbers_give_a_result_or_a_sentence(examples):
     each()
 
 
+@pytest.mark.thorough
 @settings(QUICK, max_examples=5)
 @given(st.integers(0, 2**32 - 1))
 def test_any_machine_gives_a_result_or_a_sentence(seed):

@@ -147,6 +147,7 @@ NOT_SEEN = {"point": set(), "direction": {"Z.load_sag.k0"}, "distance": set()}
 """Parameters that change no reading: of a drop that does not turn, a direction shows nothing."""
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("direction-1")
 @pytest.mark.parametrize(
     ("kind", "count"),
@@ -208,6 +209,7 @@ def test_intervals_hold_the_truth_where_the_geometry_is_estimated_too(kind):
     assert_covers(whole)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["point", "direction"])  # distances do not see a turn about where they start
 def test_intervals_of_set_ups_hold_the_truth(kind):
     file = machine_file(JOINTS[1:], TARGETS, kind=kind, effects=[effect("frame_shift")], noise=NOISE[kind])
@@ -222,6 +224,7 @@ def test_intervals_of_set_ups_hold_the_truth(kind):
     assert_covers(score)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("stated", [True, False])
 def test_weights_at_later_joints_are_taken_in_where_they_matter(stated):
     of = ("gravity_windup", "A")

@@ -152,6 +152,7 @@ def missed(
     return worse
 
 
+@pytest.mark.thorough("mount-draws0", "gantry-draws0", "positioner-draws0")
 @pytest.mark.parametrize("draws", [range(4), pytest.param(range(4, 15), marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("make", "kind", "rows"), ROUGH)
 def test_rough_starts_end_at_the_least_cost(make, kind, rows, draws):
@@ -164,6 +165,7 @@ def test_of_many_rough_starts_99_percent_end_at_the_least_cost(make, kind, rows)
     assert len(missed(make, kind, rows, range(200))) <= 2
 
 
+@pytest.mark.thorough("mount-direction-linear", "robot-point-linear", "mount-direction-huber")
 @pytest.mark.parametrize("loss", ["linear", "huber"])
 @pytest.mark.parametrize(("make", "kind"), [(robot, "point"), (mount, "direction"), (table, "distance")])
 def test_a_fit_that_begins_with_some_rows_ends_where_one_of_all_rows_ends(monkeypatch, make, kind, loss):
@@ -278,6 +280,7 @@ def test_distances_tell_where_they_are_measured_from():
 # searches ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("60-1.3", "60-20", "400-3")
 @pytest.mark.parametrize(
     ("rows", "waves"),
     [

@@ -49,6 +49,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Truth, Fleet]
     return folder, truth, diagnose_fleet(pairs, folder / "results", date="2026-11-20")
 
 
+@pytest.mark.thorough
 def test_an_effect_that_all_have_is_common(fleet: tuple[Path, Truth, Fleet]) -> None:
     _, truth, found = fleet
     (kind,) = found.kinds
@@ -296,6 +297,7 @@ def test_trends_and_changes_have_their_p_values(nights: int, scatter: float, deg
         assert change < level * 1.15 + expected  # the number of places bounds it
 
 
+@pytest.mark.thorough("12-2")
 @pytest.mark.parametrize(("machines", "nights"), [(1, 10), (3, 5), (12, 2)])
 def test_scatter_that_few_differences_tell_is_not_taken_for_known(machines: int, nights: int) -> None:
     random, p = np.random.default_rng(5), []

@@ -40,6 +40,7 @@ SAID = (
 )
 
 
+@pytest.mark.thorough("check", "predict")
 @pytest.mark.parametrize("command", ["check", "fit", "compare", "predict", "add", "plan"])
 def test_every_command_names_the_reading(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -217,6 +217,7 @@ def test_a_fit_of_poses_finds_joints_and_offsets_of_legs():
     assert 0.6 < np.sqrt(np.mean(away**2)) < 1.4
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name",
     [

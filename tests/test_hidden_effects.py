@@ -127,6 +127,7 @@ def _not_yet(reason: str | None) -> list[pytest.MarkDecorator]:
     return [pytest.mark.xfail(strict=True, reason=reason)] if reason else []
 
 
+@pytest.mark.thorough("mount-title5")
 @pytest.mark.parametrize(("bench", "title"), QUICK)
 def test_an_effect_is_found(bench, title, tmp_path):
     found, truth = diagnosed(hidden(bench, 11, [title], raises=1.5), tmp_path)
@@ -136,6 +137,7 @@ def test_an_effect_is_found(bench, title, tmp_path):
     assert found.rms.after < 1.1 * found.rms.before / truth.raises
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("raises", "found"), [(1.5, False), (2.0, True)])
 def test_a_drift_is_named_where_it_goes_farther_than_a_walk_that_hides(raises, found, tmp_path):
     case = hidden("mount", 11, [("linear_drift", None)], raises=raises)
@@ -165,6 +167,7 @@ def test_every_effect_is_found_at_every_kind_of_joint(bench, title, tmp_path):
     assert len(found.steps) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("bench", "effects"),
     [
@@ -181,6 +184,7 @@ def test_two_and_three_effects_are_found(bench, effects, tmp_path):
         assert any(title in group for group in groups(found)), title
 
 
+@pytest.mark.thorough("trunnion-title1")
 @pytest.mark.parametrize(
     ("bench", "title"), [("rotary_table", ("eccentric_scale", "C")), ("trunnion", ("play", "C"))]
 )
@@ -213,6 +217,7 @@ INNOCENT = {
 }
 
 
+@pytest.mark.thorough("unequal variance, stated")
 @pytest.mark.parametrize("what", INNOCENT)
 def test_nothing_is_claimed_where_nothing_is(what, tmp_path):
     bench, more = INNOCENT[what]
@@ -240,6 +245,7 @@ def test_too_few_rows_are_too_few(bench, size, tmp_path):
     assert found.steps == ()
 
 
+@pytest.mark.thorough
 def test_a_joint_that_never_moved_hides_nothing_where_it_is_not_estimated(tmp_path):
     bench = still(np.random.default_rng(32))
     found, truth = diagnosed(hidden(bench, 32, [("squareness", "Y")], raises=1.5), tmp_path)
@@ -262,6 +268,7 @@ def test_a_joint_that_never_moved_hides_its_own_parameters_only(tmp_path):
 QUICK_OUTSIDE = ["fifth_harmonic", "humidity", "bump", "wave_under_load", "product_of_joints"]
 
 
+@pytest.mark.thorough("fifth_harmonic")
 @pytest.mark.parametrize(
     "kind",
     [kind if kind in QUICK_OUTSIDE else pytest.param(kind, marks=slow) for kind in OUTSIDE],
@@ -288,6 +295,7 @@ def test_a_proposed_effect_can_be_pasted_into_the_machine_file(tmp_path):
 # the command --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_the_command_tells_people_the_same(tmp_path, capsys):
     case = hidden("mount", 51, [("refraction", None)], raises=1.5)
     machine, data = case.write(tmp_path)
@@ -384,6 +392,7 @@ def test_intervals_of_the_study_are_those_of_clopper_and_pearson():
     assert interval(60, 60)[1] == 1.0
 
 
+@pytest.mark.thorough
 def test_what_only_the_effects_hint_at_is_no_reason_to_turn_the_machine(tmp_path):
     """How a robot is turned within its free frame does not show, but in how windups depend on the weight: hardly."""
     case = hidden("robot", 3, [("lateral_windup", "J2"), ("lateral_windup", "J3")], raises=1.8)
@@ -432,6 +441,7 @@ def test_what_is_said_of_the_geometry_allows_for_a_set_up_that_wanders(tmp_path)
     assert min(wider) > 0.7
 
 
+@pytest.mark.thorough
 def test_a_tilt_that_the_geometry_all_but_imitates_hides_no_eccentricity(tmp_path):
     """A tilt by 2600 arcsec, taken back by the next axis, imitated an eccentricity of 7: by what the two leave."""
     from real_machines import real
@@ -448,6 +458,7 @@ def test_a_tilt_that_the_geometry_all_but_imitates_hides_no_eccentricity(tmp_pat
         assert worth.log10_p == pytest.approx(np.log10(step.p_value), rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_a_bearing_moves_by_no_more_than_it_may_where_targets_do_the_same(tmp_path):
     """A motion by 65 mm, with the targets moved by as much, fits no better than one of micrometres."""
     from real_machines import real

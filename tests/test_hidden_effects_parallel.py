@@ -71,6 +71,7 @@ EFFECTS = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("bench", "title"), EFFECTS)
 def test_an_effect_of_a_leg_is_found(bench, title, tmp_path):
     found, truth = diagnosed(made(bench, 11, [title]), tmp_path)
@@ -102,6 +103,7 @@ def test_two_effects_are_found(bench, effects, tmp_path):
 INNOCENT = [{}, {"wanders": "pose"}, {"outliers": 0.02}, {"covariates": True}]
 
 
+@pytest.mark.thorough("tricept-what1")
 @pytest.mark.parametrize(
     ("bench", "what"),
     [

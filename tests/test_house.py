@@ -149,6 +149,7 @@ def module_of(name: str) -> str | None:
     return name or None
 
 
+@pytest.mark.thorough
 def test_nothing_private_is_imported_from_another_folder() -> None:
     wrong = []
     for module, file in MODULES.items():

@@ -380,6 +380,7 @@ def test_frames_of_a_corrected_urdf_move_by_the_correction_alone(robot, tmp_path
         assert abs(shift @ joint.axis) < 1e-6
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore:Link .* is of type .fixed.")  # of ikpy, where no mask is given
 def test_ur10s_own_urdf_has_the_places_that_its_measurements_say(tmp_path):
     """23 poses by a camera: the fitted axes and zeros, in the file that the robot came with, by another reader."""

@@ -46,6 +46,7 @@ def test_two_parameters_of_a_leg_are_named_for_three_that_do_the_same(diagnosed)
     assert found.to_dict()["indistinguishable_sets"][0]["effects"][0]["effect"] == "platform_joint_offset"
 
 
+@pytest.mark.thorough
 def test_two_equal_offsets_of_legs_are_listed_beside_the_third(diagnosed):
     found = diagnosed(
         "3-sps-s", 39
@@ -58,6 +59,7 @@ def test_two_equal_offsets_of_legs_are_listed_beside_the_third(diagnosed):
     assert "leg_zero_offset at L1" not in alone
 
 
+@pytest.mark.thorough
 def test_one_effect_is_not_named_as_two_that_fit_a_little_better(diagnosed):
     found = diagnosed("fork", 40)  # it has gravity_windup at A, squareness at Y and backlash at A
     assert titles(found) == ["encoder_eccentricity at A", "squareness at Y", "backlash at A"]

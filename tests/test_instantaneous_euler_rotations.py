@@ -101,6 +101,7 @@ def test_least_squares_from_many_starts_finds_exactly_the_list(seed: int) -> Non
         assert apart(listed, here).min() < 1e-8
 
 
+@pytest.mark.thorough("components0", "components1")
 @pytest.mark.parametrize(
     "components", [(0, 0.5, 0.6, 0.4), (0.7, 0.5, 0, 0.3), (0.7, 0, 0.4, 0), (0, 0, 0.8, 0.6)]
 )

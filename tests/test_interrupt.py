@@ -98,6 +98,7 @@ def begun(command):
     assert command.stderr.readline() == "begun\n"
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("fitting")
 @pytest.mark.parametrize("stage", ["reading", "fitting", "testing effects", "error on poses left out"])
 def test_a_diagnosis_ends_at_any_stage(stage, tmp_path):
@@ -107,6 +108,7 @@ def test_a_diagnosis_ends_at_any_stage(stage, tmp_path):
     assert [name for name in os.listdir(tmp_path / "cache") if name.startswith("build-")] == []
 
 
+@pytest.mark.thorough
 def test_the_compiler_ends_with_the_programs_that_it_runs(tmp_path):
     """A compiler that starts another program and waits for it, as cc does with cc1."""
     compiler = tmp_path / "cc"

@@ -68,5 +68,6 @@ def test_documented_shapes_are_those_of_the_kernel(file, function, kernel, argum
     assert [shape for _, shape in shapes(returns)] == outputs, f"{file}: what {function.name} returns"
 
 
+@pytest.mark.thorough
 def test_most_wrappers_are_found():
     assert len(wrappers()) >= 20

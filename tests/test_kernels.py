@@ -21,10 +21,10 @@ from typing import Any
 import cpp_calls
 import numpy as np
 import pytest
-from conftest import C_FOLDER
 from kernel_reference import GENERATED, KERNELS, MODULE_OF, Generated, expected, of_kernels
 from octave import Octave, columns, rows
 
+from conftest import C_FOLDER
 from rodgen.codegen.source_files import KernelModule, render
 from rodgen.generated import numpy as generated_numpy
 

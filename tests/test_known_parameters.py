@@ -186,6 +186,7 @@ def test_bounds_that_do_not_matter_change_nothing() -> None:
     assert np.allclose(known.covariance, free.covariance, rtol=1e-6)
 
 
+@pytest.mark.thorough
 def test_commands_pass_on_what_is_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = written(tmp_path, '\n[known]\nC.backlash.b = { bounds = ["5 arcsec", "9 arcsec"] }\n')
     data, better = str(EXAMPLE / "data.csv"), str(tmp_path / "better.toml")

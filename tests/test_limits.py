@@ -209,6 +209,7 @@ def test_a_full_device_is_one_line(option: str) -> None:
     assert re.fullmatch(r"standard output: file: cannot be written \(.*\); expected .*\n", done.stderr)
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full device")
 def test_a_full_device_tells_which_files_are_complete(tmp_path: Path) -> None:
     machine = Path(__file__).parent.parent / "examples" / "machines" / "rotary_table"

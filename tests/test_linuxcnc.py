@@ -105,6 +105,7 @@ def path_through(library, machine):
     return [np.linalg.norm(places(machine, design(at)) - wanted, axis=1) for at in (q, joints[:, :5])]
 
 
+@pytest.mark.thorough("m")
 @pytest.mark.skipif(not shutil.which("gcc"), reason="no gcc")
 @pytest.mark.parametrize("length", ["mm", "m"])
 def test_kinematics_for_linuxcnc_correct_a_path(tmp_path, length):
@@ -266,6 +267,7 @@ def place_for_linuxcnc():
         yield folder
 
 
+@pytest.mark.thorough
 def test_linuxcnc_brings_the_tool_of_a_machine_with_errors_where_it_is_commanded(place_for_linuxcnc):
     """From the file of a five-axis machine and its readings to a path in the simulator; the truth is NumPy's."""
     folder = place_for_linuxcnc

@@ -867,6 +867,7 @@ def machines(draw: st.DrawFn) -> Machine:
     return machine
 
 
+@pytest.mark.thorough
 @given(machines())
 @settings(max_examples=120, deadline=None)
 def test_machine_that_is_written_reads_back_equal(machine: Machine) -> None:
@@ -1209,6 +1210,7 @@ def test_effects_in_line_are_not_edited(path: Path) -> None:
     assert path.read_text(encoding="utf-8") == text
 
 
+@pytest.mark.thorough
 @given(st.data())
 @settings(max_examples=80, deadline=None)
 def test_edits_of_any_layout_do_what_they_say(

@@ -114,6 +114,7 @@ def columns_off(
     return {key: part for key, part in off.items() if not part < within}
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("point")
 @pytest.mark.parametrize("kind", KINDS)
 def test_each_column_is_the_derivative_of_the_simulator(kind):
@@ -157,6 +158,7 @@ def near(case: Case, values: dict[str, float]) -> dict[str, np.ndarray]:
     return dict(zip(("ux", "uy", "uz"), reading.T, strict=True))
 
 
+@pytest.mark.thorough("direction")
 @pytest.mark.parametrize("kind", KINDS)
 def test_columns_of_formulas_are_derivatives_of_the_simulator(kind, monkeypatch):
     monkeypatch.setenv("RODGEN_CPU", "numpy")
@@ -169,6 +171,7 @@ def test_columns_of_formulas_are_derivatives_of_the_simulator(kind, monkeypatch)
 # C, NumPy and 50 digits --------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("point")
 @pytest.mark.parametrize("kind", ["point", "direction", pytest.param("distance", marks=pytest.mark.slow)])
 def test_c_and_numpy_give_the_same_numbers_to_rounding(kind, compiler, monkeypatch):

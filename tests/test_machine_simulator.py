@@ -806,6 +806,7 @@ def test_telescope_gives_the_published_coefficients() -> None:
     assert values["refraction.a"] == pytest.approx(2.7165, abs=0.02)
 
 
+@pytest.mark.thorough
 def test_positioner_leaves_a_quarter_of_a_millimetre() -> None:
     rows = real(HERE / "data" / "positioner" / "data.csv")
     q = np.degrees(np.array([row[:2] for row in rows], dtype=float))

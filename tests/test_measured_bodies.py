@@ -54,6 +54,7 @@ def test_balls_that_are_read_one_by_one_are_no_body(noise: float, tmp_path: Path
     )  # 14 poses, 12 degrees of freedom each: 5 %
 
 
+@pytest.mark.thorough
 def test_a_slip_of_the_comma_does_not_make_balls_one_body(tmp_path: Path) -> None:
     """The other five balls of the pose were taken out with the wrong one."""
     table = Path(__file__).parent.parent / "examples/machines/rotary_table"

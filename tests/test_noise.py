@@ -276,6 +276,7 @@ def test_json_is_plain() -> None:
 # lack of fit -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("noise", "shared"), [({}, 0.0), ({}, 2.0), ({"noise": NOISE}, 0.0)])
 def test_a_right_model_lacks_nothing(noise: dict[str, float], shared: float) -> None:
     """Probabilities are uniform, or on the safe side, also where the readings of a pose share most of their error."""

@@ -151,6 +151,7 @@ JSON = {
 }
 
 
+@pytest.mark.thorough("mechanism mobility", "tricept uncertainty", "euler workspace")
 @pytest.mark.parametrize("name", JSON)
 def test_json_is_all_that_stands_on_standard_output(name, tmp_path, monkeypatch, rodgen_command):
     monkeypatch.chdir(tmp_path)

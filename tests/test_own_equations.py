@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import kept_files
 
+from conftest import kept_files
 from rodgen.cli.main import main
 from rodgen.codegen import KernelBuilder, KernelError
 from rodgen.codegen import build_cache as _build_cache
@@ -105,6 +105,7 @@ def build(four_bar: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(four_bar / "build", tmp_path / "build"))
 
 
+@pytest.mark.thorough
 def test_every_statement_of_the_example_is_proved_and_the_slip_refuted(four_bar):
     report = rodgen("derive", "four_bar.py", cwd=four_bar)
     assert "7 proved, 1 refuted, 0 open" in report
@@ -112,6 +113,7 @@ def test_every_statement_of_the_example_is_proved_and_the_slip_refuted(four_bar)
     assert re.search(r"freudenstein-with-a-slip +refuted", report)
 
 
+@pytest.mark.thorough
 def test_emitted_tests_pass_and_need_nothing_of_this_package(build):
     (build / "conftest.py").write_text("import sys\nsys.modules['rodgen'] = None\n")
     told = run_tests(build)
@@ -119,6 +121,7 @@ def test_emitted_tests_pass_and_need_nothing_of_this_package(build):
     assert re.search(r"9 passed" if COMPILER else r"5 passed, 4 skipped", told)
 
 
+@pytest.mark.thorough
 def test_emitted_tests_skip_c_with_a_reason_when_there_is_no_compiler(build):
     told = run_tests(build, "-k", "c_agrees", CC="no-such-compiler")
     assert "4 skipped" in told
@@ -207,6 +210,7 @@ def test_wrong_kernel_is_caught_by_its_proof(tmp_path):
     assert "kernel-first is not proved" in told
 
 
+@pytest.mark.thorough
 def test_wrong_kernel_without_a_proof_is_caught_by_the_emitted_test(tmp_path):
     (tmp_path / "four_bar.py").write_text(changed(FOUR_BAR, WRONG_KERNEL, *NO_PROOF))
     rodgen("kernels", "four_bar.py", "-o", "build", cwd=tmp_path)
@@ -215,6 +219,7 @@ def test_wrong_kernel_without_a_proof_is_caught_by_the_emitted_test(tmp_path):
         assert re.search(rf"FAILED .*{test}", told), told
 
 
+@pytest.mark.thorough
 def test_wrong_status_is_caught_by_the_emitted_test(tmp_path):
     wrong = changed(
         FOUR_BAR,
@@ -227,6 +232,7 @@ def test_wrong_status_is_caught_by_the_emitted_test(tmp_path):
     assert re.search(r"crank=[\d.]+, .*: the solver finds \[", told)
 
 
+@pytest.mark.thorough
 def test_solution_left_out_is_caught_by_the_emitted_test(tmp_path):
     wrong = changed(
         FOUR_BAR,
@@ -252,6 +258,7 @@ def test_wrong_derivative_is_caught_by_the_emitted_test(build):
     assert re.search(r"d rocker_angle / d crank_angle: off by \d", told)
 
 
+@pytest.mark.thorough
 @needs_compiler
 @pytest.mark.parametrize(
     ("old", "new", "told"),
@@ -269,6 +276,7 @@ def test_wrong_c_is_caught_by_the_emitted_test(build, old, new, told):
 # The how-to page ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_script_of_the_how_to_page_goes_the_way_that_the_page_tells(tmp_path):
     script, snippet = re.findall(r"```python\n(.*?)```", HOW_TO, re.S)
     (tmp_path / "slider_crank.py").write_text(script)
@@ -288,6 +296,7 @@ def test_script_of_the_how_to_page_goes_the_way_that_the_page_tells(tmp_path):
     np.testing.assert_allclose(namespace["positions"], expected[0], rtol=1e-15)
 
 
+@pytest.mark.thorough
 def test_errors_of_the_how_to_page_are_the_ones_that_come(tmp_path):
     script = re.findall(r"```python\n(.*?)```", HOW_TO, re.S)[0]
     wrong = changed(script, ("sp.sqrt(rod**2 - (e - r * sp.sin", "sp.sqrt(rod**2 - (e + r * sp.sin"))
@@ -326,6 +335,7 @@ def unit_vectors() -> Any:
     return k.build()
 
 
+@pytest.mark.thorough
 def test_vectors_more_equations_than_unknowns_degrees_and_unread_inputs(tmp_path):
     kernel = unit_vectors()
     assert kernel.equations.solutions == 2
@@ -339,6 +349,7 @@ def test_vectors_more_equations_than_unknowns_degrees_and_unread_inputs(tmp_path
     assert "8 passed" in told or COMPILER is None
 
 
+@pytest.mark.thorough
 def test_solution_at_a_zero_of_a_function_is_one_to_rounding(tmp_path):
     k = KernelBuilder("half_turns", summary="Angles with equal tangents.", source="definition")
     angle = k.input("angle", unit="rad", doc="an angle", between=(-4, 4))
@@ -513,6 +524,7 @@ HOSTILE = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("words", HOSTILE)
 def test_words_stay_in_docstrings_and_comments(words, tmp_path):
     class Status(IntEnum):
@@ -580,6 +592,7 @@ def arguments(dtype: type, *loops: tuple[int, ...]) -> list[np.ndarray]:
     return [rng.normal(size=loop + core).astype(dtype) for loop, core in zip(loops, cores, strict=True)]
 
 
+@pytest.mark.thorough("loops1-float64", "loops1-float32", "loops7-float64")
 @needs_compiler
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize(

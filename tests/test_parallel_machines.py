@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import C_WARNINGS
 from legged_cases import GEOMETRY, LEGS, TARGETS, Legged, every, legged, legged_file
 from machine_cases import effect, frame, toml
 from machine_simulator import rotation
@@ -34,6 +33,7 @@ from test_emit import (
 )
 from test_machine_jacobians import columns_off, near
 
+from conftest import C_WARNINGS
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem.binding import bind
 from rodgen.cli import main as cli
@@ -124,6 +124,7 @@ def test_the_unit_of_length_makes_no_difference(family):
     assert np.abs(moved - case.predicted(values)).max() <= WITHIN["point"]
 
 
+@pytest.mark.thorough
 @all_kinds
 def test_each_column_is_the_derivative_of_the_simulator(family, kind):
     case = every(family, kind)
@@ -188,6 +189,7 @@ def modes_of(case: Legged, row: int) -> np.ndarray:
     return MODES[legs]
 
 
+@pytest.mark.thorough("distance", "direction")
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_assembly_mode_is_the_one_nearest_the_readings(kind):
     """Rows are brought into one mode each; the readings determine it among all others."""
@@ -337,6 +339,7 @@ def test_intervals_of_each_leg_s_parameters_hold_the_truth(family, draws):
     assert stats.kstest(chances, "uniform").pvalue > 1e-4
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("3-sps-s")
 @both
 def test_the_covariance_of_a_predicted_place_is_that_of_the_places_that_fits_predict(family):
@@ -568,6 +571,7 @@ def test_emitted_code_passes_its_own_tests_alone(family, device, compiler, cpp_c
     assert "all tests hold" in done.stdout
 
 
+@pytest.mark.thorough
 @quickly_tricept
 def test_emitted_code_is_what_the_simulator_measures(family, device, compiler):
     case, values, folder = device(family)

@@ -53,6 +53,7 @@ def words(found: Plan) -> str:
 # the closed loop -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("short_arc-1", "one_load-1")
 @pytest.mark.parametrize("seed", [1, pytest.param(0, marks=slow)])
 @pytest.mark.parametrize("make", LOOPS, ids=lambda make: make.__name__)
 def test_planned_readings_tell_apart_effects_that_looked_the_same(make, seed, trials):
@@ -63,6 +64,7 @@ def test_planned_readings_tell_apart_effects_that_looked_the_same(make, seed, tr
     assert trial.resolved(*trial.after(found))
 
 
+@pytest.mark.thorough
 def test_data_from_one_side_are_continued_from_that_side():
     # else what the new target shows could as well be due to the other side: a diagnosis said so
     trial = Trial(bearing(), 0)
@@ -75,6 +77,7 @@ def test_data_from_one_side_are_continued_from_that_side():
 QUICK = ("one_radius", "bearing", "one_side", "one_load")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("make", "seed"),
     [
@@ -131,6 +134,7 @@ def test_even_plan_of_the_same_size_settles_less():
     assert sum(ours) >= sum(even) + 2
 
 
+@pytest.mark.thorough
 def test_positions_that_are_to_show_a_function_of_one_joint_are_not_those_of_two_ends(trials):
     found = trials["never_moved"].plan(24)
     parts = np.bincount((np.array(found.rows["X [mm]"]) / 100).astype(int), minlength=8)
@@ -160,6 +164,7 @@ def test_people_read_no_more_digits_than_they_can_set():
 # what it says ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_second_radius_is_asked_for(trials):
     found = trials["one_radius"].plan(30)
     assert "second radius about C" in words(found)
@@ -173,6 +178,7 @@ def test_target_that_is_not_there_yet_comes_with_its_block(trials):
     assert 'name = "p_2"' in found.summary()
 
 
+@pytest.mark.thorough
 def test_other_side_is_asked_for_and_the_order_of_the_rows_brings_it(trials):
     found = trials["one_side"].plan(30)
     assert "Approach C from the other side" in words(found)
@@ -191,6 +197,7 @@ def test_joint_that_went_with_time_is_measured_again(trials):
     assert min(found.rows["t [s]"]) > 796.0
 
 
+@pytest.mark.thorough
 def test_joint_that_stood_still_is_moved(trials):
     found = trials["never_moved"].plan(24)
     assert "Move X, which never moved" in words(found)
@@ -272,6 +279,7 @@ def test_expected_uncertainty_is_what_a_fit_of_the_planned_readings_has(table):
         assert gain.after < 0.5 * gain.now
 
 
+@pytest.mark.thorough("C.backlash-noise not stated", "C.backlash-noise stated")
 @pytest.mark.parametrize(
     ("noise", "scatter", "extra"),
     [
@@ -309,6 +317,7 @@ def test_standard_deviations_are_those_of_a_fit_of_these_readings(noise, scatter
         assert std == pytest.approx(gain.after, rel=0.06 if noise is None else 0.02)
 
 
+@pytest.mark.thorough
 def test_where_readings_depend_on_each_other_the_plan_says_the_std_of_the_diagnosis():
     found = diagnosed("positioner")
     stated = {e.key: e.std for step in found.steps for e in step.parameters.values()}
@@ -407,6 +416,7 @@ def test_model_of_which_every_parameter_rests_on_coordinates_is_sharpened_as_a_w
     assert found.count == 2
 
 
+@pytest.mark.thorough
 def test_parameters_that_look_like_a_choice_of_coordinates_are_left_out_and_named():
     found = diagnosed("rotary_table").plan()
     (goal,) = found.goals
@@ -448,6 +458,7 @@ def check_text(text: str) -> None:
     assert "chance" in table
 
 
+@pytest.mark.thorough("one_side")
 @pytest.mark.parametrize("name", ["one_side", "one_radius"])
 def test_text_is_short_sentences_and_then_a_table(trials, name):
     check_text(trials[name].plan(12).summary())
@@ -497,6 +508,7 @@ def test_rows_are_a_measurement_file_without_readings(trials, tmp_path):
     assert set(found.rows) == set(trial.loop.columns)
 
 
+@pytest.mark.thorough
 def test_plan_with_its_readings_is_a_file_that_can_be_diagnosed(trials, tmp_path, capsys):
     trial = trials["one_side"]
     found = trial.plan(12)
@@ -575,6 +587,7 @@ def test_time_passes_until_another_temperature_is_met():
 STILL = {"A [rad]": np.zeros(40), "C [rad]": np.random.default_rng(0).uniform(-3, 3, 40)}
 
 
+@pytest.mark.thorough("scale")
 @pytest.mark.parametrize(
     ("moved", "estimate", "wanted"),
     [
@@ -631,6 +644,7 @@ def test_plan_as_plain_data_and_as_text(trials):
     assert "Tell backlash at C and zero_offset at C apart." in text
 
 
+@pytest.mark.thorough
 def test_same_question_has_the_same_answer():
     first, second = (Trial(one_side(), 0).plan(12) for _ in range(2))
     assert first.to_dict() == second.to_dict()

@@ -120,6 +120,7 @@ def test_way_through_a_box_is_named(table, planned):
     assert not any("keep out" in note for note in beyond.notes)
 
 
+@pytest.mark.thorough
 def test_a_narrow_region_is_searched_for_readings(table, planned):
     text = 'allowed = ["x + y < 101 mm", "x + y > 99 mm", "z < 200"]'
     found = planned(table, text)
@@ -185,6 +186,11 @@ def test_moves_that_cost_time_are_kept_short(table, planned):
 # what contradicts itself ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough(
+    "[limits]\\nX = [300, 200]-[limits], X: [300, 200]; expected the lower number first",
+    "[limits]\\nU = [0, 1]-[limits], U: unknown key",
+    "[artefact]\\nballs = [9000, 0, 0]-[artefact], balls: [9000, 0, 0]; expected a list of places",
+)
 @pytest.mark.parametrize(
     ("text", "said"),
     [

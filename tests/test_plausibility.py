@@ -114,6 +114,7 @@ def test_a_size_or_a_sign_is_impossible_only_beyond_its_uncertainty():
     assert prior.size_cost(["a"], [10 * prior.sizes["a"].usual]) == pytest.approx(2 * math.log(101))
 
 
+@pytest.mark.thorough
 def test_the_user_s_word_and_the_joint_s_keys_overrule_the_odds_on_the_telescope(capsys):
     data = rodgen.Measurements.load(MOUNT / "mmt_2021.csv")
     found = diagnose(mount(), data)

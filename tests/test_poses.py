@@ -69,6 +69,7 @@ def turns(matrices: np.ndarray) -> np.ndarray:
 # the model -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("estimate1")
 @pytest.mark.parametrize("estimate", [("C.axis", "B.point", "target"), ("B.axis",)])
 def test_poses_are_those_of_the_simulator_and_columns_its_derivatives(estimate):
     case = posed(estimate=estimate)
@@ -327,6 +328,7 @@ def test_correlated_errors_of_place_and_attitude_are_whitened():
             _ = Case(ARM | {"measured": stated | {"correlation": wrong}}, {}).machine
 
 
+@pytest.mark.thorough
 def test_correlations_of_each_row_are_those_of_one_or_of_its_covariance():
     """A tracker's errors are longer across its beam: as coefficients, and as the covariance that it exports."""
     rows, rng = 300, np.random.default_rng(3)
@@ -489,6 +491,7 @@ def fitted_with_errors() -> tuple[Any, Any]:
     return file, fitted({**SEEN, **WRONG}, file, noise=(0.0, 0.0))
 
 
+@pytest.mark.thorough
 def test_emitted_code_corrects_place_and_attitude_of_the_tool(tmp_path):
     """With the corrected commands the simulated machine is, and is turned, where the nominal one would be."""
     file, fit = fitted_with_errors()
@@ -618,6 +621,7 @@ def test_angles_about_an_axis_are_those_of_the_simulator_and_columns_its_derivat
         assert np.abs(jacobian[:, :, column] - found).max() < 1e-8 * max(np.abs(found).max(), 0.1), key
 
 
+@pytest.mark.thorough
 def test_angles_say_what_turns_about_their_axis():
     file = of_angles(estimate=["target"], noise=5e-5)
     machine = Case(file, {}).machine
@@ -659,6 +663,7 @@ def equals(diagnosis: Any) -> set[tuple[str, str | None]]:
     return {alias.effect.identity for step in diagnosis.steps for alias in step.indistinguishable_from}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("state_noise", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_an_effect_of_the_last_joint_shows_in_attitudes_that_positions_do_not_tell(state_noise, tmp_path):
     """A flange that wobbles turns the board and moves its middle as a radial motion does, which turns nothing."""

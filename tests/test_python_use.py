@@ -396,6 +396,7 @@ def test_the_archive_has_the_files_that_were_fitted_and_their_hashes(tmp_path, c
     assert Fit.load(tmp_path / "later.zip").to_dict() == fit.to_dict()
 
 
+@pytest.mark.thorough
 def test_what_is_no_saved_fit_is_one_sentence(fit, tmp_path):
     path = tmp_path / "fit.zip"
     fit.save(path)

@@ -49,6 +49,7 @@ def mount(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.thorough("docs/solver.md-False")
 @pytest.mark.parametrize(
     ("page", "emitted"), [("README.md", True), ("docs/similar_effects.md", True), ("docs/solver.md", False)]
 )
@@ -155,6 +156,7 @@ def test_tutorial_prints_what_it_says(
     )
 
 
+@pytest.mark.thorough
 def test_c_examples_print_what_they_say(compiler: str, mount: Path) -> None:
     page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
     examples = re.findall(r"```c\n(.*?)```.*?```text\n(.*?)```", page, re.DOTALL)

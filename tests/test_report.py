@@ -140,6 +140,7 @@ VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell
 # what it says ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("cannot_tell-These data cannot tell-Only 3 poses; a test needs at least 4.")
 @pytest.mark.parametrize(
     ("verdict", "word", "more"),
     [
@@ -204,6 +205,7 @@ def test_measurements_are_described() -> None:
     assert "one way" in joints
 
 
+@pytest.mark.thorough
 def test_errors_of_the_machine_stand_above_the_ladder() -> None:
     found = made_diagnoses.of_machine("gantry_rotary", "encoder_eccentricity@C")
     text = report_page(found)
@@ -279,6 +281,7 @@ def test_command_that_adds_an_effect_is_one_of_the_shell() -> None:
     assert any(re.fullmatch(r"rodgen add \S+_gravity_windup_EL.toml refraction \S+", c) for c in commands)
 
 
+@pytest.mark.thorough
 def test_eccentricity_is_given_in_micrometres_of_the_scale() -> None:
     found = made_diagnoses.of_machine("gantry_rotary", "encoder_eccentricity@C")
     step = found.steps[0]
@@ -347,6 +350,7 @@ def test_plan_is_shown_and_can_be_downloaded() -> None:
 # pictures ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_figures_are_on_the_page(verdict: str, tmp_path: Path) -> None:
     path = tmp_path / "page.html"
@@ -432,6 +436,7 @@ def test_kinds_of_points_differ_by_shape() -> None:
     assert residual_of(figure, 0, "before").marker.symbol != residual_of(figure, 0, "after").marker.symbol
 
 
+@pytest.mark.thorough
 def test_large_data_are_thinned_keep_their_extremes_and_say_so() -> None:
     found = made_diagnoses.table(40_000)
     text = report_page(found)
@@ -467,6 +472,7 @@ def test_same_diagnosis_gives_the_same_bytes() -> None:
 # safe and alone ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("nothing_missing", "unknown_effect", "cannot_tell")
 @pytest.mark.parametrize("verdict", [*VERDICTS, "hostile"])
 def test_page_asks_for_nothing_from_outside(verdict: str) -> None:
     text, found = hostile() if verdict == "hostile" else page(verdict)
@@ -538,6 +544,7 @@ def test_names_of_a_user_stay_text_everywhere() -> None:
             assert "<img" not in words
 
 
+@pytest.mark.thorough
 def test_control_characters_do_not_break_a_picture() -> None:
     found = made_diagnoses.table(name="A\x00\x1b[31mB\ud800", target="b\x07")
     text = report_page(found)
@@ -594,6 +601,7 @@ def test_contrast_is_enough_in_light_and_dark() -> None:
 # the command -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_command_writes_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = MACHINES / "gantry_rotary"
     out = tmp_path / "page.html"
@@ -664,6 +672,7 @@ def test_browser_shows_it_without_overlap_overflow_or_complaint(tmp_path: Path) 
 # the how-to --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_how_to_prints_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     root = Path(__file__).parent.parent
     text = (root / "docs/diagnose.md").read_text(encoding="utf-8")
@@ -706,6 +715,7 @@ def test_data_of_the_how_to_are_those_of_its_design(tmp_path: Path, capsys: Any)
         np.testing.assert_allclose(*numbers, rtol=0, atol=2e-6)  # a thousandth of the noise, rounded
 
 
+@pytest.mark.thorough
 def test_an_error_below_the_noise_is_not_called_the_noise() -> None:
     found = diagnosis("effects_missing")
     for noise, said in (

@@ -40,6 +40,7 @@ DIFFERENTIATED = sorted(n for n, k in GENERATED.items() if "covariance" not in n
 LONG = [n for n in DIFFERENTIATED if GENERATED[n].operations > 100]
 
 
+@pytest.mark.thorough("polygon_notation_1", "quaternion_from_rodrigues_vector", "link_inverse")
 @of_kernels(set(DIFFERENTIATED) - set(LONG))
 def test_both_modes_agree_on_every_kernel_and_at_every_hard_input(name: str) -> None:
     check_both_modes(name)

@@ -53,6 +53,7 @@ def wrong_by(found: Fit, truth: dict[str, float]) -> float:
 # gross errors ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("0.3-readings", "0.3-readings alike", "0.1-readings alike")
 @pytest.mark.parametrize("kind", ["readings", "readings alike", "commands", "far commands"])
 @pytest.mark.parametrize("share", [0.1, 0.3])
 def test_gross_errors_are_named_and_do_no_harm(share: float, kind: str) -> None:
@@ -132,6 +133,7 @@ def test_a_missing_effect_is_not_taken_for_outliers() -> None:
     assert not fit(machine, data, loss="huber").outliers.any()
 
 
+@pytest.mark.thorough
 def test_good_data_keep_all_rows() -> None:
     """One of 100 sets may have an outlier; of 20 sets three or more have one with probability 0.001."""
     alarms = 0
@@ -218,6 +220,7 @@ def test_other_losses_are_refused() -> None:
 # coverage --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("stated", "loss", "sets", "share"),
     [

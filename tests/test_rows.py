@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import kept_files
 
+from conftest import kept_files
 from rodgen.codegen import Kernel, KernelBuilder, KernelError, _rows_source, tape, tape_jacobian
 from rodgen.codegen import build_cache as _build_cache
 from rodgen.codegen import rows as rows_module
@@ -153,6 +153,7 @@ def as_tuple(results: Any) -> tuple[np.ndarray, ...]:
     return results if isinstance(results, tuple) else (results,)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("level", TARGETS)
 def test_values_and_derivatives_against_50_digits(on, reference, level):
     for name, kernel in on(level).items():
@@ -304,6 +305,7 @@ def everything() -> Kernel:
     return k.build()
 
 
+@pytest.mark.thorough("a1-NumPy", "a0-NumPy", "a0-baseline")
 @pytest.mark.parametrize("level", TARGETS)
 @pytest.mark.parametrize("a", [(0.5, 1.5), (2.0, 0.25)])
 def test_every_construct_against_50_digits(monkeypatch, level, a):
@@ -346,6 +348,7 @@ def parabola() -> Kernel:
     return k.build().jacobian(["p"], values=True, name="both")
 
 
+@pytest.mark.thorough("flags0-gcc")
 @needs_compiler
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize(
@@ -387,6 +390,7 @@ def numbers_of_a_chain(x: Any, p: Any, f: dict[str, Any]) -> list[Any]:
     return [chosen * x[2] + p[0], f["sqrt"](1 + chosen**2) - narrow * p[1], p[4]]
 
 
+@pytest.mark.thorough("500-NumPy")
 @pytest.mark.parametrize("level", TARGETS)
 @pytest.mark.parametrize("part", [6, 500])
 def test_one_sweep_gives_all_rows_of_a_jacobian(monkeypatch, level, part):
@@ -672,6 +676,7 @@ SPOIL = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("bit")
 @needs_compiler
 @pytest.mark.parametrize("how", SPOIL)

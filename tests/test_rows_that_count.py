@@ -70,6 +70,7 @@ def close(found: dict[str, Any], expected: dict[str, Any]) -> None:
         assert found[key]["std"] == pytest.approx(one["std"], rel=1e-3), key
 
 
+@pytest.mark.thorough
 def test_a_fit_after_a_diagnosis_has_its_numbers(trunnion: Trunnion) -> None:
     said, final = trunnion.said, trunnion.diagnosis.final_with_forms
     assert said["outliers"] == ROWS
@@ -82,6 +83,7 @@ def test_a_fit_after_a_diagnosis_has_its_numbers(trunnion: Trunnion) -> None:
     assert SAID in printed("fit", trunnion.better, trunnion.data)
 
 
+@pytest.mark.thorough
 def test_other_commands_count_the_same_rows(
     trunnion: Trunnion, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

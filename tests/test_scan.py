@@ -274,6 +274,7 @@ def test_what_is_not_done_in_parts_is_refused(machine, folder, frame):
         fit(poses, Measurements.scan(folder))
 
 
+@pytest.mark.thorough
 def test_a_robust_fit_finds_the_outliers_of_all_rows(machine, frame, tmp_path):
     """Most of them are not in the sample; the others are those of the table in memory, and so is the fit."""
     machine = machine.add("encoder_ellipticity", joint="C")

@@ -112,6 +112,7 @@ def test_without_dask_a_sentence_says_what_to_install(monkeypatch):
         pass
 
 
+@pytest.mark.thorough
 def test_importing_and_threads_import_no_dask():
     code = (
         "import sys, rodgen, rodgen.schedulers as s\n"

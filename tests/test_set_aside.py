@@ -56,6 +56,7 @@ def read() -> tuple[Machine, Measurements]:
     return Machine.load("m.toml"), Measurements.load("data.csv")
 
 
+@pytest.mark.thorough("check", "fit", "predict")
 @pytest.mark.parametrize(
     "command", ["check", "fit", "compare", "diagnose", "predict", "add", "plan", "emit", "report"]
 )

@@ -75,6 +75,7 @@ def test_the_worked_example_of_the_facts():
     assert max(x.max() for x in numeric_reverse.errors(loop, found.solutions, np.eye(4))) < 1e-14
 
 
+@pytest.mark.thorough("PRPCRR", "CPCRR", "RPPRRRR")
 @pytest.mark.parametrize("kinds", GROUP_1 + GROUP_2)
 def test_every_way_that_a_search_finds(kinds):
     rng = np.random.default_rng(len(kinds) + sum(map(ord, kinds)))
@@ -103,6 +104,7 @@ def test_every_way_that_a_search_finds_in_many_loops(kinds):
     assert total > 50
 
 
+@pytest.mark.thorough("RRRCC")
 @pytest.mark.parametrize("kinds", ["RCRCR", "RRRCC", "CCCR", "RPCRRR"])
 def test_loops_of_right_angles_and_zeros(kinds):
     rng = np.random.default_rng(3)
@@ -134,6 +136,7 @@ def test_counts_are_even():
     assert counts == {0, 2, 4}
 
 
+@pytest.mark.thorough("4-4")
 @pytest.mark.parametrize(("given", "most"), [(0, 4), (4, 4), (2, 8)])
 def test_how_many_ways_rcrcr_loops_close_in(given, most):
     """A quartic in the older literature: true with the input next to a C and an R, not with others."""

@@ -226,6 +226,7 @@ def test_groups_of_robots():
     assert group(Mechanism("RRRRPP", np.ones(5), np.ones(5))).most_solutions == 8
 
 
+@pytest.mark.thorough("mechanism2", "mechanism5", "mechanism7")
 @pytest.mark.parametrize("mechanism", [loop[0] for loop in LOOPS.values()] + [spatial.T3_776])
 def test_the_picture_has_every_joint_and_link(mechanism):
     figure = planar_representation(mechanism, input=0, output=mechanism.names[-1])

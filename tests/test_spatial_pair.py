@@ -67,6 +67,7 @@ def nearest(pair, points):
 # all solutions, and no others ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("random-fast")
 @methods
 @pytest.mark.parametrize("spread", [0, 3], ids=["random", "badly scaled"])
 def test_all_solutions_are_those_with_60_digits(method, spread):
@@ -202,6 +203,7 @@ def test_nearly_double_solutions_are_not_lost(distance):
     assert ((pair.status <= PairStatus.DOUBLE).sum(axis=-1) >= 4).all()
 
 
+@pytest.mark.thorough("fast")
 @methods
 def test_no_solution_is_counted_twice(method):
     """Small whole coefficients, where three and more solutions meet in many rows."""

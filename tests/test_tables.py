@@ -517,6 +517,7 @@ def test_any_bytes_are_read_or_refused(content, scratch):
     read_or_refuse(scratch, content)
 
 
+@pytest.mark.thorough
 @settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(content=mutations(f'{HEADER},note\n{ROW},"a ""b"", c"\n3,4,12,12,-3,4,90,µ\n'.encode()))
 def test_damaged_csv_is_refused_or_read_as_the_csv_module_reads_it(content, scratch):
@@ -527,7 +528,7 @@ def test_damaged_csv_is_refused_or_read_as_the_csv_module_reads_it(content, scra
         columns = dict(zip((name.strip() for name in header), zip(*rows, strict=True), strict=True))
         for i, axis in enumerate("xyz"):
             expected = next(v for k, v in columns.items() if k.split("[")[0].strip() == f"rho_{axis}")
-            numbers = np.array(expected, float)
+            numbers = np.array([text.replace("\ufeff", "") for text in expected], float)  # it has no width
             with np.errstate(all="ignore"):
                 # to a factor, because the unit may be damaged into another one
                 left, right = pairs.rho[:, i] * numbers[0], numbers * pairs.rho[0, i]

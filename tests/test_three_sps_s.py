@@ -212,6 +212,7 @@ def test_random_poses_are_among_their_modes_and_signs_balance():
         assert (result[1][result[2] == DirectStatus.CONVERGED] % 2 == 0).all()
 
 
+@pytest.mark.thorough("0", "1", "5")
 @pytest.mark.parametrize("number", range(6))
 def test_a_search_from_many_starts_finds_no_other_modes(number):
     machine = [MACHINE, *random_machines(5, 8)][number]

@@ -160,6 +160,7 @@ def test_extremes_of_known_functions_are_found() -> None:
 # the range ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_ranges_and_base_sums_are_those_of_another_program(found: tricept.Bounds) -> None:
     assert found.complete
     for n, name in enumerate(ELEMENTS):
@@ -309,6 +310,7 @@ def test_largest_cube_on_the_axis_is_not_that_of_eq_24() -> None:
         assert rods.min() < LEG_LIMITS[0] or rods.max() > LEG_LIMITS[1]
 
 
+@pytest.mark.thorough
 def test_leaving_the_axis_gives_a_larger_cube() -> None:
     cube = tricept.largest_cube(PAPER, LEG_LIMITS, "free")
     assert cube.edge >= 184.93
@@ -340,6 +342,7 @@ def test_places_without_a_cube_are_an_error() -> None:
 # influence maps ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("region1-geometry0", "region0-geometry1")
 @pytest.mark.parametrize("geometry", [PAPER, TOOL])
 @pytest.mark.parametrize(
     "region",
@@ -453,6 +456,7 @@ def test_beams_outside_have_no_influence() -> None:
 # command line ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_bounds_as_json_and_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = tmp_path / "bounds.csv"
     arguments = ["tricept", "bounds", "--centre", "0,0,68.5cm", "--edge", "1cm", "--gap", "0.01"]
@@ -482,6 +486,7 @@ def test_influence_map_from_the_command_line(tmp_path: Path, capsys: pytest.Capt
     assert "on U_y[xx]" in capsys.readouterr().err
 
 
+@pytest.mark.thorough("centre2-3.0-more2-geometry2")
 @pytest.mark.parametrize(
     ("centre", "edge", "more", "geometry"),
     [
@@ -507,6 +512,7 @@ def test_beams_of_a_small_cube_span_its_angles(
     assert values.max() + 1e-3 * width >= greatest >= values.max() - 0.1 * width
 
 
+@pytest.mark.thorough("arguments2-a cube, or --largest", "arguments5-not a pair", "arguments9---centre")
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -546,6 +552,7 @@ def test_the_pages_table_is_what_is_computed(found: tricept.Bounds) -> None:
             np.testing.assert_allclose(shown, here, atol=room)
 
 
+@pytest.mark.thorough
 def test_a_grid_of_beams_gives_what_the_paper_prints() -> None:
     step = 0.36
     angles = np.radians((np.arange(-24, 24) + 0.5) * step)

@@ -93,6 +93,7 @@ def tool_of(pose: np.ndarray, geometry: Geometry, errors: dict[str, object]) -> 
     return list(placed(q, list(found)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("row", range(len(POSES)))
 def test_sensitivity_is_the_derivative_of_the_solved_machine(row: int) -> None:
     pose = POSES[row]

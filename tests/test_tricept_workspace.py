@@ -54,6 +54,7 @@ def test_a_rod_that_gets_too_short_leaves_a_hole_in_a_beam():
     assert length == pytest.approx(within.sum() / 100, abs=0.05)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("geometry", [PAPER, WITH_Q])
 def test_volume_is_that_of_random_points(geometry):
     found = tricept.workspace(geometry, LEG_LIMITS, samples=200)

@@ -176,6 +176,9 @@ def error_on(fitted_machine: Machine, columns: Mapping[str, Any]) -> np.ndarray:
     return Problem(model, o).residuals(model.start(), frame)
 
 
+@pytest.mark.thorough(
+    "temperature times sine-0", "direction times wave-0", "fifth harmonic of a table's height-0"
+)
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", KINDS)
 def test_driver_of_what_raises_the_error_by_a_fifth(name: str, seed: int) -> None:
@@ -186,6 +189,7 @@ def test_driver_of_what_raises_the_error_by_a_fifth(name: str, seed: int) -> Non
     assert len(forms) == 1
 
 
+@pytest.mark.thorough("fifth harmonic of a table's height", "direction times wave")
 @pytest.mark.parametrize("name", KINDS)
 def test_form_predicts_readings_that_it_has_not_seen(name: str) -> None:
     """Within what the noise of the readings makes of the parameters, of which it has more than the truth at times."""
@@ -210,6 +214,7 @@ def test_form_predicts_readings_that_it_has_not_seen(name: str) -> None:
             )
 
 
+@pytest.mark.thorough("table-seeds0", "range-seeds0")
 @pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 8), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", INNOCENT)
 def test_nothing_is_found_in_noise(name: str, seeds: range) -> None:

@@ -42,6 +42,7 @@ class Line:
         return float(np.exp(log_p_under_walks(*by)))
 
 
+@pytest.mark.thorough
 def test_a_walk_of_unknown_size_is_called_a_drift_as_often_as_the_p_value_says() -> None:
     random, b = np.random.default_rng(1), Line(40)
     p = np.array([b.p(walk, 0.0, random) for walk in (0.0, 0.3, 1.0, 3.0) for _ in range(75)])

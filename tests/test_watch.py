@@ -80,6 +80,7 @@ def sigmas(**effects: float) -> float:
     return float(np.std(some.measure(dict(effects)) - some.measure({})) / bench().sigma)
 
 
+@pytest.mark.thorough("axial_error_motion at C-C.axial_error_motion.c1-4.0")
 @pytest.mark.parametrize(
     ("title", "key", "size"),
     [
@@ -267,6 +268,7 @@ def run(folder: Path, *more: str, data: str = "new.csv") -> int:
     return cli.main(["watch", str(folder / "m.toml"), str(folder / data), *ref, *more])
 
 
+@pytest.mark.thorough
 def test_the_command_reports_lines_and_its_exit_code_is_that_of_an_alarm(files, capsys) -> None:
     (files / "new.csv").write_text("".join(csv_lines(readings(BEFORE, 2))))
     assert run(files) == 0
@@ -318,6 +320,7 @@ def test_a_bad_row_is_named_and_left_out_or_ends_the_watch(files, capsys) -> Non
     assert capsys.readouterr().err.splitlines()[-1].count("line 1, column 'x [kg]'") == 1
 
 
+@pytest.mark.thorough
 def test_a_state_goes_on_and_counts_no_row_twice(files, capsys) -> None:
     lines, state = changed(), str(files / "kept.watch")
     (files / "new.csv").write_text("".join(lines))

@@ -183,6 +183,7 @@ def test_a_session_file_that_is_none_is_one_sentence(session, tmp_path, change, 
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.thorough
 def test_commands_and_python_do_the_same(session, files, tmp_path):
     session.do(Add(FLEXURE))
     session.do(Written({**FLEXURE, "hold": {"a": 0.001}}))

@@ -97,6 +97,7 @@ def walk(session, *walks):
     asyncio.run(run())
 
 
+@pytest.mark.thorough
 def test_effects_are_added_taken_back_and_added_again(files):
     async def first(walker):
         await walker.sees("Error 2.71 arcsec per reading")
@@ -187,6 +188,7 @@ def test_rows_are_brushed_away_and_back_and_what_was_done_is_kept(files):
     assert again.states[1].action.why.startswith("clouds <script>")
 
 
+@pytest.mark.thorough
 def test_a_formula_is_checked_where_it_is_typed(files):
     session = Session.open(*files)
 

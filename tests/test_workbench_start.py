@@ -78,6 +78,7 @@ def test_a_file_that_is_no_machine_is_one_sentence(content, folders):
     assert not [*folders.iterdir()]
 
 
+@pytest.mark.thorough
 def test_a_template_is_changed_and_opened_with_measurements():
     sessions = []
 
