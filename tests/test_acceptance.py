@@ -270,6 +270,7 @@ def turned(tmp_path, errors, replicates=12):
     return diagnose(machine, rodgen.Measurements.load(tmp_path / "data.csv"))
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("5")
 @pytest.mark.parametrize("count", [5, 8, 12, pytest.param(24, marks=pytest.mark.slow)])
 def test_errors_of_a_few_positions_are_no_effect_however_often_they_are_measured(count, tmp_path):

@@ -40,6 +40,7 @@ def test_compiled_kernels_keep_the_promise(family: object) -> None:
     assert accuracy.measure(accuracy.gufunc, family.name, count=COUNT).worst <= family.bound
 
 
+@pytest.mark.thorough("\\\\u03c7 ~ 1e-4", "\\\\u03c7 ~ 1e-160", "\\\\u03c1 within 1e-8 of the axis")
 @every_family
 def test_numpy_keeps_the_promise(family: object) -> None:
     assert accuracy.measure(accuracy.numpy_module, family.name, count=COUNT).worst <= family.bound

@@ -453,6 +453,7 @@ def test_mean_is_true_within_its_own_error() -> None:
     assert (np.abs(error.mean(axis=0)) < 4 * error.std(axis=0) / math.sqrt(1300)).all()
 
 
+@pytest.mark.thorough
 def test_sigma_is_estimated_without_bias() -> None:
     _, _, fits = draws(12, 0.01, 1300)
     variances = np.array([f.sigma**2 for f in fits]) / 0.01**2

@@ -88,6 +88,7 @@ def test_json_is_all_that_is_printed(diagnosed):
     assert [(s["effect"], s["joint"]) for s in gantry["steps"]] == [("encoder_eccentricity", "C")]
 
 
+@pytest.mark.thorough
 def test_text_names_the_effects_and_the_falling_error(with_diagnoses, rodgen_command, diagnosed):
     code, out, err = rodgen_command("diagnose", "mount.toml", "stars.csv", "-o", "better.toml")
     assert (code, err) == (0, "")

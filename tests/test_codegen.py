@@ -224,6 +224,7 @@ def test_exact_evaluation_means_what_floating_point_means() -> None:
 WITH_USUAL_CASE = sorted(n for n, k in GENERATED.items() if k.usual)
 
 
+@pytest.mark.thorough
 @of_kernels(n for n in WITH_USUAL_CASE if GENERATED[n].module == "axis")
 def test_usual_case_of_the_axis_is_the_kernel_where_its_guard_holds(name: str) -> None:
     """With all digits the two differ by what the guard lets pass: less than the machine epsilon times the condition."""

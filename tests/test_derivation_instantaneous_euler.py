@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from rodgen.symbolic import Derivation, Entry, errata
 
-pytestmark = pytest.mark.xdist_group("instantaneous_euler")
+pytestmark = [pytest.mark.xdist_group("instantaneous_euler"), pytest.mark.thorough]
 instantaneous_euler = LazyDerivation("instantaneous_euler")
 instantaneous_euler_arm = LazyDerivation("instantaneous_euler_arm")
 PARTS = ("", "_ridges", "_inverse", "_motion", "_arm")

@@ -24,7 +24,7 @@ import rodgen.generated
 from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
 from rodgen.symbolic import errata
 
-pytestmark = pytest.mark.xdist_group("machine_model")
+pytestmark = [pytest.mark.xdist_group("machine_model"), pytest.mark.thorough]
 model = LazyDerivation("machine_model")
 
 DIGITS = 40

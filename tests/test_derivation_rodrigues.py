@@ -40,6 +40,7 @@ SAID = ["angle-of-the-vector", "eq-3-announced", "axis", "validation", "pairs-of
 TACIT = ["triangle-units", "any-modulus", "pivot", "half-turn"]
 
 
+@pytest.mark.thorough("eq-2", "eq-3", "eq-4")
 @pytest.mark.parametrize("id", PRINTED)
 def test_every_printed_formula_is_an_entry_with_its_place(id):
     entry = paper.derivation.entries[id]
@@ -268,6 +269,7 @@ def count_printed(count):
     }
 
 
+@pytest.mark.thorough
 def test_exact_count_of_the_printed_sign_is_near_one_half_and_one_quarter():
     counts = count_printed(400)
     spread = 4 * np.sqrt(0.25 / counts["inputs"])

@@ -16,6 +16,7 @@ pytestmark = pytest.mark.xdist_group("spatial_links")
 notes = LazyDerivation("spatial_links")
 
 
+@pytest.mark.thorough
 def test_every_formula_is_decided():
     assert notes.derivation.open == []
     assert [entry.id for entry in notes.derivation if entry.verdict == "refuted"] == [

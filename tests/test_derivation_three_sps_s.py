@@ -56,6 +56,7 @@ def test_the_errata_name_what_is_wrong():
     assert text.count("wrong:") == 3
 
 
+@pytest.mark.thorough
 def test_legs_are_those_of_points_moved_in_space():
     for turn in Rotation.random(20, random_state=1):
         q = turn.as_quat(scalar_first=True)

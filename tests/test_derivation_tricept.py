@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from rodgen.kinematics import tricept as public
 from rodgen.symbolic import errata
 
-pytestmark = pytest.mark.xdist_group("tricept")
+pytestmark = [pytest.mark.xdist_group("tricept"), pytest.mark.thorough]
 paper = LazyDerivation("tricept")
 
 DIGITS = 40

@@ -8,7 +8,7 @@ from lazy import LazyDerivation
 from rodgen.kinematics import tricept
 from rodgen.symbolic import errata
 
-pytestmark = pytest.mark.xdist_group("tricept_uncertainty")
+pytestmark = [pytest.mark.xdist_group("tricept_uncertainty"), pytest.mark.thorough]
 tricept_uncertainty = LazyDerivation("tricept_uncertainty")
 
 

@@ -156,6 +156,7 @@ def test_a_telescope_whose_pointing_wanders_has_no_wave_of_its_elevation():
     assert not any("sin(" in form.form for form in found.unexplained)
 
 
+@pytest.mark.thorough
 def test_the_telescope_s_other_run_shows_flexure_or_refraction_and_no_wave():
     found = second_run()
     assert found.rms.before == pytest.approx(1.056, abs=5e-4)
@@ -228,6 +229,7 @@ def robot(folder: Path, kind: str = "point", estimate: Sequence[str] = ("target"
     return fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
 
 
+@pytest.mark.thorough
 def test_twenty_three_poses_of_a_robot_show_nothing_beyond_their_two_millimetres(tmp_path_factory):
     """With all axes and points free, 42 parameters, 1.5 mm are left, but 2.6 mm on poses left out."""
     found = robot(tmp_path_factory.mktemp("ur10")).diagnose()

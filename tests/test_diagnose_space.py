@@ -113,6 +113,7 @@ def off(found: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs(found - expected).max() / size) if size else 0.0
 
 
+@pytest.mark.thorough("mount", "positioner", "ballbar_gantry")
 @pytest.mark.parametrize("name", ALL)
 def test_columns_are_those_of_a_model_that_has_the_effect(name):
     base = fitted(name)
@@ -769,6 +770,7 @@ def test_a_zero_offset_does_not_stand_for_three_effects_of_other_kinds():
     }
 
 
+@pytest.mark.thorough
 def test_what_a_set_costs_is_its_likelihood_over_all_sizes():
     """The readings are normal, with the covariance that effects of normal sizes of these widths give them."""
     evidence, chosen = leg_machine()

@@ -165,6 +165,7 @@ def test_further_measurements_are_predicted(tmp_path, capsys):
     assert format_errors(printed, file_of("one effect"), rows_of(data), NAMES, test=True) == []
 
 
+@pytest.mark.thorough("directions")
 @every_case
 def test_errors_are_those_of_the_plain_simulator_with_the_fitted_numbers(name):
     machine, data = files(name)
@@ -204,6 +205,7 @@ def test_parameters_are_those_of_the_final_model():
             assert parameter.unit == estimates[step.effect.key(name)].unit
 
 
+@pytest.mark.thorough("one effect", "directions")
 @pytest.mark.parametrize(
     "name",
     [

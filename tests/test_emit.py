@@ -347,6 +347,7 @@ def test_own_test_of_the_c_passes_with_strict_flags(every, compiler_name, name, 
     assert held == checks >= 150
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "optimisation"),
     [
@@ -404,6 +405,7 @@ def test_matlab_code_does_what_the_numpy_code_does(every, name, tmp_path):
         np.testing.assert_allclose(c[0], distance, atol=REACHED, rtol=1e-4)
 
 
+@pytest.mark.thorough("table", "gantry")
 @pytest.mark.parametrize("name", MACHINES)
 def test_own_test_of_the_numpy_passes_with_nothing_but_numpy(every, name):
     folder = every(name).folder
@@ -1105,6 +1107,7 @@ def test_no_text_of_the_user_becomes_code(first, compiler, cpp_compiler, tmp_pat
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("examples", [8, pytest.param(200, marks=pytest.mark.slow)])
 def test_code_of_any_names_is_that_of_plain_names(examples, compiler, tmp_path):
     plain = hostile_machine(itertools.repeat("plain"))

@@ -360,6 +360,7 @@ def climbs(kind: str, seeds: Iterable[int]) -> list[tuple[int, float]]:
     return worse
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("direction-draws0")
 @pytest.mark.parametrize("draws", [range(2), pytest.param(range(2, 6), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["point", "direction", "distance"])

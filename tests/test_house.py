@@ -215,6 +215,7 @@ def test_files_are_written_by_the_set_of_outputs_alone() -> None:
             assert ("written_at_once" in names) == (module in at_once), module
 
 
+@pytest.mark.thorough
 def test_modules_import_each_other_in_no_circle_but_for_the_facade() -> None:
     graph = {
         module: {target for name in imported_names(file) if (target := module_of(name)) not in (None, module)}

@@ -29,6 +29,7 @@ def diagnosis(folder: Path, bench: str, seed: int, truth: dict[str, float]) -> A
     return fit.diagnose()
 
 
+@pytest.mark.thorough("rotary_table-xy")
 @pytest.mark.parametrize("angle", ["xy", pytest.param("xz", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "bench",

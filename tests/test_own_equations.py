@@ -128,6 +128,7 @@ def test_emitted_tests_skip_c_with_a_reason_when_there_is_no_compiler(build):
     assert "no C compiler: no-such-compiler is not on the PATH" in told
 
 
+@pytest.mark.thorough
 def test_check_tells_stale_files_and_keeps_tests_that_a_user_added(four_bar, build):
     check = ("kernels", str(four_bar / "four_bar.py"), "-o", str(build), "--check")
     (build / "tests" / "test_of_mine.py").write_text("def test_it():\n    assert 1 + 1 == 2\n")

@@ -585,6 +585,7 @@ def test_emitted_code_is_what_the_simulator_measures(family, device, compiler):
     assert np.abs(expected - case.simulated()).max() > 0.05
 
 
+@pytest.mark.thorough
 @quickly_tricept
 def test_compensated_commands_bring_the_simulated_machine_where_it_should_be(family, device):
     case, values, folder = device(family)

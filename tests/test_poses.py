@@ -405,6 +405,7 @@ def test_what_is_no_correlation_of_a_row_is_one_sentence(change, said):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.thorough
 def test_a_fitted_machine_predicts_what_the_fit_did():
     stated = {"noise": SIGMA[0], "attitude_noise": SIGMA[1]}
     parameters = ["target", "J3.axis", "J2.point"]

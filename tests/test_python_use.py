@@ -239,6 +239,7 @@ class Counted(list):
         raise AssertionError("all cells of the column are read")
 
 
+@pytest.mark.thorough
 def test_a_long_table_costs_the_rows_that_are_shown(fit):
     column = Counted(range(10_000_000))
     shown = html_of_table({"a": column})

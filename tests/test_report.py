@@ -240,6 +240,7 @@ def test_date_instrument_and_conditions_are_noted() -> None:
     assert any(text == "data, 2026-05-17, CMM 7" for _, text in whole.all("p"))
 
 
+@pytest.mark.thorough
 def test_every_covariate_is_on_the_page() -> None:
     found = diagnosis("unknown_effect")
     names = {name for name in drawn(found) if name.startswith(("covariate_", "residuals_by_"))}

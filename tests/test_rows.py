@@ -163,6 +163,7 @@ def test_values_and_derivatives_against_50_digits(on, reference, level):
             np.testing.assert_allclose(here, there, rtol=0, atol=10 * 10 * EPSILON)
 
 
+@pytest.mark.thorough("NumPy")
 @pytest.mark.parametrize("level", TARGETS)
 def test_any_number_of_rows(on, level):
     """A row has the same result wherever it stands: alone, among others, at the end of a block."""

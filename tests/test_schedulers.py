@@ -103,6 +103,7 @@ def test_another_word_is_refused(address):
         pass
 
 
+@pytest.mark.thorough
 def test_without_dask_a_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (

@@ -173,6 +173,7 @@ def test_ranges_and_base_sums_are_those_of_another_program(found: tricept.Bounds
         np.testing.assert_allclose(found.base_outer[n], BASE_SUMS[name], atol=1.1e-3 * base)
 
 
+@pytest.mark.thorough
 def test_outer_is_outside_inner_and_points_reach_it(found: tricept.Bounds) -> None:
     assert (found.outer[:, 0] <= found.inner[:, 0]).all()
     assert (found.outer[:, 1] >= found.inner[:, 1]).all()

@@ -320,6 +320,7 @@ def test_few_rows_and_no_noise_have_no_form() -> None:
 # the block -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("exponential in time")
 @pytest.mark.parametrize(
     "name",
     [
