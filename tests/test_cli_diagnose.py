@@ -285,6 +285,11 @@ REFUSED = {
 }
 
 
+@pytest.mark.thorough(
+    "diagnose none.toml stars.csv",
+    "diagnose mount.toml stars.csv --test none.csv",
+    "diagnose stars.csv mount.toml",
+)
 @pytest.mark.parametrize("command", REFUSED)
 def test_what_cannot_be_is_one_line_and_leaves_nothing(with_diagnoses, rodgen_command, command):
     before = {path.name: path.read_bytes() for path in with_diagnoses.iterdir()}

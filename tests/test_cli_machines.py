@@ -244,6 +244,7 @@ def test_compare_says_what_the_error_depends_on(folder, rodgen_command):
     assert (found["data"], found["rows"], found["plots"]) == ("stars.csv", 80, [])
 
 
+@pytest.mark.thorough
 def test_compare_draws(folder, rodgen_command):
     code, out, _ = rodgen_command("compare", "mount.toml", "stars.csv", "--plot", "residuals.html", "--json")
     assert code == 0

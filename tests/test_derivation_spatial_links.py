@@ -30,6 +30,7 @@ def test_every_formula_is_decided():
     ]
 
 
+@pytest.mark.thorough
 def test_the_errata_are_numbered_and_say_what_is_right():
     text = errata(notes.derivation)
     assert [line.split()[0] for line in text.splitlines() if line[:1] == "L"] == [

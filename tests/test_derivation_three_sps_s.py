@@ -40,6 +40,7 @@ def octic_at(squares, rho, dims=(R, r, h)):
     )
 
 
+@pytest.mark.thorough
 def test_every_equation_of_the_section_is_an_entry():
     assert {"21", "22", "23-expanded", "23-changes", "angles-from-legs", "home-is-regular"} <= set(
         paper.derivation.entries

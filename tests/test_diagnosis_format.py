@@ -177,6 +177,7 @@ def test_errors_are_those_of_the_plain_simulator_with_the_fitted_numbers(name):
         assert step.rms == pytest.approx(rms_of(machine, data, model, found.outliers), rel=1e-5)
 
 
+@pytest.mark.thorough("directions")
 @every_case
 def test_errors_held_out_are_larger_than_fitted(name):
     rms = diagnosed(name).rms

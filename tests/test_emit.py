@@ -368,6 +368,7 @@ def test_own_test_of_the_cpp_passes_with_strict_flags(every, cpp_compiler, name,
     passes_its_own_test_in_cpp(every(name).content, cpp_compiler, tmp_path, optimisation, "other.cpp")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["gantry", *(pytest.param(n, marks=pytest.mark.slow) for n in MACHINES)])
 def test_own_test_of_the_matlab_passes_in_octave(every, name, tmp_path):
     passes_its_own_test_in_octave(every(name).content, tmp_path)
@@ -488,6 +489,7 @@ def test_wrong_arguments_are_an_error_in_matlab(every, tmp_path):
     assert in_octave(tmp_path, "\n".join(tries)).stdout.splitlines() == list(wrong.values())
 
 
+@pytest.mark.thorough
 def test_emitted_c_has_no_state_and_calls_nothing_but_libm(every):
     """So it runs on a controller: nothing but functions, constants, loops over numbers that are known beforehand."""
     for name in MACHINES:
@@ -1250,6 +1252,7 @@ def table(**more: Any) -> Machine:
     return replace(machine, **more)
 
 
+@pytest.mark.thorough
 def test_equal_machines_give_equal_bytes(every, tmp_path):
     device = every("gantry")
     emit(

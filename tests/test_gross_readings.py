@@ -66,6 +66,10 @@ def test_the_reading_is_among_the_results(tmp_path: Path, capsys: pytest.Capture
     assert gross["off"] == pytest.approx(1e6, rel=1e-6)
 
 
+@pytest.mark.thorough(
+    "mount-slips0-Line 20 of data.csv is off by ",
+    "ballbar_gantry-slips1-Lines 7 and 20 of data.csv are off by -0.304 mm, +100 mm",
+)
 @pytest.mark.parametrize(
     ("name", "slips", "found"),
     [

@@ -254,6 +254,7 @@ def test_a_joint_that_never_moved_hides_nothing_where_it_is_not_estimated(tmp_pa
     assert truth.effects[0] in groups(found)[0]
 
 
+@pytest.mark.thorough
 def test_a_joint_that_never_moved_hides_its_own_parameters_only(tmp_path):
     bench = still(np.random.default_rng(33), estimated=True)
     found, truth = diagnosed(hidden(bench, 33, [("squareness", "Y")], raises=1.5), tmp_path)

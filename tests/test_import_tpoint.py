@@ -165,6 +165,7 @@ def test_the_mmt_s_files_are_what_was_made_of_them_by_hand(run, by_hand):
     assert ("t [s]" in made.columns) == (run.parent.name == "mmt_2025")
 
 
+@pytest.mark.thorough
 def test_the_mmt_s_model_is_tpoint_s(tmp_path, rodgen_command: Run):
     run = DATA / "mmt_2021" / "k_and_e.dat"
     code, out, err = rodgen_command("import", run, "-o", tmp_path / "m.toml", "-d", tmp_path / "d.csv")

@@ -771,6 +771,7 @@ def real(path: Path) -> list[list[str]]:
         return list(csv.reader(file))[1:]
 
 
+@pytest.mark.thorough
 def test_telescope_gives_the_published_coefficients() -> None:
     # Source of the expected values: SOURCE.txt next to the data (TPOINT's fit of the same 80 stars).
     data = np.array(real(HERE.parent / "examples" / "machines" / "mount" / "mmt_2021.csv"), dtype=float)

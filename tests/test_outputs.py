@@ -100,6 +100,7 @@ PAIRS = [
 ]
 
 
+@pytest.mark.thorough("check DATA --output", "fit MACHINE --output", "fit MACHINE --residuals")
 @pytest.mark.parametrize(("name", "source", "output"), PAIRS)
 def test_no_input_is_replaced_by_whatever_name(name, source, output, tmp_path, monkeypatch, rodgen_command):
     monkeypatch.chdir(tmp_path)

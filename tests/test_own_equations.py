@@ -158,6 +158,7 @@ def test_example_becomes_a_notebook_with_formulas_and_a_figure(four_bar):
     assert sum('class="plotly-graph-div"' in data.get("text/html", "") for data in shown) == 1
 
 
+@pytest.mark.thorough
 def test_velocity_ratio_of_the_derivative_kernel_is_the_textbook_formula(four_bar):
     module = imported(four_bar / "build" / "numpy" / "four_bar.py")
     a, b, c, d = 20.0, 70.0, 60.0, 80.0

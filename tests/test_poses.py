@@ -565,6 +565,7 @@ def test_attitudes_alone_say_what_they_say_in_poses():
     assert alone.compare().to_dict()["components"][0]["unit"] == "arcsec"
 
 
+@pytest.mark.thorough
 def test_an_effect_is_found_in_attitudes_alone():
     columns, attitude = measured({**SEEN, "J5.encoder_eccentricity.a": 0.001}, 60)
     data = {name: x for name, x in columns.items() if name.startswith("J")} | written("matrix", attitude)

@@ -70,6 +70,7 @@ def test_machine_of_the_readme_is_that_of_the_demo() -> None:
     assert tomllib.loads(machine) == tomllib.loads((MOUNT / "machine.toml").read_text(encoding="utf-8"))
 
 
+@pytest.mark.thorough
 def test_diagnosis_of_the_readme_is_what_the_command_prints(
     mount: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

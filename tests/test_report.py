@@ -168,6 +168,7 @@ def test_verdict_stands_first_in_one_sentence(verdict: str, word: str, more: str
     assert found.one("title")[1].startswith(word)
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_told_apart_is_in_the_verdict() -> None:
     _, found = page("effects_missing")
     _, verdict = found.one("section", **{"class": "verdict"})
@@ -180,6 +181,7 @@ def test_what_cannot_be_told_apart_is_in_the_verdict() -> None:
     assert "Remedy for gravity_windup" not in verdict  # it may be another
 
 
+@pytest.mark.thorough
 def test_ladder_has_fitted_held_out_and_test() -> None:
     _, found = page("unknown_effect")
     _, text = found.one("table", **{"class": "rungs"})
@@ -394,6 +396,7 @@ def test_figures_say_what_they_show_without_being_seen(verdict: str) -> None:
         assert len(attrs["aria-label"]) > 20
 
 
+@pytest.mark.thorough
 def test_before_and_after_have_one_scale() -> None:
     for verdict in ("effects_missing", "unknown_effect"):
         for name, figure in drawn(diagnosis(verdict)).items():
@@ -505,6 +508,7 @@ def test_page_asks_for_nothing_from_outside(verdict: str) -> None:
     assert text.startswith("<!DOCTYPE html>")
 
 
+@pytest.mark.thorough("effects_missing")
 @pytest.mark.parametrize("verdict", ["effects_missing", "hostile"])
 def test_policy_lets_only_these_scripts_run_and_nothing_be_loaded(verdict: str) -> None:
     _, found = hostile() if verdict == "hostile" else page(verdict)

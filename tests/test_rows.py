@@ -178,6 +178,7 @@ def test_any_number_of_rows(on, level):
             np.testing.assert_allclose(here, there[:count], rtol=0, atol=1e-13 if level == "numpy" else 0)
 
 
+@pytest.mark.thorough("NumPy")
 @pytest.mark.parametrize("level", TARGETS)
 def test_products_of_the_jacobian_against_50_digits(on, reference, level):
     both = on(level)["both"]

@@ -94,6 +94,7 @@ def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
         pass
 
 
+@pytest.mark.thorough("thread", "processes=0")
 @pytest.mark.parametrize("address", ["thread", "processes=0", "localhost:8786"])
 def test_another_word_is_refused(address):
     with (

@@ -127,6 +127,7 @@ def test_a_climb_ends_where_derivatives_are_not_finite(slope: float) -> None:
     np.testing.assert_array_equal(found, start)
 
 
+@pytest.mark.thorough
 def test_weights_are_those_of_huber() -> None:
     np.testing.assert_allclose(huber_weight(np.array([0.0, 1.0, 2.0, 4.0]), 2.0), [1, 1, 1, 0.5])
     for m, k in HUBER.items():  # the efficiency by which the constants are chosen

@@ -58,6 +58,7 @@ def test_what_a_diagnosis_would_name_stands_first_and_equals_say_why(mount):
     assert with_flexure[0].effect.title == "refraction"
 
 
+@pytest.mark.thorough
 def test_what_chance_explains_as_well_stands_after_what_it_may_not(mount):
     found = [s for s in suspects(mount).listed if s.like is None]
     certain = [s.p_value == 1.0 for s in found]

@@ -64,6 +64,7 @@ def elements(points: np.ndarray, U_x: np.ndarray = U_PAPER, geometry: Geometry =
 # intervals ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_every_operation_encloses_the_exact_result() -> None:
     rng = np.random.default_rng(1)
     n = 300
@@ -185,6 +186,7 @@ def test_outer_is_outside_inner_and_points_reach_it(found: tricept.Bounds) -> No
         np.testing.assert_allclose(reached, found.inner[n], rtol=1e-9, atol=1e-18)
 
 
+@pytest.mark.thorough
 def test_no_sample_is_outside(found: tricept.Bounds) -> None:
     rng = np.random.default_rng(3)
     inside = rng.uniform(LOW, HIGH, (200_000, 3))
