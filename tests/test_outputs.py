@@ -7,6 +7,7 @@ import contextlib
 import itertools
 import os
 import shutil
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import pytest
 
 from rodgen.cli import main as cli
 from rodgen.cli._values import EditedMachine, InputFile, OutputFile, OutputFolder, StateFile
+from rodgen.data.tables import write_columns
 from rodgen.errors import InputFileError
 from rodgen.files import OutputSet, make_folder, new_folder, open_input, write_file, written_at_once
 
@@ -314,3 +316,40 @@ def test_what_is_read_after_it_was_written_is_not_replaced_either(tmp_path):
         write_file(tmp_path / "a", b"1")
         open_input(str(tmp_path / "a"), "a file").close()
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"old"}
+
+
+def test_sets_of_threads_that_overlap_are_apart(tmp_path):
+    begun, ended = threading.Event(), threading.Event()
+
+    def first():
+        with OutputSet():
+            write_file(tmp_path / "a", b"1")
+            begun.wait(10)
+        ended.set()
+
+    def second():
+        with OutputSet():
+            begun.set()
+            ended.wait(10)
+            write_file(tmp_path / "b", b"2")
+
+    threads = [threading.Thread(target=each) for each in (first, second)]
+    with OutputSet():
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert sorted(os.listdir(tmp_path)) == ["a", "b"]
+    write_file(tmp_path / "c", b"3")
+    assert sorted(os.listdir(tmp_path)) == ["a", "b", "c"]
+
+
+def test_each_of_many_files_is_written_by_several_threads(tmp_path, rodgen_command):
+    names = [f"{point}_{x} [mm]" for point in ("rho", "rho_prime") for x in "xyz"]
+    columns = {name: [value] for name, value in zip(names, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0), strict=True)}
+    (tmp_path / "parts").mkdir()
+    for n in range(12):
+        write_columns(tmp_path / "parts" / f"{n:02}.parquet", columns | {"angle [deg]": [90.0]})
+    line = ["solve", tmp_path / "parts", "-o", tmp_path / "axes", "--scheduler", "threads=6"]
+    assert rodgen_command(*line)[0] == 0
+    assert sorted(os.listdir(tmp_path / "axes")) == [f"{n:05}-{n:02}.parquet" for n in range(12)]

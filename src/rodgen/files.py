@@ -12,6 +12,7 @@ import shutil
 import stat
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextvars import ContextVar
 from io import BufferedReader
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -42,8 +43,8 @@ def open_input(file: str, expected: str) -> BufferedReader:
         When it cannot be opened.
     """
     try:
-        if _outputs is not None:
-            _outputs.protect(file)
+        if (around := _outputs.get()) is not None:
+            around.protect(file)
         return open(file, "rb")
     except (OSError, ValueError) as error:
         raise unreadable(file, error, expected) from None
@@ -156,7 +157,8 @@ def unwritable(file: str, error: BaseException) -> InputFileError:
 
 _BINARY: int = getattr(os, "O_BINARY", 0)
 
-_outputs: OutputSet | None = None
+_outputs: ContextVar[OutputSet | None] = ContextVar("outputs", default=None)
+"""The set around; each thread has its own, so that files written by several threads appear one by one."""
 
 
 class Output(abc.ABC):
@@ -169,10 +171,10 @@ class Output(abc.ABC):
 
     def commit(self) -> None:
         """Publish the complete, closed output: now, or together with the others of the `OutputSet` around."""
-        if _outputs is None:
+        if (around := _outputs.get()) is None:
             self.publish()
         else:
-            _outputs.add(self)
+            around.add(self)
             self._joined = True
 
     def discard(self) -> None:
@@ -225,17 +227,15 @@ class OutputSet:
         self._claimed: set[str] = set()
 
     def __enter__(self) -> OutputSet:
-        global _outputs
-        self._around, _outputs = _outputs, self
-        if self._around is not None:
-            around = self._around
+        self._around = around = _outputs.get()
+        self._token = _outputs.set(self)
+        if around is not None:
             self._inputs, self._input_folders = around._inputs, around._input_folders
             self._rewritten = around._rewritten
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        global _outputs
-        _outputs = self._around
+        _outputs.reset(self._token)
         try:
             if kind is None and self._around is not None:
                 for output in self._written:
@@ -366,19 +366,18 @@ def _twice(file: str) -> InputFileError:
 
 def publish_outputs() -> None:
     """Publish what was written until now in the `OutputSet` around, if there is one: what comes may fail or be cut."""
-    if _outputs is not None:
-        _outputs.commit()
+    if (around := _outputs.get()) is not None:
+        around.commit()
 
 
 @contextlib.contextmanager
 def written_at_once() -> Iterator[None]:
     """Let each file of the block appear as soon as it is complete, as where no `OutputSet` is around."""
-    global _outputs
-    around, _outputs = _outputs, None
+    token = _outputs.set(None)
     try:
         yield
     finally:
-        _outputs = around
+        _outputs.reset(token)
 
 
 class AtomicFile(Output):
@@ -408,8 +407,8 @@ class AtomicFile(Output):
             self.place = os.path.realpath(self.file)
             if os.path.isdir(self.place):
                 raise InputFileError(self.file, "file", "a folder", "the name of a file")
-            if _outputs is not None:
-                _outputs.check(self.file, self.place)
+            if (around := _outputs.get()) is not None:
+                around.check(self.file, self.place)
             if os.path.exists(self.place) and not (
                 os.access(self.place, os.W_OK) and os.stat(self.place).st_mode & 0o222
             ):  # a superuser may write to it, too, but it was made so on purpose
@@ -706,8 +705,8 @@ def make_folder(folder: str | os.PathLike[str]) -> None:
     """
     path = Path(folder)
     try:
-        if _outputs is not None:
-            _outputs.folder_made(*(each for each in (path, *path.parents) if not each.exists()))
+        if (around := _outputs.get()) is not None:
+            around.folder_made(*(each for each in (path, *path.parents) if not each.exists()))
         path.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         found = f"no folder can be made ({_reason(error)})"
