@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from conftest import CPP_WARNINGS, compile_shared
 
 REALS = {np.dtype("f8"): "double", np.dtype("f4"): "float"}

@@ -19,7 +19,6 @@ import mpmath
 import numpy as np
 import pytest
 from chi_inputs import chi_inputs
-from conftest import group_of
 from link_inputs import link_inputs
 from loop_inputs import loop_inputs
 from pair_inputs import pair_inputs, trig_inputs
@@ -31,6 +30,7 @@ from tricept_cases import inputs as tricept_inputs
 from tricept_parameter_inputs import parameter_inputs
 
 import rodgen.generated
+from conftest import group_of
 from rodgen.codegen import Kernel
 from rodgen.generated import numpy as generated_numpy
 

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import C_WARNINGS
 from emitted_cells import EXAMPLES, Cell, cells, measuring
 from test_emit import passes_its_own_test_in_cpp, passes_its_own_test_in_octave
 
+from conftest import C_WARNINGS
 from rodgen.files import write_files
 from rodgen.machines.emit._content import Content, content_of
 from rodgen.machines.emit._render import LANGUAGES, render

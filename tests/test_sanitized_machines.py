@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import C_WARNINGS, CPP_WARNINGS
 from machine_cases import Case, data_for
 from test_branches import five_axis
 from test_emitted_c import SANITIZERS, sanitized
@@ -23,6 +22,7 @@ from test_hexapod import given
 from test_hexapod import machine as hexapod
 from test_poses import fitted_with_errors
 
+from conftest import C_WARNINGS, CPP_WARNINGS
 from rodgen.cli.main import main
 from rodgen.machines.emit import emit
 from rodgen.machines.machine import Machine
