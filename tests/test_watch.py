@@ -22,6 +22,7 @@ import pytest
 import rodgen
 from rodgen.calibration.fit import fit
 from rodgen.calibration.watch import Watch
+from rodgen.calibration.watch.watch import stored
 from rodgen.cli import main as cli
 from rodgen.data.tail import Tail
 from rodgen.errors import InputFileError, RodgenError
@@ -483,3 +484,12 @@ def test_a_signal_ends_a_watch_with_its_state_whole(files, number, code) -> None
         watching.kill()
         watching.stdout.close()
     assert (files / "kept.watch").exists()
+
+
+def test_a_state_of_another_version_is_refused(tmp_path) -> None:
+    # its place is told by other bytes: the rows before it would count twice
+    about = np.frombuffer(json.dumps({"format": 1}).encode(), np.uint8)
+    with open(tmp_path / "old.watch", "wb") as file:
+        np.savez(file, about=about)
+    with pytest.raises(InputFileError, match=r"old\.watch: format: 1; expected 2: a new file"):
+        stored(str(tmp_path / "old.watch"))

@@ -45,7 +45,8 @@ PAUSE = 10.0
 """Times that the usual gap between readings is exceeded by a pause."""
 HISTORY = 1000
 """Points of the curve that is drawn: each is the largest of some blocks."""
-FORMAT = 1
+FORMAT = 2
+"""The part `before` of a place is a hash of all that was read; in format 1 it was one of the last 4096 bytes."""
 LARGEST_STATE = 500_000_000
 """Bytes of a state that is read: that of a robot has 10 MB."""
 
@@ -584,7 +585,8 @@ def stored(file: str) -> Stored | None:
             arrays = {key: archive[key] for key in archive.files}
         about = json.loads(arrays.pop("about").tobytes())
         if about["format"] != FORMAT:
-            raise InputFileError(file, "format", str(about["format"]), str(FORMAT))
+            expected = f"{FORMAT}: a new file, as this one is of another version of rodgen"
+            raise InputFileError(file, "format", str(about["format"]), expected)
         return Stored(file, about["place"], _from_dict(about["learned"]), about, arrays)
     except InputFileError:
         raise
