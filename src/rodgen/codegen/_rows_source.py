@@ -177,9 +177,8 @@ class _Parts:
                 self.pairs.setdefault(args[0], {})[op] = n
         levels = [[n for n in each if program.seeded[n] is seeded] for seeded in (False, True)]
         parts = [[level[at : at + PART] for at in range(0, len(level), PART)] for level in levels]
-        parts[0] = parts[0] or [
-            []
-        ]  # what is done once a row: results that no operation makes are stored there
+        # what is done once a row: results that no operation makes are stored there
+        parts[0] = parts[0] or [[]]
         if program.by_row:
             parts[1] = parts[1] or [[]]
         self.first_seeded = len(parts[0])

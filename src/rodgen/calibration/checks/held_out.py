@@ -161,19 +161,19 @@ def held_out_geometry(fit: FittedModel) -> HeldOutGeometry | None:
     parts = {entry for entry in machine.estimate if entry.rpartition(".")[2] in ("axis", "point")}
     if not parts or fit.problem.count * fit.problem.components > ENOUGH * len(fit.free):
         return None
-    own = [estimate for key, estimate in fit.estimates.items() if key.rpartition(".")[0] in parts]
-    if not any(abs(one.value) > (MOVED * one.std if one.std else 0.0) for one in own if not one.held):
+    geometry = [estimate for key, estimate in fit.estimates.items() if key.rpartition(".")[0] in parts]
+    if not any(abs(one.value) > (MOVED * one.std if one.std else 0.0) for one in geometry if not one.held):
         return None
 
-    def others(given: Any) -> Any:
-        return {key: x for key, x in given.items() if key.rpartition(".")[0] not in parts}
+    def without_geometry(by_key: Any) -> Any:
+        return {key: x for key, x in by_key.items() if key.rpartition(".")[0] not in parts}
 
     nominal = replace(
         machine,
         estimate=tuple(entry for entry in machine.estimate if entry not in parts),
-        values=others(machine.values),
-        ties=others(machine.ties),
-        known=others(machine.known),
+        values=without_geometry(machine.values),
+        ties=without_geometry(machine.ties),
+        known=without_geometry(machine.known),
     )
     if any(f"{part}." in str(tie) for part in parts for tie in nominal.ties.values()):
         return None

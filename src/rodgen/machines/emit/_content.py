@@ -323,9 +323,8 @@ def _size(scope: Scope) -> float:
     if not machine.measurand.moving:
         return 1.0
     slides = np.array([joint.type == "prismatic" for joint in machine.joints])
-    travel = (
-        np.abs(scope.model.travel[slides]).max(axis=1).tolist()
-    )  # that of the data where the file has none
+    # that of the data where the file has none
+    travel = np.abs(scope.model.travel[slides]).max(axis=1).tolist()
     points = [
         float(np.linalg.norm(p))
         for p in (*(j.point for j in machine.joints), *(t.point for t in machine.targets))
