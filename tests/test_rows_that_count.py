@@ -125,6 +125,14 @@ def test_python_has_the_same_machine(trunnion: Trunnion) -> None:
     assert diagnose(machine, table).machine.fit(other).observations.n == 224
 
 
+def test_a_watch_says_which_rows_of_its_reference_do_not_count(
+    trunnion: Trunnion, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    assert main(["watch", trunnion.better, trunnion.data, "--reference", trunnion.data, "--json"]) in {0, 1}
+    assert SAID in capsys.readouterr().err.splitlines()
+
+
 @pytest.mark.slow
 def test_a_report_and_a_diagnosis_say_which_rows_do_not_count(trunnion: Trunnion, tmp_path: Path) -> None:
     again = printed("diagnose", trunnion.better, trunnion.data, "--json")

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import FAILED, OK, Command, notify, refused, show, show_json_line
-from rodgen.cli._machine import add_json, load_data
+from rodgen.cli._machine import add_json, load_data, remark_on_rows
 from rodgen.cli._plot import add_plot, figures_for
 from rodgen.cli._values import InputFile, StateFile, frequency, whole
 from rodgen.errors import InputFileError
@@ -287,6 +287,7 @@ class _Watching:
         from rodgen.machines.machine import Machine
 
         found = fit(Machine.load(self.options.machine), reference, loss="huber")
+        remark_on_rows(found.observations)
         self.watch = Watch(found, rate=self.options.rate, false_alarms=self.options.false_alarms)
         notify(self.watch.text)
 
