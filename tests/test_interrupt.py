@@ -83,6 +83,7 @@ def run(options):
     write_file("c.toml", b"1")
     os.kill(os.getpid(), signal.{ending})
 effects._run = run
+signal.signal(signal.{ending}, signal.SIG_DFL)  # a test run that ignores it would have its children ignore it
 sys.argv[1:] = ["effects"]
 sys.exit(main.main())
 """
