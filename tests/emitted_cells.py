@@ -6,6 +6,7 @@ plain simulators see. Files are in millimetres and radians, as emitted code is.
 
 from __future__ import annotations
 
+import copy
 import inspect
 import tomllib
 import zlib
@@ -313,6 +314,16 @@ class Cell(Case):
             "target": list(d["target"]), "s": np.asarray(o.s, float)[:, order], "v": o.v[:, order], "t": d["t [s]"],
             "temperature": warm, "load": d["load [N]"], "run": None,
         }  # fmt: skip
+
+    def at_rest(self) -> Cell:
+        """Return the cell with its first target alone, at rest, cold, without load, at the beginning."""
+        case, rows = copy.copy(self), np.zeros(POSITIONS)
+        case.arguments = {
+            "target": [self.machine.targets[0].name] * POSITIONS, "s": np.zeros((POSITIONS, len(self.joints))),
+            "v": np.zeros((POSITIONS, len(self.joints))), "t": rows, "load": rows, "run": None,
+            "temperature": dict.fromkeys(self.joints, np.full(POSITIONS, 20.0)),
+        }  # fmt: skip
+        return case
 
     def commands(self, q: np.ndarray) -> np.ndarray:
         """Return commands in the machine's order as coordinates in the order of the file."""

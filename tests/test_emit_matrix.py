@@ -19,10 +19,13 @@ import numpy as np
 import pytest
 from emitted_cells import EXAMPLES, Cell, cells, measuring
 from test_emit import passes_its_own_test_in_cpp, passes_its_own_test_in_octave
+from test_linuxcnc import HEADERS, Pose
 
 from conftest import C_WARNINGS
+from rodgen.errors import InputFileError
 from rodgen.files import write_files
 from rodgen.machines.emit._content import Content, content_of
+from rodgen.machines.emit._linuxcnc import component_texts
 from rodgen.machines.emit._render import LANGUAGES, render
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.measured import MEASURANDS
@@ -187,6 +190,76 @@ def test_emitted_code_moves_the_machine_that_was_fitted(name, library):
     by_c, status_c = c.compensate(wanted, q, target, given)
     assert (status_c == status).all()
     assert np.abs(by_c - corrected)[status == code.CONVERGED].max(initial=0.0) <= 1e-6
+
+
+# LinuxCNC ------------------------------------------------------------------------------------------------------------
+
+
+OF_LINUXCNC = [
+    name
+    for name in FAST
+    if MEASURANDS[CELLS[name][1]["measured"]["kind"]].moving
+    and all(joint["name"][0] in "XYZABC" for joint in CELLS[name][1].get("joint", [{"name": "L"}]))
+]
+"""Cells of chains of axes that LinuxCNC has."""
+
+
+def component(name: str) -> str:
+    case = cell(name)
+    (text,) = component_texts(case.fitted, "device", case.observations.travel).values()
+    return text.partition("\n;;\n")[2]
+
+
+@pytest.fixture(scope="module")
+def kinematics(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    """The components of all fast cells, compiled at once, each function with a number at its end."""
+    folder = tmp_path_factory.mktemp("kinematics")
+    for file, text in HEADERS.items():
+        (folder / file).write_text(text)
+    functions = ("forward", "jacobian", "ideal", "compensate")
+    for k, name in enumerate(OF_LINUXCNC):
+        own = (
+            [f"kinematics{x}" for x in ("Type", "Forward", "Inverse")]
+            + ["nothing"]
+            + [f"device_{x}" for x in functions]
+        )
+        numbered = "".join(f"#define {x} {x}_{k}\n" for x in own)
+        (folder / f"kinematics_{k}.c").write_text(numbered + component(name))
+    sources = sorted(str(path) for path in folder.glob("*.c"))
+    command = [compiler, "-std=gnu11", "-O0", "-fPIC", "-shared", f"-I{folder}", *sources]
+    subprocess.run([*command, "-o", str(folder / "all.so"), "-lm"], check=True)
+    return ctypes.CDLL(str(folder / "all.so"))
+
+
+@pytest.mark.parametrize("name", OF_LINUXCNC)
+def test_linuxcnc_brings_the_machine_where_the_nominal_one_is(name, kinematics):
+    """It reads no direction, speed, temperature, time or load: the machine is at rest."""
+    case = cell(name).at_rest()
+    joints, q = case.machine.joints, case.observations.q
+    axes = [joint.name[0].lower() for joint in joints]
+    units = np.where([joint.revolute for joint in joints], np.pi / 180, 1.0)
+    inverse = getattr(kinematics, f"kinematicsInverse_{OF_LINUXCNC.index(name)}")
+    corrected = np.empty(q.shape)
+    for given, row in zip(q / units, corrected, strict=True):
+        pose = Pose(**dict(zip(axes, given.tolist(), strict=True)))
+        found = np.zeros(16)
+        assert inverse(ctypes.byref(pose), at(found), None, None) == 0
+        row[sorted(range(len(axes)), key=lambda j: "xyzabcuvw".index(axes[j]))] = found[: len(axes)]
+    corrected *= units
+    nominal = case.ideal(q)
+    before, after = (np.linalg.norm(case.places(x, case.own()) - nominal, axis=1) for x in (q, corrected))
+    code, target = numpy_of(name), np.zeros(len(q), int)
+    at_rest = {field: np.zeros_like(x) for field, x in conditions(name).items()}
+    _, status, distance = code.compensate(code.ideal(q, target), q, target, **at_rest)
+    assert np.abs(after - distance)[distance < 1].max() <= REACHED + 10 * within(name)
+    assert after[status == code.CONVERGED].max(initial=0.0) <= REACHED + 10 * within(name)
+    assert (after <= before + REACHED).all()
+
+
+def test_machines_without_axes_of_linuxcnc_are_refused():
+    for name in sorted({*FAST} - {*OF_LINUXCNC}):
+        with pytest.raises(InputFileError):
+            component(name)
 
 
 # the whole product ---------------------------------------------------------------------------------------------------
