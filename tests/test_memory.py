@@ -12,7 +12,12 @@ import degenerate_calls
 import pytest
 
 PROGRAM = Path(degenerate_calls.__file__)
-CHECKED_HEAP = {"LD_PRELOAD": "libc_malloc_debug.so.0", "MALLOC_CHECK_": "3", "MALLOC_PERTURB_": "165"}
+CHECKED_HEAP = {
+    "RODGEN_CPU": "",
+    "LD_PRELOAD": "libc_malloc_debug.so.0",
+    "MALLOC_CHECK_": "3",
+    "MALLOC_PERTURB_": "165",
+}
 """The GNU C library ends a process that wrote beyond a block of the heap; others ignore it."""
 
 

@@ -111,7 +111,7 @@ def rotations(chi: ArrayLike, *, tolerance: ArrayLike = 0.0) -> Rotations:
     three squares of its quaternion that are not the largest, doubled. The angles hold the squares, so that a
     component is known to the square root of the rounding only: what is below √tolerance of the size is given as 0,
     and two rotations that differ in its sign as one. Near a half turn about a coordinate axis that is more, because
-    angles near π are rounded as π is.
+    angles near π are rounded as π is. Squares of angles below 1e-150 lose digits, and then the status may be wrong.
 
     Examples
     --------

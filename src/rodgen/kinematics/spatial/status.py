@@ -50,7 +50,8 @@ class PairStatus(IntEnum):
     """The status of one slot in the solutions of two equations in two angles.
 
     REGULAR: a solution that stands alone.
-    DOUBLE: two solutions or more meet here, to rounding; it is given once.
+    DOUBLE: two solutions or more meet here, to rounding; it is given once. Where four meet, it may be given twice,
+        within 1e-4 rad.
     COMMON_FACTOR: one of a family: the equations have a common factor, and this solves it.
     NONE: this slot holds no solution; the angles are NaN.
     INCOMPLETE: this slot is empty, but a solution may be missing; the angles are NaN.

@@ -63,8 +63,8 @@ def disturbed_point(pose: ArrayLike, geometry: Geometry, errors: ArrayLike) -> t
     >>> from rodgen import tricept
     >>> errors = np.zeros(len(tricept.PARAMETERS))
     >>> errors[tricept.PARAMETERS.index("zero_A0")] = 0.1
-    >>> tricept.disturbed_point([0.0, 0.0, 600.0], tricept.PAPER, errors)[0].round(5)
-    array([-1.2715000e-01, -0.0000000e+00,  6.0003495e+02])
+    >>> tricept.disturbed_point([0.0, 0.0, 600.0], tricept.PAPER, errors)[0].round(5) + 0.0
+    array([-1.2715000e-01,  0.0000000e+00,  6.0003495e+02])
     """
     poses, shifts = real_array("pose", pose, (3,)), real_array("errors", errors, (len(PARAMETERS),))
     shape = broadcast_shapes({"pose": (poses, 1), "errors": (shifts, 1)})
