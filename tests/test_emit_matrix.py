@@ -173,7 +173,7 @@ def test_emitted_code_moves_the_machine_that_was_fitted(name, library):
     assert np.abs(places - real).max() <= within(name)
     assert np.abs(case.read(places) - case.predicted()).max() <= within(name)
     nominal = case.ideal(q)
-    assert np.abs(real - nominal).max() > 1e-3 if case.machine.measurand.moving else 1e-6
+    assert np.abs(real - nominal).max() > (1e-3 if case.machine.measurand.moving else 1e-6)
     wanted = code.ideal(q, target)
     assert np.abs(wanted - nominal).max() <= WITHIN
 

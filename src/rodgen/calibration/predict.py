@@ -316,7 +316,7 @@ def in_known_runs(o: Observations, model: Model, runs: Sequence[str]) -> Observa
     unknown = next((name for name in o.run_names if name not in known), None)
     if unknown is not None:
         found = f"run {shown(unknown)}, which was not measured"
-        raise InputFileError(o.data.file, "column 'run'", found, f"{listed(known)}")
+        raise InputFileError(o.data.file, "column 'run'", found, listed(known))
     return replace(o, run=np.array([known[name] for name in o.run_names], np.int32)[o.run])
 
 

@@ -163,7 +163,7 @@ def _wanted(fit: FittedModel, text: str) -> tuple[list[str], Effect | None]:
     units = effect.units(machine)
     own = [name for name in units if not name.startswith("k_")] or list(units)
     if parts[1:] and parts[1] not in units:
-        raise PlanError(f"no parameter {shown(parts[1])} of {effect.title}", f"{listed(units)}")
+        raise PlanError(f"no parameter {shown(parts[1])} of {effect.title}", listed(units))
     return [effect.key(name) for name in (parts[1:2] or own)], effect
 
 

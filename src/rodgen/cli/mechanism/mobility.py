@@ -59,7 +59,7 @@ def _check_drawing(options: argparse.Namespace, mechanism: Mechanism) -> None:
         if joint is not None and options.plot is None:
             raise refused(f"--{name}", "no --plot", "the drawing in which it is marked")
         if joint is not None and joint not in mechanism.names:
-            raise refused(f"--{name}", shown(joint), f"{listed(mechanism.names)}")
+            raise refused(f"--{name}", shown(joint), listed(mechanism.names))
 
 
 def _data(mechanism: Mechanism) -> dict[str, Any]:

@@ -140,7 +140,7 @@ def _given(options: argparse.Namespace, names: list[str]) -> list[int]:
     wanted = []
     for name in options.given.split(","):
         if name.strip() not in names:
-            raise refused("--given", shown(name.strip()), f"{listed(names)}")
+            raise refused("--given", shown(name.strip()), listed(names))
         wanted.append(names.index(name.strip()))
     if len(set(wanted)) < len(wanted):
         raise refused("--given", shown(options.given), "every name once")
