@@ -370,6 +370,49 @@ J6,0,100,0,0
 """
 
 
+UR5 = """joint,theta [deg],d [mm],a [mm],alpha [deg]
+J1,0,89.159,0,90
+J2,0,0,-425,0
+J3,0,0,-392.25,0
+J4,0,109.15,0,90
+J5,0,94.65,0,-90
+J6,0,82.3,0,0
+"""
+SCARA = """joint,theta [deg],d [mm],a [mm],alpha [deg]
+J1,0,320,225,0
+J2,0,-40,175,180
+J3,0,60,0,0
+"""
+PUMA560 = """joint,theta [deg],d [mm],a [mm],alpha [deg]
+J1,0,0,0,0
+J2,0,243.5,0,-90
+J3,0,-93.4,431.8,0
+J4,0,433.1,-20.3,90
+J5,0,0,0,-90
+J6,0,0,0,90
+"""
+
+
+@pytest.mark.parametrize(
+    ("table", "convention"),
+    [
+        pytest.param(TABLE, "standard", id="arm"),
+        pytest.param(UR5, "standard", id="UR5"),
+        pytest.param(SCARA, "standard", id="SCARA"),
+        pytest.param(PUMA560, "modified", id="PUMA 560"),
+    ],
+)
+def test_a_table_comes_back_as_it_came(tmp_path, table, convention):
+    """Lengths of either sign, and offsets along parallel axes: of rows that are equal those with the least theta."""
+    (tmp_path / "robot.csv").write_text(table)
+    machine = machine_from_table(tmp_path / "robot.csv", convention).machine
+    replace(machine, measured=Measured("point", "machine"), estimate=()).emit("dh", tmp_path, name="robot")
+    rows = tomllib.loads((tmp_path / f"robot_{convention}_dh.toml").read_text())["joint"]
+    for row, given in zip(rows, csv.DictReader(table.splitlines()), strict=True):
+        for name, value in list(given.items())[1:]:
+            assert row[name.partition(" ")[0]] == pytest.approx(float(value), abs=1e-9), given["joint"]
+
+
 @pytest.mark.parametrize("convention", ["standard", "modified"])
 @pytest.mark.parametrize("moved", [0.0, 1e-3], ids=["as imported", "moved"])
 def test_a_table_has_the_rows_of_the_imported_one_and_the_poses_of_the_fit(tmp_path, convention, moved):

@@ -1,9 +1,10 @@
 """The geometry of a fitted machine as a Denavit-Hartenberg table, which `rodgen import` reads again.
 
 Rows are not unique: the normal of two axes may point either way, and where axes are parallel it may be anywhere. Here
-rows are those of the nominal machine, and of the fitted one those nearest to them. The common normal of axes that are
-nearly parallel runs away along them, so that such a link has its normal where the nominal one is, and a fifth
-parameter: beta, a turn about y after alpha (S. Hayati, Robot arm geometric link parameter estimation, CDC 1983).
+rows of the nominal machine are those with the least theta, and of the fitted one those nearest to them. The x axis
+after the last row may point anywhere: its theta is 0 on the nominal machine. The common normal of axes that are nearly
+parallel runs away along them, so that such a link has its normal where the nominal one is, and a fifth parameter: beta,
+a turn about y after alpha (S. Hayati, Robot arm geometric link parameter estimation, CDC 1983).
 """
 
 from __future__ import annotations
@@ -19,16 +20,13 @@ from rodgen.array_types import Array
 from rodgen.machines.emit._geometry import of_couplings
 from rodgen.machines.emit._numbers import K, said_of_uncertainties, standard, uncertain_number
 from rodgen.machines.files.write import toml_string
+from rodgen.machines.imports.denavit_hartenberg import CONVENTIONS
 from rodgen.machines.rigid import rotation_matrix
 
 if TYPE_CHECKING:
     from rodgen.machines.emit._geometry import Geometry
     from rodgen.machines.machine import Machine
 
-CONVENTIONS = {
-    "standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha)",
-    "modified": "Tx(a) Rx(alpha) Tz(d) Rz(theta)",
-}
 PARALLEL = math.sin(math.radians(1.0))
 """Largest sine between axes that count as nearly parallel: their common normal is badly determined, by 60 times."""
 _SAME = 1e-9
@@ -51,19 +49,21 @@ class _Rows:
 
 def table_texts(geometries: Sequence[Geometry], name: str, note: str) -> dict[str, str]:
     """Return a TOML file for each convention, by its name, of the first of the geometries of varied machines."""
-    nominal = _rows(geometries[0].nominal)
-    fitted = _rows(geometries[0].machine, nominal)
-    rows = [fitted, *(_rows(each.machine, fitted, held=True) for each in geometries[1:])]
-    return {
-        f"{name}_{convention}_dh.toml": _text(geometries, rows, convention, note)
-        for convention in CONVENTIONS
-    }
+    texts = {}
+    for convention in CONVENTIONS:
+        nominal = _rows(geometries[0].nominal, convention)
+        fitted = _rows(geometries[0].machine, convention, nominal)
+        rows = [fitted, *(_rows(each.machine, convention, fitted, held=True) for each in geometries[1:])]
+        texts[f"{name}_{convention}_dh.toml"] = _text(geometries, rows, convention, note)
+    return texts
 
 
-def _rows(machine: Machine, near: _Rows | None = None, *, held: bool = False) -> _Rows:
+def _rows(machine: Machine, convention: str, near: _Rows | None = None, *, held: bool = False) -> _Rows:
     """Return the rows of a rigid chain that are nearest to others.
 
-    With `held` links count as nearly parallel, and as without a length, where the others are.
+    Without others, the normal of parallel axes is where an imported table of this convention has it: a joint's point
+    is where the row begins, of a modified table where it ends. With `held` links count as nearly parallel, and as
+    without a length, where the others are.
     """
     axes = [np.array(joint.axis, float) / np.linalg.norm(joint.axis) for joint in machine.joints]
     n = len(axes)
@@ -86,6 +86,8 @@ def _rows(machine: Machine, near: _Rows | None = None, *, held: bool = False) ->
         nominal = math.cos(theta[j]) * x + math.sin(theta[j]) * np.cross(z, x)
         point = np.array(joint.point, float) if joint.revolute else at
         if parallel[j]:
+            if near is None and joint.revolute and machine.joints[j].revolute:
+                at = _foot(at, z, point if convention == "standard" else np.array(machine.joints[j].point))
             to = point + after * float((at - point) @ z) / float(after @ z)
             a[j] = np.linalg.norm(to - at)
             none = near.a[j] == 0 if near is not None and held else a[j] < _SAME * size
@@ -96,16 +98,17 @@ def _rows(machine: Machine, near: _Rows | None = None, *, held: bool = False) ->
             at = origin + z * float(np.cross(point - origin, after) @ across)
             to = point + after * float(np.cross(point - origin, z) @ across)
         a[j] = (to - at) @ normal
-        turn = math.atan2(float(np.cross(nominal, normal) @ z), float(nominal @ normal))
-        # a half turn of the normal is another row of the same link: near the others, or else of a positive length
-        if (abs(turn) > math.pi / 2 + _SAME) if near is not None or abs(a[j]) < _SAME * size else a[j] < 0:
-            normal, a[j], turn = -normal, -a[j], turn - math.copysign(math.pi, turn)
         a[j] = 0.0 if abs(a[j]) < _SAME * size else a[j]
+        turn = math.atan2(float(np.cross(nominal, normal) @ z), float(nominal @ normal))
+        # a half turn of the normal is another row of the same link: the lesser turn, of two alike a positive length
+        if abs(turn) > math.pi / 2 + (-_SAME if near is None and a[j] < 0 else _SAME):
+            normal, a[j], turn = -normal, -a[j], turn - math.copysign(math.pi, turn)
         theta[j] += turn
         d[j] = (at - origin) @ z
         turned = np.stack([normal, np.cross(z, normal), z], axis=1)
         e, f, g = after @ turned
-        alpha[j] = math.atan2(-f, g)
+        around = 0.0 if near is None else near.alpha[j]
+        alpha[j] = around + math.remainder(math.atan2(0.0 - f, g) - around, 2 * math.pi)
         beta[j] = math.asin(min(max(e, -1.0), 1.0)) if parallel[j] else 0.0
         frame = np.eye(4)
         frame[:3, :3] = turned @ rotation_matrix([alpha[j], 0, 0]) @ rotation_matrix([0, beta[j], 0])
@@ -150,6 +153,8 @@ def _text(geometries: Sequence[Geometry], rows: Sequence[_Rows], convention: str
     lines += [f"# {line}" for line in said_of_uncertainties(geometries)]
     lines += [
         f"# A row is {order}; the coordinate of a joint is added to its theta, or to its d where it slides.",
+        "# Of equal tables this is the one with the least theta. That of the last row is 0 on the nominal machine,",
+        "# which does not say how the frame after it stands: with another theta there, tool is turned back by as much.",
         *(
             ["# beta: of axes that are nearly parallel (Hayati), at which d is that of the nominal machine"]
             * any(fifth)
