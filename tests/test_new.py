@@ -159,6 +159,10 @@ def test_a_terminal_is_asked(answers, expected, tmp_path, monkeypatch, rodgen_co
             ["equatorial-fork"],
             "rodgen new: no latitude of an equatorial mount; expected --latitude, such as 31.7deg",
         ),
+        (
+            ["equatorial-fork", "--latitude", "95deg"],
+            "rodgen new: the latitude 95 deg of an equatorial mount; expected --latitude, such as 31.7deg",
+        ),
         (["turntable", "--code", "[w b X t]"], "a code of turntable; expected none: it is no machine tool"),
         (
             ["3-axis", "--code", "[w X Y Z t]"],

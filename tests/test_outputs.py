@@ -12,9 +12,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from commands import run_process
 
 from rodgen.cli import main as cli
-from rodgen.cli._values import EditedMachine, InputFile, OutputFile, OutputFolder, StateFile
+from rodgen.cli._values import EditedMachine, InputFile, OutputFile, OutputFolder, OutputTable, StateFile
 from rodgen.data.tables import write_columns
 from rodgen.errors import InputFileError
 from rodgen.files import OutputSet, make_folder, new_folder, open_input, write_file, written_at_once
@@ -119,6 +120,43 @@ def test_no_input_is_replaced_by_whatever_name(name, source, output, tmp_path, m
         assert ": the input file itself; expected another name for the output" in err
         assert Path("file.html").read_bytes() == content
         assert sorted(os.listdir()) == before
+
+
+def test_what_standard_input_is_read_from_is_not_replaced(tmp_path):
+    pairs = tmp_path / "p.csv"
+    shutil.copy(EXAMPLES.parent / "pairs.csv", pairs)
+    before = pairs.read_bytes()
+    with pairs.open("rb") as stream:
+        done = run_process("solve", "-", "-o", pairs, stdin=stream)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "the input file itself" in done.stderr
+    assert pairs.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_hyphen_is_no_name_and_may_be_standard_output_of_a_table(
+    name, tmp_path, monkeypatch, rodgen_command
+):
+    monkeypatch.chdir(tmp_path)
+    for output in those(name, OutputFile, OutputFolder):
+        if isinstance(made(output), OutputTable):
+            continue
+        code, out, err = rodgen_command(*arguments(name, {output: "-"}))
+        assert (code, out) == (2, "")
+        assert err == "-: file: standard output; expected a name; './-' is one\n"
+        assert os.listdir() == []
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_file_has_no_name_of_a_folder(name, tmp_path, monkeypatch, rodgen_command):
+    monkeypatch.chdir(tmp_path)
+    for output in those(name, OutputFile):
+        if not isinstance(output.type("new.html/"), OutputFile):
+            continue
+        code, out, err = rodgen_command(*arguments(name, {output: "new.html/"}))
+        assert (code, out, err.count("\n")) == (2, "", 1), err
+        assert err.startswith("new.html/: file: a folder; expected ")
+        assert os.listdir() == []
 
 
 SEVERAL = [name for name in COMMANDS if len(those(name, OutputFile, OutputFolder)) > 1]
@@ -274,6 +312,22 @@ def test_results_of_a_fleet_replace_no_file_of_the_fleet(tmp_path, monkeypatch, 
     assert "machines/a.json: file: in the place of results" in err
     assert Path("machines/a.json").read_text() == "data"
     assert sorted(os.listdir()) == ["machines", "pairs.csv"]
+
+
+def test_no_link_among_the_results_of_a_fleet_leads_to_its_files(work, rodgen_command):
+    Path("r/machines").mkdir(parents=True)
+    Path("r/machines/a.json").symlink_to("../../d.csv")
+    Path("pairs.csv").write_text("machine,data,name\nm.toml,d.csv,a\n")
+    before = Path("d.csv").read_bytes()
+    code, _, err = rodgen_command("fleet", "pairs.csv", "-o", "r", "--jobs", "1")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "d.csv: file: in the place of results" in err
+    assert Path("d.csv").read_bytes() == before
+
+
+def test_a_folder_of_too_long_a_name_is_bad_input(work, rodgen_command):
+    code, _, err = rodgen_command("emit", "m.toml", "--lang", "c", "-o", "x" * 300)
+    assert (code, err.count("\n")) == (2, 1)
 
 
 # the set ------------------------------------------------------------------------------------------------------------

@@ -273,13 +273,15 @@ class OutputSet:
         ------
         InputFileError
         """
+        if file == "-":
+            raise InputFileError(file, "file", "standard output", "a name; './-' is one")
         place = os.path.realpath(file)
         if place in self._claimed:
             raise _twice(file)
         self._claimed.add(place)
         self.check(file, place)
         if folder:
-            there = next(each for each in (Path(place), *Path(place).parents) if each.exists())
+            there = next(each for each in (Path(place), *Path(place).parents) if os.path.exists(each))
             if not there.is_dir():
                 raise InputFileError(file, "file", f"{there.name} is no folder", "the name of a folder")
         if not folder and not is_device(file):
@@ -405,7 +407,7 @@ class AtomicFile(Output):
             if self._device:
                 return open(self.file, "wb")
             self.place = os.path.realpath(self.file)
-            if os.path.isdir(self.place):
+            if os.path.isdir(self.place) or not os.path.basename(self.file):
                 raise InputFileError(self.file, "file", "a folder", "the name of a file")
             if (around := _outputs.get()) is not None:
                 around.check(self.file, self.place)

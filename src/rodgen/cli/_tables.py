@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from rodgen.cli._console import OK, conclude, reading_progress
-from rodgen.cli._values import InputFile, OutputFile
+from rodgen.cli._values import InputFile, OutputTable
 from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def add_output(parser: argparse.ArgumentParser, what: str = "") -> None:
         "-o",
         "--output",
         metavar="FILE",
-        type=OutputFile,
+        type=OutputTable,
         help=f"{what}.csv, .csv.gz or .parquet; default: CSV on standard output",
     )
 

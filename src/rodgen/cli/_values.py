@@ -23,6 +23,10 @@ class OutputFile(str):
     """The name of a file that is written, or of a new folder."""
 
 
+class OutputTable(OutputFile):
+    """The name of a table that is written; '-' is standard output."""
+
+
 class OutputFolder(str):
     """The name of a folder that files are written into; it may be there."""
 

@@ -14,7 +14,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
-from glob import glob, has_magic
+from glob import glob
 from importlib import import_module
 from typing import IO, Any, NoReturn
 
@@ -39,7 +39,7 @@ from rodgen.cli._console import (
 )
 from rodgen.cli._progress import Display, display
 from rodgen.cli._timings import Timings
-from rodgen.cli._values import EditedMachine, InputFile, OutputFile, OutputFolder, StateFile
+from rodgen.cli._values import EditedMachine, InputFile, OutputFile, OutputFolder, OutputTable, StateFile
 from rodgen.errors import InputFileError, NotConvergedError, RodgenError
 from rodgen.files import OutputSet
 from rodgen.stages import listening, stage
@@ -184,14 +184,16 @@ def _claim(outputs: OutputSet, options: argparse.Namespace) -> None:
     ]
     for value in values:
         if isinstance(value, InputFile):
-            for file in glob(value, recursive=True) if has_magic(value) else [value]:
+            for file in ["/dev/stdin" if value == "-" else value, *glob(value, recursive=True)]:
                 outputs.protect(file)
         elif isinstance(value, EditedMachine) and os.path.realpath(value) == os.path.realpath(
             options.machine
         ):
             outputs.allow(value)
     for value in values:
-        if isinstance(value, OutputFolder) or (isinstance(value, OutputFile) and value != "-"):
+        if isinstance(value, OutputTable) and value == "-":
+            continue
+        if isinstance(value, OutputFile | OutputFolder):
             outputs.claim(value, folder=isinstance(value, OutputFolder))
         if isinstance(value, StateFile):
             outputs.allow(value)

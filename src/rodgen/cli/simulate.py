@@ -9,7 +9,7 @@ from typing import Any
 
 from rodgen.cli._console import OK, Command, UsageError, conclude, refused, show_json, show_result
 from rodgen.cli._machine import add_json, load_data
-from rodgen.cli._values import InputFile, OutputFile, whole
+from rodgen.cli._values import InputFile, OutputFile, OutputTable, whole
 from rodgen.errors import InputFileError
 from rodgen.files import write_file
 
@@ -55,7 +55,7 @@ def add_to(command: Command) -> None:
         "-o",
         "--output",
         metavar="DATA",
-        type=OutputFile,
+        type=OutputTable,
         help=".csv, .csv.gz or .parquet; default: CSV on standard output",
     )
     about = "what is hidden; needed with --hidden"

@@ -14,11 +14,11 @@ from rodgen.calibration.fleet.fleet import Fleet
 from rodgen.calibration.fleet.pairs import Pair
 from rodgen.calibration.fleet.processes import each_in_processes
 from rodgen.calibration.fleet.store import (
-    MACHINES,
     PLAN,
     Plan,
     read_plan,
     read_result,
+    result_file,
     write_plan,
     write_result,
 )
@@ -96,10 +96,10 @@ def diagnose_fleet(
 
 def _check_apart(folder: str, pairs: Sequence[Pair]) -> None:
     """Refuse a folder of results that has files of the fleet where results stand."""
-    taken = {os.path.realpath(os.path.join(folder, name)) for name in (PLAN, MACHINES)}
+    files = [os.path.join(folder, PLAN), *(result_file(folder, pair.name) for pair in pairs)]
+    taken = set(map(os.path.realpath, files))
     for file in {file for pair in pairs for file in (pair.machine, pair.data) if file}:
-        place = os.path.realpath(file)
-        if place in taken or os.path.dirname(place) in taken:
+        if os.path.realpath(file) in taken:
             raise InputFileError(
                 file, "file", f"in the place of results, {folder}", "another folder of results"
             )

@@ -89,14 +89,15 @@ def read_plan(folder: str) -> Plan:
         raise InputFileError(file, "file", "no fleet", _EXPECTED) from None
 
 
-def _place(folder: str, name: str) -> str:
+def result_file(folder: str, name: str) -> str:
+    """Return the file of the result of a machine."""
     return os.path.join(folder, MACHINES, f"{quote(name, safe=' ()+,=@')}.json")
 
 
 def read_result(folder: str, name: str) -> dict[str, Any] | None:
     """Return the result of a machine; None where there is none, or none that this version wrote."""
     try:
-        found = _read(_place(folder, name))
+        found = _read(result_file(folder, name))
         known = found["key"]["format"] == FORMAT and not {"error", "fleet"}.isdisjoint(found)
     except (InputFileError, LookupError, TypeError):
         return None
@@ -105,7 +106,7 @@ def read_result(folder: str, name: str) -> dict[str, Any] | None:
 
 def write_result(folder: str, name: str, result: Mapping[str, Any]) -> None:
     """Write the result of a machine: all of it, or nothing."""
-    place = _place(folder, name)
+    place = result_file(folder, name)
     make_folder(os.path.dirname(place))
     _write(place, result)
 
