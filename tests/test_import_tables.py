@@ -213,9 +213,10 @@ def test_a_quoted_cell_may_hold_ends_of_lines(tmp_path):
 
 
 def test_a_quotation_mark_without_a_second_is_named(tmp_path):
-    (tmp_path / "t.csv").write_text('remark;x [mm]\n;1\n"open;2\n;3\n')
-    with pytest.raises(InputFileError, match="line 3: a quotation mark without a second"):
-        read_foreign(tmp_path / "t.csv")
+    for later in ("", '"second;4\n'):
+        (tmp_path / "t.csv").write_text(f'remark;x [mm]\n;1\n"open;2\n;3\n{later}')
+        with pytest.raises(InputFileError, match="line 3: a quotation mark without a second"):
+            read_foreign(tmp_path / "t.csv")
 
 
 def test_balls_that_a_machinist_probed_become_measurements(tmp_path):

@@ -68,13 +68,13 @@ def _derive(options: argparse.Namespace) -> int:
         check_notebook(options.notebook)  # before the proofs, which take their time
     with stage("deriving"):
         derivation = load_derivation(options.derivation)
+    if options.notebook:
+        with stage("running the notebook"):
+            run_notebook(options.derivation, options.notebook)
     if options.steps:
         for entry in derivation:
             show(f"{entry.steps()}\n")
     show(derivation.report())
-    if options.notebook:
-        with stage("running the notebook"):
-            run_notebook(options.derivation, options.notebook)
     return FAILED if derivation.open else OK
 
 

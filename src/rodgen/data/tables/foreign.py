@@ -207,10 +207,12 @@ def _quoted(file: str, text: str, separator: str) -> Iterator[tuple[int, list[st
         if cells is None:
             return
         written = lines[first - 1 : reader.line_num]
-        if len(written) > 1 and sum(line.count('"') for line in written) % 2:
-            raise InputFileError(
-                file, f"line {first}", "a quotation mark without a second", "both, or neither"
-            )
+        try:
+            if len(written) > 1:  # a mark of one row may have found that of another one, and text after it
+                next(csv.reader(written, delimiter=separator, strict=True))
+        except csv.Error:
+            found = "a quotation mark without a second"
+            raise InputFileError(file, f"line {first}", found, "both, or neither") from None
         yield first, cells
         first = reader.line_num + 1
 
