@@ -192,6 +192,9 @@ def writes(call: ast.Call) -> bool:
     if isinstance(function, ast.Name):
         modes = [*call.args[1:2], *(each.value for each in call.keywords if each.arg == "mode")]
         return function.id == "open" and any(ast.unparse(mode) not in ("'r'", "'rb'") for mode in modes)
+    if isinstance(function, ast.Attribute) and function.attr == "open":  # of a path, or a module such as gzip
+        texts = [ast.unparse(each) for each in (*call.args, *(each.value for each in call.keywords))]
+        return any(re.fullmatch("'[rbt]*[wax+][rbt+]*'", text) for text in texts)
     if not isinstance(function, ast.Attribute) or function.attr not in WRITERS:
         return False
     # str.replace has the name of os.replace
