@@ -287,8 +287,8 @@ class _Watching:
         from rodgen.machines.machine import Machine
 
         found = fit(Machine.load(self.options.machine), reference, loss="huber")
-        remark_on_rows(found.observations)
         self.watch = Watch(found, rate=self.options.rate, false_alarms=self.options.false_alarms)
+        remark_on_rows(found.observations)
         notify(self.watch.text)
 
     def save(self) -> None:
