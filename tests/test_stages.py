@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import time
 from pathlib import Path
 
@@ -11,100 +10,10 @@ import pytest
 
 import rodgen
 from rodgen.cli._progress import Display
-from rodgen.cli._timings import Timings
-from rodgen.machines.model import _kernels
 from rodgen.stages import each, listening, stage, step
 
 MOUNT = Path(__file__).parent.parent / "examples" / "machines" / "mount"
 FILES = (MOUNT / "machine.toml", MOUNT / "mmt_2021.csv")
-
-
-class Clock:
-    """A wall clock and a processor clock that the test sets."""
-
-    def __init__(self):
-        self.wall = self.processor = 0.0
-
-    def __call__(self):
-        return self.wall, self.processor
-
-    def work(self, seconds, processor=None):
-        self.wall += seconds
-        self.processor += seconds if processor is None else processor
-
-
-# timings -----------------------------------------------------------------------------------------------
-
-
-def test_a_stage_is_timed_without_the_stages_within_it():
-    clock = Clock()
-    timings = Timings(clock)
-    with listening(timings):
-        clock.work(1)
-        with stage("fitting"):
-            clock.work(2)
-            with stage("compiling"):
-                clock.work(4, processor=8)
-            clock.work(16)
-        with stage("fitting"):
-            clock.work(32)
-    clock.work(64)
-    found = timings.to_dict()
-    spent = {of["stage"]: (of["wall_s"], of["processor_s"]) for of in found["stages"]}
-    assert spent == {"fitting": (50, 50), "compiling": (4, 8), "other": (65, 65)}
-    assert (found["wall_s"], found["processor_s"]) == (119, 123)
-    assert [of["share"] for of in found["stages"]] == [50 / 119, 4 / 119, 65 / 119]
-    assert str(timings).splitlines() == [
-        "stage       wall s  processor s  share",
-        "fitting      50.00        50.00    42%",
-        "compiling     4.00         8.00     3%",
-        "other        65.00        65.00    55%",
-        "total       119.00       123.00   100%",
-    ]
-
-
-def test_a_stage_ends_with_an_error():
-    clock = Clock()
-    timings = Timings(clock)
-    with listening(timings), pytest.raises(ValueError, match="wrong"), stage("fitting"):
-        raise ValueError("wrong")
-    clock.work(1)
-    assert {of["stage"]: of["wall_s"] for of in timings.to_dict()["stages"]} == {"fitting": 0, "other": 1}
-
-
-@pytest.mark.quick("fit-stages0")
-@pytest.mark.parametrize(
-    ("command", "stages"),
-    [
-        ("fit", {"starting", "reading", "fitting", "loading kernels"}),
-        ("compare", {"fitting", "comparing"}),
-        (
-            "diagnose",
-            {"estimating the correlation", "testing effects", "further fits", "error on poses left out"},
-        ),
-    ],
-)
-def test_the_stages_of_a_command_add_up_to_its_total(command, stages, rodgen_command):
-    _kernels.cache_clear()  # a process loads them once
-    code, out, err = rodgen_command(command, *FILES, "--json", "--timings")
-    timed = json.loads(out, parse_constant=pytest.fail)
-    timings = timed.pop("timings")
-    assert (code, err) == (0, "")
-    assert stages < {of["stage"] for of in timings["stages"]}
-    for kind in ("wall_s", "processor_s"):
-        assert sum(of[kind] for of in timings["stages"]) == pytest.approx(timings[kind], rel=1e-12)
-    assert sum(of["share"] for of in timings["stages"]) == pytest.approx(1, rel=1e-12)
-    # Nothing else differs.
-    _, out, _ = rodgen_command(command, *FILES, "--json")
-    assert json.loads(out) == timed
-
-
-def test_the_table_of_stages_comes_after_the_answer(rodgen_command):
-    _, plain, _ = rodgen_command("fit", *FILES)
-    code, timed, err = rodgen_command("fit", *FILES, "--timings")
-    assert (code, err) == (0, "")
-    assert timed.startswith(f"{plain}\nstage ")
-    assert timed.splitlines()[-1].startswith("total")
 
 
 # what is shown on a terminal ---------------------------------------------------------------------------

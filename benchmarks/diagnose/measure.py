@@ -57,13 +57,14 @@ def _case(files: Any, home: Path, *, quick: bool) -> dict[str, Any]:
 
 def _once(files: Any, cache: Path) -> dict[str, Any]:
     """Run the command; return its processor seconds, in all and for the start, and its memory, MiB."""
-    words = [sys.executable, "-m", "rodgen", "diagnose", *map(str, files), "--json", "--timings"]
+    return _run([*map(str, files), "--json"], cache) | {"start": _run(["--help"], cache)["all"]}
+
+
+def _run(words: list[str], cache: Path) -> dict[str, Any]:
     # the modules compiled, as where it is installed, whatever this process was told
     modules = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(cache.with_name("modules"))}
     done = subprocess.run(
-        [sys.executable, Path(__file__).with_name("alone.py"), *words],
+        [sys.executable, Path(__file__).with_name("alone.py"), sys.executable, "-m", "rodgen", "diagnose", *words],
         env=os.environ | modules | {"RODGEN_CACHE": str(cache)}, stdout=subprocess.PIPE, text=True, check=True,
     )  # fmt: skip
-    found = json.loads(done.stdout)
-    stages = json.loads(found.pop("answer"))["timings"]["stages"]
-    return found | {"start": next(s["processor_s"] for s in stages if s["stage"] == "starting")}
+    return json.loads(done.stdout)

@@ -210,14 +210,13 @@ def show_json_line(data: Any) -> None:
 
 
 def show_result(options: argparse.Namespace, data: Callable[[], Any], text: Callable[[], str]) -> None:
-    """Print a result as JSON where --json was given, else as text, then where --timings was given how long it took."""
-    timings = getattr(options, "timings", None)
+    """Print a result as JSON where --json was given, else as text."""
     with stage("writing the answer"):
         made: Any = data() if options.json else text()
     if options.json:
-        show_json({**made, "timings": timings.to_dict()} if timings else made)
+        show_json(made)
     else:
-        show(f"{made}\n\n{timings}" if timings else made)
+        show(made)
 
 
 def _plain(data: Any) -> Any:

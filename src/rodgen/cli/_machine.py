@@ -52,12 +52,6 @@ def add_json(command: argparse.ArgumentParser) -> None:
     )
 
 
-def add_timings(command: argparse.ArgumentParser) -> None:
-    """Add --timings."""
-    about = 'after the answer, show how long each stage took; with --json under "timings"'
-    command.add_argument("--timings", action="store_true", help=about)
-
-
 def add_scheduler(command: argparse.ArgumentParser) -> None:
     """Add --scheduler."""
     about = (

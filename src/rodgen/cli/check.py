@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rodgen.cli._console import FAILED, OK, Command, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_timings, load_data, remark_on_readings
+from rodgen.cli._machine import FILES, add_files, add_json, load_data, remark_on_readings
 from rodgen.cli._values import OutputFile
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import write_file
@@ -44,7 +44,6 @@ def add_to(command: Command) -> None:
         help="write the mended data: .csv, .csv.gz or .parquet",
     )
     add_json(check)
-    add_timings(check)
 
 
 def _run(options: argparse.Namespace) -> int:

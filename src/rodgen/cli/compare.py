@@ -11,7 +11,6 @@ from rodgen.cli._machine import (
     add_json,
     add_loss,
     add_scheduler,
-    add_timings,
     fitted,
     wrong_file,
 )
@@ -39,7 +38,6 @@ def add_to(command: Command) -> None:
     )
     add_json(compare)
     add_scheduler(compare)
-    add_timings(compare)
 
 
 def _place(text: str) -> OutputFile | OutputFolder:

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from rodgen.cli._console import Command, after_fits, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_scheduler, add_test, add_timings, diagnosed
+from rodgen.cli._machine import FILES, add_files, add_json, add_scheduler, add_test, diagnosed
 from rodgen.cli._values import OutputFile
 from rodgen.errors import joined
 from rodgen.files import write_file
@@ -54,7 +54,6 @@ def add_to(command: Command) -> None:
     )
     add_json(diagnose)
     add_scheduler(diagnose)
-    add_timings(diagnose)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -11,7 +11,6 @@ from rodgen.cli._machine import (
     add_json,
     add_loss,
     add_scheduler,
-    add_timings,
     fitted,
     wrong_file,
 )
@@ -47,7 +46,6 @@ def add_to(command: Command) -> None:
     )
     add_json(fit)
     add_scheduler(fit)
-    add_timings(fit)
 
 
 def _run(options: argparse.Namespace) -> int:

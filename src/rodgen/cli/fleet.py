@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import BAD_INPUT, FAILED, INTERNAL, NOT_CONVERGED, OK, Command, show_result
-from rodgen.cli._machine import add_json, add_timings
+from rodgen.cli._machine import add_json
 from rodgen.cli._values import InputFile, OutputFolder, frequency, whole
 
 _FLEET = """\
@@ -50,7 +50,6 @@ def add_to(command: Command) -> None:
     about = "a Dask scheduler instead of --jobs, tcp://HOST:PORT, whose workers read files by the same names"
     fleet.add_argument("--scheduler", metavar="WHERE", help=about)
     add_json(fleet)
-    add_timings(fleet)
 
 
 def _run(options: argparse.Namespace) -> int:

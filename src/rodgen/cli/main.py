@@ -38,11 +38,10 @@ from rodgen.cli._console import (
     show,
 )
 from rodgen.cli._progress import Display, display
-from rodgen.cli._timings import Timings
 from rodgen.cli._values import EditedMachine, InputFile, OutputFile, OutputFolder, OutputTable, StateFile
 from rodgen.errors import InputFileError, NotConvergedError, RodgenError
 from rodgen.files import OutputSet
-from rodgen.stages import listening, stage
+from rodgen.stages import listening
 
 __all__ = ["main"]
 
@@ -117,7 +116,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     called = next((argument for argument in given if not argument.startswith("-")), "")
-    timings = Timings()
     outputs = OutputSet()
     completed = outputs.completed
     options = argparse.Namespace(debug=DEBUG in given)
@@ -128,15 +126,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with outputs, display() as shown, _one_line_warnings(shown):
             try:
-                with listening(timings), stage("starting"):
-                    options = _parser(called).parse_args(given)
+                options = _parser(called).parse_args(given)
             except SystemExit:  # --help and --version
                 show("", end="")
                 return OK
             _claim(outputs, options)
-            if getattr(options, "timings", False):
-                options.timings = timings
-            with listening(timings, *filter(None, [shown])), _scheduled(options):
+            with listening(*filter(None, [shown])), _scheduled(options):
                 code: int = options.run(options)
             return code
     except UsageError as error:
