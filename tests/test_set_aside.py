@@ -354,7 +354,7 @@ def test_a_file_that_could_not_be_read_again_is_not_written(monkeypatch: pytest.
     machine, data = read()
     entries = machine.setting_aside(data, rows=[*range(3, 40, 2)]).measured.set_aside
     assert "rows = " in text_with_set_aside("m.toml", entries)
-    monkeypatch.setenv("RODGEN_LIMITS", "file=1000")
+    monkeypatch.setattr("rodgen.limits.FILE", 1000)
     text = Path("m.toml").read_text()
     with pytest.raises(InputFileError, match="expected a rule, or longer stretches of rows"):
         text_with_set_aside("m.toml", entries, text + "#" * 1000)

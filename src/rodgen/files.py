@@ -17,8 +17,8 @@ from io import BufferedReader
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
+from rodgen import limits
 from rodgen.errors import InputFileError
-from rodgen.limits import VARIABLE, limit
 
 if TYPE_CHECKING:
     import zipfile
@@ -62,7 +62,7 @@ def read_input(
     usual : str
         What is expected instead of a larger file; left out, `expected`.
     largest : int, optional
-        Largest size in bytes, whole megabytes; of a larger file no more is read. Default: the limit ``file``.
+        Largest size in bytes, whole megabytes; of a larger file no more is read. Default: `limits.FILE`.
     pipe : bool
         Whether ``"-"`` is standard input.
 
@@ -71,7 +71,7 @@ def read_input(
     InputFileError
         When it cannot be read, or is larger.
     """
-    most = int(limit("file")) if largest is None else largest
+    most = limits.FILE if largest is None else largest
     try:
         if pipe and file == "-":
             file = "standard input"
@@ -84,8 +84,7 @@ def read_input(
     except OSError as error:
         raise unreadable(file, error, expected) from None
     if len(content) > most:
-        raised = "" if largest else f" ({VARIABLE}=file=NUMBER raises that)"
-        raise InputFileError(file, "file", f"more than {most / 1e6:g} MB", (usual or expected) + raised)
+        raise InputFileError(file, "file", f"more than {most / 1e6:g} MB", usual or expected)
     return content
 
 

@@ -29,9 +29,9 @@ from typing import Any
 
 import numpy as np
 
+from rodgen import limits
 from rodgen.array_types import Array
 from rodgen.files import temporary_folder
-from rodgen.limits import VARIABLE, limit
 from rodgen.stages import stage
 
 Command = tuple[str, ...]
@@ -138,7 +138,7 @@ def _run(command: list[str], folder: str | None = None) -> subprocess.CompletedP
     try:
         with subprocess.Popen(command, **how) as process:
             try:
-                out, errors = process.communicate(timeout=limit("compile"))
+                out, errors = process.communicate(timeout=limits.COMPILE)
             except BaseException:
                 if apart:
                     with contextlib.suppress(ProcessLookupError):  # it has just ended
@@ -147,8 +147,7 @@ def _run(command: list[str], folder: str | None = None) -> subprocess.CompletedP
                 raise
             return subprocess.CompletedProcess(command, process.returncode, out, errors)
     except subprocess.TimeoutExpired as error:
-        raised = f"{VARIABLE}=compile=NUMBER allows it more"
-        raise CompilerError(f"{command[0]} does not end in {error.timeout:g} s ({raised})") from None
+        raise CompilerError(f"{command[0]} does not end in {error.timeout:g} s") from None
     except (OSError, subprocess.SubprocessError) as error:
         raise CompilerError(f"{command[0]} does not run ({error})") from None
 

@@ -15,7 +15,7 @@ from fractions import Fraction
 from typing import cast
 
 from rodgen.errors import shown
-from rodgen.limits import hint, limit
+from rodgen.limits import FORMULA
 from rodgen.machines.effects._formula_limits import FUNCTIONS, check_limits
 from rodgen.machines.effects._formula_tree import MOST_DIGITS, OPERATORS, FormulaError, write
 
@@ -74,15 +74,16 @@ def parse(text: str) -> ast.expr:
     """
     if not text.strip():
         raise FormulaError("an empty formula", "one such as 'a*sin(q)'")
-    longest = limit("formula")
-    if len(text) > longest:
-        raise FormulaError(f"a formula of {len(text)} characters", f"one of {hint('formula')}")
+    if len(text) > FORMULA:
+        raise FormulaError(f"a formula of {len(text)} characters", f"one of at most {FORMULA} characters")
     tokens = _tokens(text)
     _check(tokens)
     tree = _tree(tokens)
     written = len(write(tree))
-    if written > longest:  # a formula may be written back into a file
-        raise FormulaError(f"a formula of {written} characters with its blanks", f"one of {hint('formula')}")
+    if written > FORMULA:  # a formula may be written back into a file
+        raise FormulaError(
+            f"a formula of {written} characters with its blanks", f"one of at most {FORMULA} characters"
+        )
     check_limits(tree)
     return tree
 

@@ -14,9 +14,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
+from rodgen import limits
 from rodgen.data.set_aside import SetAside
 from rodgen.errors import InputFileError, shown
-from rodgen.limits import limit
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
 from rodgen.machines.files.write import effect_text, known_line, machine_text, set_aside_text, toml_string
@@ -192,8 +192,8 @@ def text_with_set_aside(source: Source, entries: Sequence[SetAside], text: str |
     said = f"{set_aside_text(entries)}\n".replace("\n", new_line) if entries else ""
     gap = new_line if said and not text[: place.start].endswith("\n") else ""
     text = text[: place.start] + gap + said + text[place.stop :]
-    if len(text.encode()) > limit("file"):  # could not be read any more
-        found = f"rows that make a file of more than {limit('file') / 1e6:g} MB"
+    if len(text.encode()) > limits.FILE:  # could not be read any more
+        found = f"rows that make a file of more than {limits.FILE / 1e6:g} MB"
         raise InputFileError(source, "[measured], set_aside", found, "a rule, or longer stretches of rows")
     faults = ("[measured]", "a table or a key set_aside in another form", "both as rodgen writes them")
     return _checked(text, changed, source, faults)

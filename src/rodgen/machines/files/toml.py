@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeGuard, TypeVar, overload
 
 from rodgen.errors import InputFileError, listed, nearest_name, shown, suggestion
 from rodgen.files import decoded, read_input
-from rodgen.limits import hint, limit
+from rodgen.limits import NESTING
 
 _T = TypeVar("_T")
 _D = TypeVar("_D")
@@ -47,11 +47,11 @@ def parse(text: str, file: str) -> dict[str, Any]:
     """
     text = text.removeprefix("\ufeff")
     # tomllib takes the square of the number of names, in time and memory
-    key = re.search(rf"(?:^|[\[{{,])[ \t]*+(?:{_NAME}[ \t]*+\.[ \t]*+){{{limit('nesting'):.0f}}}", text, re.M)
+    key = re.search(rf"(?:^|[\[{{,])[ \t]*+(?:{_NAME}[ \t]*+\.[ \t]*+){{{NESTING}}}", text, re.M)
     if key:
         line = text.count("\n", 0, key.end()) + 1
-        found = f"a key of more names than {limit('nesting'):.0f}"
-        raise InputFileError(file, f"line {line}", found, hint("nesting"))
+        found = f"a key of more names than {NESTING}"
+        raise InputFileError(file, f"line {line}", found, f"at most {NESTING}")
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -62,9 +62,9 @@ def parse(text: str, file: str) -> dict[str, Any]:
         ) from None
     except RecursionError:
         raise InputFileError(file, "file", "arrays or tables nested too deep", _TOML) from None
-    if _depth(content) > limit("nesting"):
-        found = f"arrays or tables nested more than {limit('nesting'):.0f} deep"
-        raise InputFileError(file, "file", found, hint("nesting"))
+    if _depth(content) > NESTING:
+        found = f"arrays or tables nested more than {NESTING} deep"
+        raise InputFileError(file, "file", found, f"at most {NESTING}")
     return content
 
 
