@@ -43,7 +43,7 @@ TIMES = {
 }
 """What differs from one run to the next, and what stands there instead."""
 COMMANDS = """check fit compare diagnose plan predict report fleet watch open add remove parameter set-aside bring-back
-emit simulate effects new import solve fit-axis tricept euler mechanism derive errata kernels doctor completion"""
+emit simulate effects new import solve fit-axis tricept euler mechanism derive kernels doctor completion"""
 CHI = "chi_x [deg],chi_y [deg],chi_z [deg]\n10,20,15\n0,0,0\n"
 LEGS = "L1 [mm],L2 [mm],L3 [mm]\n320,330,310\n"
 
@@ -270,7 +270,6 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
     "fleet": (of_fleet(), "fleet m.toml data -o results --jobs 1 --date 2026-11-20\nreport results -o fleet.html"),
     "equations": ({}, """
         derive rodrigues
-        errata rodrigues
         kernels axis -o out
         kernels rodrigues -o none
         completion bash

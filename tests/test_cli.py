@@ -69,7 +69,7 @@ def test_help_documents_the_exit_codes_and_imports_nothing_heavy():
         "assert not heavy, heavy\n"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    for word in ("solve", "fit-axis", "derive", "errata", "kernels", "exit codes:", "2  bad input: one line"):
+    for word in ("solve", "fit-axis", "derive", "kernels", "exit codes:", "2  bad input: one line"):
         assert word in shown.stdout
 
 
@@ -136,7 +136,7 @@ def test_help_has_the_order_of_its_page(capsys):
     assert list(commands_by_group(capsys.readouterr().out).items()) == list(on_the_page.items())
 
 
-@pytest.mark.parametrize("command", ["solve", "fit-axis", "derive", "errata", "kernels"])
+@pytest.mark.parametrize("command", ["solve", "fit-axis", "derive", "kernels"])
 def test_every_command_has_help(command, capsys):
     assert cli.main([command, "--help"]) == 0
     text = capsys.readouterr().out
@@ -517,7 +517,7 @@ def test_plot_that_cannot_be_written_is_one_line(name, message, measured_file, t
     assert (out, err) == ("", f"{tmp_path / name}: {message}{' with room' if 'nowhere' in name else ''}\n")
 
 
-# derive, errata, kernels -------------------------------------------------------------------------------
+# derive, kernels ---------------------------------------------------------------------------------------
 
 
 LENS = """\
@@ -587,7 +587,7 @@ SCRIPTS = {
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-@pytest.mark.parametrize("command", ["derive", "errata", "kernels"])
+@pytest.mark.parametrize("command", ["derive", "kernels"])
 def test_script_that_fails_is_one_line(command, name, tmp_path, capsys):
     content, code, message = SCRIPTS[name]
     path = tmp_path / "script.py"
@@ -639,51 +639,15 @@ def test_notebook_needs_a_name_and_a_folder(lens, tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_errata_show_their_progress_where_somebody_looks(lens, capfd, monkeypatch):
-    assert cli.main(["errata", str(lens)]) == 0
+def test_derivations_show_their_progress_where_somebody_looks(lens, capfd, monkeypatch):
+    assert cli.main(["derive", str(lens)]) == 0
     quiet = capfd.readouterr()
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    assert cli.main(["errata", str(lens)]) == 0
+    assert cli.main(["derive", str(lens)]) == 0
     shown = capfd.readouterr()
     assert quiet.err == ""
     assert shown.err.startswith("\rderiving")
     assert shown.out == quiet.out
-
-
-def test_errata_are_those_of_the_derivation(lens, capsys):
-    assert cli.main(["errata", str(lens)]) == 0
-    text = capsys.readouterr().out
-    assert "L1  magnification (eq. (2))" in text
-    assert cli.main(["errata", str(lens), "--format", "markdown"]) == 0
-    assert "## L1. magnification" in capsys.readouterr().out
-    assert cli.main(["errata", str(lens), "--format", "json"]) == 0
-    (source,) = json.loads(capsys.readouterr().out)
-    (erratum,) = source["errata"]
-    assert (erratum["label"], erratum["id"], erratum["place"]) == ("L1", "magnification", "eq. (2)")
-    assert erratum["counterexample"] == {"a": "3", "f": "1"}
-    assert erratum["there"] == [["1/2", "-1/2"]]
-    assert (erratum["origin"], erratum["words"]) == ("printed", "")
-    assert erratum["claims"] == ["Eq(b/a, f/(-a + f))"]
-
-
-def test_errata_name_what_the_source_only_says_or_takes_for_granted(lens, capsys):
-    lens.write_text(
-        LENS
-        + 'said = d.state("image", sp.Gt(b, 0), said="there is an image", place="p. 1")\n'
-        + 'said.refute({a: 1, f: 2}, sp.Eq(1 / a + 1 / b, 1 / f), because="Behind it.", label="L2")\n'
-        + 'tacit = d.state("apart", sp.Ne(a, f), tacit=True)\n'
-        + 'tacit.refute({a: 1, f: 1}, sp.Eq(1 / a + 1 / b, 1 / f), because="At infinity.", label="L3")\n'
-    )
-    assert cli.main(["errata", str(lens)]) == 0
-    text = capsys.readouterr().out
-    assert "    said:     “there is an image”\n    meaning:  b > 0\n" in text
-    assert "    tacit:    a != f\n" in text
-    assert cli.main(["errata", str(lens), "--format", "json"]) == 0
-    (source,) = json.loads(capsys.readouterr().out)
-    assert [(e["origin"], e["words"], e["claims"]) for e in source["errata"][1:]] == [
-        ("said", "there is an image", ["b > 0"]),
-        ("tacit", "", ["Ne(a, f)"]),
-    ]
 
 
 @pytest.mark.thorough
@@ -693,11 +657,6 @@ def test_derivation_of_the_paper_is_closed_and_finds_its_misprints(capsys):
     out, err = capsys.readouterr()
     assert ", 0 open;" in out
     assert err == ""
-    assert cli.main(["errata", "rodrigues"]) == 0
-    out, err = capsys.readouterr()
-    assert err == ""
-    for label in ("M1", "M2", "M5", "M6"):
-        assert f"\n{label} " in out
 
 
 # warnings ----------------------------------------------------------------------------------------------

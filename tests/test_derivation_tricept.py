@@ -65,12 +65,6 @@ def test_errata_list_every_slip_with_its_correction():
     assert "29/10000 is not sqrt(3)/600" in text
 
 
-def test_rodgen_errata_has_the_tricept(rodgen_command):
-    code, out, err = rodgen_command("errata", "tricept")
-    assert (code, err) == (0, "")
-    assert "T1  Ox (before eq. (1))" in out
-
-
 def numbers(seed):
     rng = np.random.default_rng(seed)
     values = {

@@ -124,7 +124,6 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     "mechanism mobility": (ROBOT, "mechanism mobility l.csv --plot m.html", "m.html"),
     "kernels": ({}, "kernels axis -o generated", ""),
     "derive": ({}, "derive rodrigues", ""),
-    "errata": ({}, "errata rodrigues", ""),
     "import": (URDF, "import r.urdf -o m.toml", "m.toml"),
     "import with data": ({"r.dat": POINTINGS}, "import r.dat -o m.toml -d d.csv", "m.toml d.csv"),
     "import a table": (

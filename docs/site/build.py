@@ -142,7 +142,7 @@ def errata_page(records: dict[str, dict]) -> str:
         "# Errata of the sources",
         "",
         "Formulas and statements of the papers and notes that the derivations refute, each with an exact "
-        "counterexample and the correction. `rodgen errata` prints the same.",
+        "counterexample and the correction.",
         "",
     ]
     for name, record in records.items():

@@ -1,9 +1,9 @@
-"""``rodgen derive``, ``errata`` and ``kernels``: run derivations, list misprints, generate code."""
+"""``rodgen derive`` and ``kernels``: run derivations, generate code."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rodgen.cli._console import FAILED, OK, Command, conclude, notify, show
 from rodgen.cli._values import InputFile, OutputFile, OutputFolder
@@ -21,12 +21,6 @@ The script is plain Python (jupytext percent format when it is to become a noteb
 rodgen.symbolic.Derivation in the module-level name 'derivation'.
 """
 
-_ERRATA = """\
-Print the errors of the sources, with an exact counterexample and the correction. Each claim is marked: 'printed' is a
-formula of the source, 'said' a statement in words (with its meaning as a formula), 'tacit' a hypothesis that the source
-needs and does not state.
-"""
-
 _KERNELS = """\
 Write the kernels of a derivation: a NumPy module, C source and header, and a test for kernels that specify
 sample inputs; with --target the kernels in other languages. With --check nothing is written: differences are shown as a
@@ -42,11 +36,6 @@ def add_to(command: Command) -> None:
     derive.add_argument("--steps", action="store_true", help="print every proof with its steps, too")
     about = "also run it as a notebook, and write that"
     derive.add_argument("--notebook", metavar="FILE.ipynb", type=OutputFile, help=about)
-
-    errata = command("errata", _errata, "errors in the sources", _ERRATA)
-    about = "default: all of rodgen's own derivations"
-    errata.add_argument("derivation", metavar="NAME|SCRIPT.py", type=InputFile, nargs="?", help=about)
-    errata.add_argument("--format", choices=("text", "markdown", "json"), default="text")
 
     kernels = command("kernels", _kernels, "generate code from a derivation", _KERNELS)
     kernels.add_argument("derivation", metavar="NAME|SCRIPT.py", type=InputFile, nargs="?", help=about)
@@ -85,43 +74,6 @@ def _loaded(name: str | None) -> list[Derivation]:
         with stage("deriving"):
             return [load_derivation(name)]
     return [load_derivation(n) for n in each("deriving", packaged_derivations())]
-
-
-def _errata(options: argparse.Namespace) -> int:
-    derivations = _loaded(options.derivation)
-    if not options.derivation:
-        derivations = [d for d in derivations if any(entry.refutation for entry in d)]
-    if options.format == "json":
-        import json
-
-        show(json.dumps([_refutations(derivation) for derivation in derivations], indent=2))
-    else:
-        from rodgen.symbolic import errata
-
-        show(errata(*derivations, form=options.format), end="")
-    return OK
-
-
-def _refutations(derivation: Derivation) -> dict[str, Any]:
-    return {
-        "source": derivation.source,
-        "errata": [
-            {
-                "label": wrong.label,
-                "id": entry.id,
-                "place": entry.place,
-                "origin": entry.origin,
-                "words": entry.words,
-                "claims": [str(claim) for claim in entry.claims],
-                "because": wrong.because,
-                "counterexample": {str(symbol): str(value) for symbol, value in wrong.counterexample},
-                "there": [[str(left), str(right)] for left, right in wrong.values],
-                "correction": [str(claim) for claim in wrong.correction],
-            }
-            for entry in derivation
-            if (wrong := entry.refutation) is not None
-        ],
-    }
 
 
 def _kernels(options: argparse.Namespace) -> int:

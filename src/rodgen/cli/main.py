@@ -68,7 +68,7 @@ _COMMANDS = {
     "tricept": ("tricept",),
     "euler": ("euler",),
     "mechanism": ("mechanism",),
-    "derivations": ("derive", "errata", "kernels"),
+    "derivations": ("derive", "kernels"),
     "doctor": ("doctor",),
     "completion": (),  # describes all commands
 }
@@ -93,7 +93,7 @@ _GROUPS = {
     ),
     "the axis of one rotation": ("fit-axis", "solve"),
     "legs, orientation, robots": ("tricept", "euler", "mechanism"),
-    "equations": ("derive", "errata", "kernels"),
+    "equations": ("derive", "kernels"),
     "the installation": ("doctor", "completion"),
 }
 """Commands by subject, as ``rodgen --help`` shows them; the first group has the steps of ``make demo``."""

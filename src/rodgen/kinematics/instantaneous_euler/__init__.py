@@ -3,8 +3,8 @@
 A body that turns by R takes each coordinate plane into another one. The angles between them are the instantaneous
 Euler angles χ_i = arccos(e_i · R e_i) of Zhou and Zhu (2023), the lines in which they meet the ridge lines. Three
 angles belong to up to eight rotations; a ridge line says which. Labels are those of the definitions, equations (10),
-(13) and (16): χ_x is the angle between the yz planes; equations (18) and (20) exchange x and z, which `rodgen errata`
-lists with the rest.
+(13) and (16): χ_x is the angle between the yz planes; equations (18) and (20) exchange x and z, which
+the derivation lists with the rest.
 
 Functions take arrays of any shape, with components along the last axis, angles in rad; they return a status an
 element.
