@@ -25,15 +25,10 @@ def say(text: str) -> None:
     print(f"\n{text}\n", flush=True)
 
 
-def run(*arguments: object, into: Path | None = None) -> None:
+def run(*arguments: object) -> None:
     words = [str(argument) for argument in arguments]
-    print(f"$ rodgen {' '.join(words)}{f' > {into}' if into else ''}", flush=True)
-    with contextlib.ExitStack() as stack:
-        if into:
-            stream = stack.enter_context(into.open("w", encoding="utf-8"))
-            stack.enter_context(contextlib.redirect_stdout(stream))
-        code = cli.main(words)
-    if code:
+    print(f"$ rodgen {' '.join(words)}", flush=True)
+    if code := cli.main(words):
         raise SystemExit(code)
     print(flush=True)
 
@@ -79,7 +74,7 @@ def main() -> None:
     shutil.rmtree(OUTPUT, ignore_errors=True)
     OUTPUT.mkdir(parents=True)
     machine, data = MOUNT / "machine.toml", MOUNT / "mmt_2021.csv"
-    diagnosis, complete = OUTPUT / "diagnosis.json", OUTPUT / "complete.toml"
+    complete = OUTPUT / "complete.toml"
 
     say("1. The equations behind the models are proved exactly; in full: rodgen derive machine_model")
     prove()
@@ -91,14 +86,12 @@ def main() -> None:
     run("compare", machine, data, "--plot", OUTPUT / "residuals.html")
 
     say("4. Which physical effect is missing? And which others do these stars not distinguish from it?")
-    run("diagnose", machine, data)
+    run("diagnose", machine, data, "-o", complete)
 
     say(
-        "5. The effects found are added one after the other: the error falls, also on stars held out of the fit.\n"
-        "p is that of the diagnosis: the probability that chance explains as much as this effect, given the other."
+        "5. That wrote the machine file with the effects found. Its fit has the error to which the steps above fell."
     )
-    run("diagnose", machine, data, "--json", into=diagnosis)
-    run("add", machine, "--from-diagnosis", diagnosis, data, "-o", complete)
+    run("fit", complete, data)
 
     say("6. The corrected model is written as C for the controller, with a test.")
     run("emit", complete, data, "--lang", "c", "-o", OUTPUT / "c")

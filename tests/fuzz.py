@@ -539,13 +539,6 @@ def originals() -> list[Case]:
                     files,
                 )
             )
-    table = {f"m.{kind}": found[0].files[f"rotary_table.{kind}"] for kind in ("toml", "csv")}
-    found.append(
-        Case(
-            ("add", "m.toml", "--from-diagnosis", "g.json", "-o", "a.toml"),
-            {**table, "g.json": (CORPUS / "diagnosis.json").read_bytes()},
-        )
-    )
     pairs = {"p.csv": (EXAMPLES / "pairs.csv").read_bytes()}
     for words in ("solve p.csv -o s.csv", "solve p.csv --length-tolerance 1e-3", "fit-axis p.csv --json --sigma 2um",
                   "fit-axis p.csv --loss huber --point 1,2,3"):  # fmt: skip

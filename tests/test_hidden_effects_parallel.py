@@ -183,8 +183,7 @@ def test_the_way_of_a_user(bench, title, tmp_path, capsys):
     assert rms["after_held_out"] < 0.8 * rms["before_held_out"]
 
     better = str(tmp_path / "better.toml")
-    diagnosis = str(tmp_path / "diagnosis.json")
-    assert cli.main(["add", str(machine), "--from-diagnosis", diagnosis, first, "-o", better]) == 0
+    assert cli.main(["diagnose", str(machine), first, "-o", better]) == 0
     capsys.readouterr()
     assert cli.main(["fit", better, other, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["rms"] == pytest.approx(truth.sigma, rel=0.2)

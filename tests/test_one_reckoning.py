@@ -13,7 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rodgen.calibration.ladder import ladder
 from rodgen.cli.main import main
+from rodgen.data.measurements import Measurements
+from rodgen.machines.machine import Machine
 
 BALLS = {"b1": (100.0, 0.0, 20.0), "b2": (-60.0, 90.0, 40.0), "b3": (-30.0, -80.0, 60.0)}
 NOISE = 0.002
@@ -67,11 +70,12 @@ def test_the_same_question_has_the_same_answer_in_every_command(case, tmp_path, 
         return json.loads(capsys.readouterr().out)
 
     file, data = made(case, tmp_path)
-    better, diagnosis = str(tmp_path / "better.toml"), tmp_path / "diagnosis.json"
-    found = printed("diagnose", file, data)
-    diagnosis.write_text(json.dumps(found))
+    better = str(tmp_path / "better.toml")
+    found = printed("diagnose", file, data, "-o", better)
     assert [step["effect"] for step in found["steps"]] == ["encoder_ellipticity", "axial_error_motion"]
-    rungs = printed("add", file, data, "--from-diagnosis", str(diagnosis), "-o", better)["ladder"]["rungs"]
+    before = Machine.load(file)
+    effects = [before.effect(step["effect"], step["joint"]) for step in found["steps"]]
+    rungs = ladder(before, Measurements.load(data), effects).to_dict()["rungs"]
     fit = printed("fit", better, data)
     assert fit["dependence"]["independent"] is (case != "wander")
     for other in (rungs[-1], found):

@@ -159,15 +159,6 @@ def test_every_command_names_the_same_rows_before_the_diagnosis(trunnion: Trunni
     assert [one["row"] for one in added["ladder"]["gross"]] == ROWS
 
 
-def test_a_diagnosis_in_json_sets_the_same_rows_aside(trunnion: Trunnion, tmp_path: Path) -> None:
-    read, better = tmp_path / "d.json", str(tmp_path / "better.toml")
-    read.write_text(json.dumps(trunnion.said))
-    printed("add", trunnion.machine, "--from-diagnosis", str(read), "-o", better, "--json")
-    assert Machine.load(better) == Machine.load(trunnion.better)
-    read.write_text(json.dumps(trunnion.said | {"exclude": [{"rows": "x", "file": "data.csv"}]}))
-    assert main(["add", trunnion.machine, "--from-diagnosis", str(read), "-o", better]) == 2
-
-
 def test_outliers_can_be_brought_back(trunnion: Trunnion, tmp_path: Path) -> None:
     every = str(tmp_path / "every.toml")
     printed("bring-back", trunnion.better, trunnion.data, "--rows", "101", "-o", every)

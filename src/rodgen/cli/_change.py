@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._machine import load_data, remark_on_readings, remark_on_rows
 from rodgen.cli._values import EditedMachine
-from rodgen.errors import joined
 from rodgen.files import write_file
 
 if TYPE_CHECKING:
@@ -23,12 +22,11 @@ if TYPE_CHECKING:
 class Change:
     """The change of a machine."""
 
-    machines: tuple[Machine, ...]  # as it was, then after each effect
-    effects: tuple[Effect, ...]  # that are added, or the one that is removed
+    machines: tuple[Machine, Machine]  # as it was, and after the change
+    effect: Effect  # that is added or removed
     text: str  # content of the new machine file
     words: tuple[str, ...]  # for the name of the new file, when none is given
-    added: bool = True  # whether effects are added
-    several: bool = False  # whether the JSON has a list, even of one effect
+    added: bool = True
 
 
 @dataclass(frozen=True)
@@ -47,32 +45,28 @@ class Written:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the change as plain data."""
-        described = [_described(effect) for effect in self.change.effects]
-        effects = {"effects": described} if self.change.several else described[0]
         ladder = self.ladder.to_dict() if self.ladder else None
-        return {"file": self.output, **effects, "ladder": ladder}
+        return {"file": self.output, **_described(self.change.effect), "ladder": ladder}
 
     def __str__(self) -> str:
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
-        effects, added = self.change.effects, self.change.added
-        titles = joined(effect.title for effect in effects)
-        yield f"{self.output}: {self.machine} {'with' if added else 'without'} {titles}"
+        effect, added = self.change.effect, self.change.added
+        yield f"{self.output}: {self.machine} {'with' if added else 'without'} {effect.title}"
         if self.ladder is None:
-            for effect in effects if added else ():
+            if added:
                 yield ""
                 yield effect.definition.describe()
             return
         yield ""
         yield str(self.ladder)
-        rungs = self.ladder.rungs[1:]
-        for effect, rung in zip(effects, rungs, strict=True):
-            yield ""
-            yield rung.verdict
-            if added:
-                yield from _listed(_parameters(rung, rungs, last=rung is rungs[-1]))
-            yield from _advice(effect, rung, added=added)
+        (rung,) = self.ladder.rungs[1:]
+        yield ""
+        yield rung.verdict
+        if added:
+            yield from _listed(_parameters(rung))
+        yield from _advice(effect, rung, added=added)
 
 
 def carry_out(options: argparse.Namespace, change: Change) -> Written:
@@ -124,17 +118,13 @@ def _described(effect: Effect) -> dict[str, Any]:
     }
 
 
-def _parameters(rung: Rung, rungs: Sequence[Rung], *, last: bool) -> list[Estimate]:
-    """Return an effect's parameters as the last fit has them; with the last effect, those of effects that were there.
-
-    These change with the effects that are added.
-    """
-    final = rungs[-1].fit
+def _parameters(rung: Rung) -> list[Estimate]:
+    """Return the parameters of the effect, then those of effects that were there, which change with it."""
+    fit = rung.fit
     own = rung.parameters
-    new = {key for each in rungs for key in each.parameters}
-    others = [p.key for p in final.parameters if last and p.effect is not None and p.key not in new]
-    found = [final.estimates[key] for key in [*own, *others]]
-    waiting = {p.key for p in final.parameters if p.optional}  # estimated only when the data call for it
+    others = [p.key for p in fit.parameters if p.effect is not None and p.key not in own]
+    found = [fit.estimates[key] for key in [*own, *others]]
+    waiting = {p.key for p in fit.parameters if p.optional}  # estimated only when the data call for it
     return [e for e in found if not e.held or e.value or (e.key in own and e.key not in waiting)]
 
 

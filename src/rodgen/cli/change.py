@@ -7,25 +7,23 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from rodgen.cli._change import Change, Written, add_output, carry_out
-from rodgen.cli._console import Command, UsageError, after_fits, notify, refused, show_result
+from rodgen.cli._console import Command, UsageError, after_fits, refused, show_result
 from rodgen.cli._machine import FILES, add_json, add_loss, add_place
-from rodgen.cli._values import InputFile, whole
+from rodgen.cli._values import InputFile
 from rodgen.errors import shown
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
 
 _ADD = f"""\
-Copy a machine file and add an effect of the catalogue or of your own formula, or the effects and forms that a diagnosis
-found; the rest of the file, including comments, is unchanged. With DATA the machine is fitted without and with each
-effect: the error on the poses of the fit and on poses left out, compared with the noise, whether the effect is
+Copy a machine file and add an effect of the catalogue or of your own formula; the rest of the file, including comments,
+is unchanged. What a diagnosis found is added by 'rodgen diagnose -o'. With DATA the machine is fitted without and with
+the effect: the error on the poses of the fit and on poses left out, compared with the noise, whether the effect is
 significant, and its remedy. F and p are of each effect, given all others; a diagnosis prints the same p.
 
 {FILES}
   rodgen add mount.toml gravity_windup stars.csv --joint EL --hold k2=0
   rodgen add mount.toml sag stars.csv --joint EL --formula "k*cos(2*q)" --parameter k=arcsec
-  rodgen diagnose mount.toml stars.csv --json > diagnosis.json
-  rodgen add mount.toml --from-diagnosis diagnosis.json stars.csv -o better.toml
 """
 
 _REMOVE = f"""\
@@ -41,10 +39,7 @@ def add_to(command: Command) -> None:
     remove = command("remove", _remove, "remove an effect from a machine", _REMOVE)
     for each in (add, remove):
         each.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
-        name = "its name; 'rodgen effects' lists them"
-        if each is add:
-            name += "; left out with --from-diagnosis"
-        each.add_argument("effect", metavar="EFFECT", nargs="?" if each is add else None, help=name)
+        each.add_argument("effect", metavar="EFFECT", help="its name; 'rodgen effects' lists them")
         about = "measurements, to fit the machine to, before and after"
         each.add_argument("data", metavar="DATA", type=InputFile, nargs="?", help=about)
         add_place(each)
@@ -74,20 +69,6 @@ def add_to(command: Command) -> None:
                 default=[],
                 help="of a formula, such as k=arcsec; may be given several times",
             )
-            each.add_argument(
-                "--from-diagnosis",
-                metavar="FILE",
-                type=InputFile,
-                help="add what 'rodgen diagnose --json' wrote; '-' is standard input",
-            )
-            each.add_argument(
-                "--step",
-                metavar="N",
-                type=whole(1),
-                action="append",
-                default=[],
-                help="only this step of the diagnosis, counted from 1, forms last; may be given several times",
-            )
         add_output(each)
         add_loss(each)
         add_json(each)
@@ -98,16 +79,6 @@ def _usage(found: str, expected: str) -> UsageError:
 
 
 def _add(options: argparse.Namespace) -> int:
-    if options.from_diagnosis is not None:
-        return _add_diagnosed(options)
-    if options.step:
-        raise _usage("--step without --from-diagnosis", "--from-diagnosis FILE, too")
-    if options.effect is None:
-        raise _usage("no EFFECT", "its name, which 'rodgen effects' lists, or --from-diagnosis FILE")
-    return _add_one(options)
-
-
-def _add_one(options: argparse.Namespace) -> int:
     from rodgen.machines.effects.rules import UnfitEffectError
     from rodgen.machines.effects.typed import assignments, effect_with, holding
     from rodgen.machines.files.edit import text_with_effects
@@ -128,7 +99,7 @@ def _add_one(options: argparse.Namespace) -> int:
         raise refused(place, error.found, error.expected) from None
     machines = (machine, machine.with_effect(effect))
     words = (effect.name, effect.place or "")
-    change = Change(machines, (effect,), text_with_effects(options.machine, [effect]), words)
+    change = Change(machines, effect, text_with_effects(options.machine, [effect]), words)
     return _done(options, carry_out(options, change))
 
 
@@ -159,48 +130,6 @@ def _parameter(text: str) -> tuple[str, str]:
     return name, unit
 
 
-def _add_diagnosed(options: argparse.Namespace) -> int:
-    from rodgen.cli._from_diagnosis import read_diagnosis
-    from rodgen.machines.files.edit import text_with_effects, text_with_set_aside
-    from rodgen.machines.machine import Machine
-
-    if options.data is not None:
-        expected = "MACHINE and DATA only: --from-diagnosis names the effects"
-        raise _usage("three files or names", expected)
-    options.effect, options.data = None, options.effect  # the argument after MACHINE
-    for name in ("joint", "target", "hold", "formula", "component", "parameter"):
-        if getattr(options, name):
-            raise _usage(
-                f"--{name} together with --from-diagnosis",
-                "--from-diagnosis only: it names the effects and places",
-            )
-    if options.from_diagnosis == options.data == "-":
-        raise _usage("the diagnosis and DATA, both on standard input", "the name of a file for one of them")
-    machine = Machine.load(options.machine)
-    diagnosis = read_diagnosis(options.from_diagnosis)
-    effects = diagnosis.effects(machine, options.step)
-    text = text_with_effects(options.machine, effects)
-    if diagnosis.exclude:
-        machine = diagnosis.excluding(machine)
-        text = text_with_set_aside(options.machine, machine.measured.set_aside, text)
-    machines = [machine]
-    for effect in effects:
-        machines.append(machines[-1].with_effect(effect))
-    change = Change(
-        tuple(machines),
-        effects,
-        text,
-        ("diagnosed",),
-        several=True,
-    )
-    written = carry_out(options, change)
-    if options.data is None and diagnosis.exclude:
-        notify(f"{written.output}: set aside are {'; '.join(entry.named() for entry in diagnosis.exclude)}")
-    for remark in diagnosis.remarks():
-        notify(remark)
-    return _done(options, written)
-
-
 def _remove(options: argparse.Namespace) -> int:
     from rodgen.machines.files.edit import text_without_effect
     from rodgen.machines.machine import Machine
@@ -211,7 +140,7 @@ def _remove(options: argparse.Namespace) -> int:
     effect = next(e for e in machine.effects if e.identity == (options.effect, place))
     change = Change(
         (machine, changed),
-        (effect,),
+        effect,
         text_without_effect(options.machine, effect.name, place),
         ("without", effect.name, effect.place or ""),
         added=False,

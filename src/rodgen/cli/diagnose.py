@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import Command, after_fits, show_result
+from rodgen.cli._console import Command, UsageError, after_fits, refused, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_scheduler, add_test, diagnosed
-from rodgen.cli._values import OutputFile
+from rodgen.cli._values import OutputFile, whole
 from rodgen.errors import joined
 from rodgen.files import write_file
 
@@ -26,8 +26,7 @@ estimated.
   rodgen diagnose mount.toml stars.csv
   rodgen diagnose mount.toml stars.csv -o better.toml
   rodgen diagnose mount.toml stars.csv --prefer scale@EL
-  rodgen diagnose mount.toml stars.csv --json > diagnosis.json
-  rodgen add mount.toml --from-diagnosis diagnosis.json --step 1 -o better.toml
+  rodgen diagnose mount.toml stars.csv -o better.toml --only 1
 """
 
 
@@ -52,36 +51,51 @@ def add_to(command: Command) -> None:
         help="write the machine file with the effects that were found, and the outliers set aside, to be fitted, added "
         "to or emitted",
     )
+    diagnose.add_argument(
+        "--only",
+        metavar="N",
+        type=whole(1),
+        action="append",
+        default=[],
+        help="with -o: only this effect, counted from 1, forms last; may be repeated",
+    )
     add_json(diagnose)
     add_scheduler(diagnose)
 
 
 def _run(options: argparse.Namespace) -> int:
+    if options.only and not options.output:
+        raise UsageError(refused("rodgen diagnose", "--only without -o", "-o BETTER.toml, too"))
     found = diagnosed(options, options.test, options.prefer, shown=True)
     written = ""
     if options.output:
-        from rodgen.machines.files.edit import text_with_effects, text_with_set_aside
-
-        effects = [one.effect for one in found.found]
-        text = text_with_effects(options.machine, effects)
-        if found.further_exclusions:
-            text = text_with_set_aside(options.machine, found.machine.measured.set_aside, text)
-        write_file(options.output, text.encode())
-        written = f"\n\n{options.output}: {options.machine} {_changes(found)}"
+        written = f"\n\n{_write(options, found)}"
     show_result(options, found.to_dict, lambda: found.summary() + written)
     return after_fits(all(each.solution.converged for each in found.fits))
 
 
-def _changes(found: Diagnosis) -> str:
-    """Return what the new machine file has more than the one before."""
-    titles, count = [one.effect.title for one in found.found], len(found.outliers)
-    what = f"with {joined(titles)}" if titles else "without a change"
-    if not count:
-        return what
-    outliers = f"{count} outlier{'s' * (count > 1)}"
+def _write(options: argparse.Namespace, found: Diagnosis) -> str:
+    """Write the machine file with what was found, and return what it has more than the one before."""
+    from rodgen.machines.files.edit import text_with_effects, text_with_set_aside
+
+    if options.only and max(options.only) > len(found.found):
+        expected = (
+            f"1 to {len(found.found)}, what was found" if found.found else "a diagnosis that finds effects"
+        )
+        raise refused("--only", f"{max(options.only)}", expected)
+    effects = [one.effect for n, one in enumerate(found.found, 1) if not options.only or n in options.only]
+    text = text_with_effects(options.machine, effects)
     if found.further_exclusions:
-        return f"{what if titles else 'with the same model'}; {outliers} set aside"
-    return f"{what}; {outliers} not set aside: that is done in one file that is read whole"
+        text = text_with_set_aside(options.machine, found.machine.measured.set_aside, text)
+    write_file(options.output, text.encode())
+    what = f"with {joined(effect.title for effect in effects)}" if effects else "without a change"
+    if count := len(found.outliers):
+        outliers = f"{count} outlier{'s' * (count > 1)}"
+        if found.further_exclusions:
+            what = f"{what if effects else 'with the same model'}; {outliers} set aside"
+        else:
+            what = f"{what}; {outliers} not set aside: that is done in one file that is read whole"
+    return f"{options.output}: {options.machine} {what}"
 
 
 def _preferred(text: str) -> tuple[str, str | None]:

@@ -318,7 +318,7 @@ def _form(form: Unexplained) -> Iterator[str]:
     yield f"Outside the catalogue: {form.effect.title}, which follows {form.driver}"
     yield f"  {form.effect.definition.equation}"
     yield from _parameters(form.parameters)
-    yield "  For the machine file, where 'rodgen add --from-diagnosis' puts it, too:"
+    yield "  For the machine file, where 'rodgen diagnose -o' puts it, too:"
     yield from (f"    {line}" for line in form.block.strip().splitlines())
 
 

@@ -229,8 +229,8 @@ def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
         found.append(
             {
                 "what": "Compensate",
-                "text": "Add the form with 'rodgen add --from-diagnosis', or paste its block below into the machine "
-                "file; the emitted model then has it.",
+                "text": "Add the form with 'rodgen diagnose -o', or paste its block below into the machine file; the "
+                "emitted model then has it.",
             }
         )
     words = _words(plan)
