@@ -42,7 +42,7 @@ TIMES = {
     r'"seconds": [\d.e-]+': '"seconds": 0',
 }
 """What differs from one run to the next, and what stands there instead."""
-COMMANDS = """check fit compare diagnose plan predict report fleet watch open add remove parameter set-aside bring-back
+COMMANDS = """check fit compare diagnose plan predict report fleet watch open add remove exclude set
 emit simulate effects new import solve fit-axis tricept euler mechanism derive kernels doctor completion"""
 CHI = "chi_x [deg],chi_y [deg],chi_z [deg]\n10,20,15\n0,0,0\n"
 LEGS = "L1 [mm],L2 [mm],L3 [mm]\n320,330,310\n"
@@ -113,12 +113,12 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
         diagnose m.toml d.csv
         diagnose m.toml d.csv --json
         compare m.toml d.csv
-        parameter m.toml C.axis.a --prior 0±9arcsec -o p.toml
-        parameter m.toml C.axis.a --tie 2*C.axis.b -o t.toml --json
+        set m.toml C.axis.a --prior 0±9arcsec -o p.toml
+        set m.toml C.axis.a --tie 2*C.axis.b -o t.toml --json
         fit p.toml d.csv --json
-        set-aside m.toml d.csv --rows 3-5,9 --why clouds -o s.toml
+        exclude m.toml d.csv --rows 3-5,9 --why clouds -o s.toml
         fit s.toml d.csv
-        bring-back s.toml d.csv --rows 4 -o s.toml --json
+        exclude --undo s.toml d.csv --rows 4 -o s.toml --json
         plan m.toml d.csv -n 3 --constraints limits.toml --json
         emit m.toml d.csv --lang screw -o screw
         """,

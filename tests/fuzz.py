@@ -373,12 +373,12 @@ COMMANDS = [  # NAME stands for each of MACHINES
     "add NAME.toml scale --joint JOINT -o a.toml",
     "add NAME.toml gravity_windup NAME.csv --joint JOINT --hold k2=0 -o a.toml",
     "remove NAME.toml gravity_windup NAME.csv --joint JOINT -o a.toml",
-    "parameter NAME.toml JOINT.axis.a --bounds -9arcsec,inf -o a.toml --json",
+    "set NAME.toml JOINT.axis.a --bounds -9arcsec,inf -o a.toml --json",
     "add NAME.toml own --joint JOINT --formula k*cos(q) --parameter k=1 --hold k=2 -o a.toml",
-    "parameter NAME.toml JOINT.axis.a --tie 2*JOINT.axis.b -o a.toml",
-    "set-aside NAME.toml NAME.csv --rows 3-5,9 --why clouds -o a.toml",
-    "set-aside NAME.toml NAME.csv --where JOINT<-5e3 -o a.toml --json",
-    "bring-back NAME.toml NAME.csv --rows 4 -o a.toml",
+    "set NAME.toml JOINT.axis.a --tie 2*JOINT.axis.b -o a.toml",
+    "exclude NAME.toml NAME.csv --rows 3-5,9 --why clouds -o a.toml",
+    "exclude NAME.toml NAME.csv --where JOINT<-5e3 -o a.toml --json",
+    "exclude --undo NAME.toml NAME.csv --rows 4 -o a.toml",
     "simulate NAME.toml NAME.csv --effect encoder_eccentricity@JOINT:a=9arcsec --noise NOISE -o s.csv --seed 3",
     "simulate NAME.toml NAME.csv --hidden --truth t.json --noise NOISE -o s.csv",
     "diagnose NAME.toml NAME.csv --json --prefer scale@JOINT",
@@ -525,7 +525,7 @@ def originals() -> list[Case]:
             own = machine
             if command.startswith("remove"):
                 own += f'\n[[effect]]\nname = "gravity_windup"\njoint = "{joint}"\n'.encode()
-            if command.startswith("bring-back"):
+            if "--undo" in command:
                 entry = f'[measured]\nset_aside = [{{ rows = "4", file = "{name}.csv", why = "x" }}]\n'
                 own = own.replace(b"[measured]\n", entry.encode())
             files = {f"{name}.toml": own, f"{name}.csv": rows(data, 24)}

@@ -573,7 +573,7 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(folder, rodgen_command, c
         ("import m.toml t.csv -d d.csv", ",ball", ",q", 392),
         ("import m.toml t.csv -d d.csv --column q=r", "".join(f",c{k}" for k in range(400)), ",1" * 400, 396),
         (
-            "set-aside m.toml t.csv --where q>1 --why x",
+            "exclude m.toml t.csv --where q>1 --why x",
             "".join(f",c{k}" for k in range(400)),
             ",1" * 400,
             396,

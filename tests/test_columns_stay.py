@@ -34,7 +34,7 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 @pytest.mark.thorough(
     "add m.toml backlash --joint C -o new.toml",
     "remove more.toml backlash --joint C -o new.toml",
-    "parameter m.toml C.axis.a --prior 0\\xb120arcsec -o new.toml",
+    "set m.toml C.axis.a --prior 0\\xb120arcsec -o new.toml",
 )
 @pytest.mark.parametrize(
     "words",
@@ -43,8 +43,8 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
         "diagnose m.toml DATA -o new.toml",
         "add m.toml backlash --joint C -o new.toml",
         "remove more.toml backlash --joint C -o new.toml",
-        "set-aside m.toml DATA --rows 12 -o new.toml",
-        "parameter m.toml C.axis.a --prior 0±20arcsec -o new.toml",
+        "exclude m.toml DATA --rows 12 -o new.toml",
+        "set m.toml C.axis.a --prior 0±20arcsec -o new.toml",
     ],
 )
 def test_every_command_keeps_the_columns(words: str, data: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -38,9 +38,8 @@ COMMANDS = {
     "watch": ["watch M D --reference D", "watch M D --learn 20"],
     "add": ["add M EFFECT D --joint JOINT -o OUT.toml"],
     "remove": ["remove WITH EFFECT D --joint JOINT -o OUT.toml"],
-    "parameter": ["parameter WITH JOINT.EFFECT.a --bounds=-inf,inf -o OUT.toml"],
-    "set-aside": ["set-aside M D --rows 2 -o OUT.toml"],
-    "bring-back": ["bring-back M D --all -o OUT.toml"],
+    "set": ["set WITH JOINT.EFFECT.a --bounds=-inf,inf -o OUT.toml"],
+    "exclude": ["exclude M D --rows 2 -o OUT.toml", "exclude --undo M D --all -o OUT.toml"],
     "emit": ["emit M D --lang numpy -o OUT", "emit M D --lang iso230 -o OUT"],
     "simulate": ["simulate M D --effect EFFECT@JOINT -o OUT.csv --truth OUT.json"],
 }

@@ -36,7 +36,7 @@ def fitted(files: tuple[str, str]) -> Fit:
 
 SAID = (
     "Line 20 of data.csv is off by +1e+06 mm in x, all other rows by 7.72 um at most: correct this row, or "
-    "set it aside with rodgen set-aside --rows 20, or fit with --loss huber"
+    "exclude it with rodgen exclude --rows 20, or fit with --loss huber"
 )
 
 

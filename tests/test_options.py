@@ -15,8 +15,8 @@ from rodgen.cli._console import UsageError
 
 TAKES_A_MINUS = {
     "add": ["--formula=-k*cos(q)", "--hold=-k2=0"],
-    "parameter": ["--tie=-AZ.axis.a", "--prior=-3 arcsec ± 1 arcsec", "--bounds=-inf,3 um"],
-    "set-aside": ["--why=-x", "--where=-x > 3"],
+    "set": ["--tie=-AZ.axis.a", "--prior=-3 arcsec ± 1 arcsec", "--bounds=-inf,3 um"],
+    "exclude": ["--why=-x", "--where=-x > 3"],
     "fit-axis": ["--point=-1,2,3"],
     "mechanism forward": ["--tool=-.5,2,3mm"],
 }
@@ -24,7 +24,7 @@ TAKES_A_MINUS = {
 
 @pytest.mark.parametrize("name", TAKES_A_MINUS)
 def test_a_value_may_start_with_a_minus_sign(name):
-    rest = {"set-aside": ["--rows", "1"] if name == "set-aside" else []}.get(name, [])
+    rest = {"exclude": ["--rows", "1"] if name == "exclude" else []}.get(name, [])
     positions = [a for a in COMMANDS[name] if not a.option_strings and (a.required or a.metavar == "EFFECT")]
     for text in TAKES_A_MINUS[name]:
         option, _, value = text.partition("=")
@@ -61,9 +61,9 @@ def test_debug_is_an_option_of_each_command_and_no_value(name):
 def test_the_name_of_a_file_may_be_debug(rodgen_command):
     code, _, err = rodgen_command("doctor", "--", "--debug")
     assert (code, "unrecognized arguments: -- --debug" in err) == (2, True)
-    options = cli._parser("parameter").parse_args(["--debug", "parameter", "m.toml", "K", "--prior=--debug"])
+    options = cli._parser("set").parse_args(["--debug", "set", "m.toml", "K", "--prior=--debug"])
     assert (options.debug, options.prior) == (True, "--debug")
-    assert not cli._parser("parameter").parse_args(["parameter", "m.toml", "K", "--prior=--debug"]).debug
+    assert not cli._parser("set").parse_args(["set", "m.toml", "K", "--prior=--debug"]).debug
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "99999", "-1", "10000000000000000000"])

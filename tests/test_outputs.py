@@ -22,7 +22,7 @@ from rodgen.files import OutputSet, make_folder, new_folder, open_input, write_f
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 
-NEEDED = {"emit": ["--lang", "c"], "set-aside": ["--rows", "1"], "bring-back": ["--rows", "1"]}
+NEEDED = {"emit": ["--lang", "c"], "exclude": ["--rows", "1"]}
 """Options that commands need, but files and folders."""
 
 TEXTS = {
@@ -278,11 +278,11 @@ def test_a_reader_that_leaves_early_takes_no_file_along(work, monkeypatch):
 
 def test_the_machine_file_may_be_changed_in_place_and_nothing_else(work, rodgen_command):
     before = Path("m.toml").read_text()
-    command = ["parameter", "m.toml", "C.axis", "--prior", "0 ± 10 arcsec"]
+    command = ["set", "m.toml", "C.axis", "--prior", "0 ± 10 arcsec"]
     assert rodgen_command(*command, "-o", "./m.toml")[0] == 0
     assert Path("m.toml").read_text() != before
     data = Path("d.csv").read_bytes()
-    code, _, err = rodgen_command("set-aside", "m.toml", "d.csv", "--rows", "2", "-o", "d.csv")
+    code, _, err = rodgen_command("exclude", "m.toml", "d.csv", "--rows", "2", "-o", "d.csv")
     assert (code, err) == (2, "d.csv: file: the input file itself; expected another name for the output\n")
     assert Path("d.csv").read_bytes() == data
 

@@ -161,9 +161,9 @@ def test_every_command_names_the_same_rows_before_the_diagnosis(trunnion: Trunni
 
 def test_outliers_can_be_brought_back(trunnion: Trunnion, tmp_path: Path) -> None:
     every = str(tmp_path / "every.toml")
-    printed("bring-back", trunnion.better, trunnion.data, "--rows", "101", "-o", every)
+    printed("exclude", "--undo", trunnion.better, trunnion.data, "--rows", "101", "-o", every)
     assert printed("fit", every, trunnion.data, "--json")["set_aside"]["rows"] == 4
-    printed("bring-back", every, trunnion.data, "--all", "-o", every)
+    printed("exclude", "--undo", every, trunnion.data, "--all", "-o", every)
     found = printed("fit", every, trunnion.data, "--json")
     assert (found["rows"], found["set_aside"]["entries"]) == (224, [])
     assert [one["row"] for one in found["gross"]] == ROWS

@@ -47,9 +47,9 @@ def run(*words: str) -> None:
 
 
 def set_aside() -> None:
-    run("set-aside", "m.toml", "data.csv", "--rows", "7-8,20", "--why", "bumped", "-o", "m.toml")
-    run("set-aside", "m.toml", "data.csv", "--run", "2", "--why", "haze", "-o", "m.toml")
-    run("bring-back", "m.toml", "data.csv", "--rows", "36-41", "-o", "m.toml")
+    run("exclude", "m.toml", "data.csv", "--rows", "7-8,20", "--why", "bumped", "-o", "m.toml")
+    run("exclude", "m.toml", "data.csv", "--run", "2", "--why", "haze", "-o", "m.toml")
+    run("exclude", "--undo", "m.toml", "data.csv", "--rows", "36-41", "-o", "m.toml")
 
 
 def read() -> tuple[Machine, Measurements]:
@@ -165,12 +165,14 @@ def test_rows_stay_the_same_rows(capsys: pytest.CaptureFixture[str]) -> None:
             aside(content)
         assert str(error.value) == (
             "m.toml: [measured], set_aside 1: lines 7-8, 20 (bumped) of data.csv, which are not the rows that were "
-            "set aside; expected the rows as they were; if this is another file, rodgen bring-back --all"
+            "set aside; expected the rows as they were; if this is another file, rodgen exclude --undo --all"
         )
     cells = lines[18].split(",")
     Path("data.csv").write_text(text.replace(lines[18], ",".join([cells[0], "0.5", *cells[2:]])))
     assert main(["check", "m.toml", "data.csv"]) == 2
-    run("bring-back", "m.toml", "data.csv", "--rows", "7-8,20", "-o", "m.toml")  # the entry can be removed
+    run(
+        "exclude", "--undo", "m.toml", "data.csv", "--rows", "7-8,20", "-o", "m.toml"
+    )  # the entry can be removed
     assert "bumped" not in Path("m.toml").read_text()
 
 
@@ -191,7 +193,7 @@ def test_rows_are_chosen_by_number_run_and_rule(
 ) -> None:
     before = Path("m.toml").read_bytes().replace(b"\n", b"\r\n")
     Path("m.toml").write_bytes(before)
-    run("set-aside", "m.toml", "data.csv", *words, "-o", "m.toml", "--json")
+    run("exclude", "m.toml", "data.csv", *words, "-o", "m.toml", "--json")
     assert json.loads(capsys.readouterr().out)["set_aside"]["rows"] == rows
     machine, data = read()
     assert len(fit(machine, data).observations.data.columns["load"].values) == 40 - rows
@@ -201,7 +203,7 @@ def test_rows_are_chosen_by_number_run_and_rule(
     made = Path("made.toml")
     made.write_text(machine_text(machine))
     assert Machine.load(made) == machine
-    run("bring-back", "m.toml", "data.csv", *words, "-o", "m.toml")
+    run("exclude", "--undo", "m.toml", "data.csv", *words, "-o", "m.toml")
     assert Path("m.toml").read_bytes() == before
 
 
@@ -223,18 +225,18 @@ def test_a_value_may_have_an_and_of_its_own(rule: str, comparisons: list[tuple[s
 def test_a_run_of_two_words_is_set_aside_by_a_rule(capsys: pytest.CaptureFixture[str]) -> None:
     text = Path("data.csv").read_text()
     Path("runs.csv").write_text(text.replace(",2,3", ",day and night,3"))
-    assert main(["set-aside", "m.toml", "runs.csv", "--where", "run = day and night"]) == 0
+    assert main(["exclude", "m.toml", "runs.csv", "--where", "run = day and night"]) == 0
     assert "7 of the 40 rows of runs.csv are set aside" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("rule", ["run = 'day", "run =", "and C < 1", "C < 1 and", "C 1", "run = 'a' b"])
 def test_a_rule_that_cannot_be_read_is_refused(rule: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["set-aside", "m.toml", "data.csv", "--where", rule]) == 2
+    assert main(["exclude", "m.toml", "data.csv", "--where", rule]) == 2
     assert "; expected a" in capsys.readouterr().err
 
 
 def test_a_rule_that_no_row_meets_says_so(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["set-aside", "m.toml", "data.csv", "--where", "C < -1000 deg"]) == 0
+    assert main(["exclude", "m.toml", "data.csv", "--where", "C < -1000 deg"]) == 0
     assert (
         "0 of the 40 rows of data.csv are set aside: C < -1000 deg, true of no row."
         in capsys.readouterr().out
@@ -279,7 +281,7 @@ def test_what_cannot_be_set_aside_is_one_sentence(
     words: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = {path: path.read_bytes() for path in Path().iterdir()}
-    assert main(["set-aside", "m.toml", "data.csv", *words.split(" "), "-o", "m.toml"]) == 2
+    assert main(["exclude", "m.toml", "data.csv", *words.split(" "), "-o", "m.toml"]) == 2
     said = capsys.readouterr()
     assert not said.out
     assert said.err.startswith("command line: --")  # and not the machine file, in which nothing is wrong
@@ -362,5 +364,5 @@ def test_a_file_that_could_not_be_read_again_is_not_written(monkeypatch: pytest.
 
 def test_a_list_in_another_form_is_not_edited(capsys: pytest.CaptureFixture[str]) -> None:
     Path("m.toml").write_text(Path("m.toml").read_text() + '[[measured.set_aside]]\nrun = "2"\n')
-    assert main(["bring-back", "m.toml", "data.csv", "--run", "2"]) == 2
+    assert main(["exclude", "--undo", "m.toml", "data.csv", "--run", "2"]) == 2
     assert "[measured]: a table or a key set_aside in another form" in capsys.readouterr().err

@@ -56,9 +56,7 @@ _COMMANDS = {
     "fleet": ("fleet",),
     "watch": ("watch",),
     "open": ("open",),
-    "change": ("add", "remove"),
-    "parameter": ("parameter",),
-    "aside": ("set-aside", "bring-back"),
+    "edit": ("add", "remove", "exclude", "set"),
     "emit": ("emit",),
     "simulate": ("simulate",),
     "effects": ("effects",),
@@ -75,7 +73,7 @@ _COMMANDS = {
 """The commands that each module adds: where one of them is called, no other module is imported."""
 
 _GROUPS = {
-    "from measurements to a corrected machine": ("fit", "compare", "diagnose", "add", "emit", "report"),
+    "from measurements to a corrected machine": ("fit", "compare", "diagnose", "emit", "report"),
     "the same, on a page": ("open",),
     "many machines": ("fleet",),
     "a machine file to begin with": ("new", "import"),
@@ -84,10 +82,10 @@ _GROUPS = {
         "plan",
         "predict",
         "watch",
+        "add",
         "remove",
-        "parameter",
-        "set-aside",
-        "bring-back",
+        "set",
+        "exclude",
         "simulate",
         "effects",
     ),

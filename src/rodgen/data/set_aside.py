@@ -164,7 +164,7 @@ class SetAside:
             return None
         if self.check:
             found = f"{self.named(data.counted)} of {name}, which are not the rows that were set aside"
-            expected = "the rows as they were; if this is another file, rodgen bring-back --all"
+            expected = "the rows as they were; if this is another file, rodgen exclude --undo --all"
             raise UnexpectedError(found, expected)
         found = f"{data.counted} {pairs[~there][0]} of {name}, which is no measurement"
         raise UnexpectedError(found, f"{data.counted}s that are")

@@ -285,7 +285,7 @@ class Known(Action):
         options = _option("--prior", str(self.content["prior"])) if "prior" in self.content else []
         if "bounds" in self.content:
             options += _option("--bounds", ",".join(map(str, self.content["bounds"])))
-        return _words("parameter", machine, self.key, *(options or ["--free"]), "-o", machine)
+        return _words("set", machine, self.key, *(options or ["--free"]), "-o", machine)
 
     def python(self) -> str:
         """Return the lines of Python that do the same."""
@@ -323,7 +323,7 @@ class Tie(Action):
     def command(self, machine: str, data: str) -> str:
         """Return the command that does the same."""
         options = _option("--tie", self.to) if self.to else ["--free"]
-        return _words("parameter", machine, self.key, *options, "-o", machine)
+        return _words("set", machine, self.key, *options, "-o", machine)
 
     def python(self) -> str:
         """Return the lines of Python that do the same."""
@@ -362,7 +362,7 @@ class _OfRows(Action):
     run: str = ""
     where: str = ""
     _method: ClassVar[str]
-    _verb: ClassVar[str]
+    _verb: ClassVar[tuple[str, ...]]
     _done: ClassVar[str]
 
     @property
@@ -385,7 +385,7 @@ class _OfRows(Action):
         """Return the command that does the same."""
         said = [word for name, text in self._said.items() for word in (f"--{name}", text)]
         every = [] if self._said.keys() - {"why"} else ["--all"]
-        return _words(self._verb, machine, data, *every, *said, "-o", machine)
+        return _words(*self._verb, machine, data, *every, *said, "-o", machine)
 
     def python(self) -> str:
         """Return the lines of Python that do the same."""
@@ -403,7 +403,7 @@ class Aside(_OfRows):
     """Rows are set aside: they are shown, but nothing is fitted to them."""
 
     kind = _done = "set aside"
-    _method, _verb = "setting_aside", "set-aside"
+    _method, _verb = "setting_aside", ("exclude",)
 
 
 @dataclass(frozen=True)
@@ -412,7 +412,7 @@ class Back(_OfRows):
 
     kind = "bring back"
     _done = "brought back"
-    _method, _verb = "bringing_back", "bring-back"
+    _method, _verb = "bringing_back", ("exclude", "--undo")
 
 
 @dataclass(frozen=True)

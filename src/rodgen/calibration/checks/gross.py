@@ -217,6 +217,6 @@ def on_gross_readings(fit: FittedModel) -> str:
     rows = rows_text(data.numbers(wrong).tolist()).replace(" ", "")
     return (
         f"{place} {are} off by {off}, all other rows by {sized(gross[0].others, fit.unit, '.3g')} at most: "
-        f"correct {them}, or set {it} aside with rodgen set-aside --rows {rows}, or fit with --loss huber; a fit by "
+        f"correct {them}, or exclude {it} with rodgen exclude --rows {rows}, or fit with --loss huber; a fit by "
         "least squares follows such errors."
     )

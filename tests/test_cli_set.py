@@ -1,4 +1,4 @@
-"""``rodgen parameter``: what a machine file says of a parameter, and nothing else of it changed."""
+"""``rodgen set``: what a machine file says of a parameter, and nothing else of it changed."""
 
 import json
 import shutil
@@ -19,7 +19,7 @@ def file(tmp_path):
 
 def test_a_prior_bounds_and_a_tie_are_written_and_taken_away(file, rodgen_command):
     def done(*arguments):
-        code, out, err = rodgen_command("parameter", file, *arguments, "-o", file)
+        code, out, err = rodgen_command("set", file, *arguments, "-o", file)
         assert (code, err) == (0, "")
         return out
 
@@ -54,7 +54,7 @@ def test_a_prior_bounds_and_a_tie_are_written_and_taken_away(file, rodgen_comman
 )
 def test_what_cannot_be_said_is_one_line_and_nothing_is_written(file, rodgen_command, arguments, message):
     text = file.read_text()
-    code, out, err = rodgen_command("parameter", file, *arguments, "-o", file)
+    code, out, err = rodgen_command("set", file, *arguments, "-o", file)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert message in err
     assert file.read_text() == text

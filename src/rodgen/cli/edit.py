@@ -1,0 +1,286 @@
+"""``rodgen add``, ``remove``, ``exclude`` and ``set``: change a machine file, the rest of which stays as it is."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from rodgen.cli._change import Change, Written, add_output, carry_out, new_name
+from rodgen.cli._console import OK, Command, UsageError, after_fits, refused, show_result
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_place, load_data
+from rodgen.cli._values import InputFile
+from rodgen.errors import InputFileError, joined, shown
+from rodgen.files import write_file
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Effect, Machine
+
+_ADD = f"""\
+Copy a machine file and add an effect of the catalogue or of your own formula; the rest of the file, including comments,
+is unchanged. What a diagnosis found is added by 'rodgen diagnose -o'. With DATA the machine is fitted without and with
+the effect: the error on the poses of the fit and on poses left out, compared with the noise, whether the effect is
+significant, and its remedy. F and p are of each effect, given all others; a diagnosis prints the same p.
+
+{FILES}
+  rodgen add mount.toml gravity_windup stars.csv --joint EL --hold k2=0
+  rodgen add mount.toml sag stars.csv --joint EL --formula "k*cos(2*q)" --parameter k=arcsec
+"""
+
+_REMOVE = f"""\
+Copy a machine file without one effect; the rest of the file is unchanged. With DATA both machines are fitted, and the
+error is shown with and without the effect.
+
+{FILES}"""
+
+_EXCLUDE = f"""\
+Copy a machine file and note in it rows of measurements that do not count: every command leaves them out, and says so.
+--undo lets rows count again. DATA is not changed, and may grow; where the lines hold other measurements than now, it is
+an error. Which rows, and why, is under set_aside in [measured]; the rest of the file is unchanged.
+
+{FILES}
+  rodgen exclude mount.toml stars.csv --rows 12,40-43 --why clouds -o mount.toml
+  rodgen exclude mount.toml stars.csv --where "EL < 20 deg and load > 50 N"
+  rodgen exclude mount.toml stars.csv --undo --rows 41 -o mount.toml
+"""
+
+_SET = """\
+Copy a machine file and say in it what is known of a parameter, in [known], or what it is tied to, in [ties]; every fit
+uses it. The rest of the file, including comments, is unchanged. KEY is as 'rodgen fit' shows it.
+
+  rodgen set gantry.toml C.axis.a --prior "0 ± 10 arcsec" -o gantry.toml
+  rodgen set gantry.toml C.backlash.b --bounds "0 arcsec,30 arcsec"
+  rodgen set robot.toml J2.gravity_windup.k --tie "2 * J3.gravity_windup.k"
+  rodgen set robot.toml J2.gravity_windup.k --free
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the commands."""
+    _add_exclude(command)
+    _add_set(command)
+    add = command("add", _add, "add effects to a machine, and see the error fall", _ADD)
+    remove = command("remove", _remove, "remove an effect from a machine", _REMOVE)
+    for each in (add, remove):
+        each.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
+        each.add_argument("effect", metavar="EFFECT", help="its name; 'rodgen effects' lists them")
+        about = "measurements, to fit the machine to, before and after"
+        each.add_argument("data", metavar="DATA", type=InputFile, nargs="?", help=about)
+        add_place(each)
+        if each is add:
+            each.add_argument(
+                "--hold",
+                metavar="NAME=VALUE",
+                action="append",
+                default=[],
+                help="a parameter that is not estimated, in the units of the machine file or with its own: k2=0, "
+                "b=12arcsec; may be given several times",
+            )
+            each.add_argument(
+                "--formula",
+                metavar="FORMULA",
+                help="of an effect of your own, which gets the name EFFECT: 'k*cos(q)'",
+            )
+            each.add_argument(
+                "--component",
+                metavar="WHAT",
+                help="what a formula changes: the reading (default) of the joint, or tx, ty, tz, rx, ry or rz",
+            )
+            each.add_argument(
+                "--parameter",
+                metavar="NAME=UNIT",
+                action="append",
+                default=[],
+                help="of a formula, such as k=arcsec; may be given several times",
+            )
+        add_output(each)
+        add_loss(each)
+        add_json(each)
+
+
+def _usage(found: str, expected: str) -> UsageError:
+    return UsageError(refused("rodgen add", found, expected))
+
+
+def _add(options: argparse.Namespace) -> int:
+    from rodgen.machines.effects.rules import UnfitEffectError
+    from rodgen.machines.effects.typed import assignments, effect_with, holding
+    from rodgen.machines.files.edit import text_with_effects
+    from rodgen.machines.machine import Machine
+
+    if options.formula is None and (options.component or options.parameter):
+        raise _usage("--component or --parameter without --formula", "--formula, too")
+    machine = Machine.load(options.machine)
+    place = options.joint or options.target
+    try:
+        held = assignments(options.hold)
+        if options.formula is None:
+            effect = effect_with(machine, options.effect, place, held)
+        else:
+            effect = holding(machine, lambda hold: _own(options, machine, hold), held)
+    except UnfitEffectError as error:
+        place = " ".join(["--hold", *error.key.split(".")[1:]])
+        raise refused(place, error.found, error.expected) from None
+    machines = (machine, machine.with_effect(effect))
+    words = (effect.name, effect.place or "")
+    change = Change(machines, effect, text_with_effects(options.machine, [effect]), words)
+    return _done(options, carry_out(options, change))
+
+
+def _own(options: argparse.Namespace, machine: Machine, hold: Mapping[str, float]) -> Effect:
+    """Return the effect of a user's formula."""
+    from rodgen.machines.files.read import effect_of
+
+    block = {
+        "name": options.effect,
+        "joint": options.joint,
+        "target": options.target,
+        "component": options.component or "reading",
+        "formula": options.formula,
+        "parameters": dict(_parameter(text) for text in options.parameter),
+        "hold": dict(hold),
+    }
+    given = {key: value for key, value in block.items() if value or key == "parameters"}
+    return effect_of(machine, given, options.machine, f"effect {options.effect}")
+
+
+def _parameter(text: str) -> tuple[str, str]:
+    """Read ``k=arcsec``."""
+    name, equals, unit = (part.strip() for part in text.partition("="))
+    if not (name and equals and unit):
+        raise refused(
+            "--parameter", shown(text), "NAME=UNIT, such as k=arcsec; the unit of a plain number is 1"
+        )
+    return name, unit
+
+
+def _remove(options: argparse.Namespace) -> int:
+    from rodgen.machines.files.edit import text_without_effect
+    from rodgen.machines.machine import Machine
+
+    machine = Machine.load(options.machine)
+    place = options.joint or options.target
+    changed = machine.without_effect(options.effect, place)
+    effect = next(e for e in machine.effects if e.identity == (options.effect, place))
+    change = Change(
+        (machine, changed),
+        effect,
+        text_without_effect(options.machine, effect.name, place),
+        ("without", effect.name, effect.place or ""),
+        added=False,
+    )
+    return _done(options, carry_out(options, change))
+
+
+def _done(options: argparse.Namespace, written: Written) -> int:
+    show_result(options, written.to_dict, lambda: str(written))
+    return after_fits(written.converged)
+
+
+def _add_exclude(command: Command) -> None:
+    exclude = command("exclude", _exclude, "exclude rows of measurements, or let them count again", _EXCLUDE)
+    add_files(exclude)
+    which = exclude.add_mutually_exclusive_group(required=True)
+    which.add_argument(
+        "--rows",
+        metavar="N,N-N",
+        default="",
+        help="lines of a CSV file from 1, else rows from 0, such as 12,40-43",
+    )
+    which.add_argument(
+        "--run", metavar="NAME", dest="of_run", default="", help="a run, as the column run names it"
+    )
+    which.add_argument(
+        "--where",
+        metavar="RULE",
+        default="",
+        help="rows in which a column is <, <=, >, >=, = or != a value: 'EL < 20 deg'; several are joined by 'and'",
+    )
+    which.add_argument("--all", action="store_true", help="with --undo: all rows of DATA")
+    exclude.add_argument("--undo", action="store_true", help="let these rows count again")
+    exclude.add_argument("--why", metavar="TEXT", default="", help="a note")
+    add_output(exclude)
+    add_json(exclude)
+
+
+def _exclude(options: argparse.Namespace) -> int:
+    from rodgen.machines.files.edit import text_with_set_aside
+    from rodgen.machines.machine import Machine
+
+    if options.all and not options.undo:
+        raise UsageError(refused("rodgen exclude", "--all without --undo", "--rows, --run, or --where"))
+    machine, data = Machine.load(options.machine), load_data(options.data)
+    which = {"rows": options.rows, "run": options.of_run, "where": options.where, "why": options.why}
+    try:
+        changed = (machine.bringing_back if options.undo else machine.setting_aside)(data, **which)
+    except InputFileError as error:
+        if error.place != "[measured], set_aside":
+            raise
+        option = next((name for name in ("rows", "run", "where") if which[name]), "all")
+        raise refused(f"--{option}", error.found, error.expected) from None
+    text = text_with_set_aside(options.machine, changed.measured.set_aside)
+    output = options.output or new_name(options.machine, ("included" if options.undo else "excluded",))
+    write_file(output, text.encode())
+    aside = changed.aside(data)
+    said = aside.text if aside else f"No row of {options.data} is set aside."
+    found = {"file": output, "set_aside": aside.to_dict() if aside else {"rows": 0, "entries": []}}
+    show_result(options, lambda: found, lambda: f"{output}: {said}")
+    return OK
+
+
+def _add_set(command: Command) -> None:
+    made = command("set", _set, "say what is known of a parameter, or tie it to others", _SET)
+    made.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
+    made.add_argument("key", metavar="KEY", help="of the parameter, or in [known] of several: C.axis")
+    made.add_argument("--prior", metavar="TEXT", help="such as '0 ± 10 arcsec'")
+    made.add_argument(
+        "--bounds", metavar="LOW,HIGH", help="such as '0 um,50 um'; inf or -inf where there is none"
+    )
+    made.add_argument("--tie", metavar="SUM", help="multiples of others, such as '2 * J3.gravity_windup.k'")
+    made.add_argument("--free", action="store_true", help="nothing is known of it, and it is tied to none")
+    add_output(made)
+    add_json(made)
+
+
+def _set(options: argparse.Namespace) -> int:
+    from rodgen.machines.files.edit import text_with_known, text_with_tie
+    from rodgen.machines.files.read import machine_of
+    from rodgen.machines.files.write import known_line
+    from rodgen.machines.machine import Machine
+
+    file, key, known = options.machine, options.key, {}
+    if options.prior is not None:
+        known["prior"] = options.prior
+    if options.bounds is not None:
+        known["bounds"] = [_end(part) for part in options.bounds.split(",")]
+    if [bool(known), options.tie is not None, options.free].count(True) != 1:
+        expected = "a prior, bounds, or both; or --tie; or --free"
+        raise UsageError(refused("rodgen set", "none, or too much", expected))
+    machine = Machine.load(file)
+    if options.tie is not None:
+        text = text_with_tie(file, key, options.tie)
+    elif known:
+        text = text_with_known(file, key, known)
+    elif key in {**machine.known, **machine.ties}:
+        text = text_with_tie(file, key, "", text_with_known(file, key, {}))
+    else:
+        expected = joined([*machine.known, *machine.ties]) or "an entry; there is none"
+        raise InputFileError(file, "[known] and [ties]", f"nothing of {shown(key)}", expected)
+    output = options.output or new_name(file, key.split("."))
+    write_file(output, text.encode())
+    changed = machine_of(text, output, Machine)
+    entries = {
+        "known": known_line(changed, key, changed.known[key]) if key in changed.known else None,
+        "tied_to": changed.ties[key].text if key in changed.ties else None,
+    }
+    said = entries["known"] or (f"{key} = {entries['tied_to']}" if entries["tied_to"] else f"{key} is free")
+    show_result(options, lambda: {"file": output, "parameter": key, **entries}, lambda: f"{output}: {said}")
+    return OK
+
+
+def _end(text: str) -> str | float:
+    """Return an end of bounds: a number, or one with its unit."""
+    try:
+        return float(text)
+    except ValueError:
+        return text.strip()
