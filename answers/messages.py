@@ -191,7 +191,7 @@ INPUTS: dict[str, dict[str, Callable[[], Any]]] = {
     "pairs": {
         f"{command} {n}": lambda command=command, c=c: called(f"{command} bad.csv", "bad.csv", c)
         for n, (c, _) in test_cli.BAD.items()
-        for command in ("solve", "fit-axis")
+        for command in ("apply solve_axis", "fit-axis")
     },
     "data of a diagnosis": {
         n: lambda c=c: spoilt_stars(c) for n, (c, _) in test_cli_diagnose.BAD_DATA.items()

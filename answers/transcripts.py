@@ -32,7 +32,7 @@ from rodgen.cli.main import main
 EXAMPLES = Path(__file__).parent.parent / "examples"
 LONGEST = 6000
 """Characters of an output or a file that are kept; of a longer one the first, and a digest of the whole."""
-COVARIANCE, LIMITS = fuzz.COVARIANCE.decode(), fuzz.LIMITS.decode()
+LIMITS = fuzz.LIMITS.decode()
 POINTS = "Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"
 ATTITUDES = "alpha [deg],beta [deg],gamma [deg]\n0,10,20\n5,-8,3\n"
 TIMES = {
@@ -43,7 +43,7 @@ TIMES = {
 }
 """What differs from one run to the next, and what stands there instead."""
 COMMANDS = """check fit compare diagnose plan predict report fleet watch open add remove exclude set
-emit simulate effects new import solve fit-axis tricept euler mechanism derive kernels doctor completion"""
+emit simulate effects new import apply fit-axis mechanism derive kernels doctor completion"""
 CHI = "chi_x [deg],chi_y [deg],chi_z [deg]\n10,20,15\n0,0,0\n"
 LEGS = "L1 [mm],L2 [mm],L3 [mm]\n320,330,310\n"
 
@@ -135,29 +135,21 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
         """,
     ),
     "legs": (
-        of_example("tricept", **{"p.csv": POINTS, "u.toml": COVARIANCE}),
+        of_example("tricept", **{"p.csv": POINTS}),
         """
         diagnose m.toml d.csv
         emit m.toml d.csv --lang c -o c
-        tricept inverse p.csv -o legs.csv
-        tricept direct legs.csv --all
-        tricept uncertainty p.csv --json
-        tricept uncertainty --point 0,0,700mm --covariance u.toml
-        tricept bounds --centre 0,0,700mm --edge 100mm
-        tricept workspace --samples 1000 --slice z=700mm --points 5
+        apply tricept.inverse p.csv --set R=330mm --set r=140mm -o legs.csv
+        apply tricept.direct_all legs.csv --set R=330mm --set r=140mm
         """,
     ),
     "spheres": (
         of_example("three_sps_s", **{"a.csv": ATTITUDES, "chi.csv": CHI, "l.csv": LEGS}),
         """
         diagnose m.toml d.csv
-        euler angles a.csv
-        euler rotations chi.csv
-        euler ridge a.csv
-        euler trajectory a.csv -o t.csv --to ZYZ,xyz
-        euler legs a.csv --R 200mm --r 100mm --h 300mm --limits 200,400mm
-        euler direct l.csv --R 200mm --r 100mm --h 300mm --all
-        euler workspace --R 200mm --r 100mm --h 50mm --limits 300,500mm --samples 10
+        apply instantaneous_euler.angles_from_euler a.csv
+        apply instantaneous_euler.rotations chi.csv
+        apply three_sps_s.direct_all l.csv --set R=200mm --set r=100mm --set h=300mm
         """,
     ),
     "table": (
@@ -186,8 +178,8 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
     "pairs": (
         {"p.csv": (EXAMPLES / "pairs.csv").read_bytes()},
         """
-        solve p.csv
-        solve p.csv -o s.parquet
+        apply solve_axis p.csv
+        apply solve_axis p.csv -o s.parquet
         fit-axis p.csv
         fit-axis p.csv --json --sigma 2um
         fit-axis p.csv --loss huber --point 1,2,3
@@ -197,17 +189,13 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
         {
             "l.csv": (EXAMPLES / "mechanisms/puma_560.csv").read_bytes(),
             "p60.csv": (EXAMPLES / "mechanisms/ge_p60.csv").read_bytes(),
-            "loop.csv": (EXAMPLES / "mechanisms/rrrcc.csv").read_bytes(),
             "q.csv": fuzz.JOINTS,
             "pose.csv": (EXAMPLES / "mechanisms/p60_pose.csv").read_bytes(),
         },
         """
-        mechanism mobility l.csv --json
-        mechanism mobility loop.csv
         mechanism forward l.csv q.csv
         mechanism reverse l.csv q.csv
         mechanism reverse p60.csv pose.csv --from matrix
-        mechanism toolkit 4
         """,
     ),
     "imports": (
@@ -291,7 +279,7 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
         add m.toml encoder_excentricity --joint C
         emit m.toml d.csv --lang java
         open none.toml
-        solve d.csv
+        apply solve_axis d.csv
         fleet m.toml . -o d.csv
         """,
     ),

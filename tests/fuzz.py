@@ -396,12 +396,6 @@ z = [0, 50]
 [session]
 readings = 20
 """
-COVARIANCE = b"""[u]
-rods = "5um"
-fixed_joints = "10um"
-[correlation]
-"A0, A1" = 0.3
-"""
 JOINTS = b"R1 [deg],R2 [deg],R3 [deg],R4 [deg],R5 [deg],R6 [deg]\n1,2,3,4,5,6\n"
 URDF = b"""<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
 <joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
@@ -460,40 +454,22 @@ EOF::
 """
 FURTHER: list[tuple[str, dict[str, bytes]]] = [
     ("simulate --open t.json", {"t.json": (CORPUS / "truth.json").read_bytes()}),
-    ("tricept inverse p.csv -o o.csv", {"p.csv": b"Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"}),
-    ("tricept direct p.csv --all", {"p.csv": b"A0 [mm],A1 [mm],A-1 [mm]\n700,700,700\n650,700,760\n"}),
-    ("tricept uncertainty --point 0,0,700mm --covariance c.toml --json", {"c.toml": COVARIANCE}),
     (
-        "tricept uncertainty --point 0,0,700mm --u rods=5um --correlation A0,A1=0.5 --monte-carlo 1000 --budget",
-        {},
-    ),
-    ("tricept workspace --samples 1000 --slice z=700mm --points 5", {}),
-    ("euler angles a.csv --from ZYX", {"a.csv": b"alpha [deg],beta [deg],gamma [deg]\n0,10,20\n5,-8,3\n"}),
-    ("euler ridge a.csv --from quaternion", {"a.csv": b"q0,qx,qy,qz\n1,0,0,0\n0.6,0.8,0,0\n"}),
-    (
-        "euler rotations a.csv -o o.parquet",
-        {"a.csv": b"chi_x [deg],chi_y [deg],chi_z [deg]\n10,20,15\n0,0,0\n"},
+        "apply tricept.inverse p.csv --set R=330mm --set r=140mm --set limits=568,858mm -o o.csv",
+        {"p.csv": b"Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"},
     ),
     (
-        "euler rates a.csv",
-        {
-            "a.csv": b"alpha [deg],beta [deg],gamma [deg],omega_x [deg/s],omega_y [deg/s],omega_z [deg/s]\n"
-            b"0,10,20,1,2,3\n90,0,0,0,0,1\n"
-        },
-    ),
-    (
-        "euler trajectory a.csv -o o.csv --to ZYZ,xyz",
+        "apply instantaneous_euler.angles_from_euler a.csv --set sequence=xyz",
         {"a.csv": b"alpha [deg],beta [deg],gamma [deg]\n0,10,20\n5,-8,3\n"},
     ),
     (
-        "euler direct a.csv --R 200mm --r 100mm --h 300mm --all",
-        {"a.csv": b"L1 [mm],L2 [mm],L3 [mm]\n320,330,310\n"},
+        "apply instantaneous_euler.rotations a.csv -o o.parquet --set tolerance=1e-6",
+        {"a.csv": b"chi_x [deg],chi_y [deg],chi_z [deg]\n10,20,15\n0,0,0\n"},
     ),
     (
-        "euler legs a.csv --R 200mm --r 100mm --h 300mm --limits 200,400mm",
-        {"a.csv": b"alpha [deg],beta [deg],gamma [deg]\n0,10,20\n"},
+        "apply three_sps_s.direct_all a.csv --set R=200mm --set r=100mm --set h=300mm",
+        {"a.csv": b"L1 [mm],L2 [mm],L3 [mm]\n320,330,310\n"},
     ),
-    ("mechanism toolkit 4", {}),
     ("effects scale", {}),
     ("new 3-axis --code [w,X,b,Y,Z,t] -o m.toml", {}),
     ("import r.urdf -o m.toml", {"r.urdf": URDF}),
@@ -540,15 +516,16 @@ def originals() -> list[Case]:
                 )
             )
     pairs = {"p.csv": (EXAMPLES / "pairs.csv").read_bytes()}
-    for words in ("solve p.csv -o s.csv", "solve p.csv --length-tolerance 1e-3", "fit-axis p.csv --json --sigma 2um",
-                  "fit-axis p.csv --loss huber --point 1,2,3"):  # fmt: skip
+    for words in (
+        "apply solve_axis p.csv -o s.csv",
+        "apply solve_axis p.csv --set length_tolerance=1e-3",
+        "fit-axis p.csv --json --sigma 2um",
+        "fit-axis p.csv --loss huber --point 1,2,3",
+    ):
         found += [Case(tuple(words.split()), pairs)] * 2
     links = {"l.csv": (EXAMPLES / "mechanisms" / "puma_560.csv").read_bytes()}
     pose = {"p.csv": (EXAMPLES / "mechanisms" / "p60_pose.csv").read_bytes()}
-    loop = {"l.csv": (EXAMPLES / "mechanisms" / "rrrcc.csv").read_bytes()}
     found += [
-        Case(("mechanism", "mobility", "l.csv", "--json"), links),
-        Case(("mechanism", "mobility", "l.csv", "--json"), loop),
         Case(("mechanism", "reverse", "l.csv", "p.csv", "--from", "matrix"), {**links, **pose}),
         Case(("mechanism", "forward", "puma_560", "q.csv"), {"q.csv": JOINTS}),
     ]  # fmt: skip

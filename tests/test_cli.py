@@ -69,7 +69,7 @@ def test_help_documents_the_exit_codes_and_imports_nothing_heavy():
         "assert not heavy, heavy\n"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    for word in ("solve", "fit-axis", "derive", "kernels", "exit codes:", "2  bad input: one line"):
+    for word in ("apply", "fit-axis", "derive", "kernels", "exit codes:", "2  bad input: one line"):
         assert word in shown.stdout
 
 
@@ -136,7 +136,7 @@ def test_help_has_the_order_of_its_page(capsys):
     assert list(commands_by_group(capsys.readouterr().out).items()) == list(on_the_page.items())
 
 
-@pytest.mark.parametrize("command", ["solve", "fit-axis", "derive", "kernels"])
+@pytest.mark.parametrize("command", ["apply", "fit-axis", "derive", "kernels"])
 def test_every_command_has_help(command, capsys):
     assert cli.main([command, "--help"]) == 0
     text = capsys.readouterr().out
@@ -148,7 +148,7 @@ def test_every_command_has_help(command, capsys):
 def test_solving_never_imports_sympy_nor_what_other_commands_need(pairs, tmp_path):
     code = (
         "import sys, rodgen.cli.main\n"
-        "assert rodgen.cli.main.main(['solve', sys.argv[1], '-o', sys.argv[2]]) == 0\n"
+        "assert rodgen.cli.main.main(['apply', 'solve_axis', sys.argv[1], '-o', sys.argv[2]]) == 0\n"
         "subjects = ('tricept', 'instantaneous_euler', 'three_sps_s', 'spatial')\n"
         "other = {f'rodgen.kinematics.{name}' for name in subjects}\n"
         "heavy = {'sympy', 'matplotlib', 'plotly', 'tqdm', 'rodgen.symbolic', *other} & set(sys.modules)\n"
@@ -167,28 +167,15 @@ def test_version_is_that_of_the_package():
 USAGE = {
     (): "command line: rodgen: the following arguments are required: COMMAND; expected what 'rodgen --help'",
     ("frobnicate",): "command line: rodgen: argument COMMAND: invalid choice: 'frobnicate'",
-    ("solve",): "command line: rodgen solve: the following arguments are required: PAIRS; expected what",
-    ("solve", "x.csv", "--fast"): (
-        "command line: rodgen solve: unrecognized arguments: --fast; expected what 'rodgen solve --help' shows"
-    ),
     (
-        "tricept",
-        "inverse",
-        "x.csv",
-        "--alll",
-    ): "unrecognized arguments: --alll (the nearest is '--all'); expected",
+        "fit-axis",
+    ): "command line: rodgen fit-axis: the following arguments are required: PAIRS; expected what",
     (
-        "solve",
+        "fit-axis",
         "x.csv",
-        "--length-tolerance",
-        "-1",
-    ): "--length-tolerance: '-1' is not a ratio: a number from 0 up",
-    (
-        "solve",
-        "x.csv",
-        "--length-tolerance",
-        "nan",
-    ): "--length-tolerance: 'nan' is not a ratio: a number from 0 up",
+        "--fast",
+    ): "rodgen fit-axis: unrecognized arguments: --fast; expected what 'rodgen fit",
+    ("apply", "f", "x.csv", "--sett"): "unrecognized arguments: --sett (the nearest is '--set'); expected",
     (
         "fit-axis",
         "x.csv",
@@ -226,55 +213,27 @@ def test_wrong_usage_is_one_line_and_code_2(arguments, capsys):
     assert err.count("\n") == 1
 
 
-# solve -------------------------------------------------------------------------------------------------
+# tables ------------------------------------------------------------------------------------------------
 
 
-def test_solve_prints_the_table_and_says_on_stderr_what_it_found(pairs):
-    shown = run("solve", pairs)
-    assert shown.returncode == 0
-    lines = shown.stdout.splitlines()
-    assert lines[0] == f"{HEADER},e1_x,e1_y,e1_z,e2_x,e2_y,e2_z,status,length_mismatch,condition"
-    assert lines[1].startswith("3,4,12,12,-3,4,120,")
-    assert [line.split(",")[13] for line in lines[1:]] == ["two_axes", "no_axis"]
-    assert shown.stderr == f"{pairs}: 2 pairs: 1 two_axes, 1 no_axis\n"
-    # what it printed are axes: they turn rho into rho'
-    for i in (7, 10):
-        axis = np.array(lines[1].split(",")[i : i + 3], float)
-        rho, angle = np.array([3.0, 4, 12]), np.deg2rad(120)
-        turned = (
-            rho * np.cos(angle)
-            + np.cross(axis, rho) * np.sin(angle)
-            + axis * (axis @ rho) * (1 - np.cos(angle))
-        )
-        np.testing.assert_allclose(turned, [12, -3, 4], atol=13 * 16 * 2.3e-16)  # |rho| times a few eps
-
-
-def test_solve_reads_a_pipe_and_writes_one(pairs):
-    from_file, from_pipe = run("solve", pairs), run("solve", "-", "-o", "-", stdin=PAIRS)
+def test_apply_reads_a_pipe_and_writes_one(pairs):
+    from_file, from_pipe = (
+        run("apply", "solve_axis", pairs),
+        run("apply", "solve_axis", "-", "-o", "-", stdin=PAIRS),
+    )
     assert from_pipe.returncode == 0
     assert from_pipe.stdout == from_file.stdout
-    assert from_pipe.stderr.startswith("standard input: 2 pairs: ")
+    assert from_pipe.stderr.startswith("standard input: 2 rows written: ")
 
 
 @pytest.mark.parametrize("name", ["out.csv", "out.csv.gz", "out.parquet"])
-def test_solve_writes_a_file_and_nothing_to_stdout(name, pairs, tmp_path, capfd):
-    assert cli.main(["solve", str(pairs), "-o", str(tmp_path / name)]) == 0
+def test_apply_writes_a_file_and_nothing_to_stdout(name, pairs, tmp_path, capfd):
+    assert cli.main(["apply", "solve_axis", str(pairs), "-o", str(tmp_path / name)]) == 0
     out, err = capfd.readouterr()
     assert out == ""
-    assert err == f"{pairs}: 2 pairs: 1 two_axes, 1 no_axis\n"
+    assert err == f"{pairs}: 2 rows written: 1 two_axes, 1 no_axis\n"
     table = pq.read_table(tmp_path / name) if name.endswith("parquet") else pa_csv.read_csv(tmp_path / name)
     assert table["status"].to_pylist() == ["two_axes", "no_axis"]
-
-
-def test_length_tolerance_is_passed_on(tmp_path, capfd):
-    path = tmp_path / "pairs.csv"
-    path.write_text(f"{HEADER}\n1,0,0,0,1.001,0,120\n")
-    assert cli.main(["solve", str(path)]) == 0
-    out, err = capfd.readouterr()
-    assert ",lengths_differ," in out
-    assert err == f"{path}: 1 pair: 1 lengths_differ (see --length-tolerance)\n"
-    assert cli.main(["solve", str(path), "--length-tolerance", "0.01"]) == 0
-    assert ",two_axes," in capfd.readouterr().out
 
 
 BAD = {
@@ -288,13 +247,15 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-@pytest.mark.parametrize("command", ["solve", "fit-axis"])
+@pytest.mark.parametrize("command", ["apply solve_axis", "fit-axis"])
 def test_bad_input_is_one_line_on_stderr_and_code_2(command, name, tmp_path, rodgen_command):
     content, message = BAD[name]
     path, output = tmp_path / "bad.csv", tmp_path / "out.csv"
     if content is not None:
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    code, out, err = rodgen_command(command, path, *(["-o", output] if command == "solve" else []))
+    code, out, err = rodgen_command(
+        *command.split(), path, *([] if command == "fit-axis" else ["-o", output])
+    )
     assert (code, out) == (2, "")
     assert err.startswith(f"{path}: {message}")
     assert err.count("\n") == 1
@@ -305,7 +266,7 @@ def test_fault_at_the_end_leaves_stdout_empty(tmp_path):
     """Though the first rows were long computed, none of them is printed."""
     path = tmp_path / "bad.csv"
     path.write_text(PAIRS + "3,4,12,12,-3,4,120\n" * 100_000 + "3,4,12,12,-3,4,x\n")
-    shown = run("solve", path)
+    shown = run("apply", "solve_axis", path)
     assert (shown.returncode, shown.stdout) == (2, "")
     assert shown.stderr == f"{path}: line 100004, column 'angle [deg]': 'x'; expected a number\n"
 
@@ -313,7 +274,13 @@ def test_fault_at_the_end_leaves_stdout_empty(tmp_path):
 @pytest.mark.thorough("arguments1")
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
 @pytest.mark.parametrize(
-    "arguments", [("solve", "-"), ("--help",), ("solve", "-", "-o", "/dev/full"), ("fit-axis", "-")]
+    "arguments",
+    [
+        ("apply", "solve_axis", "-"),
+        ("--help",),
+        ("apply", "solve_axis", "-", "-o", "/dev/full"),
+        ("fit-axis", "-"),
+    ],
 )
 def test_full_stdout_is_one_line(arguments):
     # Unbuffered, argparse writes at once and takes no notice of a failure.
@@ -338,7 +305,7 @@ def test_full_stdout_is_one_line(arguments):
 def test_closed_streams_are_an_error(stream):
     redirect = {"stdin": "<&-", "stdout": ">&-"}[stream]
     shown = subprocess.run(
-        f"exec '{sys.executable}' -m rodgen solve - {redirect}",
+        f"exec '{sys.executable}' -m rodgen apply solve_axis - {redirect}",
         shell=True, input=PAIRS, capture_output=True, text=True, check=False, timeout=60,
     )  # fmt: skip
     assert shown.returncode == 2
@@ -352,7 +319,9 @@ def test_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
     path = tmp_path / "pairs.csv"
     path.write_text(PAIRS + "3,4,12,12,-3,4,120\n" * 20_000)
     command = subprocess.Popen(
-        [sys.executable, "-m", "rodgen", "solve", path], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-m", "rodgen", "apply", "solve_axis", path],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
     command.stdout.readline()
     command.stdout.close()
@@ -368,7 +337,7 @@ def test_interrupt_is_one_line_and_leaves_no_file(tmp_path):
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     with subprocess.Popen(
-        [sys.executable, "-m", "rodgen", "solve", "-", "-o", tmp_path / "out.csv"],
+        [sys.executable, "-m", "rodgen", "apply", "solve_axis", "-", "-o", tmp_path / "out.csv"],
         stdin=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=take_interrupts,
     ) as command:  # fmt: skip
         command.stdin.write(f"{PAIRS}".encode() + b"3,4,12,12,-3,4,120\n" * 400_000)
@@ -386,7 +355,7 @@ def test_interrupt_is_one_line_and_leaves_no_file(tmp_path):
 
 def test_progress_shows_where_somebody_looks(pairs, capfd, monkeypatch, tmp_path):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    assert cli.main(["solve", str(pairs), "-o", str(tmp_path / "out.csv")]) == 0
+    assert cli.main(["apply", "solve_axis", str(pairs), "-o", str(tmp_path / "out.csv")]) == 0
     assert capfd.readouterr().err.startswith("\rreading")
 
 

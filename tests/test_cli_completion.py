@@ -19,12 +19,12 @@ needs_bash = pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
     ("line", "expected"),
     [
         ("rodgen di", "diagnose"),
-        ("rodgen tricept ", "inverse direct uncertainty bounds workspace"),
+        ("rodgen mechanism ", "forward reverse"),
         ("rodgen fit --lo", "--loss"),
         ("rodgen fit --loss ", "linear huber"),
         ("rodgen fit mach", "machine.toml"),
         ("rodgen fit machine.toml --loss huber dat", "data.csv"),
-        ("rodgen tricept inverse points.csv -o dat", "data.csv"),
+        ("rodgen mechanism forward puma_560 points.csv -o dat", "data.csv"),
     ],
 )
 def test_bash_completes(line: str, expected: str, rodgen_command: Run, tmp_path: Path) -> None:
@@ -44,7 +44,7 @@ def test_bash_completes(line: str, expected: str, rodgen_command: Run, tmp_path:
 def test_other_shells_have_a_script(shell: str, rodgen_command: Run) -> None:
     code, script, _ = rodgen_command("completion", shell)
     assert code == 0
-    assert all(word in script for word in ("diagnose", "fit-axis", "workspace", "--loss"))
+    assert all(word in script for word in ("diagnose", "fit-axis", "apply", "--loss"))
     if shutil.which(shell):
         subprocess.run([shell, "-n"], input=script, text=True, check=True)
 

@@ -1,10 +1,9 @@
-"""``rodgen mechanism``: mobility, forward, reverse and toolkit, tables in and out, held to the library."""
+"""``rodgen mechanism``: forward and reverse, tables in and out, held to the library."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -244,56 +243,6 @@ def test_link_tables_of_the_examples_are_the_robots() -> None:
             np.testing.assert_array_equal(getattr(found, key), getattr(robot, key))
 
 
-# mobility and toolkit ----------------------------------------------------------------------------------
-
-
-def test_mobility_prints_what_the_library_finds(tmp_path: Path, capsys: Any) -> None:
-    drawing = tmp_path / "rccc.html"
-    file = str(EXAMPLES / "rccc.csv")
-    arguments = ["mobility", file, "--plot", str(drawing), "--input", "R1", "--output", "C4"]
-    assert cli.main(["mechanism", *arguments]) == 0
-    out, err = capsys.readouterr()
-    assert out.splitlines()[:3] == [
-        "rccc: closed loop RCCC, 4 bodies",
-        "mobility    1",
-        "formula     1 + 2 + 2 + 2 - 6 = 1",
-    ]
-    assert "quadrilateral" in out
-    assert "at most 2 solutions" in out
-    assert err == f"{drawing}: planar representation\n"
-    page = drawing.read_text(encoding="utf-8")
-    assert '"C4, output"' in page
-    assert "rccc: loop of the joints R1, C2, C3, C4" in page
-
-
-def test_mobility_json(tmp_path: Path, capsys: Any) -> None:
-    four_bar = write(
-        tmp_path / "four_bar.csv",
-        ["type", "S [mm]", "a [mm]", "alpha [deg]"],
-        [["R", 0, 10, 0], ["R", 0, 30, 0], ["R", 0, 20, 0], ["R", 0, 30, 0]],
-    )
-    assert cli.main(["mechanism", "mobility", four_bar, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert (found["mobility"], found["formula"], found["exception"]) == (1, -2, "planar")
-    assert found["spherical"]["polygon"] == "quadrilateral"
-    slides = write(tmp_path / "slides.csv", ["type", "a [mm]", "alpha [deg]"], [["P", 0, 90], ["P", "", ""]])
-    assert cli.main(["mechanism", "mobility", slides, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert (found["mobility"], found["spherical"], found["group"]) == (2, None, None)
-
-
-@pytest.mark.parametrize("form", ["text", "markdown", "latex"])
-def test_toolkit_prints_the_table(form: str, capsys: Any) -> None:
-    assert cli.main(["mechanism", "toolkit", "quadrilateral", "--format", form]) == 0
-    assert capsys.readouterr().out.rstrip("\n") == spatial.toolkit(4, form=form).rstrip("\n")
-
-
-def test_toolkit_prints_all_polygons(capsys: Any) -> None:
-    assert cli.main(["mechanism", "toolkit"]) == 0
-    out = capsys.readouterr().out
-    assert [out.count(spatial.toolkit(n).rstrip("\n")) for n in range(3, 8)] == [1] * 5
-
-
 # bad input ---------------------------------------------------------------------------------------------
 
 
@@ -323,20 +272,12 @@ def test_toolkit_prints_all_polygons(capsys: Any) -> None:
         (["reverse", "RCCC", "ANGLES", "--tool", "1,2,3mm"], "--tool: for a closed loop"),
         (["reverse", "H", "INPUT"], "mechanism: "),
         (["reverse", "PR", "POSES"], "mechanism: "),
-        (["mobility", "puma_560", "--input", "R1"], "--input: no --plot; expected"),
-        (["mobility", "puma_560", "--plot", "FOLDER"], "a folder; expected the name of a file"),
-        (
-            ["mobility", "puma_560", "--plot", "x.svg", "--output", "Q"],
-            "--output: 'Q'; expected 'R1', 'R2',",
-        ),
-        (["mobility", "RCCC", "--plot", "RCCC"], "the input file itself"),
-        (["toolkit", "octagon"], "invalid choice: 'octagon'"),
     ],
 )
 def test_bad_input_is_one_line(
     arguments: list[str], words: str, angles: str, tmp_path: Path, capsys: Any
 ) -> None:
-    files = {"ANGLES": angles, "RCCC": str(EXAMPLES / "rccc.csv"), "FOLDER": str(tmp_path)}
+    files = {"ANGLES": angles, "RCCC": str(EXAMPLES / "rccc.csv")}
     header = ["x [in]", "y [in]", "z [in]", *QUATERNION]
     files["POSES"] = write(tmp_path / "poses.csv", header, [[10, 10, 10, 1, 0, 0, 0]])
     link = ["type", "a [mm]", "alpha [deg]"]

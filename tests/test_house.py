@@ -92,7 +92,7 @@ def test_functions_need_numpy_alone() -> None:
 
 @pytest.mark.parametrize(
     ("module", "extra", "command"),
-    [("pyarrow", "tables", ["solve", "pairs.csv"]), ("sympy", "derive", ["derive", "axis"])],
+    [("pyarrow", "tables", ["apply", "solve_axis", "pairs.csv"]), ("sympy", "derive", ["derive", "axis"])],
 )
 def test_command_says_which_extra_it_needs(module: str, extra: str, command: list[str]) -> None:
     done = run_without({module}, f"from rodgen.cli import main as cli\nsys.exit(cli.main({command!r}))")

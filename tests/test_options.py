@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
-from test_outputs import COMMANDS
+from test_outputs import COMMANDS, EXAMPLES
 
 from rodgen import schedulers
 from rodgen.cli import main as cli
@@ -142,47 +142,13 @@ def test_a_derivation_without_kernels_is_refused(tmp_path, rodgen_command):
 
 
 JSON = {
-    "tricept uncertainty": ["t.csv", "--json"],
-    "tricept bounds": ["--centre", "0,0,685mm", "--edge", "9mm", "--gap", "0.5", "--json"],
-    "tricept workspace": ["--samples", "9", "--json"],
-    "euler workspace": ["--R", "3mm", "--r", "2mm", "--h", "4mm", "--samples", "6", "--json"],
-    "mechanism mobility": ["puma_560", "--json"],
+    "fit-axis": [str(EXAMPLES.parent / "pairs.csv"), "--json"],
     "effects": ["backlash", "--json"],
 }
 
 
-@pytest.mark.thorough("mechanism mobility", "tricept uncertainty", "euler workspace")
 @pytest.mark.parametrize("name", JSON)
-def test_json_is_all_that_stands_on_standard_output(name, tmp_path, monkeypatch, rodgen_command):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "t.csv").write_text("Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,0,700\n")
+def test_json_is_all_that_stands_on_standard_output(name, rodgen_command):
     code, out, _ = rodgen_command(*name.split(), *JSON[name])
     assert code == 0
     assert json.loads(out, parse_constant=pytest.fail)
-
-
-def test_the_uncertainty_of_points_says_what_it_takes_for_the_parameters(tmp_path, rodgen_command):
-    table = tmp_path / "t.csv"
-    table.write_text("Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,0,700\n")
-    found = json.loads(rodgen_command("tricept", "uncertainty", table, "--json")[1])
-    assert found["U_x"].startswith("U_x is the paper's (23), as neither --u nor --covariance was given")
-    assert [point["point"] for point in found["points"]] == [[0, 0, 700], [10, 0, 700]]
-    assert [point["status"] for point in found["points"]] == ["reachable", "reachable"]
-    one = json.loads(rodgen_command("tricept", "uncertainty", "--point", "10,0,700mm", "--json")[1])
-    assert {key: one[key] for key in found["points"][1]} == found["points"][1]
-    _, out, err = rodgen_command("tricept", "uncertainty", table, "--u", "rods=3um")
-    assert out.startswith("Qx [mm]")
-    assert err.splitlines()[-1] == "U_x is by --u: u(rods) = 3 um."
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        ["tricept", "uncertainty", "t.csv", "--json", "-o", "o.csv"],
-        ["tricept", "workspace", "--slice", "z=700mm", "--json"],
-    ],
-)
-def test_an_option_that_json_has_no_use_for_is_refused(line, rodgen_command):
-    code, out, err = rodgen_command(*line)
-    assert (code, out) == (2, "")
-    assert "together with --json; expected one of the two" in err

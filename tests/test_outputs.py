@@ -36,12 +36,12 @@ TEXTS = {
         "--formula",
         "--given",
         "--hold",
-        "--input",
     ),
     *("--joint", "--noise", "--parameter", "--prior", "--bounds", "--tie", "--radius", "--rows", "--run"),
-    *("--scheduler", "--target", "--tip", "--where", "--why", "--effect"),
+    *("--scheduler", "--set", "--target", "--tip", "--where", "--why", "--effect"),
     *("EFFECT", "KEY", "NAME", "KIND"),
-    "mechanism mobility --output",
+    "FUNCTION",
+    "--help",
 }
 """Options and arguments that are neither numbers nor files."""
 
@@ -127,7 +127,7 @@ def test_what_standard_input_is_read_from_is_not_replaced(tmp_path):
     shutil.copy(EXAMPLES.parent / "pairs.csv", pairs)
     before = pairs.read_bytes()
     with pairs.open("rb") as stream:
-        done = run_process("solve", "-", "-o", pairs, stdin=stream)
+        done = run_process("apply", "solve_axis", "-", "-o", pairs, stdin=stream)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "the input file itself" in done.stderr
     assert pairs.read_bytes() == before
@@ -219,18 +219,6 @@ LATE = {
     ],
     "emit": ["emit", "m.toml", "d.csv", "--lang", "c", "-o", "code"],
     "compare": ["compare", "m.toml", "d.csv", "--plot", "p.html"],
-    "tricept": [
-        "tricept",
-        "bounds",
-        "--influence",
-        "A0,xx",
-        "--beams",
-        "9",
-        "-o",
-        "t.csv",
-        "--plot",
-        "p.html",
-    ],
 }
 
 
@@ -404,6 +392,6 @@ def test_each_of_many_files_is_written_by_several_threads(tmp_path, rodgen_comma
     (tmp_path / "parts").mkdir()
     for n in range(12):
         write_columns(tmp_path / "parts" / f"{n:02}.parquet", columns | {"angle [deg]": [90.0]})
-    line = ["solve", tmp_path / "parts", "-o", tmp_path / "axes", "--scheduler", "threads=6"]
+    line = ["apply", "solve_axis", tmp_path / "parts", "-o", tmp_path / "axes", "--scheduler", "threads=6"]
     assert rodgen_command(*line)[0] == 0
     assert sorted(os.listdir(tmp_path / "axes")) == [f"{n:05}-{n:02}.parquet" for n in range(12)]

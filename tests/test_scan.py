@@ -338,11 +338,10 @@ def test_axes_of_many_files_are_those_of_each(tmp_path, capsys):
     for k in range(3):
         table = {name: random.normal(size=50) for name in names} | {"angle [deg]": random.uniform(10, 90, 50)}
         pq.write_table(pa.table(table), tmp_path / f"pairs/{k}.parquet")
-    assert (
-        main(["solve", str(tmp_path / "pairs"), "-o", str(tmp_path / "axes"), "--scheduler", "threads=2"])
-        == 0
-    )
-    assert "150 pairs: " in capsys.readouterr().err
-    assert main(["solve", str(tmp_path / "pairs/1.parquet"), "-o", str(tmp_path / "one.parquet")]) == 0
+    command = ["apply", "solve_axis"]
+    pairs, axes = str(tmp_path / "pairs"), str(tmp_path / "axes")
+    assert main([*command, pairs, "-o", axes, "--scheduler", "threads=2"]) == 0
+    assert "150 rows written: " in capsys.readouterr().err
+    assert main([*command, str(tmp_path / "pairs/1.parquet"), "-o", str(tmp_path / "one.parquet")]) == 0
     assert pq.read_table(tmp_path / "axes/00001-1.parquet").equals(pq.read_table(tmp_path / "one.parquet"))
-    assert main(["solve", str(tmp_path / "pairs"), "-o", str(tmp_path / "axes")]) == 2
+    assert main([*command, pairs, "-o", axes]) == 2

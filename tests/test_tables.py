@@ -15,8 +15,8 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from solved_table import solve_table
 
-from rodgen.cli.axis import solve_table
 from rodgen.data.measurements import Measurements
 from rodgen.data.tables import PAIR_COLUMNS, _arrow, _csv, open_sink, read_pairs
 from rodgen.data.units import UnitError, conversion_factor
@@ -965,7 +965,8 @@ def test_memory_does_not_grow_with_the_file(kind, tmp_path):
 
 def peak_memory(path, output):
     code = (
-        "import resource, sys; from rodgen.cli.axis import solve_table; solve_table(sys.argv[1], sys.argv[2]); "
+        "import resource, sys; from rodgen.cli.main import main\n"
+        "assert main(['apply', 'solve_axis', sys.argv[1], '-o', sys.argv[2]]) == 0\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)"
     )
     run = subprocess.run(

@@ -26,8 +26,8 @@ import pyarrow.parquet as pq
 import pytest
 import sympy as sp
 from faults import Fault, Operations, Torture
+from solved_table import solve_table
 
-from rodgen.cli.axis import solve_table
 from rodgen.codegen import KernelBuilder
 from rodgen.codegen.compile import compile_kernel
 from rodgen.errors import InputFileError
@@ -66,7 +66,6 @@ MOUNT = files_of("machines/mount", m="machine.toml", d="mmt_2021.csv")
 PAIRS = files_of("", p="pairs.csv")
 IN_PARQUET = {"p.parquet": parquet(PAIRS["p.csv"])}
 POINTS = {"p.csv": b"Qx [mm],Qy [mm],Qz [mm]\n0,0,700\n10,20,650\n"}
-ATTITUDES = {"a.csv": b"alpha [deg],beta [deg],gamma [deg]\n0,10,20\n5,-8,3\n"}
 EFFECT = b'\n[[effect]]\nname = "gravity_windup"\njoint = "C"\n'
 WITH_EFFECT = {**FEW, "m.toml": FEW["m.toml"] + EFFECT}
 WRONG = {**FEW, "m.toml": FEW["m.toml"].replace(b"[0, 0, 1]", b"[0, 0, -1]", 1)}
@@ -77,17 +76,21 @@ URDF = {
 POINTINGS = b"Run\n:ALTAZ\n31 41 19.6 2021 8 21\n" + b"".join(
     b"%d %d %.2f %.2f\n" % (a, e, a + 0.01, e - 0.02) for a in range(-150, 180, 60) for e in (20, 50, 70)
 )
-ROBOT = files_of("mechanisms", l="puma_560.csv")
+ROBOT = files_of("mechanisms", l="puma_560.csv", o="p60_pose.csv")
 
 COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     # files, arguments, outputs that are there before
     "add": (FEW, "add m.toml gravity_windup --joint C -o a.toml", "a.toml"),
     "add in place": (FEW, "add m.toml gravity_windup --joint C -o m.toml", ""),
-    "tricept inverse": (POINTS, "tricept inverse p.csv -o i.csv.gz", "i.csv.gz"),
-    "solve to standard output": (PAIRS, "solve p.csv", ""),
+    "apply, several rows": (
+        POINTS,
+        "apply tricept.inverse p.csv --set R=33cm --set r=14cm -o i.csv.gz",
+        "i.csv.gz",
+    ),
+    "apply to standard output": (PAIRS, "apply solve_axis p.csv", ""),
     "simulate to standard output": (FEW, "simulate m.toml d.csv --truth t.json --seed 1", "t.json"),
-    "solve": (PAIRS, "solve p.csv -o s.parquet", "s.parquet"),
-    "solve Parquet": (IN_PARQUET, "solve p.parquet -o s.csv", ""),
+    "apply": (PAIRS, "apply solve_axis p.csv -o s.parquet", "s.parquet"),
+    "apply Parquet": (IN_PARQUET, "apply solve_axis p.parquet -o s.csv", ""),
     "fit": (FEW, "fit m.toml d.csv -o f.toml --residuals r.csv.gz", "f.toml r.csv.gz"),
     "fit --json": (FEW, "fit m.toml d.csv -o f.toml --residuals r.parquet --json", "r.parquet"),
     "check": (WRONG, "check m.toml d.csv -o mended.toml", "mended.toml"),
@@ -107,21 +110,7 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     "report": (FEW, "report m.toml d.csv -o r.html", "r.html"),
     "simulate": (FEW, "simulate m.toml d.csv --hidden --truth t.json --seed 1 -o s.csv", "s.csv t.json"),
     "fit-axis": (PAIRS, "fit-axis p.csv --plot a.html --json", ""),
-    "tricept uncertainty": (POINTS, "tricept uncertainty p.csv -o u.parquet", ""),
-    "tricept bounds": (
-        POINTS,
-        "tricept bounds --centre 0,0,700mm --edge 100mm --plot b.html --influence A0,xx",
-        "",
-    ),
-    "tricept workspace": ({}, "tricept workspace --samples 1000 --slice z=700mm --points 20 -o w.csv", ""),
-    "euler angles": (ATTITUDES, "euler angles a.csv -o e.csv", "e.csv"),
-    "euler ridge": (ATTITUDES, "euler ridge a.csv", ""),
-    "euler workspace": (
-        {},
-        "euler workspace --R 200mm --r 100mm --h 50mm --limits 300,500mm --samples 10 --plot w.html -o w.csv",
-        "",
-    ),
-    "mechanism mobility": (ROBOT, "mechanism mobility l.csv --plot m.html", "m.html"),
+    "mechanism reverse": (ROBOT, "mechanism reverse l.csv o.csv --from matrix -o q.csv", "q.csv"),
     "kernels": ({}, "kernels axis -o generated", ""),
     "derive": ({}, "derive rodrigues", ""),
     "import": (URDF, "import r.urdf -o m.toml", "m.toml"),
@@ -142,8 +131,6 @@ LONG = {
     "report",
     "watch",
     "plan",
-    "tricept bounds",
-    "euler workspace",
     "compare",
     "compare --plot folder",
     "check",
@@ -153,7 +140,7 @@ LONG = {
 
 def of_commands(calls=False):
     """Parametrize a test by commands; all but a few are slow."""
-    names = ("add", "tricept inverse") if calls else QUICK
+    names = ("add", "apply, several rows") if calls else QUICK
     return pytest.mark.parametrize(
         "name",
         [
@@ -185,7 +172,7 @@ def test_every_operation_fails_once(name, tortured):
             torture.check(good, torture.run(Fault(at, lasting=lasting)))
 
 
-@pytest.mark.quick("solve")
+@pytest.mark.quick("apply, several rows")
 @pytest.mark.filterwarnings(
     "ignore::pytest.PytestUnraisableExceptionWarning"
 )  # a file that the interpreter closes
@@ -292,7 +279,7 @@ def files_of_at_most(size):
 @pytest.mark.parametrize(
     "name",
     [
-        "solve",
+        "apply",
         *(
             pytest.param(each, marks=pytest.mark.slow)
             for each in ("fit", "fit --json", "predict", "simulate")
@@ -303,7 +290,7 @@ def test_a_disk_that_becomes_full_at_any_byte_leaves_the_old_output(name, tortur
     torture = tortured(name)
     good = torture.run()
     largest = max(len(content) for file, content in good.files.items() if torture.before.get(file) != content)
-    for size in np.linspace(0, largest - 1, 8 if name == "solve" else 12).astype(int).tolist():
+    for size in np.linspace(0, largest - 1, 8 if name == "apply" else 12).astype(int).tolist():
         with files_of_at_most(size):
             found = torture.run_again()
         assert (found.code, found.files, found.strays) == (2, good.files, []), size

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from fractions import Fraction
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from rodgen.cli import main as cli
 from rodgen.errors import RodgenError
 from rodgen.kinematics import tricept
 from rodgen.kinematics.tricept import ELEMENTS, LEG_LIMITS, PAPER, Geometry
@@ -456,55 +454,14 @@ def test_beams_outside_have_no_influence() -> None:
     assert np.isfinite(found.least).tolist() == [True, False, False]
 
 
-# command line ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.thorough
-def test_bounds_as_json_and_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    table = tmp_path / "bounds.csv"
-    arguments = ["tricept", "bounds", "--centre", "0,0,68.5cm", "--edge", "1cm", "--gap", "0.01"]
-    assert cli.main([*arguments, "--json", "-o", str(table)]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    direct = tricept.bounds([-5, -5, 680], [5, 5, 690], PAPER, U_PAPER, gap=0.01)
-    for n, name in enumerate(ELEMENTS):
-        np.testing.assert_allclose(
-            np.array(answer["elements"][name]["range_certified"]) * 100,
-            direct.outer[n],
-            rtol=1e-6,
-            atol=1e-12,
-        )
-    assert answer["within_limits"] is True
-    assert table.read_text(encoding="utf-8").count("\n") == 7
-    assert cli.main(arguments) == 0
-    assert "times as wide" in capsys.readouterr().out
-
-
-def test_influence_map_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture, table = tmp_path / "map.html", tmp_path / "map.csv"
-    arguments = ["--influence", "A0:A1,xx", "--beams", "21", "--plot", str(picture), "-o", str(table)]
-    assert cli.main(["tricept", "bounds", *arguments]) == 0
-    assert "greatest value on the beam" in picture.read_text(encoding="utf-8")
-    rows = np.genfromtxt(table, delimiter=",", skip_header=1)
-    assert (rows[:, 2] <= rows[:, 3]).all()
-    assert "on U_y[xx]" in capsys.readouterr().err
-
-
-@pytest.mark.thorough("centre2-3.0-more2-geometry2")
 @pytest.mark.parametrize(
-    ("centre", "edge", "more", "geometry"),
-    [
-        ((7.0, 3.0, 700.0), 4.0, [], PAPER),
-        ((-40.0, 0.0, 650.0), 0.5, [], PAPER),
-        ((30.0, 110.0, 690.0), 3.0, ["--q", "20,-35,60mm"], TOOL),
-    ],
+    ("centre", "edge", "geometry"),
+    [((7.0, 3.0, 700.0), 4.0, PAPER), ((-40.0, 0.0, 650.0), 0.5, PAPER), ((30.0, 110.0, 690.0), 3.0, TOOL)],
 )
-def test_beams_of_a_small_cube_span_its_angles(
-    centre: tuple, edge: float, more: list[str], geometry: Geometry, capsys: pytest.CaptureFixture[str]
-) -> None:
-    place = ",".join(map(str, centre)) + "mm"
-    arguments = [f"--centre={place}", "--edge", f"{edge}mm", "--influence", "A0,xx", "--beams", "61", *more]
-    assert cli.main(["tricept", "bounds", *arguments, "--json"]) == 0
-    least, greatest = json.loads(capsys.readouterr().out)["range"]
+def test_beams_of_a_small_cube_span_its_angles(centre: tuple, edge: float, geometry: Geometry) -> None:
+    box = np.array(centre) - edge / 2, np.array(centre) + edge / 2
+    found = tricept.influence_region(geometry, ("A0", "A0"), "xx", 61, limits=tricept.LEG_LIMITS, box=box)
+    least, greatest = np.nanmin(found.least), np.nanmax(found.greatest)
     spots = np.linspace(-0.5, 0.5, 15) * edge
     points = np.array(centre) + np.stack(np.meshgrid(spots, spots, spots), axis=-1).reshape(-1, 3)
     poses = tricept.pose(points, geometry)[0]
@@ -513,31 +470,6 @@ def test_beams_of_a_small_cube_span_its_angles(
     # the samples have the corners, which beams come near to; 61 of them are 2 % of the width apart
     assert values.min() - 1e-3 * width <= least <= values.min() + 0.1 * width
     assert values.max() + 1e-3 * width >= greatest >= values.max() - 0.1 * width
-
-
-@pytest.mark.thorough("arguments2-a cube, or --largest", "arguments5-not a pair", "arguments9---centre")
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--centre", "0,0,-700mm", "--edge", "9mm", "--influence", "A0,xx"], "a cube before the base"),
-        (["--centre", "0,0,5000mm", "--edge", "9mm", "--influence", "A0,xx"], "that the rods reach"),
-        ([], "a cube, or --largest"),
-        (["--centre", "0,0,685mm"], "both, or --largest"),
-        (["--centre", "0,0,0mm", "--edge", "5mm"], "no pose"),
-        (["--influence", "A0,xq"], "not a pair"),
-        (["--influence", "A9,xx"], "A9"),
-        (["--largest", "--limits", "3,4mm"], "no place for a cube"),
-        (["--largest", "--R", "330mm"], "--limits"),
-        (["--largest", "centre"], "--centre"),
-        (["--centre", "0,0,685mm", "--edge", "10mm", "--u", "q=1um"], "beyond the paper's"),
-        (["--plot", "x.png", "--largest"], "--influence"),
-    ],
-)
-def test_bad_input_is_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["tricept", "bounds", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert words in error
 
 
 def test_the_pages_table_is_what_is_computed(found: tricept.Bounds) -> None:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import mpmath
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from scipy import stats
 
-from rodgen.cli import main as cli
 from rodgen.errors import RodgenError
 from rodgen.kinematics import tricept
 from rodgen.kinematics.tricept import PAPER, PARAMETERS, Geometry, TriceptStatus
@@ -458,155 +454,6 @@ def test_map_is_the_propagation_at_its_points() -> None:
     assert np.isnan(found.u[~inside]).all()
     with pytest.raises(RodgenError, match="workspace"):
         tricept.uncertainty_map(PAPER, U_PAPER, "y", 3000.0, tricept.LEG_LIMITS)
-
-
-# command line ------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def points(tmp_path: Path) -> str:
-    file = tmp_path / "points.csv"
-    file.write_text("Qx [cm],Qy [cm],Qz [cm],note\n0,0,70,a\n10,5,65,b\n0,0,10,c\n", encoding="utf-8")
-    return str(file)
-
-
-def test_table_has_uncertainties_in_its_own_unit(points: str, tmp_path: Path) -> None:
-    out = str(tmp_path / "out.parquet")
-    assert cli.main(["tricept", "uncertainty", points, "-o", out]) == 0
-    table = pq.read_table(out).to_pydict()
-    U_y, _ = tricept.propagate([100.0, 50.0, 650.0], PAPER, U_PAPER)
-    assert table["u(Qx) [cm]"][1] == pytest.approx(np.sqrt(U_y[0, 0]) / 10)
-    assert table["cov(Qx,Qz) [cm**2]"][1] == pytest.approx(U_y[0, 2] / 100)
-    assert table["status"] == ["reachable", "reachable", "out_of_limits"]
-    assert table["note"] == ["a", "b", "c"]
-
-
-def test_covariance_from_files_and_options_is_one(
-    points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    toml, matrix = tmp_path / "u.toml", tmp_path / "u.csv"
-    toml.write_text(
-        '[u]\nrods = "3 um"\nmount_x = "10 arcsec"\n[correlation]\n"A0, A1" = 0.5\n', encoding="utf-8"
-    )
-    angle = np.radians(10 / 3600)
-    rows = np.array([[9e-6, 4.5e-6, 0, 0], [4.5e-6, 9e-6, 0, 0], [0, 0, 9e-6, 0], [0, 0, 0, angle**2]])
-    text = "\n".join(",".join(map(repr, row.tolist())) for row in rows)
-    matrix.write_text("A0 [mm],A1 [mm],A-1 [mm],mount_x [rad]\n" + text + "\n", encoding="utf-8")
-    base = ["tricept", "uncertainty", "--point", "30,-20,700mm", "--json"]
-    answers = []
-    options = ["--u", "rods=3um", "--u", "mount_x=10arcsec", "--correlation", "A0,A1=0.5"]
-    for given in (options, ["--covariance", str(toml)], ["--covariance", str(matrix)]):
-        assert cli.main([*base, *given]) == 0
-        answers.append(json.loads(capsys.readouterr().out))
-    for answer in answers[1:]:
-        assert answer["u(Qx)"] == pytest.approx(answers[0]["u(Qx)"])
-        assert answer["cov(Qx,Qz)"] == pytest.approx(answers[0]["cov(Qx,Qz)"])
-
-
-def test_correlations_without_uncertainties_apply_to_the_papers(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    toml = tmp_path / "u.toml"
-    toml.write_text('[correlation]\n"A0, A1" = 0.5\n', encoding="utf-8")
-    U = U_PAPER.copy()
-    U[0, 1] = U[1, 0] = 0.5 * U[0, 0]
-    U_y, _ = tricept.propagate([100.0, 50.0, 650.0], PAPER, U)
-    for given in (["--correlation", "A0,A1=0.5"], ["--covariance", str(toml)]):
-        assert cli.main(["tricept", "uncertainty", "--point", "100,50,650mm", "--json", *given]) == 0
-        answer = json.loads(capsys.readouterr().out)
-        found = [answer[f"u(Q{axis})"] for axis in "xyz"]
-        np.testing.assert_allclose(found, np.sqrt(np.diagonal(U_y)), rtol=1e-12)
-
-
-def test_budget_and_monte_carlo_tell_the_status_of_the_point(
-    points: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    far = ["tricept", "uncertainty", "--point", "0,0,5000mm"]
-    assert cli.main([*far, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["status"] == "out_of_limits"
-    for asked in (["--budget"], ["--monte-carlo", "1000"]):
-        assert cli.main([*far, *asked, "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)[0]["status"] == "out_of_limits"
-        assert cli.main([*far, *asked]) == 0
-        assert capsys.readouterr().out.startswith("Q = (0, 0, 5000) mm, out_of_limits\n")
-    assert cli.main(["tricept", "uncertainty", points, "--budget", "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert [entry["status"] for entry in answer] == ["reachable", "reachable", "out_of_limits"]
-
-
-def test_budget_and_monte_carlo_as_json(points: str, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["tricept", "uncertainty", "--point", "0,0,700mm", "--budget", "--monte-carlo", "2000"]
-    assert cli.main([*arguments, "--json", "--rectangular"]) == 0
-    answer = json.loads(capsys.readouterr().out)[0]
-    lines = answer["budget"]["Qz"]["parameters"]
-    assert {line["parameter"] for line in lines} == {"A0", "A1", "A-1", "r", "R"}
-    assert answer["monte_carlo"]["draws"] == 2000
-    assert cli.main(arguments) == 0
-    assert "share" in capsys.readouterr().out
-
-
-def test_plot_from_the_command_line(tmp_path: Path) -> None:
-    file = tmp_path / "map.html"
-    assert cli.main(["tricept", "uncertainty", "--plot", str(file), "--slice", "y=0mm"]) == 0
-    assert "Standard uncertainty of the tool" in file.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ([], "a table"),
-        (["--point", "0,0,700mm", "--u", "foo=3mm"], "'foo'"),
-        (["--point", "0,0,700mm", "--u", "rods=3kg"], "kg"),
-        (["--point", "0,0,700mm", "--u", "rods=3mm", "--correlation", "A0,A1=3"], "--correlation: the corr"),
-        (["--point", "0,0,700mm", "--correlation", "A0,A1=3"], "-1 to 1"),
-        (
-            ["--point", "0,0,700mm", "--correlation", "A0,q_x=0.5"],
-            "--correlation: A0 and q_x are correlated, but",
-        ),
-        (["--point", "0,0,700mm", "--correlation", "rods,rods=-0.9"], "not positive semidefinite"),
-        (["--point", "0,0,700mm", "--R", "0mm"], "--R: R = 0 mm; expected a positive length\n"),
-        (["--point", "0,0,700mm", "--covariance", "nowhere.toml"], "nowhere.toml: file: no such file"),
-        (["--point", "0,0,0mm", "--budget"], "no regular pose"),
-        (["--point", "0,0,-700mm", "--budget"], "no regular pose of the assembled machine"),
-        (["--point", "0,0,-700mm", "--monte-carlo", "1000"], "no regular pose of the assembled machine"),
-        (["--plot", "x.gif", "--slice", "y=0mm"], ".png"),
-        (["--plot", "x.png"], "--slice"),
-        (["--point", "0,0,700mm", "--budget", "-o", "x.csv"], "one of the two"),
-    ],
-)
-def test_bad_input_is_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["tricept", "uncertainty", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert words in error
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "words"),
-    [
-        ("u.toml", "[u]\nrods = 3\n", "with its unit"),
-        ("u.toml", "[v]\n", "unknown here"),
-        ("u.toml", "[u\n", "line 1: expected ']' at the end"),
-        ("u.toml", '[u]\nrods = "1 um"\n[correlation]\n"A0" = 1\n', "two names"),
-        ("u.toml", '[correlation]\n"A0, A1" = 2\n', "[correlation]: the correlation of A0 and A1 is 2"),
-        ("u.toml", '[correlation]\n"A0, q_x" = 0.5\n', "the uncertainty of q_x is 0"),
-        ("u.csv", "", "nothing"),
-        ("u.csv", "A0 [mm],A0 [mm]\n1,0\n0,1\n", "each once"),
-        ("u.csv", "A0 [mm],A1 [mm]\n1,0\n", "1 rows"),
-        ("u.csv", "A0 [mm],A1 [mm]\n1,0\n0\n", "2 numbers"),
-        ("u.csv", "A0 [mm],A1 [mm]\n1,2\n2,1\n", "not positive semidefinite"),
-        ("u.csv", "A0 [mm],A1 [mm]\n1,2\n1,5\n", "not symmetric"),
-    ],
-)
-def test_bad_covariance_files_are_one_line(
-    name: str, content: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / name).write_text(content, encoding="utf-8")
-    arguments = ["--point", "0,0,700mm", "--covariance", str(tmp_path / name)]
-    assert cli.main(["tricept", "uncertainty", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert words in error
 
 
 def test_a_matrix_that_is_no_covariance_has_no_ellipsoid():

@@ -56,17 +56,6 @@ def columns_of(form: str) -> Columns:
     return named("angle", "alpha beta gamma")
 
 
-def quaternions(form: str, values: Any) -> tuple[Any, Any]:
-    """Return the unit quaternions of attitudes, and which of the attitudes were only nearly rotations."""
-    from rodgen import quaternion_from_matrix
-    from rodgen.kinematics import instantaneous_euler as ie
-
-    if form == "quaternion":
-        return values, _abnormal(ie.angles_from_quaternion(values)[1])
-    made, abnormal = matrices(form, values)
-    return quaternion_from_matrix(made)[0], abnormal
-
-
 def matrices(form: str, values: Any) -> tuple[Any, Any]:
     """Return the rotation matrices of attitudes, and which of the attitudes were only nearly rotations."""
     from rodgen import matrix_from_quaternion

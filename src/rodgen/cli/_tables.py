@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import os
 from collections.abc import Callable
-from enum import IntEnum
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -82,19 +81,19 @@ def map_rows(
             raise InputFileError(
                 options.table, "file", "many files", "one: results depend on the rows before"
             )
-        summary = map_files(
+        summary = _map_files(
             options.table, options.output, lambda file, to: map_table(file, to, given, prepared)
         )
-        conclude(counted(options.table, summary, after=" written"))
+        conclude(_counted(options.table, summary))
         return OK
     with contextlib.ExitStack() as stack:
         progress = reading_progress(stack)
         summary = map_table(options.table, options.output, given, prepared, progress=progress, **how)
-    conclude(counted(options.table, summary, after=" written"))
+    conclude(_counted(options.table, summary))
     return OK
 
 
-def map_files(table: str, output: str | None, map_one: Callable[[str, str], MapSummary]) -> MapSummary:
+def _map_files(table: str, output: str | None, map_one: Callable[[str, str], MapSummary]) -> MapSummary:
     """Add results to many files, each where it is read, and write them into a new folder; count all of them.
 
     Parameters
@@ -124,11 +123,11 @@ def map_files(table: str, output: str | None, map_one: Callable[[str, str], MapS
     return total
 
 
-def counted(table: str, summary: MapSummary, noun: str = "row", after: str = "") -> str:
-    """Return the line that counts the rows of an output by their status: what they are called, and what comes after."""
+def _counted(table: str, summary: MapSummary) -> str:
+    """Return the line that counts the rows of an output by their status."""
     name = "standard input" if table == "-" else table
     counts = ", ".join(f"{count} {status}" for status, count in summary.counts.items())
-    return f"{name}: {summary.rows} {noun}{'s' * (summary.rows != 1)}{after}{': ' * bool(counts)}{counts}"
+    return f"{name}: {summary.rows} row{'s' * (summary.rows != 1)} written{': ' * bool(counts)}{counts}"
 
 
 def rows_of(count: Any, further: Any = False) -> tuple[Any, Any, Any]:
@@ -150,8 +149,3 @@ def rows_of(count: Any, further: Any = False) -> tuple[Any, Any, Any]:
     index = np.repeat(np.arange(len(solutions)), solutions + ((solutions == 0) | further))
     slot = np.arange(len(index)) - np.searchsorted(index, index)
     return index, slot, np.where(slot < solutions[index], slot + 1, 0)
-
-
-def status_names(status: type[IntEnum], codes: Any) -> Any:
-    """Return the names of status codes in lower case, as tables have them."""
-    return np.array([code.name.lower() for code in status])[np.asarray(codes)]

@@ -144,17 +144,3 @@ def quantity(
         raise argparse.ArgumentTypeError(f"{shown(text)} is not {expected}, such as {example}")
 
     return read
-
-
-def plane(option: str, example: str) -> Callable[[str], tuple[str, Quantity]]:
-    """Return the reader of a plane perpendicular to an axis, such as ``z=700mm``."""
-
-    def read(text: str) -> tuple[str, Quantity]:
-        found = re.fullmatch(r"\s*([xyz])\s*=(.*)", text)
-        if found:
-            return found[1], quantity(option, example)(found[2])
-        raise argparse.ArgumentTypeError(
-            f"{shown(text)} is not a plane: an axis and a length, such as {example}"
-        )
-
-    return read

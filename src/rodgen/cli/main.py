@@ -1,7 +1,7 @@
 """Run the command line: parse it, run the command, and report an error in one line.
 
 The commands are the other modules of :mod:`rodgen.cli`. What a command needs is imported when it runs, so that
-``rodgen --help`` and ``rodgen solve`` never wait for SymPy.
+``rodgen --help`` and ``rodgen apply`` never wait for SymPy.
 """
 
 from __future__ import annotations
@@ -62,9 +62,8 @@ _COMMANDS = {
     "effects": ("effects",),
     "new": ("new",),
     "imports": ("import",),
-    "axis": ("solve", "fit-axis"),
-    "tricept": ("tricept",),
-    "euler": ("euler",),
+    "axis": ("fit-axis",),
+    "apply": ("apply",),
     "mechanism": ("mechanism",),
     "derivations": ("derive", "kernels"),
     "doctor": ("doctor",),
@@ -89,8 +88,7 @@ _GROUPS = {
         "simulate",
         "effects",
     ),
-    "the axis of one rotation": ("fit-axis", "solve"),
-    "legs, orientation, robots": ("tricept", "euler", "mechanism"),
+    "functions of arrays, on tables": ("apply", "fit-axis", "mechanism"),
     "equations": ("derive", "kernels"),
     "the installation": ("doctor", "completion"),
 }

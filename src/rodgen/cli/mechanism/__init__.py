@@ -1,20 +1,20 @@
-"""``rodgen mechanism``: mobility, forward and reverse analysis of spatial mechanisms; one module a command."""
+"""``rodgen mechanism``: forward and reverse analysis of spatial mechanisms; one module a command."""
 
 from __future__ import annotations
 
 from rodgen.cli._console import Command, group
-from rodgen.cli.mechanism import forward, mobility, reverse, toolkit
+from rodgen.cli.mechanism import forward, reverse
 
 __all__ = ["add_to"]
 
 _TEXT = """\
 Robots and closed loops of joints R, P, C and H in the convention of Crane and Duffy, Kinematic Analysis of Robot
-Manipulators: how many freedoms they have, where the last link is, and all joint values that bring it somewhere.
+Manipulators: where the last link is, and all joint values that bring it somewhere.
 """
 
 
 def add_to(command: Command) -> None:
     """Add the commands."""
-    member = group(command, "mechanism", "mobility, forward and reverse analysis of robots and loops", _TEXT)
-    for module in (mobility, forward, reverse, toolkit):
+    member = group(command, "mechanism", "forward and reverse analysis of robots and loops", _TEXT)
+    for module in (forward, reverse):
         module.add_to(member)

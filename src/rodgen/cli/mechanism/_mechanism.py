@@ -58,15 +58,10 @@ class Chain:
         return Chain(self.file, self.mechanism.in_unit(unit), placement)
 
 
-def add_mechanism(parser: argparse.ArgumentParser) -> None:
-    """Add MECHANISM."""
-    about = "link table, machine file, or robot"
-    parser.add_argument("mechanism", metavar="MECHANISM", type=InputFile, help=about)
-
-
 def add_files(parser: argparse.ArgumentParser, name: str) -> None:
     """Add MECHANISM, the input table and the output."""
-    add_mechanism(parser)
+    about = "link table, machine file, or robot"
+    parser.add_argument("mechanism", metavar="MECHANISM", type=InputFile, help=about)
     add_table(parser, name)
 
 
@@ -89,8 +84,8 @@ def tool_of(options: argparse.Namespace, chain: Chain) -> Any:
     return shift
 
 
-def chain_of(name: str, *, expand: bool = True) -> Chain:
-    """Read a mechanism; `expand` replaces its joints E, T and S by joints R and P."""
+def chain_of(name: str) -> Chain:
+    """Read a mechanism, its joints E, T and S replaced by joints R and P."""
     from rodgen.kinematics import spatial
 
     if name.lower().endswith(".toml"):
@@ -102,8 +97,8 @@ def chain_of(name: str, *, expand: bool = True) -> Chain:
         raise InputFileError(name, "file", "no such file", f"a link table, a machine file, or one of {known}")
     else:
         mechanism = spatial.load_mechanism(name)
-    mechanism = mechanism.expanded() if expand else mechanism
-    if mechanism.closed or not expand:
+    mechanism = mechanism.expanded()
+    if mechanism.closed:
         return Chain(name, mechanism)
     return Chain(name, mechanism, spatial.Placement(mechanism))
 

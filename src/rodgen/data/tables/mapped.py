@@ -36,9 +36,9 @@ class Result:
 
     name: str
     """Its name; the unit is added."""
-    quantity: Literal["length", "area", "angle", "rate", "number", "count"] | type[IntEnum]
-    """What it holds: numbers with the table's unit of length or its square, angles in radians, their rates in radians a
-    second, plain numbers, whole ones, or codes that are written as the names of the enumeration in lower case."""
+    quantity: Literal["length", "angle", "rate", "number", "count"] | type[IntEnum]
+    """What it holds: numbers with the table's unit of length, angles in radians, their rates in radians a second, plain
+    numbers, whole ones, or codes that are written as the names of the enumeration in lower case."""
 
 
 @dataclass
@@ -169,7 +169,7 @@ class _Writer:
         quantity = result.quantity
         self.names: list[str] = []
         self._factor = 1.0
-        unit = {**units, "area": f"{units['length']}**2"}.get(str(quantity), "")
+        unit = units.get(str(quantity), "")
         self.text = f"{result.name} [{unit}]" if unit else result.name
         if quantity == "angle" or quantity == "rate":
             self._factor = 1.0 / conversion_factor(unit, quantity, "rad" if quantity == "angle" else "rad/s")

@@ -33,7 +33,6 @@ if _TYPE_CHECKING:
     from rodgen.output.figures.machines import skeleton as skeleton
     from rodgen.output.figures.maps import residual_map as residual_map
     from rodgen.output.figures.mechanism import planar_representation as planar_representation
-    from rodgen.output.figures.parallel import influence as influence
     from rodgen.output.figures.parallel import orientation_workspace as orientation_workspace
     from rodgen.output.figures.parallel import uncertainty_map as uncertainty_map
     from rodgen.output.figures.polar import joints_that_go_round as joints_that_go_round
@@ -52,7 +51,6 @@ _PLACES = {
     "distribution_of_residuals": "distributions",
     "fleet_nights": "fleets",
     "fleet_parameter": "fleets",
-    "influence": "parallel",
     "joints_that_go_round": "polar",
     "ladder": "ladders",
     "orientation_workspace": "parallel",

@@ -1,4 +1,4 @@
-"""Maps of parallel machines: the uncertainty of a Tricept's tool, influences, and the attitudes of a 3-SPS-S."""
+"""Maps of parallel machines: the uncertainty of a Tricept's tool, and the attitudes of a 3-SPS-S."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rodgen.output.numbers import minus
 
 if TYPE_CHECKING:
     from rodgen.kinematics.three_sps_s import Workspace
-    from rodgen.kinematics.tricept import Influence, UncertaintyMap
+    from rodgen.kinematics.tricept import UncertaintyMap
 
 QUANTITIES = ("u(Qx)", "u(Qy)", "u(Qz)", "largest semi-axis")
 WIDTH = 900
@@ -76,31 +76,6 @@ def uncertainty_map(found: UncertaintyMap, unit: str = "mm") -> go.Figure:
         "uncertainty_map",
         f"Standard uncertainty of the tool where Q{found.names[2]} = {found.value:g} {unit}",
         width=NARROWEST,
-    )
-
-
-def influence(found: Influence) -> go.Figure:
-    """Return the least and the greatest influence along each beam of a Tricept, as the paper's figures 3 to 10 do.
-
-    Parameters
-    ----------
-    found : rodgen.tricept.Influence
-        With arrays of two dimensions: alpha along the first, beta along the second.
-    """
-    figure = _grid(
-        ["least value on the beam", "greatest value on the beam"],
-        ["β [°]", "α [°]"],
-        columns=2,
-        height=330,
-        bars=True,
-    )
-    beta, alpha = (np.degrees(angles) for angles in (found.beta, found.alpha))
-    x, y = (beta[0], alpha[:, 0]) if np.ptp(beta[0]) else (beta[:, 0], alpha[0])
-    for number, values in enumerate((found.least, found.greatest)):
-        _shade(figure, number, x, y, values if np.ptp(beta[0]) else values.T, "")
-    one, two = found.pair
-    return describe(
-        figure, "influence", f"Influence of U_x[{one}, {two}] on U_y[{found.element}]", width=NARROWEST
     )
 
 
