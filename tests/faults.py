@@ -56,7 +56,7 @@ BEFORE_AND_AFTER = {
     "<genexpr>",
 }
 """Functions that run before a command begins, or say that it failed; and what is also called to be ended."""
-CLEANING = {"discard", "_close", "_remove", "undo", "temporary_folder", "_finish", "__exit__"}
+CLEANING = {*"clean _clean discard _close _remove undo temporary_folder _finish __exit__".split()}
 """Functions that remove temporary files: what is left where one of them is interrupted is removed the next time."""
 
 
