@@ -44,7 +44,7 @@ def test_commands_of_the_page_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     commands = re.findall(r"^    rodgen (mechanism .*)$", PAGE, re.MULTILINE)
-    assert {command.split()[1] for command in commands} == {"mobility", "forward", "reverse", "toolkit"}
+    assert {command.split()[1] for command in commands} == {"forward", "reverse"}
     for name, example in {"arm.csv": "ge_p60.csv", "rccc.csv": "rccc.csv"}.items():
         shutil.copy(ROOT / "examples/mechanisms" / example, tmp_path / name)
     monkeypatch.chdir(tmp_path)
