@@ -529,6 +529,12 @@ def test_a_workspace_without_allowed_orientations_is_reported():
     assert np.isnan(found.best).all()
 
 
+def test_a_pivot_in_the_base_gives_no_warning():
+    rotations, count, status = three_sps_s.direct_all([[0.0, 3, 3], [np.nan] * 3], Geometry(2, 1, 0))
+    assert (count.tolist(), status.tolist()) == ([0, 0], [DirectStatus.NO_ASSEMBLY, DirectStatus.INVALID])
+    assert np.isnan(rotations).all()
+
+
 def test_the_page_s_examples_run_and_give_what_it_says():
     page = (Path(__file__).parents[1] / "docs/three_sps_s.md").read_text(encoding="utf-8")
     names: dict = {}

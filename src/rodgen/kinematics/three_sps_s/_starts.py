@@ -42,7 +42,8 @@ def starts(legs: Any, geometry: Geometry) -> Any:
     Z = Z[..., 0] + 1j * Z[..., 1]
     rows = size <= NEARLY_EQUAL * 4 * abs(eta)
     if rows.any():
-        found.append(np.where(rows[:, None, None], _torsions(cos_sum, Z, eta), np.nan))
+        with np.errstate(divide="ignore", invalid="ignore"):  # a pivot at h = 0 has no such modes
+            found.append(np.where(rows[:, None, None], _torsions(cos_sum, Z, eta), np.nan))
     if abs(eta) <= FLAT:
         found.append(_flat(cos_sum, Z))
     return np.concatenate(found, axis=1)
