@@ -120,6 +120,21 @@ def test_a_function_gives_what_it_gives_in_python(
     assert names == []
 
 
+@pytest.mark.parametrize("name", [name for name in _FUNCTIONS if not name.endswith(".choose")])
+def test_no_function_fails_at_a_row_without_a_result(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    header, rows = sample(name, np.random.default_rng(3))
+    lines = [f"{header},status", ",".join(["nan"] * rows.shape[1] + ["invalid"])]
+    (tmp_path / "t.csv").write_text("\n".join(lines) + "\n")
+    settings = (f"{key}={SET[key]}" for key in _Call(name).needed)
+    (row,), err = applied(
+        capsys, name, str(tmp_path / "t.csv"), *(word for each in settings for word in ("--set", each))
+    )
+    assert row.get("status", "invalid") == "invalid"
+    assert "warning" not in err
+
+
 def test_every_line_names_arguments_and_results_that_there_are() -> None:
     for name, line in _FUNCTIONS.items():
         given, _, results = line.partition(" -> ")

@@ -28,14 +28,14 @@ def add_table(parser: argparse.ArgumentParser, name: str, *, needed: bool = True
     add_output(parser)
 
 
-def add_output(parser: argparse.ArgumentParser, what: str = "") -> None:
-    """Add ``--output``; `what` comes first in its help."""
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Add ``--output``."""
     parser.add_argument(
         "-o",
         "--output",
         metavar="FILE",
         type=OutputTable,
-        help=f"{what}.csv, .csv.gz or .parquet; default: CSV on standard output",
+        help=".csv, .csv.gz or .parquet; default: CSV on standard output",
     )
 
 

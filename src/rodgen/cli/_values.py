@@ -108,7 +108,6 @@ def quantity(
     dimension: Literal["length", "angle"] = "length",
     *,
     positive: bool = False,
-    what: str = "",
 ) -> Callable[[str], Quantity]:
     """Return the reader of `count` numbers with one unit behind them, such as ``0,0,50mm``.
 
@@ -120,13 +119,9 @@ def quantity(
         How many numbers.
     positive : bool
         Whether each number must be greater than zero.
-    what : str
-        What the numbers are, for error messages; default: so many lengths or angles.
     """
     sign = "positive " if positive else ""
-    if what:
-        expected = f"{what} with its unit"
-    elif count == 1:
+    if count == 1:
         article = "an" if dimension == "angle" and not positive else "a"
         expected = f"{article} {sign}{dimension} with its unit"
     else:

@@ -239,7 +239,7 @@ class _Call:
         given, _, results = _FUNCTIONS[name].partition(" -> ")
         self.ports = {key: port or key for key, _, port in (each.partition("=") for each in given.split())}
         self.results = [token for token in results.split() if token != "-"]
-        self.written = [token != "-" for token in results.split()]
+        self.is_written = [token != "-" for token in results.split()]
         defaults = {
             key: p.default is not p.empty for key, p in inspect.signature(self.function).parameters.items()
         }
@@ -273,7 +273,7 @@ class _Call:
         """Return the docstring, the columns, and what can be set."""
         settable = [self._example(key) for key in self.known if key not in self.taken]
         solutions: Columns = [("solution", "count")] if any(token[0] == "*" for token in self.results) else []
-        added = [*solutions, *(column for token in self.results for column in self._written(token))]
+        added = [*solutions, *(column for token in self.results for column in self._result_columns(token))]
         return (
             f"{inspect.getdoc(self.function)}\n\nColumns that are read\n  {_header(self.columns)}\n"
             f"Columns that are added\n  {_header(added)}\nWhat --set sets, such as\n  "
@@ -286,7 +286,7 @@ class _Call:
         kinds = [_UNITS.get(kind, "").strip(" []") for _, kind in _columns_of(self.ports.get(key, key))]
         return f"{key}=" + ",".join(f"{n}{kind}" for n, kind in enumerate(kinds, 1))
 
-    def _written(self, token: str) -> Columns:
+    def _result_columns(self, token: str) -> Columns:
         name, _, axes = token.lstrip("*").partition("/")
         if name in _PORTS:
             return _columns_of(name)
@@ -306,7 +306,7 @@ class _Call:
             at = np.cumsum([0, *(len(_columns_of(self.ports[key])) for key in self.taken)])
             read = {key: _shaped(values[:, at[n] : at[n + 1]]) for n, key in enumerate(self.taken)}
             found = self.function(**read, **fixed)
-            parts = list(compress(found if isinstance(found, tuple) else (found,), self.written))
+            parts = list(compress(found if isinstance(found, tuple) else (found,), self.is_written))
             if not any(starred):
                 return [column for part in parts for column in np.reshape(part, (len(values), -1)).T], None
             first = parts[starred.index(True)]
@@ -321,7 +321,7 @@ class _Call:
             return [number, *(column for part in rows for column in part.reshape(len(index), -1).T)], index
 
         columns: Columns = [("solution", "count")] if any(starred) else []
-        columns += [column for token in self.results for column in self._written(token)]
+        columns += [column for token in self.results for column in self._result_columns(token)]
         if not unit:  # of the table; what is set may have one
             columns = [
                 (f"{n} [{length}]", "number") if kind == "length" else (n, kind) for n, kind in columns
