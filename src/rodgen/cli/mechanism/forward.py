@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from rodgen.cli._attitude import QUATERNION
 from rodgen.cli._console import Command, located
 from rodgen.cli._tables import map_rows
+from rodgen.cli.mechanism._attitude import QUATERNION
 from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
     add_files,

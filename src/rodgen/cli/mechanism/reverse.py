@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.cli._attitude import ATTITUDE_TEXT, add_form, columns_of, matrices
 from rodgen.cli._console import Command, located, refused
 from rodgen.cli._tables import Columns, map_rows, named, rows_of
+from rodgen.cli.mechanism._attitude import ATTITUDE_TEXT, add_form, columns_of, matrices
 from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
     Chain,
