@@ -487,7 +487,7 @@ def test_a_signal_ends_a_watch_with_its_state_whole(files, number, code) -> None
 
 
 def test_a_state_of_another_version_is_refused(tmp_path) -> None:
-    # its place is told by other bytes: the rows before it would count twice
+    # its position was hashed over other bytes: the rows before it would count twice
     about = np.frombuffer(json.dumps({"format": 1}).encode(), np.uint8)
     with open(tmp_path / "old.watch", "wb") as file:
         np.savez(file, about=about)

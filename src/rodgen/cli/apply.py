@@ -301,9 +301,9 @@ class _Call:
         if self.fields:
             fixed["geometry"] = self.subject.Geometry(**{n: fixed.pop(n) for n in self.fields if n in fixed})
         starred = [token[0] == "*" for token in self.results]
+        at = np.cumsum([0, *(len(_columns_of(self.ports[key])) for key in self.taken)])
 
         def function(values: Any) -> Any:
-            at = np.cumsum([0, *(len(_columns_of(self.ports[key])) for key in self.taken)])
             read = {key: _shaped(values[:, at[n] : at[n + 1]]) for n, key in enumerate(self.taken)}
             found = self.function(**read, **fixed)
             parts = list(compress(found if isinstance(found, tuple) else (found,), self.is_written))

@@ -1,4 +1,4 @@
-"""``rodgen add``, ``remove``, ``exclude`` and ``set``: change a machine file, the rest of which stays as it is."""
+"""``rodgen add``, ``remove``, ``exclude`` and ``set``: change one thing in a machine file."""
 
 from __future__ import annotations
 
@@ -98,10 +98,6 @@ def add_to(command: Command) -> None:
         add_json(each)
 
 
-def _usage(found: str, expected: str) -> UsageError:
-    return UsageError(refused("rodgen add", found, expected))
-
-
 def _add(options: argparse.Namespace) -> int:
     from rodgen.machines.effects.rules import UnfitEffectError
     from rodgen.machines.effects.typed import assignments, effect_with, holding
@@ -109,7 +105,8 @@ def _add(options: argparse.Namespace) -> int:
     from rodgen.machines.machine import Machine
 
     if options.formula is None and (options.component or options.parameter):
-        raise _usage("--component or --parameter without --formula", "--formula, too")
+        found = "--component or --parameter without --formula"
+        raise UsageError(refused("rodgen add", found, "--formula, too"))
     machine = Machine.load(options.machine)
     place = options.joint or options.target
     try:
