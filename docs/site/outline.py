@@ -110,6 +110,7 @@ OUTLINE = (
             "scale": "docs/scale.md",
             "security": "SECURITY.md",
             "contributing": "CONTRIBUTING.md",
+            "development": "docs/development.md",
             "decisions": "docs/decisions.md",
         },
     ),
