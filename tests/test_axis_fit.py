@@ -36,10 +36,9 @@ from rodgen.data import spool
 from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit import AxisFitStatus, fit_axis
 from rodgen.kinematics.axis_fit import pairs as pairs_module
-from rodgen.kinematics.axis_fit.moments import Moments, tangents
-from rodgen.kinematics.axis_fit.residual import residual, residual_and_jacobian
-from rodgen.kinematics.axis_fit.robust import LOSSES, chi_cut
-from rodgen.kinematics.axis_fit.sphere import maximise_on_sphere
+from rodgen.kinematics.axis_fit.moments import Moments, maximise_on_sphere, tangents
+from rodgen.kinematics.axis_fit.pairs import residual, residual_and_jacobian
+from rodgen.kinematics.axis_fit.solve import LOSSES, chi_cut
 
 slow = pytest.mark.slow
 EPS = np.finfo(float).eps

@@ -3,43 +3,252 @@
     minimise  Σ w |ρ′ - p - R(e, χ)(ρ - p)|²  over  |e| = 1 and p
 
 Isotropic noise σ² on every coordinate of ρ and of ρ′ makes this the maximum-likelihood estimate exactly: the
-residual has covariance 2σ² I whatever the rotation. The optimum is :mod:`.solve`'s, the
-uncertainty :mod:`.covariance`'s; :mod:`.determinacy` says what the pairs leave undetermined.
+residual has covariance 2σ² I whatever the rotation. The optimum is :mod:`.solve`'s; :mod:`.determinacy` says how
+uncertain it is, and what the pairs leave undetermined.
+
+Remarks name suspicious angles, outliers, and pairs that contradict the axis. A robust loss is safe while the bad pairs
+are a minority without a common answer. When many pairs contradict the rest consistently, for example because the sign
+of their angle is reversed, the data support two axes about equally; the fit then takes one of them, or lies between
+both and estimates a noise that hides the conflict. So the two fifths of the pairs that agree best with one another are
+fitted alone: if their noise is far smaller than that of the fit with all pairs, and the other pairs contradict them, a
+remark says so.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from rodgen.array_types import Array
+from rodgen.array_types import Array, Mask
 from rodgen.data.spool import blocks
 from rodgen.errors import RodgenError
-from rodgen.kinematics.axis_fit.covariance import (
-    condition_number,
-    information_of,
-    joint_covariance,
-    parameter_covariance,
-)
 from rodgen.kinematics.axis_fit.determinacy import (
     PairFacts,
     axis_information,
     choose,
+    condition_number,
     find_freedoms,
+    information_of,
     is_determined,
+    joint_covariance,
+    parameter_covariance,
     sentences,
     status_of,
 )
-from rodgen.kinematics.axis_fit.moments import tangents
-from rodgen.kinematics.axis_fit.noise import Noise
-from rodgen.kinematics.axis_fit.pairs import Pairs
-from rodgen.kinematics.axis_fit.remarks import remarks_on
+from rodgen.kinematics.axis_fit.moments import shown, tangents
+from rodgen.kinematics.axis_fit.pairs import Line, Pairs
 from rodgen.kinematics.axis_fit.result import AxisFit, AxisFitStatus
-from rodgen.kinematics.axis_fit.robust import LOSSES, Loss
-from rodgen.kinematics.axis_fit.solve import Solution, solve
+from rodgen.kinematics.axis_fit.solve import (
+    LOSSES,
+    MOST_REWEIGHTINGS,
+    Loss,
+    Noise,
+    Solution,
+    best_agreement,
+    chi_cut,
+    solve,
+)
+
+# Share of the pairs whose contradiction leaves no answer safe.
+_MANY = 0.3
+# Share of the pairs that are searched for as agreeing: fewer than half, so that one of two camps is enough.
+_CAMP = 0.4
+# By how much the fit's noise must exceed that of the agreeing pairs. They are the best of many choices, so
+# their own noise is already taken at a multiple.
+_FAR_BETTER = 10.0
+# Least ratio of information within a camp for its axis to be one.
+_LEAST_INFORMATION = 1e-4
+
+
+def contradiction(pairs: Pairs, loss: Loss, noise: Noise, line: Line) -> list[str]:
+    """Return one sentence when three pairs in ten or more contradict the others, else none."""
+    count = int(noise.used.sum())
+    bad = noise.outliers
+    hidden = loss.name != "linear" and pairs.variance is None
+    if bad.sum() < _MANY * count:
+        camp = _hidden_camp(pairs, noise) if hidden else None
+        if camp is None:
+            return []
+        line, bad = camp
+        start = (
+            f"{int(bad.sum())} of {count} pairs contradict the other {count - int(bad.sum())}, which agree "
+            f"on the axis {shown(line.axis)} far better than with the fit"
+        )
+    else:
+        start = f"{int(bad.sum())} of {count} pairs contradict the axis"
+    good = noise.used & ~bad
+    against = _axis_of(pairs, bad, _variance(pairs, good, line))
+    if against is None:
+        return [f"{start}: with so many the answer is not safe."]
+    opposite = "the opposite axis " if float(against @ line.axis) < -0.99 else "the axis "
+    return [
+        f"{start}; they agree with one another on {opposite}{shown(against)}: with so many the answer is not "
+        "safe (check the signs of the angles and the order of the points)."
+    ]
+
+
+def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Mask] | None:
+    """Return the line of the pairs that agree far better than the fit, and which pairs contradict it."""
+    used = np.flatnonzero(noise.used)
+    count = max(math.ceil(_CAMP * len(used)), 3)
+    if len(used) - count < max(_MANY * len(used), 1) or not noise.variance > 0:
+        return None
+    line = best_agreement(pairs.only(used), _CAMP)
+    squares = pairs.half_squares(line)
+    inside = np.sort(used[np.argsort(squares[used], kind="stable")[:count]])
+    own = max(float(squares[inside].sum()) / (3 * count - pairs.parameters), (4 * pairs.rounding) ** 2)
+    # The factor of the least median of squares, for a variance that was made small by choice.
+    own *= (1 + 5 / (count - pairs.parameters / 3)) ** 2
+    bad = noise.used & (squares > chi_cut(len(used)) ** 2 * own)
+    if noise.variance < _FAR_BETTER**2 * own or bad.sum() < _MANY * len(used):
+        return None
+    return (line, bad) if _is_axis(pairs, inside, line) else None
+
+
+def _axis_of(pairs: Pairs, bad: Mask, variance: float) -> Array | None:
+    """Return the axis on which the contradicting pairs agree, to three times the noise of the others, or None."""
+    chosen = np.flatnonzero(bad)
+    if 3 * len(chosen) - pairs.parameters < 5:
+        return None
+    line = pairs.only(chosen).best_line()
+    if not _is_axis(pairs, chosen, line):
+        return None
+    return line.axis if _variance(pairs, bad, line) <= 9 * variance else None
+
+
+def _variance(pairs: Pairs, chosen: Mask, line: Line) -> float:
+    freedoms = max(3 * int(chosen.sum()) - pairs.parameters, 1)
+    return max(float(pairs.half_squares(line)[chosen].sum()) / freedoms, (4 * pairs.rounding) ** 2)
+
+
+def _is_axis(pairs: Pairs, chosen: NDArray[np.intp], line: Line) -> bool:
+    """Return whether these pairs alone determine the line, and not by the noise of repeated readings."""
+    H = pairs.only(chosen).moments().hessian(line.axis, line.point, tangents(line.axis))
+    values = np.linalg.eigvalsh(H)
+    return bool(values[0] > _LEAST_INFORMATION * values[-1])
+
+
+# Probability below which a better fit is not taken for luck.
+_CHANCE = 1e-5
+# A statistic this many of its standard deviations off is no accident.
+_NO_ACCIDENT = 5.0
+# Below this many degrees of freedom the estimated noise is too uncertain for the usual two sigma.
+_FEW_FREEDOMS = 10
+_DEGREES = 4 * math.pi
+
+
+def remarks_on(
+    pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line: Line, determined: bool
+) -> list[str]:
+    """Return sentences, the most important first."""
+    remarks: list[str] = []
+    largest = max(float(np.abs(block.angle).max()) for _, block in pairs.blocks())
+    if largest > _DEGREES:
+        remarks.append(f"An angle is {largest:.4g} rad: angles are taken in rad, not in degrees.")
+    if math.isnan(noise.variance):
+        remarks.append(
+            "The pairs leave no degrees of freedom to estimate the noise: give sigma to learn the uncertainty."
+        )
+    bad, used = int(noise.outliers.sum()), int(noise.used.sum())
+    if bad and loss.name == "linear":
+        remarks.append(
+            f"{bad} of {used} pairs are farther off than noise explains and still count fully: loss='huber' "
+            "would limit their influence."
+        )
+    remarks += contradiction(pairs, loss, noise, line)
+    if determined and pairs.variance is None and 0 < noise.dof < _FEW_FREEDOMS:
+        remarks.append(_few_freedoms(noise.dof))
+    excess = 0.0 if noise.chi_square is None else noise.chi_square - noise.dof
+    if noise.dof > 0 and abs(excess) > _NO_ACCIDENT * math.sqrt(2 * noise.dof):
+        remarks.append(
+            f"The residuals are {math.sqrt(1 + excess / noise.dof):.3g} times what sigma leads to expect; "
+            "the reported uncertainties are those of sigma."
+        )
+    if not solution.converged:
+        remarks.append(
+            f"The weights of loss={loss.name!r} had not settled after {MOST_REWEIGHTINGS} solutions."
+        )
+    if pairs.point is not None:
+        remarks += _point_off(pairs, solution, noise, line) + _lengths_differ(pairs, noise, line)
+    return remarks
+
+
+def _few_freedoms(dof: int) -> str:
+    """Return how far the 95 % region reaches when the noise is estimated with `dof` degrees of freedom.
+
+    The direction has two components: the region is where their squares, in units of the uncertainties, sum
+    to less than twice the quantile of F with 2 and `dof` degrees of freedom, dof (0.05^(-2/dof) - 1) in
+    closed form; with a known noise it is -2 log 0.05.
+    """
+    reach = math.sqrt(dof * (0.05 ** (-2 / dof) - 1))
+    known = math.sqrt(-2 * math.log(0.05))
+    degrees = "1 degree" if dof == 1 else f"{dof} degrees"
+    return (
+        f"The noise is estimated with {degrees} of freedom: the region that holds the direction with 95 % "
+        f"probability reaches to {reach:.2g} standard uncertainties, {reach / known:.2g} times as far as "
+        "if the noise were known."
+    )
+
+
+def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> list[str]:
+    """Return a remark when a free point fits better than two more parameters do by chance."""
+    good = noise.good
+    freedoms = 3 * int(good.sum()) - 4
+    if freedoms <= 0:
+        return []
+    some = replace(pairs.weighted(solution.share * good), point=None)
+    free = some.best_line().nearest(np.zeros(3))
+    left = sum(float(block.half_squares(free).sum()) for _, block in some.blocks())
+    gain = sum(float(block.half_squares(line).sum()) for _, block in some.blocks()) - left
+    if gain <= (64 * pairs.rounding) ** 2 * int(good.sum()):
+        return []
+    # Survival functions of χ² with 2 degrees of freedom, and of F with 2 and `freedoms`, in closed form.
+    if pairs.variance is not None:
+        chance = math.exp(-gain / pairs.variance / 2)
+    else:
+        chance = math.exp(-freedoms / 2 * math.log1p(gain / left)) if left > 0 else 0.0
+    if chance > _CHANCE:
+        return []
+    away = math.sqrt(float(free.point @ free.point)) * pairs.scale
+    return [
+        f"With a free point the pairs fit far better, and the axis passes {away:.3g} from the point given: is "
+        "that point on the axis?"
+    ]
+
+
+def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
+    """Return a remark when distances from the known point change more than the rest of the residuals explains."""
+    good = noise.good
+    count = int(good.sum())
+    changes = np.empty(len(good))
+    squares = radial = 0.0
+    for rows, block in pairs.blocks():
+        before, after = (np.sqrt((x**2).sum(axis=-1)) for x in (block.rho, block.rho_prime))
+        changes[rows] = change = np.abs(after - before) * good[rows]
+        squares += float(change @ change)
+        radial += float(block.weight @ change**2) / count / 2
+    worst = int(np.argmax(changes))
+    if changes[worst] <= 64 * pairs.rounding:
+        return []
+    if pairs.variance is not None:
+        limit = pairs.variance * (1 + _NO_ACCIDENT * math.sqrt(2 / count))
+    else:
+        freedoms = 2 * count - 2
+        if freedoms <= 0:
+            return []
+        across = max(float(pairs.half_squares(line).sum(where=good)) - count * radial, 0.0) / freedoms
+        limit = across * (1 + _NO_ACCIDENT * math.sqrt(2 / count + 2 / freedoms))
+    if radial <= limit:
+        return []
+    rms = math.sqrt(squares / count) * pairs.scale
+    return [
+        f"Distances from the known point change by {rms:.3g} rms (most in pair {worst}), more than the other "
+        "residuals explain."
+    ]
 
 
 def fit_axis(
