@@ -6,7 +6,7 @@ import pytest
 
 from rodgen.calibration.words import three_digits, two_digits
 from rodgen.kinematics.axis_fit.result import _vector
-from rodgen.kinematics.tricept._monte_carlo import numerical_tolerance
+from rodgen.kinematics.tricept._budget import numerical_tolerance
 from rodgen.output.numbers import shown_unit
 from rodgen.statistics.digits import in_column, last_decimal, measured
 

@@ -12,9 +12,7 @@ from scipy.optimize import minimize
 from rodgen.errors import RodgenError
 from rodgen.kinematics import tricept
 from rodgen.kinematics.tricept import ELEMENTS, LEG_LIMITS, PAPER, Geometry
-from rodgen.kinematics.tricept.branch_and_bound import certified_extremes
-from rodgen.kinematics.tricept.enclosure import enclose
-from rodgen.kinematics.tricept.interval import Jet, stack
+from rodgen.kinematics.tricept._intervals import Jet, certified_extremes, enclose, stack
 
 U_PAPER = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
 LOW, HIGH = np.array([-80.0, -80.0, 605.0]), np.array([80.0, 80.0, 765.0])

@@ -11,43 +11,51 @@ array([112.982,  75.326, 664.245])
 """
 
 from rodgen.generated.numpy.tricept import TriceptStatus
-from rodgen.kinematics.tricept._bounds import ELEMENTS, Bounds, bounds, rod_bounds
-from rodgen.kinematics.tricept._budget import Budget, BudgetLine, budget
-from rodgen.kinematics.tricept._closure import disturbed_point
-from rodgen.kinematics.tricept._covariance import check_covariance, covariance, is_covariance
-from rodgen.kinematics.tricept._cube import Cube, largest_cube
-from rodgen.kinematics.tricept._direct import direct_all
-from rodgen.kinematics.tricept._geometry import LEG_LIMITS, PAPER, Geometry
-from rodgen.kinematics.tricept._kinematics import direct, inverse, legs, point, pose, rotation
-from rodgen.kinematics.tricept._matrices import (
-    Matrices,
-    Singularity,
-    matrices,
-    propagate,
-    sensitivity,
-    singularity,
-)
-from rodgen.kinematics.tricept._monte_carlo import (
+from rodgen.kinematics.tricept._bounds import ELEMENTS, Bounds, Cube, bounds, largest_cube, rod_bounds
+from rodgen.kinematics.tricept._budget import (
+    Budget,
+    BudgetLine,
     MonteCarlo,
+    budget,
     coverage_intervals,
     monte_carlo,
     numerical_tolerance,
 )
-from rodgen.kinematics.tricept._parameters import ANGLES, GROUPS, GUIDE, PARAMETERS
+from rodgen.kinematics.tricept._direct import direct_all
+from rodgen.kinematics.tricept._geometry import ANGLES, GROUPS, GUIDE, LEG_LIMITS, PAPER, PARAMETERS, Geometry
+from rodgen.kinematics.tricept._kinematics import (
+    direct,
+    disturbed_point,
+    inverse,
+    legs,
+    point,
+    pose,
+    rotation,
+)
 from rodgen.kinematics.tricept._uncertainty import (
     Ellipsoid,
+    Matrices,
+    Singularity,
+    check_covariance,
+    covariance,
     coverage_factor,
     ellipsoid,
+    is_covariance,
+    matrices,
     parameter_sensitivity,
     place_covariance,
+    propagate,
+    sensitivity,
+    singularity,
 )
-from rodgen.kinematics.tricept._uncertainty_map import UncertaintyMap, uncertainty_map
 from rodgen.kinematics.tricept._workspace import (
     Beams,
     Slice,
+    UncertaintyMap,
     Workspace,
     beams,
     reachable,
+    uncertainty_map,
     workspace,
     workspace_slice,
 )

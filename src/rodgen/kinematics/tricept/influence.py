@@ -19,11 +19,10 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.polynomials import Polynomials, roots
 from rodgen.kinematics.tricept._bounds import ELEMENTS
-from rodgen.kinematics.tricept._geometry import Geometry
-from rodgen.kinematics.tricept._grids import around, grid_points
+from rodgen.kinematics.tricept._geometry import PARAMETERS, Geometry
+from rodgen.kinematics.tricept._intervals import grid_points
 from rodgen.kinematics.tricept._kinematics import point, pose
-from rodgen.kinematics.tricept._parameters import PARAMETERS
-from rodgen.kinematics.tricept._workspace import assembled
+from rodgen.kinematics.tricept._workspace import around, assembled
 from rodgen.views import html_of
 
 Box = tuple[ArrayLike, ArrayLike]

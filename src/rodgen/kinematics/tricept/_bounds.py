@@ -1,0 +1,484 @@
+"""Bounds of a Tricept's covariance matrix U_y over a box, and the largest cube in which a Tricept works.
+
+The paper bounds the influence of each base matrix (one element of U_x) over the box and adds the intervals up. That
+encloses the range and is wider, because the influences do not take their extremes at one place. This module computes
+both: each element's range itself, and the sum of the influences' ranges; both certified from above by intervals with
+branch and bound, and reached from below by points.
+
+The largest edge of an axis-aligned cube, about a given centre, on the axis of the machine, or anywhere, in which all
+rods are within their limits, is wanted. Cubes about one centre are nested, so the edge is found by bisection; a rod is
+not always shortest in a corner (the rod A is in the middle of an edge), so the result is certified with intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.array_types import Array
+from rodgen.errors import RodgenError
+from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.dimensions import length_limits
+from rodgen.kinematics.tricept._geometry import Geometry
+from rodgen.kinematics.tricept._intervals import (
+    Extremes,
+    Jet,
+    certified_extremes,
+    enclose,
+    grid_points,
+    halved,
+    lattice,
+    stack,
+)
+from rodgen.kinematics.tricept._kinematics import behind, inverse
+from rodgen.kinematics.tricept._uncertainty import check_covariance
+from rodgen.views import html_of
+
+Indices = NDArray[np.int64]
+
+ELEMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+"""The six elements of U_y, by name."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds of the six elements of U_y over a box, in the order of ``ELEMENTS``.
+
+    Attributes
+    ----------
+    low, high : ndarray, shape (3,)
+        The box.
+    outer : ndarray, shape (6, 2)
+        The range, certified: no value is below the first or above the second.
+    inner : ndarray, shape (6, 2)
+        Least and greatest value that a point of the box reaches.
+    points : ndarray, shape (6, 2, 3)
+        These points.
+    base_outer : ndarray, shape (6, 2)
+        The paper's way: sums of the least and greatest influences of the base matrices; an enclosure, certified.
+    base_inner : ndarray, shape (6, 2)
+        The same sums of influences that points reach: how near `base_outer` is to what the paper's way gives exactly.
+    boxes : int
+        How many boxes were looked at.
+    complete : bool
+        Whether the wanted gap was reached everywhere; if not, the bounds are right and wider.
+    """
+
+    low: Array
+    high: Array
+    outer: Array
+    inner: Array
+    points: Array
+    base_outer: Array
+    base_inner: Array
+    boxes: int
+    complete: bool
+
+    _repr_html_ = html_of
+
+    @property
+    def gap(self) -> Array:
+        """Differences (6, 2) of certified and reached values."""
+        return np.abs(self.outer - self.inner)
+
+    @property
+    def excess(self) -> Array:
+        """Ratios (6,) of the widths of the paper's intervals and of the range: lower bounds, by certified numbers."""
+        return np.diff(self.base_inner, axis=1)[:, 0] / np.diff(self.outer, axis=1)[:, 0]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, for JSON."""
+        return {
+            "box": {"low": self.low.tolist(), "high": self.high.tolist()},
+            "complete": self.complete,
+            "boxes": self.boxes,
+            "elements": {
+                name: {
+                    "range_certified": self.outer[n].tolist(),
+                    "range_reached": self.inner[n].tolist(),
+                    "points": self.points[n].tolist(),
+                    "base_sum_certified": self.base_outer[n].tolist(),
+                    "base_sum_reached": self.base_inner[n].tolist(),
+                    "base_sum_width_over_range": float(self.excess[n]),
+                }
+                for n, name in enumerate(ELEMENTS)
+            },
+        }
+
+
+def _box(low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
+    corners = real_array("low", low), real_array("high", high)
+    for name, corner in zip(("low", "high"), corners, strict=True):
+        if corner.shape != (3,):
+            raise RodgenError(f"{name} has the shape {corner.shape}; expected three coordinates")
+    if not np.isfinite(corners).all():
+        raise RodgenError("a box has two corners of three finite coordinates")
+    if (corners[0] > corners[1]).any():
+        raise RodgenError(f"the box goes from {corners[0]} to {corners[1]}; expected its lower corner first")
+    return corners
+
+
+def bounds(
+    low: ArrayLike, high: ArrayLike, geometry: Geometry, U_x: ArrayLike, *, gap: float = 1e-3
+) -> Bounds:
+    """Return bounds of the elements of U_y over a box, exact ones and the paper's.
+
+    Parameters
+    ----------
+    low, high : array_like (3,)
+        Opposite corners of the box in which the point Q is; all its points must have a pose of the assembled machine.
+    geometry : Geometry
+        The machine.
+    U_x : array_like (5, 5)
+        Covariance of A0, A1, A-1, r, R.
+    gap : float, optional
+        How far certified and reached values may differ, relative to the greatest magnitude of the element.
+
+    Returns
+    -------
+    Bounds
+
+    Raises
+    ------
+    RodgenError
+        When the corners make no box, U_x is not a covariance matrix, the gap is not positive, or the box reaches where
+        the pose or A35 is not determined, or where the assembled machine has no pose.
+
+    Notes
+    -----
+    Kureková et al., sec. 4 and eq. (24); that the paper's sums enclose and are no ranges is shown in the derivation
+    ``tricept_uncertainty``. The rods' limits play no part: see `rod_bounds` and `largest_cube`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import tricept
+    >>> U_x = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
+    >>> found = tricept.bounds([-80, -80, 605], [80, 80, 765], tricept.PAPER, U_x)
+    >>> (found.outer[2] * 1e6).round(2), (found.base_outer[2] * 1e6).round(2)  # u²(Qz) in µm²
+    (array([6.8 , 9.64]), array([ 3.79, 13.85]))
+    """
+    low, high = _box(low, high)
+    if not 0 < gap < np.inf:
+        raise RodgenError(f"gap is {gap}; expected a positive number, such as 1e-3")
+    U = check_covariance(U_x, 5)
+    _check_regular(low, high, geometry)
+    points = lattice(low, high)
+    if np.any(behind(points.T, geometry)):
+        raise RodgenError("a part of the box is behind the base; expected a box before the base")
+    pairs = list(ELEMENTS.values())
+    sample = enclose(points, points, geometry, False).A.value[0]
+    scale = np.abs(np.stack([_element(sample, U, k, m) for k, m in pairs])).max(axis=1)
+
+    def elements(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
+        A = enclose(lower, upper, geometry, slopes).A
+        return _taken(stack([_sum(A, U, k, m) for k, m in pairs]), which)
+
+    found = certified_extremes(elements, low, high, gap=gap * scale, parts=_parts(low, high))
+    base = [(i, j) for i in range(5) for j in range(i, 5) if U[i, j] != 0]
+    base_outer, base_inner = np.zeros((6, 2)), np.zeros((6, 2))
+    boxes, complete = found.boxes, found.complete
+    if base:
+        members = [(k, m, i, j) for k, m in pairs for i, j in base]
+
+        def influences(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
+            A = enclose(lower, upper, geometry, slopes).A
+            if which is None:
+                return stack([influence(A, *member) for member in members])
+            return _each_influence(A, np.array(members)[which].T)
+
+        weights = np.array([U[i, j] for i, j in base])
+        allowed = (gap * scale)[:, None] / (len(base) * np.abs(weights))
+        each = certified_extremes(influences, low, high, gap=allowed.ravel(), parts=_parts(low, high))
+        base_outer, base_inner = (
+            _weighted(ends.reshape(6, len(base), 2), weights, away)
+            for ends, away in ((each.outer, True), (each.inner, False))
+        )
+        boxes, complete = boxes + each.boxes, complete and each.complete
+    return Bounds(low, high, found.outer, found.inner, found.points, base_outer, base_inner, boxes, complete)
+
+
+def rod_bounds(low: ArrayLike, high: ArrayLike, geometry: Geometry, *, gap: float = 1e-6) -> Extremes:
+    """Return bounds of the lengths of the three rods while the point is anywhere in a box.
+
+    Parameters
+    ----------
+    low, high : array_like (3,)
+        Opposite corners of the box.
+    geometry : Geometry
+        The machine.
+    gap : float, optional
+        How far certified and reached lengths may differ, in the unit of length.
+
+    Returns
+    -------
+    Extremes
+        ``outer`` (3, 2): no rod is shorter than the first, or longer than the second; ``inner`` and ``points``: what is
+        reached, and where.
+
+    Raises
+    ------
+    RodgenError
+        When the corners make no box, or it reaches where the pose is not determined.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> tricept.rod_bounds([-80, -80, 605], [80, 80, 765], tricept.PAPER).outer.round(2)
+    array([[597.09, 829.11],
+           [586.74, 840.94],
+           [586.74, 840.94]])
+    """
+    low, high = _box(low, high)
+    _check_regular(low, high, geometry)
+
+    def rods(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
+        return _taken(enclose(lower, upper, geometry, slopes).rods, which)
+
+    return certified_extremes(rods, low, high, gap=np.full(3, float(gap)), parts=_parts(low, high))
+
+
+def influence(A: Jet, k: int, m: int, i: int, j: int) -> Jet:
+    """Return an enclosure of the influence of the base matrix (i, j) on element (k, m): A E Aᵀ."""
+    if i == j:
+        return A[k, i].square() if k == m else A[k, i] * A[m, i]
+    if k == m:
+        return A[k, i] * A[k, j] * 2.0
+    return A[k, i] * A[m, j] + A[k, j] * A[m, i]
+
+
+def _parts(low: Array, high: Array) -> int:
+    """Return the number of parts of each side: of a sixty-fourth of the distance, where derivatives become useful."""
+    away = float(np.linalg.norm((low + high) / 2))
+    return int(np.clip(np.ceil(64 * (high - low).max() / max(away, 1e-300)), 1, 16))
+
+
+def _taken(functions: Jet, which: Indices | None) -> Jet:
+    return functions if which is None else functions[which, np.arange(len(which))]
+
+
+def _each_influence(A: Jet, members: Indices) -> Jet:
+    """Return an enclosure of one influence for each box: rows k, m, i, j of `members`."""
+    k, m, i, j = members
+    n = np.arange(len(k))
+    one = A[k, i, n] * A[m, j, n]
+    # the square of one number is never negative, and the two products of a base off the diagonal may be one
+    squared = (k == m) & (i == j)
+    least = np.where(squared, np.maximum(one.value[0], 0.0), one.value[0])
+    product = Jet((least, one.value[1]), one.slope)
+    other = A[k, j, n] * A[m, i, n]
+    both = product + other
+    slope = None
+    if both.slope is not None and product.slope is not None:
+        slope = tuple(np.where(i == j, a, b) for a, b in zip(product.slope, both.slope, strict=True))
+    value = tuple(np.where(i == j, a, b) for a, b in zip(product.value, both.value, strict=True))
+    return Jet(value, slope)  # type: ignore[arg-type]
+
+
+def _sum(A: Jet, U: Array, k: int, m: int) -> Jet:
+    total: Jet | None = None
+    for i in range(5):
+        for j in range(i, 5):
+            if U[i, j] != 0:
+                part = influence(A, k, m, i, j) * U[i, j]
+                total = part if total is None else total + part
+    return A[0, 0] * 0.0 if total is None else total
+
+
+def _element(A: Array, U: Array, k: int, m: int) -> Array:
+    values: Array = np.einsum("in,ij,jn->n", A[k], U, A[m])
+    return values
+
+
+def _weighted(ends: Array, weights: Array, away: bool) -> Array:
+    """Return sums of intervals, rounded outwards (`away`) or as they are."""
+    products = ends * weights[None, :, None]
+    products.sort(axis=-1)
+    total: Array = products.sum(axis=1)
+    if away:  # one rounding for a product, one for each sum
+        room = (len(weights) + 1) * 2.0**-52 * np.abs(products).sum(axis=1)
+        total = total + room * [-1.0, 1.0]
+    return total
+
+
+def _check_regular(low: Array, high: Array, geometry: Geometry) -> None:
+    """Raise an error for boxes in which A35 is not bounded: they reach a singularity or a place without a pose."""
+    lower, upper = (corner[:, None] for corner in (low, high))
+    for _ in range(6):
+        found = enclose(lower, upper, geometry, False)
+        bad = ~np.isfinite(found.A.value).all(axis=(0, 1, 2))
+        if not bad.any():
+            return
+        lower, upper = lower[:, bad], upper[:, bad]
+        for side in range(3):
+            lower, upper = halved(lower, upper, side)
+    raise RodgenError(
+        "the box reaches a place where the machine has no pose, or no determined one; expected a box before the base"
+    )
+
+
+# Corners, middles of edges and of faces: where rods have their extremes, or nearly.
+_SPOTS = grid_points(*[np.array([-0.5, 0.0, 0.5])] * 3).T
+
+
+@dataclass(frozen=True)
+class Cube:
+    """A cube in which all rods are within their limits.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (3,)
+        Its centre.
+    edge : float
+        Its edge.
+    rods : Extremes
+        The rods' certified least and greatest lengths in it, where they are reached, and how it was certified.
+    limiting : tuple of (str, str, ndarray)
+        Which rods keep it from being larger: name, ``"least"`` or ``"greatest"``, and the point.
+    """
+
+    centre: Array
+    edge: float
+    rods: Extremes
+    limiting: tuple[tuple[str, str, Array], ...]
+
+    _repr_html_ = html_of
+
+    @property
+    def low(self) -> Array:
+        """Its lower corner."""
+        return self.centre - self.edge / 2
+
+    @property
+    def high(self) -> Array:
+        """Its upper corner."""
+        return self.centre + self.edge / 2
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, for JSON."""
+        return {
+            "centre": self.centre.tolist(),
+            "edge": self.edge,
+            "rods_certified": self.rods.outer.tolist(),
+            "limited_by": [
+                {"rod": rod, "end": end, "point": point.tolist()} for rod, end, point in self.limiting
+            ],
+        }
+
+
+def largest_cube(
+    geometry: Geometry,
+    limits: Sequence[float],
+    centre: Literal["axis", "free"] | Sequence[float] = "axis",
+) -> Cube:
+    """Return the largest cube, parallel to the axes, in which all rods are within their limits.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        The machine.
+    limits : pair of floats
+        Least and greatest length of a rod.
+    centre : {"axis", "free"} or three floats, optional
+        Where the cube's centre is: on the z axis, anywhere before the base, or there.
+
+    Returns
+    -------
+    Cube
+        Certified to be inside. About a given centre and on the axis none is larger by 1e-6 of the edge, judged by
+        corners and middles; for a free centre it is the best of a search, which may have missed a better one.
+
+    Raises
+    ------
+    RodgenError
+        When there is no such cube.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> found = tricept.largest_cube(tricept.PAPER, tricept.LEG_LIMITS)
+    >>> round(found.edge, 3), found.centre.round(2)
+    (182.705, array([  0.  ,   0.  , 683.14]))
+    """
+    low, high = length_limits(limits, "rod")
+    if not high < np.inf:
+        raise RodgenError("the rods have no greatest length; expected limits, between which a cube ends")
+    if isinstance(centre, str):
+        if centre not in ("axis", "free"):
+            raise RodgenError(f"the centre is {centre!r}; expected 'axis', 'free' or three coordinates")
+        place, edge = _searched(geometry, low, high, free=centre == "free")
+    else:
+        place = np.asarray(centre, float)
+        if place.shape != (3,) or not np.isfinite(place).all():
+            raise RodgenError(f"the centre is {centre!r}; expected three finite coordinates")
+        edge = float(_edges(place[None], geometry, low, high)[0])
+    if not edge > 0:
+        raise RodgenError("there is no place for a cube: a rod is beyond its limits at the centre")
+    for _ in range(60):
+        found = rod_bounds(place - edge / 2, place + edge / 2, geometry, gap=1e-9 * high)
+        beyond = max(float((low - found.outer[:, 0]).max()), float((found.outer[:, 1] - high).max()))
+        if beyond <= 0:
+            return Cube(place, edge, found, _limiting(found, low, high))
+        # a rod changes by at most some three times as much as the edge
+        edge -= max(beyond / 3, 1e-10 * edge)
+    raise RodgenError("no cube could be certified; expected limits that are farther apart")
+
+
+def _limiting(found: Extremes, low: float, high: float) -> tuple[tuple[str, str, Array], ...]:
+    near = 1e-6 * high
+    made = []
+    for n, name in enumerate(("A0", "A1", "A-1")):
+        if found.inner[n, 0] - low < near:
+            made.append((name, "least", found.points[n, 0]))
+        if high - found.inner[n, 1] < near:
+            made.append((name, "greatest", found.points[n, 1]))
+    return tuple(made)
+
+
+def _inside(centres: Array, edges: Array, geometry: Geometry, low: float, high: float) -> NDArray[np.bool_]:
+    points = centres[:, None, :] + edges[:, None, None] * _SPOTS
+    rods = np.asarray(inverse(points, geometry)[1])[:, :, 0]
+    ahead = points[..., 2] > 0  # behind the base the machine is not assembled
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((rods >= low) & (rods <= high)).all(axis=(1, 2)) & ahead.all(axis=1))
+
+
+def _edges(centres: Array, geometry: Geometry, low: float, high: float) -> Array:
+    """Return the largest edge about each centre, by its spots; 0 where there is none."""
+    small, large = np.zeros(len(centres)), np.full(len(centres), 2 * high)
+    possible = _inside(centres, small, geometry, low, high)
+    for _ in range(44):
+        middle = (small + large) / 2
+        good = _inside(centres, middle, geometry, low, high)
+        small, large = np.where(good, middle, small), np.where(good, large, middle)
+    return np.where(possible, small, 0.0)
+
+
+def _searched(geometry: Geometry, low: float, high: float, *, free: bool) -> tuple[Array, float]:
+    """Return the best centre and its edge: a grid about the best one moves there, or shrinks if none is better."""
+    start = np.zeros((400, 3))
+    start[:, 2] = np.linspace(0, high + abs(geometry.q[2]), 402)[1:-1]
+    found = _edges(start, geometry, low, high)
+    best, edge = start[found.argmax()], float(found.max())
+    if free:
+        radius, grid = high / 8, grid_points(*[np.linspace(-1.0, 1.0, 5)] * 3).T
+    else:
+        radius, grid = float(start[1, 2] - start[0, 2]), np.linspace(-1.0, 1.0, 9)[:, None] * [0.0, 0.0, 1.0]
+    random = np.random.default_rng(0)
+    while radius > 1e-10 * high:
+        around = grid
+        if free:  # other directions each time: the best edge has kinks that a fixed grid follows badly
+            around = np.concatenate([grid, random.normal(size=(60, 3)) / 2])
+        centres = best + radius * around
+        found = _edges(centres, geometry, low, high)
+        n = int(found.argmax())
+        better = found[n] > edge
+        if better:
+            best, edge = centres[n], float(found[n])
+        if not (better and free):
+            radius *= 0.5
+    return best, edge
