@@ -18,8 +18,7 @@ from scipy.spatial.transform import Rotation
 from rodgen import Machine, Measurements, simulate
 from rodgen.errors import RodgenError
 from rodgen.kinematics import spatial
-from rodgen.kinematics.spatial import Mechanism, Placement
-from rodgen.kinematics.spatial.robots import product_of_exponentials
+from rodgen.kinematics.spatial import Mechanism, Placement, product_of_exponentials
 from rodgen.machines.machine import Joint, Measured, Target
 from rodgen.machines.mechanism import from_mechanism, to_mechanism
 

@@ -8,8 +8,7 @@ import pytest
 
 from rodgen.errors import RodgenError
 from rodgen.kinematics import spatial
-from rodgen.kinematics.spatial import Mechanism, ReverseStatus, reverse_loop, reverse_sliding
-from rodgen.kinematics.spatial.loops import reverse as loops_module
+from rodgen.kinematics.spatial import Mechanism, ReverseStatus, loop_reverse, reverse_loop, reverse_sliding
 
 GROUP_1 = ("CCCR", "PCCRR", "CPCRR", "CPRCR", "PPCRRR", "PRPCRR", "PRCRPR", "PRPRPRR")
 GROUP_2 = ("RRRCC", "RCRCR", "RPCRRR", "RCPRRR", "CRRPRR", "RPRPRRR", "RPPRRRR", "RPRRPRR")
@@ -154,9 +153,9 @@ def test_closed_forms_are_the_general_way(kinds, input_joint, monkeypatch):
     values, given = rng.uniform(-3, 3, 40), (input_joint, "theta")
     loop = a_loop(kinds, rng)
     index = loop.variables.index(given)
-    assert loops_module.closed_form(loop, {index: values}) is not None
+    assert loop_reverse.closed_form(loop, {index: values}) is not None
     found = reverse_loop(loop, {given: values})
-    monkeypatch.setattr(loops_module, "closed_form", lambda *_: None)
+    monkeypatch.setattr(loop_reverse, "closed_form", lambda *_: None)
     general = reverse_loop(loop, {given: values})
     assert ((found.status <= 1).sum(axis=1) == (general.status <= 1).sum(axis=1)).all()
     turns = np.array([which == "theta" for _, which in loop.variables])

@@ -11,9 +11,8 @@ import pytest
 from pair_reference import TURN, all_angles, all_roots
 
 from rodgen.kinematics import spatial
-from rodgen.kinematics.spatial import PairStatus
-from rodgen.kinematics.spatial.pairs import solve
-from rodgen.kinematics.spatial.pairs.certain import certain_solutions
+from rodgen.kinematics.spatial import PairStatus, pair_equations
+from rodgen.kinematics.spatial.pair_solutions import certain_solutions
 
 EPS = np.finfo(float).eps
 methods = pytest.mark.parametrize("method", ["fast", "sylvester", "bezout"])
@@ -411,7 +410,7 @@ def test_biquadratics_are_the_same_equations():
 def test_the_fast_way_is_the_usual_way_and_agrees():
     """Of random equations hardly any needs eigenvalues; where it is certain it is right."""
     M = np.random.default_rng(19).normal(size=(4000, 2, 3, 3))
-    one, two, loss = solve.kernels.pair_prepared(M[:, 0], M[:, 1])
+    one, two, loss = pair_equations.kernels.pair_prepared(M[:, 0], M[:, 1])
     angles, certain = certain_solutions(one, two, loss)
     assert certain.mean() > 0.99
     by_eigenvalues = spatial.solve_pair(M[:1000], method="sylvester")
@@ -431,14 +430,14 @@ def test_lost_starts_are_made_up_for_or_reported(lost, monkeypatch):
     complete = spatial.solve_pair(M, method="sylvester")
     taken = angles_of(complete)[:, :lost]
 
-    def without(M, loss, starts, collected=solve.collected):
+    def without(M, loss, starts, collected=pair_equations.collected):
         angles, status = collected(M, loss, starts)
         rows = [np.flatnonzero((complete_M == m).all(axis=(-1, -2, -3)))[0] for m in M]
         near = (off(angles[:, :, None], taken[rows][:, None]).max(axis=-1) < 1e-6).any(axis=-1)
         return np.where(near[..., None], np.nan, angles), np.where(near, PairStatus.NONE, status)
 
-    one, two, _ = solve.kernels.pair_prepared(M[:, 0], M[:, 1])
+    one, two, _ = pair_equations.kernels.pair_prepared(M[:, 0], M[:, 1])
     complete_M = np.stack([one, two], axis=1)
-    monkeypatch.setattr(solve, "collected", without)
+    monkeypatch.setattr(pair_equations, "collected", without)
     told = spatial.solve_pair(M, method="sylvester").status == PairStatus.INCOMPLETE
     assert told.any(axis=-1).mean() > 0.95

@@ -347,12 +347,12 @@ def test_without_ssik_the_error_for_a_general_arm_says_what_to_install(
 def test_ssik_is_given_the_same_arm(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a Puma, which ssik knows how to solve without preparation, it finds what the closed form finds."""
     pytest.importorskip("ssik")
-    from rodgen.kinematics.spatial.arms import plan, solve
+    from rodgen.kinematics.spatial import arm_plan, arm_reverse
 
     robot = spatial.PUMA_560
     _, T = some_poses(robot, 5, 2)
     wanted = spatial.reverse(robot, T)
-    monkeypatch.setattr(solve, "plan", lambda m: plan.Plan("general", plan.plan(m).arm))
+    monkeypatch.setattr(arm_reverse, "plan", lambda m: arm_plan.Plan("general", arm_plan.plan(m).arm))
     found = spatial.reverse(robot, T)
     check_is_solution(robot, T, found)
     for mine, its, status in zip(wanted.solutions, found.solutions, found.status, strict=True):

@@ -12,10 +12,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rodgen.errors import RodgenError, joined
-from rodgen.kinematics.spatial.links.axes import PARALLEL
-from rodgen.kinematics.spatial.links.mechanism import Mechanism
-from rodgen.kinematics.spatial.robots.placement import Placement, placed
-from rodgen.kinematics.spatial.robots.product_of_exponentials import (
+from rodgen.kinematics.spatial.mechanism import Mechanism
+from rodgen.kinematics.spatial.placement import Placement, placed
+from rodgen.kinematics.spatial.product_of_exponentials import (
+    PARALLEL,
     placement_from_axes,
     to_product_of_exponentials,
 )

@@ -8,44 +8,63 @@ arrays of any shape, with the components along the last axes; lengths are in one
 (False, 6)
 """
 
-from rodgen.kinematics.spatial.links.forward import forward, frames, jacobian, link_transform
-from rodgen.kinematics.spatial.links.hypothetical import HypotheticalLink, HypotheticalStatus, close_loop
-from rodgen.kinematics.spatial.links.link_table import link_table, load_mechanism, save_mechanism
-from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
-from rodgen.kinematics.spatial.links.mobility import Mobility, mobility, mobility_of
-from rodgen.kinematics.spatial.links.transforms import (
-    VectorAngle,
-    inverse_transform,
-    transform,
-    vector_and_angle,
+from rodgen.generated.numpy.spatial_links import HypotheticalStatus
+from rodgen.generated.numpy.spherical_polygons import PolygonStatus
+from rodgen.generated.numpy.trig_equation import TrigStatus
+from rodgen.kinematics.spatial.classification import (
+    Group,
+    Mobility,
+    SphericalEquivalent,
+    equivalent_spherical,
+    group,
+    mobility,
+    mobility_of,
 )
-from rodgen.kinematics.spatial.loops.reverse import reverse_loop, reverse_sliding
-from rodgen.kinematics.spatial.pairs.solve import Pair, pair_from_biquadratics, solve_pair
-from rodgen.kinematics.spatial.pairs.trig import TrigStatus, solve_trig
-from rodgen.kinematics.spatial.polygons.equivalent import SphericalEquivalent, equivalent_spherical
-from rodgen.kinematics.spatial.polygons.linkages import (
-    PolygonStatus,
-    spherical_pentagon,
-    spherical_quadrilateral,
-)
-from rodgen.kinematics.spatial.polygons.notation import direction_cosines, notation, secondary_notation
-from rodgen.kinematics.spatial.polygons.toolkit import toolkit
-from rodgen.kinematics.spatial.robots.denavit_hartenberg import (
+from rodgen.kinematics.spatial.denavit_hartenberg import (
     DenavitHartenberg,
     from_denavit_hartenberg,
     from_modified_denavit_hartenberg,
     to_denavit_hartenberg,
     to_modified_denavit_hartenberg,
 )
-from rodgen.kinematics.spatial.robots.group import Group, group
-from rodgen.kinematics.spatial.robots.placement import Placement
-from rodgen.kinematics.spatial.robots.product_of_exponentials import (
+from rodgen.kinematics.spatial.forward_analysis import (
+    HypotheticalLink,
+    close_loop,
+    forward,
+    frames,
+    jacobian,
+    link_transform,
+)
+from rodgen.kinematics.spatial.link_files import link_table, load_mechanism, save_mechanism
+from rodgen.kinematics.spatial.loop_reverse import reverse_loop, reverse_sliding
+from rodgen.kinematics.spatial.mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
+from rodgen.kinematics.spatial.pair_equations import (
+    Pair,
+    pair_from_biquadratics,
+    solve_pair,
+    solve_trig,
+)
+from rodgen.kinematics.spatial.placement import Placement, reverse, reverse_method
+from rodgen.kinematics.spatial.product_of_exponentials import (
     ProductOfExponentials,
     from_product_of_exponentials,
     to_product_of_exponentials,
 )
-from rodgen.kinematics.spatial.robots.reverse import reverse, reverse_method
+from rodgen.kinematics.spatial.spherical_polygons import (
+    direction_cosines,
+    notation,
+    secondary_notation,
+    spherical_pentagon,
+    spherical_quadrilateral,
+    toolkit,
+)
 from rodgen.kinematics.spatial.status import PairStatus, Reverse, ReverseStatus
+from rodgen.kinematics.spatial.transforms import (
+    VectorAngle,
+    inverse_transform,
+    transform,
+    vector_and_angle,
+)
 
 __all__ = [
     "FREEDOMS",

@@ -6,10 +6,20 @@ Three angles (group 1): the rotation closes by itself. With Rz(t1) R1 Rz(t2) R2 
 Four angles (group 2): the angle between the axes 4 and 1 is an equation in t2 and t3, and the projection of the vector
 loop across both slides is the second. Both are bilinear in 1, cos, sin of t2 and t3, whatever the order of the joints,
 wherever the first holds: proved in the derivation ``spatial_loops``, whose kernels compute the coefficients.
+
+Elimination loses digits; a few steps of Newton's method on the six equations themselves bring them back. The loop is
+Rz(theta_1) G_1 ... Rz(theta_m) G_m = 1 with G_k = (R_k, v_k + sum of S_i d_i). The error is a small rotation and a
+vector; its derivative has the joints' screws as columns.
+
+Where axes are parallel or meet, elimination fails: the equations vanish or have common factors. Two questions remain.
+Is a solution whose derivative is singular the meeting point of two, or one of a family? It is one of a family when the
+loop closes again at a distance along the free direction. And is there a family, or a solution, that no equation shows?
+Newton's method from a number of fixed starting points finds it; it cannot prove that there is none.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,16 +27,189 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.kinematics.angles import angle_between
+from rodgen.generated.numpy.trig_equation import TrigStatus
+from rodgen.kinematics.angles import angle_between, apart
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.spatial.links.mechanism import Mechanism
-from rodgen.kinematics.spatial.links.merged import Link, Merged
-from rodgen.kinematics.spatial.links.transforms import rz
-from rodgen.kinematics.spatial.loops.closure import offsets, polish
-from rodgen.kinematics.spatial.loops.search import different, moves, repeated, search
-from rodgen.kinematics.spatial.pairs.solve import solve_pair
-from rodgen.kinematics.spatial.pairs.trig import TrigStatus, solve_trig
+from rodgen.kinematics.spatial.mechanism import Link, Mechanism, Merged
+from rodgen.kinematics.spatial.pair_equations import solve_pair, solve_trig
 from rodgen.kinematics.spatial.status import PairStatus, ReverseStatus
+from rodgen.kinematics.spatial.transforms import rz
+
+NEWTON_STEPS = 4
+"""Newton steps: the error is squared by each, and elimination leaves half of the digits at least, except where two
+solutions meet; there each step halves the error, and the rest is lost to the conditioning anyway."""
+RANK = 1e-11
+"""Singular values below this share of the largest are taken for zero: no step goes along a family of solutions."""
+
+
+def _chain(links: Sequence[Link], theta: Array) -> tuple[Array, list[Array], list[Array]]:
+    """Return the rotation of the whole loop, the rotation before each link (after its joint), and each link's axis."""
+    R = np.broadcast_to(np.eye(3), (*theta.shape[:-1], 3, 3))
+    before, axes = [], []
+    for k, link in enumerate(links):
+        axes.append(R[..., 2])
+        R = R @ rz(theta[..., k])
+        before.append(R)
+        R = R @ link.R
+    return R, before, axes
+
+
+def _apply(R: Array, v: Array) -> Array:
+    found: Array = np.einsum("...ij,...j->...i", R, v)
+    return found
+
+
+def offsets(links: Sequence[Link], theta: Array) -> Array:
+    """Return the slides (..., number of them), in the order of the links, that close the vector loop best."""
+    _, before, _ = _chain(links, theta)
+    columns, rest = [], np.zeros((*theta.shape[:-1], 3))
+    for R, link in zip(before, links, strict=True):
+        rest = rest + _apply(R, link.v)
+        columns += [_apply(R, direction) for _, direction in link.slides]
+    directions = np.stack(np.broadcast_arrays(*columns), axis=-1)
+    good = np.isfinite(directions).all(axis=(-1, -2)) & np.isfinite(rest).all(axis=-1)
+    directions = np.where(good[..., None, None], directions, 0.0)
+    inverse = np.linalg.pinv(directions, rcond=RANK)
+    found: Array = -_apply(inverse, np.where(good[..., None], rest, np.nan))
+    return found
+
+
+def closure(links: Sequence[Link], theta: Array, slides: Array) -> tuple[Array, Array, Array]:
+    """Return the closure error, a rotation vector (..., 3) and a vector (..., 3), and its derivative (..., 6, 6)."""
+    R, before, axes = _chain(links, theta)
+    p = np.zeros((*theta.shape[:-1], 3))
+    points, columns = [], []
+    number = 0
+    for R_k, link in zip(before, links, strict=True):
+        points.append(p)
+        vector = link.v
+        for _, direction in link.slides:
+            vector = vector + slides[..., number, None] * direction
+            columns.append(_apply(R_k, direction))
+            number += 1
+        p = p + _apply(R_k, vector)
+    skew = R - np.swapaxes(R, -1, -2)
+    turn = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1) / 2
+    # a rotation by nearly pi has a small skew part, too, and is no closure
+    far = np.trace(R, axis1=-2, axis2=-1) < 1.0
+    turn = np.where(far[..., None], turn + 2.0, turn)
+    angular = np.stack(np.broadcast_arrays(*axes, *(np.zeros_like(c) for c in columns)), axis=-1)
+    moments = [np.cross(axis, p - point) for axis, point in zip(axes, points, strict=True)]
+    linear = np.stack(np.broadcast_arrays(*moments, *columns), axis=-1)
+    return turn, p, np.concatenate([angular, linear], axis=-2)
+
+
+def polish(
+    links: Sequence[Link],
+    theta: Array,
+    slides: Array,
+    size: Array,
+    steps: int = NEWTON_STEPS,
+    longest: float = np.inf,
+) -> tuple[Array, Array, Array, Array]:
+    """Return angles and slides improved by Newton's method, their closure error, and how regular they are.
+
+    Lengths are measured in `size`. The error (...) is the larger of the rotation in rad and of the vector; the last
+    result (...) is the smallest singular value of the derivative over the largest. The best of all steps is kept, so
+    that a step that makes it worse does no harm.
+    """
+    m = len(links)
+    best = np.full(theta.shape[:-1], np.inf)
+    smallest = np.zeros(theta.shape[:-1])
+    current, along = theta, slides
+    for step in range(steps + 1):
+        turn, p, J = closure(links, current, along)
+        scaled = np.concatenate([turn, p / size[..., None]], axis=-1)
+        error = np.abs(scaled).max(axis=-1)
+        better = error < best
+        theta = np.where(better[..., None], current, theta)
+        slides = np.where(better[..., None], along, slides)
+        best = np.where(better, error, best)
+        J = J.copy()
+        J[..., 3:, :] /= size[..., None, None]
+        J[..., :, m:] *= size[..., None, None]
+        good = np.isfinite(J).all(axis=(-1, -2)) & np.isfinite(scaled).all(axis=-1)
+        J = np.where(good[..., None, None], J, 0.0)
+        values = np.linalg.svd(J, compute_uv=False)
+        ratio = values[..., -1] / np.where(values[..., 0] > 0, values[..., 0], 1.0)
+        smallest = np.where(better, ratio, smallest)
+        if step == steps or not good.any():
+            break
+        left: Array = np.where(good[..., None], scaled, 0.0)
+        change: Array = np.einsum("...ij,...j->...i", -np.linalg.pinv(J, rcond=RANK), left)
+        change = (
+            change * np.minimum(1.0, longest / np.maximum(np.abs(change).max(axis=-1), 1e-300))[..., None]
+        )
+        current = current + change[..., :m]
+        along = along + change[..., m:] * size[..., None]
+    return theta, slides, best, smallest
+
+
+STEP = 1e-2
+"""How far along the free direction: two solutions that meet come back to their meeting point from there by halves."""
+SEARCH_STEPS = 14
+STARTS = 64
+LONG_WAY = 30
+"""Newton steps from a starting point; more than enough where it converges at all."""
+SAME = 1e-5
+"""Distance, in rad and in the loop's size, below which two singular solutions are one."""
+EQUAL = 1e-9
+"""The same for others: two that Newton's method has brought to one point."""
+
+
+def moves(
+    links: Sequence[Link], theta: Array, slides: Array, size: Array, closes: float
+) -> NDArray[np.bool_]:
+    """Return which solutions (..., m) with a singular derivative can be moved."""
+    m = len(links)
+    _, _, J = closure(links, theta, slides)
+    J = J.copy()
+    J[..., 3:, :] /= size[..., None, None]
+    J[..., :, m:] *= size[..., None, None]
+    free = np.linalg.svd(J)[2][..., -1, :]
+    ahead = theta + STEP * free[..., :m], slides + STEP * free[..., m:] * size[..., None]
+    moved_theta, moved_slides, error, _ = polish(links, *ahead, size, steps=SEARCH_STEPS)
+    away = np.concatenate([moved_theta - theta, (moved_slides - slides) / size[..., None]], axis=-1)
+    found: NDArray[np.bool_] = (error <= closes) & (np.abs(away).max(axis=-1) > STEP / 8)
+    return found
+
+
+def search(
+    links: Sequence[Link], size: Array, closes: float
+) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Return what Newton's method finds for loops (count, ...) from STARTS points each.
+
+    These are angles (count, STARTS, m), slides, the relative smallest singular value of the derivative, and which
+    close the loop.
+    """
+    m, count = len(links), len(size)
+    rng = np.random.default_rng(0)
+    theta = np.broadcast_to(rng.uniform(-np.pi, np.pi, (STARTS, m)), (count, STARTS, m))
+    wide = [link.each(lambda x: x[:, None]) for link in links]
+    sizes = np.broadcast_to(size[:, None], (count, STARTS))
+    theta, slides, _, _ = polish(wide, theta, offsets(wide, theta), sizes, steps=LONG_WAY, longest=1.0)
+    theta, slides, error, smallest = polish(wide, theta, slides, sizes)
+    return theta, slides, smallest, error <= closes
+
+
+def different(
+    theta: Array, slides: Array, size: float, known_theta: Array, known_slides: Array
+) -> NDArray[np.bool_]:
+    """Return which solutions (k, m) are not among the known ones (l, m)."""
+    turn = apart(theta[:, None], known_theta[None])
+    shift = np.abs(slides[:, None] - known_slides[None]).max(axis=-1) / size
+    found: NDArray[np.bool_] = (np.maximum(turn, shift) > SAME).all(axis=1)
+    return found
+
+
+def repeated(theta: Array, slides: Array, size: Array, singular: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which solutions (count, N) are the same as one in a slot before; singular ones are less certain."""
+    turn = apart(theta[:, :, None], theta[:, None])
+    shift = np.abs(slides[:, :, None] - slides[:, None]).max(axis=-1) / size[:, None, None]
+    same = np.maximum(turn, shift) <= np.where(singular[:, :, None] & singular[:, None], SAME, EQUAL)
+    found: NDArray[np.bool_] = np.tril(same, -1).any(axis=-1)
+    return found
+
 
 CLOSES = 1e-11
 """Largest error of a loop that is closed, in rad and in the loop's size. Newton's steps leave a few epsilons."""

@@ -1,9 +1,16 @@
-"""Starting values for every solution of a pair, from eigenvalues of Sylvester's or Bezout's matrix polynomial.
+"""All eight solutions of two equations in two angles from eigenvalues: starts, complex ones, and a common factor.
 
 With x = tan(θ/2) the equations are two quadratics in x2 whose coefficients are quadratics in x1. They have a common
 root where Sylvester's 4 x 4 matrix S0 + S1 x1 + S2 x1² is singular, or Bezout's 2 x 2 matrix of quartics: 8 values x1,
 infinite ones among them. θ1 is counted from a direction far from all solutions first, so that the matrix of the highest
 power is well conditioned; it is divided by, and an ordinary eigenvalue problem of order 8 is left.
+
+When two solutions have met and are no longer real, they are complex, and the octic still has eight roots. A root ±i of
+it is not an angle at all: its sine and cosine are infinite.
+
+Where the octic vanishes identically there is a θ2 for every θ1, or the equations are the same but for a factor
+that may have no real zero. Without the factor the equations may have isolated solutions as well. There is no polynomial
+for those, so they are searched for from a few hundred starts.
 """
 
 from __future__ import annotations
@@ -13,8 +20,21 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.kinematics.spatial.links.transforms import rx
-from rodgen.kinematics.spatial.pairs.solutions import basis
+from rodgen.kinematics.angles import apart, principal
+from rodgen.kinematics.spatial.pair_solutions import (
+    NEAR,
+    ROUNDING,
+    SLOTS,
+    basis,
+    condition_number,
+    newton_step,
+    on_lines,
+    polished,
+    regular_below,
+    slope,
+)
+from rodgen.kinematics.spatial.status import PairStatus
+from rodgen.kinematics.spatial.transforms import rx
 
 TURNS = 2 * np.pi / 9 * np.arange(9) + 0.1
 """Directions that θ1 may be counted from: nine, because a resultant that is not identically zero has no more than
@@ -140,3 +160,113 @@ def seconds(rows: Any) -> tuple[Any, Any, Any]:
     radius, centre = np.hypot(t[..., 1], t[..., 2]), np.arctan2(t[..., 2], t[..., 1])
     open_by = np.arccos(np.clip(-t[..., 0] / np.where(radius > 0, radius, 1.0), -1, 1))
     return common, centre + open_by, centre - open_by
+
+
+STEPS = 6
+"""Newton's method from eigenvalues, right to 1e-6 or better where solutions stand alone."""
+FAR = 14.0
+"""Imaginary part, in rad, beyond which a root is ±i: that of the tangent is off by 4 exp(-14) then, some 1e-6."""
+
+
+def complex_solutions(M: Any, loss: Any) -> tuple[Any, Any]:
+    """Return angles (n, 8, 2) and statuses (n, 8) for prepared equations (n, 2, 3, 3) without a common factor."""
+    n = len(M)
+    theta1, _ = eigenvalues(M)
+    far = ~(np.abs(theta1.imag) <= FAR)
+    theta1 = np.where(far, 0.0, theta1)
+    rows = np.einsum("neij,nki->nkej", M, basis(theta1))
+    n0, n1, n2 = np.moveaxis(np.cross(rows[:, :, 0], rows[:, :, 1]), -1, 0)
+    # tan(θ2/2) is n2/(n0 + n1) = (n0 - n1)/n2
+    steep = np.abs(n0 + n1) < np.abs(n0 - n1)
+    above, below = np.where(steep, n0 - n1, n2), np.where(steep, n2, n0 + n1)
+    with np.errstate(all="ignore"):
+        theta2 = np.where(below == 0, np.pi, 2 * np.arctan(above / np.where(below == 0, 1.0, below)))
+    far |= ~(np.abs(theta2.imag) <= FAR)
+    angles = np.stack([theta1, np.where(far, 0.0, theta2)], axis=-1)
+    for _ in range(STEPS):
+        value, J, _ = _at(M, angles)
+        step = newton_step(J, value, np.inf)
+        length = np.abs(step).max(axis=-1, keepdims=True)
+        angles = angles - step * np.minimum(1.0, 0.1 / np.maximum(length, 1e-300))
+    value, J, size = _at(M, angles)
+    with np.errstate(all="ignore"):
+        condition = condition_number(J, size)
+        right = (np.abs(value) / size).max(axis=-1) <= 4 * ROUNDING * loss[:, None]
+        regular = right & (condition <= regular_below(loss)[:, None])
+    status = np.select([far, regular], [PairStatus.NONE, PairStatus.REGULAR], PairStatus.DOUBLE).astype(
+        np.int8
+    )
+    angles = principal(angles.real) + 1j * angles.imag
+    angles = np.where(far[..., None], np.nan, angles)
+    order = np.lexsort((angles[..., 0].imag, angles[..., 0].real, far), axis=-1)
+    return np.take_along_axis(angles, order[..., None], axis=1).reshape(n, 8, 2), np.take_along_axis(
+        status, order, axis=1
+    )
+
+
+def _at(M: Any, angles: Any) -> tuple[Any, Any, Any]:
+    """Return values, derivatives and sizes of the terms of equations (n, 2, 3, 3) at complex angles (n, 8, 2)."""
+    u, v = basis(angles[..., 0]), basis(angles[..., 1])
+    value = np.einsum("neij,nki,nkj->nke", M, u, v)
+    by_first = np.einsum("neij,nki,nkj->nke", M, slope(u), v)
+    by_second = np.einsum("neij,nki,nkj->nke", M, u, slope(v))
+    size = np.einsum("neij,nki,nkj->nke", np.abs(M), np.abs(u), np.abs(v))
+    return value, np.stack([by_first, by_second], axis=-1), size
+
+
+LINES = 24
+"""Angles at which the other one is solved for."""
+
+
+def grid(n: int, side: int = 12) -> Any:
+    """Return angle pairs (n, side², 2) all over."""
+    line = 2 * np.pi * (np.arange(side) + 0.3) / side - np.pi
+    pairs = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    return np.broadcast_to(pairs, (n, *pairs.shape))
+
+
+def with_common_factor(M: Any) -> tuple[Any, Any]:
+    """Return the solutions of one pair (2, 3, 3): angles (8, 2), and statuses (8,)."""
+    slots, status = np.full((SLOTS, 2), np.nan), np.full(SLOTS, PairStatus.NONE, np.int8)
+    if not M.any():  # every pair of angles
+        slots[0], status[0] = 0.0, PairStatus.COMMON_FACTOR
+        return slots, status
+    lines = 2 * np.pi * np.arange(LINES) / LINES + 0.05
+    rows = np.einsum("eij,ki->kej", M, basis(lines))
+    columns = np.einsum("eij,kj->kei", M, basis(lines))
+    starts = [np.stack([lines, second], axis=-1) for second in seconds(rows)]
+    starts += [np.stack([first, lines], axis=-1) for first in seconds(columns)]
+    every = np.concatenate([*starts, grid(1)[0]])
+    angles, residual, condition, _ = (x[0] for x in polished(M[None], every[None]))
+    with np.errstate(invalid="ignore"):
+        there = residual <= 4 * ROUNDING
+        alone = (residual <= ROUNDING) & (condition <= regular_below(1.0))
+    found: list[tuple[Any, PairStatus]] = []
+    for k in np.flatnonzero(alone):
+        if all(apart(angles[k], other) > 0.25 / condition[k] for other, _ in found):
+            found.append((angles[k], PairStatus.REGULAR))
+    family = np.flatnonzero(there & ~alone)
+    if len(family):
+        found += _representatives(M, angles[family], residual[family])
+    ordered = sorted(found[-SLOTS:], key=lambda one: (one[0][0], one[0][1]))
+    for slot, (pair, kind) in enumerate(ordered):
+        slots[slot], status[slot] = pair, kind
+    return slots, status
+
+
+def _representatives(M: Any, angles: Any, residual: Any) -> list[tuple[Any, PairStatus]]:
+    """Return, of points (n, 2) of families, one on each line along which one angle is free, and one of other curves."""
+    many = np.broadcast_to(M, (len(angles), *M.shape))
+    moved, free = on_lines(many, np.full(len(angles), ROUNDING), angles)
+    found: list[tuple[Any, PairStatus]] = []
+    for which in (1, 2):
+        known: list[float] = []
+        for pair in moved[free == which]:
+            fixed = pair[which - 1]
+            if all(abs(principal(fixed - other)) > NEAR for other in known):
+                known.append(fixed)
+                found.append((pair, PairStatus.COMMON_FACTOR))
+    curve = np.flatnonzero(free == 0)
+    if len(curve):
+        found.append((angles[curve[residual[curve].argmin()]], PairStatus.COMMON_FACTOR))
+    return found

@@ -3,7 +3,8 @@
 A loop of mobility 1 whose equivalent spherical mechanism is a quadrilateral (group 1: RCCC, 2R-P-2C, 3R-2P-C, 4R-3P) or
 a pentagon (group 2: 3R-2C, 4R-P-C, 5R-2P), in any order of the joints, closes in at most two or eight ways once one
 variable is given. When that is an offset, one angle more is unknown, and group 1 needs the method of group 2. A robot
-with three or two slides among its six freedoms is such a loop with its pose as a link.
+with three or two slides among its six freedoms is such a loop with its pose as a link. RCCC and RRRCC loops have closed
+forms for some orders of the joints.
 """
 
 from __future__ import annotations
@@ -14,16 +15,62 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError, listed
+from rodgen.generated.numpy.spatial_loops import RCCCStatus
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.arrays import real_array
-from rodgen.kinematics.spatial.arms.solve import solve_arm
-from rodgen.kinematics.spatial.links.mechanism import Mechanism
-from rodgen.kinematics.spatial.links.merged import Merged, merge
-from rodgen.kinematics.spatial.links.transforms import is_pose, rx, rz, transform
-from rodgen.kinematics.spatial.loops.closed_forms import closed_form
-from rodgen.kinematics.spatial.loops.solve import solve_merged
-from rodgen.kinematics.spatial.status import Reverse, ReverseStatus, solutions_first
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.spatial.arm_reverse import solve_arm
+from rodgen.kinematics.spatial.loop_closure import solve_merged
+from rodgen.kinematics.spatial.mechanism import Mechanism, Merged, merge
+from rodgen.kinematics.spatial.pair_equations import solve_pair
+from rodgen.kinematics.spatial.status import PairStatus, Reverse, ReverseStatus, solutions_first
+from rodgen.kinematics.spatial.transforms import is_pose, rx, rz, transform
+
+PLAIN = 1e-3
+"""Least sine of a twist for the closed forms, which divide by it. For smaller ones the general method is used, which
+chooses its divisor."""
+
+
+def closed_form(
+    mechanism: Mechanism, known: Mapping[int, Array]
+) -> tuple[tuple[int, ...], Array, NDArray[np.bool_]] | None:
+    """Return all angles of an RCCC or RRRCC loop in which the angle of the R before, or after, the C is given.
+
+    These are the joints, their angles (count, N, joints), and which solutions exist; None for any other loop, and where
+    the closed form may fail.
+    """
+    if len(known) != 1 or not mechanism.closed:
+        return None
+    ((variable, value),) = known.items()
+    given, which = mechanism.variables[variable]
+    n = len(mechanism.joints)
+    if which != "theta":
+        return None
+    ring = [(given + k) % n for k in range(1, n + 1)]
+    kinds = "".join(mechanism.joints[j] for j in ring)
+    twists, lengths = (np.ascontiguousarray(x[ring]) for x in (mechanism.alpha, mechanism.a))
+    offset = mechanism.offset
+    if kinds == "CCCR" and (np.abs(np.sin(twists)) >= PLAIN).all():
+        theta, _, status = kernels.loop_rccc(twists, lengths, offset[given], value)
+        if (status == RCCCStatus.SINGULAR).any():
+            return None
+        return tuple(ring[:3]), theta, np.isfinite(theta).all(axis=-1)
+    if kinds == "RRCCR" and abs(np.sin(twists[2])) >= PLAIN:
+        offsets = np.array([offset[ring[0]], offset[ring[1]], offset[given]])
+        pair = solve_pair(kernels.loop_rrrcc_pair(twists, lengths, offsets, value))
+        if (pair.status == PairStatus.COMMON_FACTOR).any() or (pair.status > PairStatus.NONE).any():
+            return None
+        first, second = pair.theta1, pair.theta2
+        rest, _ = kernels.loop_rrrcc_back(twists, lengths, offsets, value[:, None], first, second)
+        return (
+            tuple(ring[:4]),
+            np.stack([first, second, rest[..., 0], rest[..., 1]], axis=-1),
+            pair.status <= 1,
+        )
+    return None
+
 
 Variable = int | tuple[int | str, str]
 """A variable of a mechanism: its index, or a joint (by number from 0, or by name) and ``"theta"`` or ``"S"``."""

@@ -6,6 +6,10 @@ unless they have a common factor. In angles no solution is at infinity: θ = π 
 
 The usual rows are solved fast, with a proof that nothing is missing. Where that proof fails, the roles of the two
 angles are exchanged; where it fails again, eigenvalues give starts, and two tests tell whether solutions are missing.
+
+One equation in one angle, A cos θ + B sin θ + D = 0, ends every closed form of a mechanism. With r = √(A² + B²) and
+A = r cos γ, B = r sin γ it is cos(θ - γ) = -D/r, so θ = γ ± h with cos h = -D/r: two angles where |D| < r, one where
+|D| = r, none where |D| > r. Where A = B = 0 it holds for every angle or for none.
 """
 
 from __future__ import annotations
@@ -17,13 +21,60 @@ from numpy.typing import ArrayLike
 
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.spatial.pairs.certain import certain_solutions
-from rodgen.kinematics.spatial.pairs.common_factor import grid, with_common_factor
-from rodgen.kinematics.spatial.pairs.complex_roots import complex_solutions
-from rodgen.kinematics.spatial.pairs.eigenvalues import HALF, starts
-from rodgen.kinematics.spatial.pairs.solutions import SLOTS, collected, consistent
+from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.kinematics.spatial.pair_roots import HALF, complex_solutions, grid, starts, with_common_factor
+from rodgen.kinematics.spatial.pair_solutions import SLOTS, certain_solutions, collected, consistent
 from rodgen.kinematics.spatial.status import PairStatus
 from rodgen.views import html_of
+
+
+def solve_trig(
+    A: ArrayLike, B: ArrayLike, D: ArrayLike, *, out: tuple[Any, Any] | None = None
+) -> tuple[Any, Any]:
+    """Return both angles with ``A cos(theta) + B sin(theta) + D = 0``.
+
+    Parameters
+    ----------
+    A, B, D : array_like (...)
+        Coefficients, in one unit.
+    out : tuple of two arrays, optional
+        Where the results go: (..., 2) and (...) int8.
+
+    Returns
+    -------
+    theta : array (..., 2)
+        The angles γ + h and γ - h in rad, from -π to π, where γ is the angle of (A, B) and h is between 0 and π: so
+        each moves continuously with the coefficients. NaN where, and only where, the status is neither TWO nor DOUBLE.
+    status : array (...) of int8
+        Codes of :class:`TrigStatus`.
+
+    Raises
+    ------
+    ValueError
+        When shapes do not broadcast.
+    TypeError
+        When a coefficient is not real.
+
+    Notes
+    -----
+    Lecture notes "Robot Geometry" after Crane and Duffy, "Solve A c + B s + D = 0", by the angle of (A, B); derivation
+    ``trig_equation``. With g = √(1 - D²/r²) an angle is right to about 2ε/g, where ε is the machine epsilon: near g =
+    0, where two angles meet, every method loses as much. DOUBLE is where g² is not above 4ε.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> theta, status = spatial.solve_trig(1.0, 0.0, [0.0, -1.0, -2.0])
+    >>> np.degrees(theta)
+    array([[ 90., -90.],
+           [  0.,   0.],
+           [ nan,  nan]])
+    >>> [spatial.TrigStatus(s).name for s in status]
+    ['TWO', 'DOUBLE', 'INFEASIBLE']
+    """
+    return call_kernel(kernels.trig_solve, (A, B, D), out)  # type: ignore[no-any-return]
+
 
 COMMON = 1e-13
 """Distance of Sylvester's matrix from being singular everywhere, relative, below which it is: rounding leaves 1e-16

@@ -2,24 +2,171 @@
 
 The q with T_F6(q) = T are wanted; there are up to 16. Three axes that follow each other and meet in one
 point or are parallel make the problem small: then a closed form, or a pair of equations in two angles, has them all.
+Where one of the two equations holds one angle only (an arm of Pieper whose first axes meet), it is solved by itself;
+the pair would have a double root for each of its roots. All other rows go to :func:`solve_pair`.
+
+Arms without special geometry are solved by ssik: Raghavan and Roth's 16 solutions of any six revolute joints. ssik is
+an optional dependency (``pip install 'rodgen[ik]'``). The first pose of an arm costs it up to a minute and a
+half of preparation, which it keeps on disk; each further pose costs milliseconds.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from rodgen.errors import RodgenError
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.backend import kernels, often_single
-from rodgen.kinematics.spatial.arms.branches import solved
-from rodgen.kinematics.spatial.arms.general import general
-from rodgen.kinematics.spatial.arms.plan import Plan, plan, reach, scaled_jacobian
-from rodgen.kinematics.spatial.arms.ways import WAYS
-from rodgen.kinematics.spatial.links.forward import forward
-from rodgen.kinematics.spatial.links.mechanism import Mechanism
-from rodgen.kinematics.spatial.links.transforms import is_pose
-from rodgen.kinematics.spatial.status import Reverse, ReverseStatus, solutions_first
+from rodgen.kinematics.spatial.arm_plan import (
+    FREE,
+    MEETING,
+    WAYS,
+    Arm,
+    Branch,
+    Plan,
+    Way,
+    both_branches,
+    plan,
+    reach,
+    scaled_jacobian,
+)
+from rodgen.kinematics.spatial.forward_analysis import forward, link_transform
+from rodgen.kinematics.spatial.mechanism import Mechanism
+from rodgen.kinematics.spatial.pair_equations import solve_pair
+from rodgen.kinematics.spatial.status import PairStatus, Reverse, ReverseStatus, solutions_first
+from rodgen.kinematics.spatial.transforms import is_pose
+
+ABSENT = 1e-14
+"""An equation does not depend on an angle whose coefficients, relative to the others, are below this."""
+
+
+def solved(way: Way, arm: Arm, T: Any) -> tuple[Any, Any, Any]:
+    """Return all candidates for poses (n, 4, 4): angles (n, m, 6), statuses (n, m), and whether one may be missing (n).
+
+    The angles are those of the mechanism that the arm was made of.
+    """
+    T = arm.pose(T)
+    R, P = T[:, :3, :3], T[:, :3, 3] - np.array([0.0, 0.0, arm.offset[0]])
+    M = getattr(kernels, way.equations)(T, arm.a, arm.cosine, arm.sine, arm.offset)
+    one, two, status = _pairs(M)
+    there = status <= PairStatus.COMMON_FACTOR
+    safe_one, safe_two = np.where(there, one, 0.0), np.where(there, two, 0.0)
+    branch = way.complete(arm, R[:, None], P[:, None], safe_one, safe_two)
+    codes = np.where(branch.double, ReverseStatus.DOUBLE, ReverseStatus.REGULAR)
+    codes = np.maximum(codes, np.where(there, status, 0)[..., None])  # the codes rise in this order
+    codes = np.where(branch.free, ReverseStatus.FAMILY, codes)
+    codes = np.where(there[..., None] & branch.there, codes, ReverseStatus.NONE)
+    n = len(T)
+    missing = (status == PairStatus.INCOMPLETE).any(axis=-1)
+    return arm.angles(branch.angles).reshape(n, -1, 6), codes.reshape(n, -1).astype(np.int8), missing
+
+
+def _pairs(M: Any) -> tuple[Any, Any, Any]:
+    """Return solutions of pairs (n, 2, 3, 3): angles (n, 8) and (n, 8), and statuses as of :class:`PairStatus`."""
+    n = len(M)
+    size = np.abs(M).max(axis=(-2, -1), keepdims=True)
+    M = M / np.where(size > 0, size, 1.0)
+    one, two = np.full((n, 8), np.nan), np.full((n, 8), np.nan)
+    status = np.full((n, 8), PairStatus.NONE, np.int8)
+    left = np.ones(n, bool)
+    for swapped in (False, True):
+        N = M.swapaxes(-1, -2) if swapped else M
+        alone = (
+            np.abs(N[..., 1:]).max(axis=(-2, -1)) <= ABSENT
+        )  # (n, 2): the second angle is not in the equation
+        for equation in (0, 1):
+            rows = np.flatnonzero(left & alone[:, equation])
+            if len(rows):
+                left[rows] = False
+                first, second, codes = _one_by_one(N[rows, equation, :, 0], N[rows, 1 - equation])
+                if swapped:
+                    first, second = second, first
+                one[rows, :4], two[rows, :4], status[rows, :4] = first, second, codes
+    rows = np.flatnonzero(left)
+    if len(rows):
+        pair = solve_pair(M[rows])
+        one[rows], two[rows], status[rows] = pair
+    return one, two, status
+
+
+def _one_by_one(first: Any, second: Any) -> tuple[Any, Any, Any]:
+    """Return solutions of an equation (n, 3) in one angle, and then the other (n, 3, 3) in the other angle."""
+    theta, there, double, free = _roots(first)
+    u = np.stack([np.ones_like(theta), np.cos(theta), np.sin(theta)], axis=-1)
+    other, also, double_2, free_2 = _roots(np.einsum("nki,nij->nkj", u, second))
+    status = np.where(double[..., None] | double_2, PairStatus.DOUBLE, PairStatus.REGULAR)
+    status = np.where(free[..., None] | free_2, PairStatus.COMMON_FACTOR, status)
+    status = np.where(there[..., None] & also, status, PairStatus.NONE)
+    n = len(first)
+    return np.repeat(theta, 2, axis=-1), other.reshape(n, 4), status.reshape(n, 4)
+
+
+def _roots(u: Any) -> Branch:
+    """Return the angles (..., 2) with u · (1, cos, sin) = 0, and whether each exists, is double, is free.
+
+    `u` (..., 3) is of size one.
+    """
+    D, A, B = u[..., 0], u[..., 1], u[..., 2]
+    r = np.hypot(A, B)
+    room = r - np.abs(D)
+    free = (r <= FREE) & (np.abs(D) <= FREE)
+    double = (np.abs(room) <= MEETING) & ~free
+    there = free | ((room >= -MEETING) & (r > 0))
+    q = np.sqrt(np.where((room > 0) & ~double, room * (r + np.abs(D)), 0.0))
+    half = np.arctan2(q, -D)
+    middle = np.arctan2(B, A)
+    theta = np.stack([middle + half, middle - half], axis=-1)
+    theta = np.where(free[..., None], 0.0, theta)
+    return both_branches(theta, there, double, free, double | free)
+
+
+SLOTS = 16
+
+
+@lru_cache(maxsize=16)
+def general(mechanism: Mechanism) -> Callable[[Any], tuple[Any, Any, Any]]:
+    """Return the function that solves an arm for poses (n, 4, 4).
+
+    It returns candidates: angles (n, 16, 6), statuses (n, 16), and whether one may be missing (n).
+
+    Raises
+    ------
+    RodgenError
+        When ssik is not installed.
+    """
+    try:
+        import ssik
+    except ImportError:
+        raise RodgenError(
+            "no three consecutive axes of this arm meet in one point or are parallel; expected such an arm, or the "
+            "package ssik, which solves every arm: pip install 'rodgen[ik]'"
+        ) from None
+    # ssik's tolerances are for lengths near 1
+    unit = reach(mechanism) or 1.0
+    a, alpha = np.append(0.0, mechanism.a), np.append(0.0, mechanism.alpha)
+    links = link_transform(a / unit, alpha, mechanism.offset / unit, 0.0)
+    arm = ssik.Manipulator.from_transforms([*links, np.eye(4)])
+    scale = np.ones((4, 4))
+    scale[:3, 3] = 1 / unit
+
+    def solve(T: Any) -> tuple[Any, Any, Any]:
+        angles = np.zeros((len(T), SLOTS, 6))
+        status = np.full((len(T), SLOTS), ReverseStatus.NONE, np.int8)
+        missing = np.zeros(len(T), bool)
+        for row, pose in enumerate(T * scale):
+            found = arm.solve(pose, respect_limits=False, enumerate_windings=False, allow_refinement=True)
+            missing[row] = len(found) % 2  # solutions come and go in pairs
+            for slot, solution in enumerate(found[:SLOTS]):
+                angles[row, slot] = solution.q
+                status[row, slot] = ReverseStatus.REGULAR
+        return angles, status, missing
+
+    return solve
+
 
 CHUNK = 2048
 """Poses that are solved at a time by pairs of equations: their arrays stay in the cache."""
@@ -42,7 +189,7 @@ def solve_arm(mechanism: Mechanism, pose: Any) -> Reverse:
     Raises
     ------
     RodgenError
-        As for :func:`rodgen.kinematics.spatial.arms.plan.plan`, and when the arm needs `ssik`, which is not installed.
+        As for :func:`rodgen.kinematics.spatial.arm_plan.plan`, and when the arm needs `ssik`, which is not installed.
     """
     chosen = plan(mechanism)
     if chosen.way in _CLOSED:

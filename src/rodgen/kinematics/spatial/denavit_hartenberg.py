@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
-from rodgen.kinematics.spatial.links.forward import link_transform
-from rodgen.kinematics.spatial.links.mechanism import Mechanism
-from rodgen.kinematics.spatial.robots.placement import Placement, at_zero, mechanism_at, placed
+from rodgen.kinematics.spatial.forward_analysis import link_transform
+from rodgen.kinematics.spatial.mechanism import Mechanism
+from rodgen.kinematics.spatial.placement import Placement, at_zero, mechanism_at, placed
 from rodgen.views import html_of
 
 

@@ -1,4 +1,4 @@
-"""The mobility of a mechanism: the general formula, and the known exceptions.
+"""What kind a mechanism is: its mobility, its equivalent spherical mechanism, and its group.
 
 n bodies, one of them fixed, would have 6 (n - 1) freedoms; a joint with f freedoms takes away 6 - f:
 
@@ -8,6 +8,12 @@ which is the sum of the f_i for an open chain, and 6 less for a single loop. The
 see the geometry. Where all motions stay within a group of displacements of an order below 6 (planar: 3, spherical: 3),
 that order takes the place of 6; the Bennett loop moves against every count; and a body that is held by two ball joints
 alone spins idly about the line through them.
+
+Equivalent spherical mechanism: move all axes S_j to one point and keep their directions: angles stay, lengths and
+offsets vanish. Joints R, C and H become R; a P, which turns nothing, is locked, and the links on both sides of it
+become one. The result is a spherical polygon with as many sides as joints; its mobility is that number less three. The
+group of a mechanism is this mobility: the number of its angles that must be given before the others follow from
+spherical trigonometry alone.
 """
 
 from __future__ import annotations
@@ -17,12 +23,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
-from rodgen.kinematics.spatial.links.forward import frames, screws
-from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, Mechanism
-from rodgen.kinematics.spatial.links.merged import merge
+from rodgen.kinematics.angles import principal
+from rodgen.kinematics.spatial.arm_plan import plan
+from rodgen.kinematics.spatial.forward_analysis import frames, screws
+from rodgen.kinematics.spatial.mechanism import FREEDOMS, Mechanism, merge
+from rodgen.polygon_laws import POLYGONS
 from rodgen.views import html_of
 
 PARALLEL = 1e-9
@@ -297,3 +305,183 @@ def _screws(mechanism: Mechanism, q: ArrayLike) -> Any:
     if values.shape != (count,):
         raise RodgenError(f"q has the shape {values.shape}; expected one number for each of {count}")
     return screws(mechanism, frames(mechanism, values)) / np.array([1.0] * 3 + [_size(mechanism)] * 3)
+
+
+@dataclass(frozen=True)
+class SphericalEquivalent:
+    """A spherical mechanism with the angles of a spatial one.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        Its joints are all R, its lengths and offsets zero.
+    joints : tuple of int
+        For each of its joints, which one of the spatial mechanism (with E, T and S expanded) it is.
+    shift : array
+        What is added to the angle of that joint to get the angle of the spherical one: not zero where a P was locked.
+    """
+
+    mechanism: Mechanism
+    joints: tuple[int, ...]
+    shift: NDArray[np.float64]
+
+    _repr_html_ = html_of
+
+    @property
+    def mobility(self) -> int:
+        """Freedoms: of a closed polygon three less than it has joints."""
+        return len(self.joints) - (3 if self.mechanism.closed else 0)
+
+    @property
+    def polygon(self) -> str:
+        """Its name: triangle to heptagon, or n-gon; ``"open"`` for an open chain."""
+        if not self.mechanism.closed:
+            return "open"
+        return POLYGONS.get(len(self.joints), f"{len(self.joints)}-gon")
+
+
+def equivalent_spherical(mechanism: Mechanism) -> SphericalEquivalent:
+    """Move all axes to one point.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With joints of any kind: T becomes two R, S three, and E one.
+
+    Returns
+    -------
+    SphericalEquivalent
+
+    Raises
+    ------
+    RodgenError
+        When no joint turns.
+
+    Notes
+    -----
+    Crane and Duffy, "Kinematic Analysis of Robot Manipulators", on equivalent spherical mechanisms. A locked P of angle
+    theta between twists alpha and beta makes one link, whose rotation is written as
+    Rz(u) Rx(twist) Rz(w) with a twist of 0 to pi: u is added to the angle before, and w to the angle after it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> loop = spatial.Mechanism("RCPCR", a=np.ones(5), alpha=np.radians([40, 90, 30, 70, 60]))
+    >>> found = spatial.equivalent_spherical(loop)
+    >>> found.joints, found.polygon, found.mobility, np.degrees(found.mechanism.alpha).round(9) + 0.0
+    ((0, 1, 3, 4), 'quadrilateral', 1, array([ 40., 120.,  70.,  60.]))
+    """
+    full = mechanism.expanded()
+    if set(full.joints) == {"P"}:
+        raise RodgenError("no joint of the mechanism turns; expected one with an angle")
+    merged = merge(full, {})
+    turning, m = merged.joints, len(merged.joints)
+    shift = np.zeros(m)
+    twists = []
+    for i, link in enumerate(merged.links if full.closed else merged.links[:-1]):
+        if (turning[i] + 1) % len(full.joints) == turning[
+            (i + 1) % m
+        ]:  # as given, also negative or beyond pi
+            twists.append(float(full.alpha[turning[i]]))
+            continue
+        R = link.R
+        sine = float(np.hypot(R[0, 2], R[1, 2]))
+        twists.append(float(np.arctan2(sine, R[2, 2])))
+        if sine > 8 * np.finfo(float).eps:
+            shift[i] += np.arctan2(R[0, 2], -R[1, 2])
+            shift[(i + 1) % m] += np.arctan2(R[2, 0], R[2, 1])
+        else:  # parallel axes: only the whole turn between them is determined
+            shift[i] += np.arctan2(R[1, 0], R[0, 0])
+    names = tuple(full.names[j] for j in turning)
+    found = Mechanism(
+        "R" * m, np.zeros(len(twists)), twists, unit=full.unit, name=mechanism.name, names=names
+    )
+    return SphericalEquivalent(found, turning, principal(shift))
+
+
+MOST_SOLUTIONS = {1: 2, 2: 8, 3: 16, 4: 16}
+METHODS = {
+    1: "one equation A cos + B sin + D = 0, all other unknowns linear",
+    2: "two equations, bilinear in cosine and sine of two angles, all other unknowns linear",
+    3: "an eigenvalue problem of degree 16, which is not solved here",
+    4: "a polynomial of degree 16, or a closed form where the geometry is special",
+}
+
+
+@dataclass(frozen=True)
+class Group:
+    """The group of a mechanism.
+
+    Attributes
+    ----------
+    number : int
+        Mobility of the equivalent spherical mechanism; of a robot, that of the loop with its hypothetical link. Groups
+        are counted from 1 to 4; a polygon with another mobility belongs to none.
+    polygon : str
+        The spherical polygon; empty where too few joints turn for one.
+    most_solutions : int or None
+        How many solutions the reverse analysis of a loop with mobility 1, or of a robot with 6 freedoms, can have.
+        Where axes of a robot meet or are parallel, fewer than the group's; None for other mechanisms.
+    method : str
+        How it is done, or why a group's method does not apply.
+    """
+
+    number: int
+    polygon: str
+    most_solutions: int | None
+    method: str
+
+    _repr_html_ = html_of
+
+
+def group(mechanism: Mechanism) -> Group:
+    """Return the group of a closed loop, or of the loop that closes a robot.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A loop; or an open chain, which is closed by a hypothetical link and a turning joint whose angle is known.
+
+    Returns
+    -------
+    Group
+
+    Notes
+    -----
+    Crane and Duffy, "Kinematic Analysis of Robot Manipulators", on groups. A group g with 4 - g slides is solved in
+    g angles together; special geometry lowers the number of solutions.
+
+    Examples
+    --------
+    >>> from rodgen import spatial
+    >>> spatial.group(spatial.PUMA_560).number
+    4
+    >>> spatial.group(spatial.PUMA_560).most_solutions  # 16 for the group
+    8
+    >>> loop = spatial.Mechanism("RRRCC", a=[1.0] * 5, alpha=[1.0] * 5)
+    >>> spatial.group(loop).polygon, spatial.group(loop).most_solutions
+    ('pentagon', 8)
+    """
+    turning = sum(kind != "P" for kind in mechanism.expanded().joints) + (not mechanism.closed)
+    number = turning - 3
+    wanted = 7 if mechanism.closed else 6
+    counted = sum(mechanism.freedoms) == wanted and number in METHODS
+    most, method = (MOST_SOLUTIONS[number], METHODS[number]) if counted else (None, _no_method(mechanism))
+    if mechanism.joints == ("R",) * 6 and not mechanism.closed:
+        chosen = plan(mechanism)
+        most, method = chosen.slots, chosen.method
+    polygon = POLYGONS.get(turning, f"{turning}-gon") if turning > 2 else ""
+    return Group(number, polygon, most, method)
+
+
+def _no_method(mechanism: Mechanism) -> str:
+    """Return why the solution process of a group does not apply."""
+    found = mobility(mechanism)
+    if not mechanism.closed:
+        return f"no group's method applies: {found.value} freedoms instead of the 6 of a robot"
+    if found.exception:
+        return f"no group's method applies: the loop moves by its special geometry ({found.exception})"
+    if found.passive:
+        return f"no group's method applies: of {found.value} freedoms {found.passive} are idle spins"
+    return f"no group's method applies: mobility {found.value} instead of 1"

@@ -1,1 +1,0 @@
-"""Reverse analysis of arms with six revolute joints."""

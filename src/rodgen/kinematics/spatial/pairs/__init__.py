@@ -1,1 +1,0 @@
-"""Trigonometric equations: one in one angle, and pairs of them in two angles."""
