@@ -1,9 +1,10 @@
-"""Check that an argument is an array of real numbers with the last axes that a function expects."""
+"""Checks of arguments: arrays of real numbers with the last axes that a function expects, lengths and limits."""
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -112,3 +113,43 @@ def broadcast_shapes(arguments: Mapping[str, tuple[NDArray[np.float64], int]]) -
 
 def _ending(ending: tuple[int, ...]) -> str:
     return f"(..., {', '.join(map(str, ending))})" if ending else "real numbers"
+
+
+def finite_number(name: str, value: object) -> float:
+    """Return a dimension as a float.
+
+    Raises
+    ------
+    RodgenError
+        When it is not a finite number.
+    """
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise RodgenError(f"{name} is {value!r}; expected a number") from None
+    if not math.isfinite(number):
+        raise RodgenError(f"{name} is {number}; expected a finite number")
+    return number
+
+
+def positive_length(name: str, value: object) -> float:
+    """Return a dimension that is a positive length; errors as of `finite_number`."""
+    number = finite_number(name, value)
+    if not number > 0:
+        raise RodgenError(f"{name} is {number}; expected a positive length")
+    return number
+
+
+def length_limits(limits: Sequence[float] | None, what: str) -> tuple[float, float]:
+    """Return the least and the greatest length of a rod or a leg; 0 and infinity without limits.
+
+    Raises
+    ------
+    RodgenError
+        When they are not two numbers from 0 on, the smaller first.
+    """
+    if limits is None:
+        return 0.0, math.inf
+    if np.shape(limits) != (2,) or not 0 <= float(limits[0]) <= float(limits[1]):
+        raise RodgenError(f"limits are {limits!r}; expected the least and the greatest length of a {what}")
+    return float(limits[0]), float(limits[1])

@@ -16,8 +16,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.axis import AxisStatus
-from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.kinematics.backend import call_kernel, kernels
 
 __all__ = [
     "AxisStatus",

@@ -15,8 +15,7 @@ from typing import Any, TypeVar
 from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.rotations import RotationStatus
-from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.kinematics.backend import call_kernel, kernels
 
 __all__ = [
     "RotationStatus",

@@ -23,13 +23,10 @@ from rodgen.generated.numpy.instantaneous_euler_inverse import RotationsStatus
 from rodgen.generated.numpy.instantaneous_euler_motion import MotionStatus
 from rodgen.generated.numpy.instantaneous_euler_ridges import RidgeStatus
 from rodgen.kinematics.instantaneous_euler._angles import (
+    Rates,
     angles_from_euler,
     angles_from_matrix,
     angles_from_quaternion,
-)
-from rodgen.kinematics.instantaneous_euler._arm import arm_pose
-from rodgen.kinematics.instantaneous_euler._rates import (
-    Rates,
     angular_velocity,
     euler_from_matrix,
     euler_from_quaternion,
@@ -37,12 +34,13 @@ from rodgen.kinematics.instantaneous_euler._rates import (
     rates,
     rates_from_euler,
 )
-from rodgen.kinematics.instantaneous_euler._ridges import ridge_lines
 from rodgen.kinematics.instantaneous_euler._rotations import (
     Choice,
     ChoiceStatus,
     Rotations,
+    arm_pose,
     choose,
+    ridge_lines,
     rotations,
 )
 from rodgen.kinematics.instantaneous_euler._trajectory import PathStatus, Trajectory, trajectory

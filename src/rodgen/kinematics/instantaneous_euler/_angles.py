@@ -1,15 +1,18 @@
-"""Instantaneous Euler angles of a rotation matrix, a quaternion or conventional Euler angles."""
+"""Instantaneous Euler angles of an attitude, their rates along a motion, and conventional angles."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rodgen.kinematics.backend import kernels
+from rodgen.generated.numpy.instantaneous_euler_motion import MotionStatus
+from rodgen.generated.numpy.rotations import RotationStatus
+from rodgen.kinematics.arrays import refuse_masked
+from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
-from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.views import html_of
 
 
 def angles_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
@@ -114,3 +117,232 @@ def angles_from_euler(angles: ArrayLike, sequence: str = "ZYX") -> tuple[Any, An
     kernel = kernels.chi_from_zyx if known.like == "zyx" else kernels.chi_from_zyz
     chi, status = kernel(known.angles(angles))
     return known.vector(np.asarray(chi)), status
+
+
+class Rates(NamedTuple):
+    """Rates of instantaneous Euler angles.
+
+    Attributes
+    ----------
+    rate : array (..., 3)
+        Rates of χ_x, χ_y, χ_z, in the unit of the angular velocity.
+    determinant : array (...)
+        Volume of the directions of the ridge lines, 16 q0 qx qy qz; 0 where the rates do not determine the angular
+        velocity.
+    status : array (...) of int8
+        Codes of :class:`MotionStatus`.
+    """
+
+    rate: Any
+    determinant: Any
+    status: Any
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
+
+
+def rates(matrix: ArrayLike, omega: ArrayLike) -> Rates:
+    """Return how fast the instantaneous Euler angles of a turning body change.
+
+    Parameters
+    ----------
+    matrix : array_like (..., 3, 3)
+        Rotation R; its columns are the moved axes.
+    omega : array_like (..., 3)
+        Angular velocity in fixed axes, rad per any unit of time.
+
+    Returns
+    -------
+    Rates
+        ``rate``, ``determinant``, ``status``. KINK where an angle is 0 or π: its rate is that towards later times, and
+        the opposite of the one before. SINGULAR where the rates are right and do not determine the angular velocity.
+
+    Notes
+    -----
+    χ̇_i = ω · N_i / |N_i| with N_i = e_i × R e_i: derivation ``instantaneous_euler_motion``.
+
+    Examples
+    --------
+    >>> from rodgen import instantaneous_euler as ie
+    >>> turned, _ = ie.motion_from_euler([0.5, 0.0, 0.0], [0.0, 0.0, 0.0])
+    >>> ie.rates(turned, [0.0, 0.0, 2.0]).rate
+    array([2., 2., 0.])
+    """
+    return Rates(*call_kernel(kernels.chi_rates, (matrix, omega)))
+
+
+def angular_velocity(matrix: ArrayLike, rate: ArrayLike) -> tuple[Any, Any]:
+    """Return the angular velocity of a body whose instantaneous Euler angles change at given rates.
+
+    Parameters
+    ----------
+    matrix : array_like (..., 3, 3)
+        Rotation R; its columns are the moved axes.
+    rate : array_like (..., 3)
+        Rates of χ_x, χ_y, χ_z, rad per any unit of time.
+
+    Returns
+    -------
+    omega : array (..., 3)
+        Angular velocity in fixed axes; NaN where the rates do not determine it.
+    status : array (...) of int8
+        Codes of :class:`MotionStatus`: SINGULAR or KINK where the rates do not determine it, NEAR_SINGULAR where they
+        do so badly.
+
+    Notes
+    -----
+    It is singular where a component of the quaternion is 0, on the boundary of the tetrahedron of the cosines. Near
+    it the error is about the machine epsilon over the volume of the ridge lines' unit directions, which is
+    `determinant` of :func:`rates` over the three sines; where that leaves fewer than half of the digits the status is
+    NEAR_SINGULAR.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import instantaneous_euler as ie
+    >>> matrix, omega = ie.motion_from_euler([0.3, 0.2, 0.5], [1.0, -2.0, 0.5])
+    >>> np.allclose(ie.angular_velocity(matrix, ie.rates(matrix, omega).rate)[0], omega)
+    True
+    """
+    return call_kernel(kernels.chi_angular_velocity, (matrix, rate))  # type: ignore[no-any-return]
+
+
+def motion_from_euler(angles: ArrayLike, angle_rates: ArrayLike, sequence: str = "ZYX") -> tuple[Any, Any]:
+    """Return the rotation matrix and the angular velocity of conventional Euler angles and their rates.
+
+    Parameters
+    ----------
+    angles, angle_rates : array_like (..., 3)
+        The three angles in the order of the sequence, rad, and their rates.
+    sequence : str, optional
+        As for :func:`angles_from_euler`.
+
+    Returns
+    -------
+    matrix : array (..., 3, 3)
+        Rotation; its columns are the moved axes. Zhou and Zhu (2023), eqs. (19) and (17) put right.
+    omega : array (..., 3)
+        Angular velocity in fixed axes.
+
+    Raises
+    ------
+    RodgenError
+        When the sequence is not one of the twelve.
+
+    Examples
+    --------
+    >>> from rodgen import instantaneous_euler as ie
+    >>> matrix, omega = ie.motion_from_euler([0.0, 0.0, 0.0], [0.1, 0.2, 0.3], "ZYX")
+    >>> omega
+    array([0.3, 0.2, 0.1])
+    """
+    known = sequence_of(sequence)
+    kernel = kernels.chi_motion_from_zyx if known.like == "zyx" else kernels.chi_motion_from_zyz
+    matrix, omega = kernel(known.angles(angles), known.angles(angle_rates))
+    return known.matrix(np.asarray(matrix)), known.sign * known.vector(np.asarray(omega))
+
+
+def rates_from_euler(angles: ArrayLike, angle_rates: ArrayLike, sequence: str = "ZYX") -> Rates:
+    """Return how fast instantaneous Euler angles change with the conventional ones.
+
+    Parameters
+    ----------
+    angles, angle_rates : array_like (..., 3)
+        The three angles in the order of the sequence, rad, and their rates.
+    sequence : str, optional
+        As for :func:`angles_from_euler`.
+
+    Returns
+    -------
+    Rates
+        As for :func:`rates`.
+
+    Examples
+    --------
+    >>> from rodgen import instantaneous_euler as ie
+    >>> ie.rates_from_euler([0.5, 0.0, 0.0], [2.0, 0.0, 0.0]).rate
+    array([2., 2., 0.])
+    """
+    return rates(*motion_from_euler(angles, angle_rates, sequence))
+
+
+def euler_from_quaternion(quaternion: ArrayLike, sequence: str = "ZYX") -> tuple[Any, Any]:
+    """Return the conventional Euler angles of a unit quaternion.
+
+    Parameters
+    ----------
+    quaternion : array_like (..., 4)
+        Unit quaternion, scalar part first.
+    sequence : str, optional
+        As for :func:`angles_from_euler`.
+
+    Returns
+    -------
+    angles : array (..., 3)
+        The three angles in the order of the sequence, rad. The middle one is -π/2 to π/2 for sequences of three axes,
+        0 to π for those that begin and end with the same, the others are -π to π.
+    status : array (...) of int8
+        Codes of :class:`MotionStatus`; SINGULAR for gimbal lock, where the third intrinsic rotation (the first
+        extrinsic one) is given as 0.
+
+    Raises
+    ------
+    RodgenError
+        When the sequence is not one of the twelve.
+
+    Notes
+    -----
+    By atan2 of half angles, well conditioned up to the lock; derivation ``instantaneous_euler_motion``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import instantaneous_euler as ie
+    >>> angles, status = ie.euler_from_quaternion([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
+    >>> np.degrees(angles).round(6) + 0.0, ie.MotionStatus(int(status)).name
+    (array([ 0., 90.,  0.]), 'SINGULAR')
+    """
+    known = sequence_of(sequence)
+    refuse_masked("quaternion", quaternion)
+    given = np.asarray(quaternion)
+    if given.ndim == 0 or given.shape[-1] != 4:
+        raise ValueError(f"a quaternion has the shape {given.shape}; expected a last axis of 4")
+    kernel = kernels.chi_zyx_from_quaternion if known.like == "zyx" else kernels.chi_zyz_from_quaternion
+    angles, status = kernel(known.quaternion(given))
+    angles = np.asarray(angles)
+    if known.sign < 0 and known.like == "zyz":  # the second angle stays from 0 to pi: the others turn by pi
+        locked = np.asarray(status)[..., None] == MotionStatus.SINGULAR
+        turned = np.where(angles > 0, angles - np.pi, angles + np.pi)
+        angles = np.where(locked, angles, turned) * [1, 0, 1] - angles * [0, 1, 0]
+    return known.angles(angles), status
+
+
+def euler_from_matrix(matrix: ArrayLike, sequence: str = "ZYX") -> tuple[Any, Any]:
+    """Return the conventional Euler angles of a rotation matrix.
+
+    Parameters
+    ----------
+    matrix : array_like (..., 3, 3)
+        Rotation R; its columns are the moved axes.
+    sequence : str, optional
+        As for :func:`angles_from_euler`.
+
+    Returns
+    -------
+    angles : array (..., 3)
+        As for :func:`euler_from_quaternion`.
+    status : array (...) of int8
+        Codes of :class:`MotionStatus`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import instantaneous_euler as ie
+    >>> matrix, _ = ie.motion_from_euler([0.1, 0.2, 0.3], [0.0, 0.0, 0.0], "XZX")
+    >>> ie.euler_from_matrix(matrix, "XZX")[0].round(12)
+    array([0.1, 0.2, 0.3])
+    """
+    quaternion, found = call_kernel(kernels.quaternion_from_matrix, (matrix,))
+    angles, status = euler_from_quaternion(quaternion, sequence)
+    abnormal = (found == RotationStatus.NOT_NORMAL) & (status == MotionStatus.REGULAR)
+    return angles, np.where(abnormal, np.int8(MotionStatus.NOT_NORMAL), status)

@@ -1,4 +1,8 @@
-"""All rotations with given instantaneous Euler angles, and the one with given ridge lines."""
+"""All rotations with given instantaneous Euler angles or ridge lines, and an arm with a Z-Y-X wrist.
+
+Ridge lines are where the coordinate planes meet their images. The arm has six joints, as in section 5.2 of Zhou and
+Zhu.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +15,53 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.instantaneous_euler_inverse import RotationsStatus
 from rodgen.kinematics.arrays import refuse_masked
-from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.instantaneous_euler._ridges import ridge_normal
-from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.views import html_of
+
+
+def ridge_normal(matrix: Any, axis: int) -> Any:
+    """Return e_i × R e_i (..., 3): along the ridge line, as long as the sine of its angle."""
+    return np.cross(np.eye(3)[axis], matrix[..., :, axis])
+
+
+def ridge_lines(matrix: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Any, Any]:
+    """Return the lines in which the yz, xz and xy planes meet their images.
+
+    Parameters
+    ----------
+    matrix : array_like (..., 3, 3)
+        Rotation R; its columns are the moved axes.
+    point : array_like (..., 3), optional
+        The moved origin p, in any length unit; the fixed one when left out.
+
+    Returns
+    -------
+    lines : array (..., 3, 6)
+        X_r, Y_r, Z_r as Plücker coordinates: a unit direction, and the moment about the fixed origin in the unit of
+        `point`. The rotation by χ_i about the direction brings the plane to its image. NaN where there is no line.
+    status : array (..., 3) of int8
+        Codes of :class:`RidgeStatus`: where the angle is 0 or π, whether the planes coincide or are parallel.
+
+    Notes
+    -----
+    Z_r = (e_z × z_3; (z_3 · p) e_z) / sin χ_z, and so on: Zhou and Zhu (2023), eqs. (9), (12), (15), put right in the
+    derivation ``instantaneous_euler_ridges``. A line is as exact as its angle is away from 0 and π: the direction to
+    the machine epsilon over sin χ_i.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import instantaneous_euler as ie
+    >>> tilted = [[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]]  # about x
+    >>> lines, status = ie.ridge_lines(tilted, [0.0, 0.0, 2.0])
+    >>> lines[2]
+    array([1. , 0. , 0. , 0. , 0. , 1.5])
+    >>> [ie.RidgeStatus(int(code)).name for code in status]
+    ['PLANES_COINCIDE', 'LINE', 'LINE']
+    """
+    lines, *statuses = call_kernel(kernels.chi_ridge_lines, (matrix, point))
+    return lines, np.stack(statuses, axis=-1)
+
 
 _COUNT = np.array([8, 4, 2, 1, 0, 0])
 """Rotations for each code of `RotationsStatus`."""
@@ -228,3 +275,41 @@ def choose(
         left,
         code.astype(np.int8),
     )
+
+
+def arm_pose(joints: ArrayLike, lengths: ArrayLike) -> tuple[Any, Any, Any]:
+    """Return the pose of an arm with six joints whose wrist turns about z, y and x.
+
+    At zero the upper arm stands upright and the forearm points along x. Joint 1 turns about z, joints 2 and 3 about
+    y, in the shoulder and the elbow, joints 4, 5 and 6 about the z, y and x axes of the wrist, through one point.
+
+    Parameters
+    ----------
+    joints : array_like (..., 6)
+        Joint angles, rad.
+    lengths : array_like (..., 4)
+        Height of the shoulder, upper arm, forearm, and from the wrist's centre to the tool point; one length unit.
+
+    Returns
+    -------
+    matrix : array (..., 3, 3)
+        Rotation of the tool in axes of the base.
+    point : array (..., 3)
+        Tool point, in the unit of `lengths`.
+    wrist : array (..., 3)
+        Centre of the wrist.
+
+    Notes
+    -----
+    The paper gives neither lengths nor joint parameters of its arm, so there are no default ones. In the axes of the
+    forearm the instantaneous Euler angles are those of the last three joints as Z-Y-X angles, whatever the lengths:
+    derivation ``instantaneous_euler_arm``.
+
+    Examples
+    --------
+    >>> from rodgen import instantaneous_euler as ie
+    >>> matrix, point, wrist = ie.arm_pose([0.0] * 6, [0.4, 0.5, 0.45, 0.15])
+    >>> point, wrist
+    (array([0.6, 0. , 0.9]), array([0.45, 0.  , 0.9 ]))
+    """
+    return call_kernel(kernels.chi_arm_pose, (joints, lengths))  # type: ignore[no-any-return]

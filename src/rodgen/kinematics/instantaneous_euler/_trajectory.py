@@ -19,9 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.generated.numpy.instantaneous_euler_motion import MotionStatus
 from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.instantaneous_euler._angles import angles_from_quaternion
-from rodgen.kinematics.instantaneous_euler._rates import euler_from_quaternion
-from rodgen.kinematics.instantaneous_euler._ridges import ridge_normal
+from rodgen.kinematics.instantaneous_euler._angles import angles_from_quaternion, euler_from_quaternion
+from rodgen.kinematics.instantaneous_euler._rotations import ridge_normal
 from rodgen.kinematics.instantaneous_euler.sequences import Sequence, sequence_of
 from rodgen.views import html_of
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
-from rodgen.kinematics.angles import angle_between
+from rodgen.kinematics.numerics import angle_between
 from rodgen.kinematics.spatial.forward_analysis import jacobian
 from rodgen.kinematics.spatial.mechanism import Mechanism
 

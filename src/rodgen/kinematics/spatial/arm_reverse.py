@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from rodgen.errors import RodgenError
-from rodgen.kinematics.angles import principal
 from rodgen.kinematics.backend import kernels, often_single
+from rodgen.kinematics.numerics import principal
 from rodgen.kinematics.spatial.arm_plan import (
     FREE,
     MEETING,

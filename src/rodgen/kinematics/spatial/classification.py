@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
-from rodgen.kinematics.angles import principal
+from rodgen.kinematics.numerics import principal
 from rodgen.kinematics.spatial.arm_plan import plan
 from rodgen.kinematics.spatial.forward_analysis import frames, screws
 from rodgen.kinematics.spatial.mechanism import FREEDOMS, Mechanism, merge

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 from rodgen.generated.numpy.trig_equation import TrigStatus
-from rodgen.kinematics.angles import angle_between, apart
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.numerics import angle_between, apart
 from rodgen.kinematics.spatial.mechanism import Link, Mechanism, Merged
 from rodgen.kinematics.spatial.pair_equations import solve_pair, solve_trig
 from rodgen.kinematics.spatial.status import PairStatus, ReverseStatus

@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError, listed
 from rodgen.generated.numpy.spatial_loops import RCCCStatus
-from rodgen.kinematics.angles import principal
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.numerics import principal
 from rodgen.kinematics.spatial.arm_reverse import solve_arm
 from rodgen.kinematics.spatial.loop_closure import solve_merged
 from rodgen.kinematics.spatial.mechanism import Mechanism, Merged, merge

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.kinematics.arrays import real_array
-from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.spatial.pair_roots import HALF, complex_solutions, grid, starts, with_common_factor
 from rodgen.kinematics.spatial.pair_solutions import SLOTS, certain_solutions, collected, consistent
 from rodgen.kinematics.spatial.status import PairStatus

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.kinematics.angles import apart, principal
+from rodgen.kinematics.numerics import apart, principal
 from rodgen.kinematics.spatial.pair_solutions import (
     NEAR,
     ROUNDING,

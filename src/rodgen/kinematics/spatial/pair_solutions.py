@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from rodgen.generated.numpy.biquadratic_pair import PairRoots
-from rodgen.kinematics.angles import apart, principal
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.numerics import apart, principal
 from rodgen.kinematics.spatial.status import PairStatus
 
 SLOTS = 8

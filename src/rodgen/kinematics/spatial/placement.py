@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
-from rodgen.kinematics.angles import principal
 from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.numerics import principal
 from rodgen.kinematics.spatial.arm_plan import SIX_REVOLUTES, plan
 from rodgen.kinematics.spatial.arm_reverse import solve_arm
 from rodgen.kinematics.spatial.forward_analysis import checked, forward, jacobian

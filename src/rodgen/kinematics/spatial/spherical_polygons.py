@@ -30,8 +30,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.polygon_laws import FAMILIES, POLYGONS, HalfTangent, Law, laws
 from rodgen.polygon_notation import Monomial, Term
 

@@ -12,8 +12,8 @@ in rad.
 """
 
 from rodgen.kinematics.three_sps_s._direct import DirectStatus, direct, direct_all, follow
-from rodgen.kinematics.three_sps_s._geometry import Geometry
 from rodgen.kinematics.three_sps_s._legs import (
+    Geometry,
     Singularity,
     jacobian,
     leg_rates,

@@ -1,4 +1,7 @@
-"""Legs of a 3-SPS-S machine in an orientation, their rates, and singular poses.
+"""The dimensions of a 3-SPS-S machine, its legs in an orientation, their rates, and singular poses.
+
+The joints on the base stand at -30°, 90° and 210° on a circle of the radius R in the plane z = 0; those on the platform
+in the same directions on one of the radius r, in the plane of the pivot (0, 0, h), when the platform is not turned.
 
 The platform is turned by a rotation about the pivot. Where the legs do not hold it, the Jacobian loses rank: its
 determinant, normed to lie between -1 and 1, is zero. The home pose is such a place, and so is every pure tilt straight
@@ -7,19 +10,63 @@ towards a joint.
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.rotations import RotationStatus
-from rodgen.kinematics.angles import principal
-from rodgen.kinematics.arrays import broadcast_shapes, real_array
-from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.gains import gains_and_condition
-from rodgen.kinematics.kernel_call import call_kernel
-from rodgen.kinematics.three_sps_s._geometry import Geometry
+from rodgen.kinematics.arrays import broadcast_shapes, finite_number, positive_length, real_array
+from rodgen.kinematics.backend import call_kernel, kernels
+from rodgen.kinematics.numerics import gains_and_condition, principal
 from rodgen.views import html_of
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The fixed dimensions of a 3-SPS-S machine, in one unit of length.
+
+    Parameters
+    ----------
+    R, r : float
+        Radii of the joints on the base and on the platform.
+    h : float
+        Height of the pivot over the base.
+
+    Raises
+    ------
+    RodgenError
+        When a radius is not positive, or a number not finite.
+
+    Examples
+    --------
+    >>> from rodgen import three_sps_s
+    >>> three_sps_s.Geometry(2, 1, 1.5).home_leg.__round__(6)
+    1.802776
+    """
+
+    R: float
+    r: float
+    h: float
+
+    _repr_html_ = html_of
+
+    def __post_init__(self) -> None:
+        for name, check in (("R", positive_length), ("r", positive_length), ("h", finite_number)):
+            object.__setattr__(self, name, check(name, getattr(self, name)))
+
+    @property
+    def lengths(self) -> tuple[float, float, float]:
+        """R, r and h, in the kernels' order."""
+        return self.R, self.r, self.h
+
+    @property
+    def home_leg(self) -> float:
+        """Length of each leg when the platform is not turned."""
+        return math.hypot(self.R - self.r, self.h)
+
 
 SINGULAR = 1e-6
 """Normed determinant up to which a pose counts as singular. The angle that errors of the legs open grows by about its

@@ -17,10 +17,9 @@ from numpy.typing import ArrayLike
 
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.rotations import RotationStatus
+from rodgen.kinematics.arrays import length_limits
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.dimensions import length_limits
-from rodgen.kinematics.three_sps_s._geometry import Geometry
-from rodgen.kinematics.three_sps_s._legs import SINGULAR, nearest_proper, rotation_from_tilt_torsion
+from rodgen.kinematics.three_sps_s._legs import SINGULAR, Geometry, nearest_proper, rotation_from_tilt_torsion
 from rodgen.views import html_of
 
 

@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
-from rodgen.kinematics.arrays import real_array
-from rodgen.kinematics.dimensions import length_limits
+from rodgen.kinematics.arrays import length_limits, real_array
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._intervals import (
     Extremes,

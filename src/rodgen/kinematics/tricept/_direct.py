@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
 from rodgen.kinematics.arrays import real_array
-from rodgen.kinematics.polynomials import Polynomials, roots
+from rodgen.kinematics.numerics import Polynomials, roots
 from rodgen.kinematics.tricept._geometry import Geometry
 
 MOST_POSES = 28

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import RodgenError
-from rodgen.kinematics.dimensions import finite_number, positive_length
+from rodgen.kinematics.arrays import finite_number, positive_length
 from rodgen.views import html_of
 
 

@@ -18,10 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
 from rodgen.generated.numpy.tricept import TriceptStatus
-from rodgen.kinematics.arrays import broadcast_shapes, real_array
-from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.dimensions import length_limits
-from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.kinematics.arrays import broadcast_shapes, length_limits, real_array
+from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.tricept._direct import direct_all
 from rodgen.kinematics.tricept._geometry import (
     FIXED,

@@ -19,11 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
-from rodgen.kinematics.arrays import broadcast_shapes, real_array
-from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.dimensions import length_limits
-from rodgen.kinematics.gains import gains_and_condition
-from rodgen.kinematics.kernel_call import call_kernel
+from rodgen.kinematics.arrays import broadcast_shapes, length_limits, real_array
+from rodgen.kinematics.backend import call_kernel, kernels
+from rodgen.kinematics.numerics import gains_and_condition
 from rodgen.kinematics.tricept._geometry import GROUPS, PARAMETERS, Geometry, joints
 from rodgen.kinematics.tricept._kinematics import lost_behind, pose
 from rodgen.statistics.chi_distribution import chi3_quantile

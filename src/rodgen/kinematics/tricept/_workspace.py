@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
-from rodgen.kinematics.dimensions import length_limits
+from rodgen.kinematics.arrays import length_limits
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import pose
 from rodgen.kinematics.tricept._uncertainty import ellipsoid, place_covariance, singularity

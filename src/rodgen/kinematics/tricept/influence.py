@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
+from rodgen.kinematics.arrays import length_limits
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.dimensions import length_limits
-from rodgen.kinematics.polynomials import Polynomials, roots
+from rodgen.kinematics.numerics import Polynomials, roots
 from rodgen.kinematics.tricept._bounds import ELEMENTS
 from rodgen.kinematics.tricept._geometry import PARAMETERS, Geometry
 from rodgen.kinematics.tricept._intervals import grid_points

@@ -1,4 +1,4 @@
-"""Polynomials of many rows at a time: sums, products, values, derivatives and roots."""
+"""Numeric helpers of several mechanisms: angles less whole turns, singular values, polynomials of many rows."""
 
 from __future__ import annotations
 
@@ -6,6 +6,34 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+def principal(angles: Any) -> Any:
+    """Return angles in (-π, π]; those that are there already come back as they are, to the last bit."""
+    found = angles - 2 * np.pi * np.round(np.asarray(angles) / (2 * np.pi))
+    return np.where(found <= -np.pi, np.pi, found)
+
+
+def apart(one: Any, other: Any) -> Any:
+    """Return the largest difference (...) of sets of angles (..., n), whole turns not counted."""
+    return np.abs(principal(one - other)).max(axis=-1)
+
+
+def angle_between(x: Any, y: Any, u: Any, v: Any) -> Any:
+    """Return the angle from the direction (x, y) to (u, v)."""
+    return np.arctan2(x * v - y * u, x * u + y * v)
+
+
+def gains_and_condition(jacobian: Any) -> tuple[Any, Any]:
+    """Return singular values (..., 3), largest first, and the condition (...) of square matrices (..., 3, 3).
+
+    The condition is infinite where the smallest gain is zero; both are NaN where the matrix is not finite.
+    """
+    good = np.isfinite(jacobian).all(axis=(-2, -1))
+    gains = np.linalg.svd(np.where(good[..., None, None], jacobian, 0.0), compute_uv=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        condition = np.where(gains[..., 2] > 0, gains[..., 0] / gains[..., 2], np.inf)
+    return np.where(good[..., None], gains, np.nan), np.where(good, condition, np.nan)
 
 
 class Polynomials:
