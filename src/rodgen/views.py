@@ -143,6 +143,12 @@ def html_of(result: Any) -> str:
     return html_of_table(fields, (type(result).__doc__ or "").partition("\n")[0])
 
 
+def with_html(result: type[Item]) -> type[Item]:
+    """Give a class of results its HTML in a notebook, that of :func:`html_of`; a decorator."""
+    result._repr_html_ = html_of  # type: ignore[attr-defined]
+    return result
+
+
 def brief(result: Any) -> str:
     """Return a dataclass in one line: its type and those of its fields that are not empty, of large ones the size.
 

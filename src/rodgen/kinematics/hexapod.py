@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.array_types import Array
 from rodgen.kinematics.arrays import broadcast_shapes, real_array
 from rodgen.kinematics.rotation import matrix_from_rodrigues_vector
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 __all__ = ["DirectStatus", "Geometry", "by_newton", "direct", "least_singular_value", "legs"]
 
@@ -50,6 +50,7 @@ class DirectStatus(IntEnum):
     INVALID = 5
 
 
+@with_html
 @dataclass(frozen=True)
 class Geometry:
     """The joints of a hexapod, in one unit of length.
@@ -62,8 +63,6 @@ class Geometry:
 
     base: Array
     platform: Array
-
-    _repr_html_ = html_of
 
     @property
     def size(self) -> float:

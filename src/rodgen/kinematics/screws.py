@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.kinematics.arrays import real_array
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 __all__ = [
     "ReciprocalSystem",
@@ -51,6 +51,7 @@ class ScrewStatus(IntEnum):
     INVALID = 4
 
 
+@with_html
 class ScrewAxis(NamedTuple):
     """Axis and pitch of screws, of :func:`screw_axis`."""
 
@@ -59,19 +60,14 @@ class ScrewAxis(NamedTuple):
     pitch: Any
     status: Any
 
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
-
+@with_html
 class ReciprocalSystem(NamedTuple):
     """Rank of given screws, and the screws reciprocal to all of them, of :func:`reciprocal_system`."""
 
     rank: Any
     basis: Any
     margin: Any
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def line_through(a: ArrayLike, b: ArrayLike) -> Any:

@@ -15,7 +15,7 @@ from rodgen.array_types import Array
 from rodgen.data.units import ARCSEC
 from rodgen.errors import joined
 from rodgen.statistics.digits import last_decimal
-from rodgen.views import html_of, plain
+from rodgen.views import plain, with_html
 
 
 class AxisFitStatus(IntEnum):
@@ -37,6 +37,7 @@ class AxisFitStatus(IntEnum):
     """The direction can turn any way; `axis` only represents."""
 
 
+@with_html
 @dataclass(frozen=True, eq=False)
 class AxisFit:
     """One axis of rotation fitted to pairs of points.
@@ -120,8 +121,6 @@ class AxisFit:
     point_known: bool
     loss: str
     iterations: int
-
-    _repr_html_ = html_of
 
     @property
     def pairs(self) -> int:

@@ -12,7 +12,7 @@ from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 
 def angles_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
@@ -119,6 +119,7 @@ def angles_from_euler(angles: ArrayLike, sequence: str = "ZYX") -> tuple[Any, An
     return known.vector(np.asarray(chi)), status
 
 
+@with_html
 class Rates(NamedTuple):
     """Rates of instantaneous Euler angles.
 
@@ -136,9 +137,6 @@ class Rates(NamedTuple):
     rate: Any
     determinant: Any
     status: Any
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def rates(matrix: ArrayLike, omega: ArrayLike) -> Rates:

@@ -16,7 +16,7 @@ from rodgen.errors import RodgenError
 from rodgen.generated.numpy.instantaneous_euler_inverse import RotationsStatus
 from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.backend import call_kernel, kernels
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 
 def ridge_normal(matrix: Any, axis: int) -> Any:
@@ -67,6 +67,7 @@ _COUNT = np.array([8, 4, 2, 1, 0, 0])
 """Rotations for each code of `RotationsStatus`."""
 
 
+@with_html
 class Rotations(NamedTuple):
     """Rotations with given instantaneous Euler angles.
 
@@ -90,9 +91,6 @@ class Rotations(NamedTuple):
     distance: Any
     nearest: Any
 
-    def _repr_html_(self) -> str:
-        return html_of(self)
-
 
 class ChoiceStatus(IntEnum):
     """Whether ridge lines choose one of the rotations with given angles.
@@ -109,6 +107,7 @@ class ChoiceStatus(IntEnum):
     INVALID = 3
 
 
+@with_html
 class Choice(NamedTuple):
     """The rotation that ridge lines choose.
 
@@ -128,9 +127,6 @@ class Choice(NamedTuple):
     misfit: Any
     left: Any
     status: Any
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def rotations(chi: ArrayLike, *, tolerance: ArrayLike = 0.0) -> Rotations:

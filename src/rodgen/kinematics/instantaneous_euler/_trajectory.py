@@ -22,7 +22,7 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.instantaneous_euler._angles import angles_from_quaternion, euler_from_quaternion
 from rodgen.kinematics.instantaneous_euler._rotations import ridge_normal
 from rodgen.kinematics.instantaneous_euler.sequences import Sequence, sequence_of
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 _FLAT = 1e-12
 """Sine of an angle below which its ridge line is not followed: its direction is rounded to 1e-16 over that."""
@@ -45,6 +45,7 @@ class PathStatus(IntEnum):
     INVALID = 4
 
 
+@with_html
 class Trajectory(NamedTuple):
     """Angles along a motion of n attitudes.
 
@@ -70,9 +71,6 @@ class Trajectory(NamedTuple):
     euler: dict[str, Any]
     continuous: dict[str, Any]
     euler_status: dict[str, Any]
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ")) -> Trajectory:

@@ -31,7 +31,7 @@ from rodgen.kinematics.spatial.arm_plan import plan
 from rodgen.kinematics.spatial.forward_analysis import frames, screws
 from rodgen.kinematics.spatial.mechanism import FREEDOMS, Mechanism, merge
 from rodgen.polygon_laws import POLYGONS
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 PARALLEL = 1e-9
 """Sine, or length relative to the largest one, below which axes are parallel and a length is zero: far above what the
@@ -46,6 +46,7 @@ ORDERS = {
 }
 
 
+@with_html
 @dataclass(frozen=True)
 class Mobility:
     """The freedoms of a mechanism.
@@ -79,8 +80,6 @@ class Mobility:
     passive: int = 0
     instantaneous: int | None = None
     remarks: tuple[str, ...] = ()
-
-    _repr_html_ = html_of
 
 
 def mobility(mechanism: Mechanism, q: ArrayLike | None = None) -> Mobility:
@@ -307,6 +306,7 @@ def _screws(mechanism: Mechanism, q: ArrayLike) -> Any:
     return screws(mechanism, frames(mechanism, values)) / np.array([1.0] * 3 + [_size(mechanism)] * 3)
 
 
+@with_html
 @dataclass(frozen=True)
 class SphericalEquivalent:
     """A spherical mechanism with the angles of a spatial one.
@@ -324,8 +324,6 @@ class SphericalEquivalent:
     mechanism: Mechanism
     joints: tuple[int, ...]
     shift: NDArray[np.float64]
-
-    _repr_html_ = html_of
 
     @property
     def mobility(self) -> int:
@@ -409,6 +407,7 @@ METHODS = {
 }
 
 
+@with_html
 @dataclass(frozen=True)
 class Group:
     """The group of a mechanism.
@@ -431,8 +430,6 @@ class Group:
     polygon: str
     most_solutions: int | None
     method: str
-
-    _repr_html_ = html_of
 
 
 def group(mechanism: Mechanism) -> Group:

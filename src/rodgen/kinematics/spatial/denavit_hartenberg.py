@@ -20,9 +20,10 @@ from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.spatial.forward_analysis import link_transform
 from rodgen.kinematics.spatial.mechanism import Mechanism
 from rodgen.kinematics.spatial.placement import Placement, at_zero, mechanism_at, placed
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 
+@with_html
 class DenavitHartenberg(NamedTuple):
     """A table of n rows, with the joints at zero, and the frames before and after it.
 
@@ -47,9 +48,6 @@ class DenavitHartenberg(NamedTuple):
     pitch: Array
     base: Array
     end: Array
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def from_denavit_hartenberg(

@@ -23,7 +23,7 @@ from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.screws import line_along
 from rodgen.kinematics.spatial.mechanism import Mechanism, check_mechanism
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 RIGHT_ANGLE = 2 * float(np.finfo(float).eps)
 """A multiple of 90 degrees, up to a turn, is off by the rounding of an angle near 2π: no more than this."""
@@ -243,6 +243,7 @@ def _cosine_and_sine(twist: Any) -> tuple[Any, Any]:
     )
 
 
+@with_html
 class HypotheticalLink(NamedTuple):
     """Links and joint that close a robot into a loop, of :func:`close_loop`; every field has the shape of the poses."""
 
@@ -255,9 +256,6 @@ class HypotheticalLink(NamedTuple):
     a67: Any
     alpha67: Any
     status: Any
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
     def loop(self, mechanism: Mechanism) -> Mechanism:
         """Return the closed loop that a robot and this link make.

@@ -28,7 +28,7 @@ from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.spatial.transforms import rx, rz
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 FREEDOMS = {"R": 1, "P": 1, "H": 1, "C": 2, "T": 2, "S": 3, "E": 3}
 """Freedoms of each kind of joint: revolute, prismatic, screw, cylindric, Hooke, spherical, plane."""
@@ -43,6 +43,7 @@ _VARIABLES: dict[str, tuple[Literal["theta", "S"], ...]] = {
 }
 
 
+@with_html
 @dataclass(frozen=True, eq=False)
 class Mechanism:
     """Joints in a row and the links between them: an open chain, such as a robot, or a closed loop.
@@ -97,8 +98,6 @@ class Mechanism:
     unit: str
     name: str
     names: tuple[str, ...]
-
-    _repr_html_ = html_of
 
     def __init__(
         self,

@@ -24,7 +24,7 @@ from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.spatial.pair_roots import HALF, complex_solutions, grid, starts, with_common_factor
 from rodgen.kinematics.spatial.pair_solutions import SLOTS, certain_solutions, collected, consistent
 from rodgen.kinematics.spatial.status import PairStatus
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 
 def solve_trig(
@@ -82,15 +82,13 @@ DEPENDENT = 1e13
 """By how much the second equation shrinks when it is made perpendicular to the first, from where on it is the same."""
 
 
+@with_html
 class Pair(NamedTuple):
     """Solutions of two equations in two angles: theta1, theta2 and status, each (..., 8)."""
 
     theta1: Any
     theta2: Any
     status: Any
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def pair_from_biquadratics(E: ArrayLike) -> Any:

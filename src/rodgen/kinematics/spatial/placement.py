@@ -23,9 +23,10 @@ from rodgen.kinematics.spatial.loop_reverse import reverse_sliding
 from rodgen.kinematics.spatial.mechanism import Mechanism
 from rodgen.kinematics.spatial.status import Reverse
 from rodgen.kinematics.spatial.transforms import one_frame
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 
+@with_html
 @dataclass(frozen=True, eq=False)
 class Placement:
     """An open chain with frames at its base and end, and the variables where its joints are at zero.
@@ -59,8 +60,6 @@ class Placement:
     base: NDArray[np.float64]
     end: NDArray[np.float64]
     zero: NDArray[np.float64]
-
-    _repr_html_ = html_of
 
     def __init__(
         self,

@@ -25,7 +25,7 @@ from rodgen.kinematics.spatial.forward_analysis import frames, screws
 from rodgen.kinematics.spatial.mechanism import Mechanism
 from rodgen.kinematics.spatial.placement import Placement, mechanism_at, placed
 from rodgen.kinematics.spatial.transforms import inverse_transform, one_frame, transform
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 PARALLEL = 1e-8
 """Largest sine between axes that count as parallel. The feet of a common perpendicular are known to the machine
@@ -164,6 +164,7 @@ ROUNDED = 1e-7
 """Error of a pose, relative to the size, for each joint, that is accepted: ten times what the tolerance leaves."""
 
 
+@with_html
 class ProductOfExponentials(NamedTuple):
     """A robot as a product of exponentials.
 
@@ -177,9 +178,6 @@ class ProductOfExponentials(NamedTuple):
 
     screws: NDArray[np.float64]
     home: NDArray[np.float64]
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def from_product_of_exponentials(

@@ -5,9 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 
+@with_html
 class Reverse(NamedTuple):
     """The variables of every solution, with the status of each slot.
 
@@ -22,9 +23,6 @@ class Reverse(NamedTuple):
 
     solutions: Any
     status: Any
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 class ReverseStatus(IntEnum):

@@ -16,21 +16,19 @@ from rodgen.errors import RodgenError
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 ORTHOGONAL = 1e-6
 """Sum of the deviations of RᵀR and of the last row up to which a matrix is a rounded pose; as in the kernels."""
 
 
+@with_html
 class VectorAngle(NamedTuple):
     """Vector and angle of a rotation, of :func:`vector_and_angle`."""
 
     vector: Any
     angle: Any
     status: Any
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def vector_and_angle(matrix: ArrayLike) -> VectorAngle:

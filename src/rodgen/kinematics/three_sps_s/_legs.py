@@ -21,9 +21,10 @@ from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.arrays import broadcast_shapes, finite_number, positive_length, real_array
 from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.numerics import gains_and_condition, principal
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 
+@with_html
 @dataclass(frozen=True)
 class Geometry:
     """The fixed dimensions of a 3-SPS-S machine, in one unit of length.
@@ -50,8 +51,6 @@ class Geometry:
     R: float
     r: float
     h: float
-
-    _repr_html_ = html_of
 
     def __post_init__(self) -> None:
         for name, check in (("R", positive_length), ("r", positive_length), ("h", finite_number)):
@@ -101,15 +100,13 @@ def nearest_proper(rotation: ArrayLike, what: str = "the rotation") -> tuple[Any
     return matrix, kind
 
 
+@with_html
 class Singularity(NamedTuple):
     """Measures of how well three legs hold the platform, of :func:`singularity`."""
 
     determinant: Any
     gains: Any
     condition: Any
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def legs(rotation: ArrayLike, geometry: Geometry) -> Any:

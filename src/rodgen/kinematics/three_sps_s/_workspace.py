@@ -20,7 +20,7 @@ from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.arrays import length_limits
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.three_sps_s._legs import SINGULAR, Geometry, nearest_proper, rotation_from_tilt_torsion
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 
 class OrientationStatus(IntEnum):
@@ -44,6 +44,7 @@ class OrientationStatus(IntEnum):
     INVALID = 6
 
 
+@with_html
 @dataclass(frozen=True)
 class Workspace:
     """The orientations that a machine can take up, of :func:`workspace`.
@@ -73,8 +74,6 @@ class Workspace:
     best: tuple[float, float, float]
     share: float
     joined_share: float
-
-    _repr_html_ = html_of
 
     @property
     def greatest_determinant(self) -> float:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,7 +35,7 @@ from rodgen.kinematics.tricept._intervals import (
 )
 from rodgen.kinematics.tricept._kinematics import behind, inverse
 from rodgen.kinematics.tricept._uncertainty import check_covariance
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 Indices = NDArray[np.int64]
 
@@ -43,6 +43,7 @@ ELEMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2)
 """The six elements of U_y, by name."""
 
 
+@with_html
 @dataclass(frozen=True)
 class Bounds:
     """Bounds of the six elements of U_y over a box, in the order of ``ELEMENTS``.
@@ -77,8 +78,6 @@ class Bounds:
     boxes: int
     complete: bool
 
-    _repr_html_ = html_of
-
     @property
     def gap(self) -> Array:
         """Differences (6, 2) of certified and reached values."""
@@ -88,25 +87,6 @@ class Bounds:
     def excess(self) -> Array:
         """Ratios (6,) of the widths of the paper's intervals and of the range: lower bounds, by certified numbers."""
         return np.diff(self.base_inner, axis=1)[:, 0] / np.diff(self.outer, axis=1)[:, 0]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, for JSON."""
-        return {
-            "box": {"low": self.low.tolist(), "high": self.high.tolist()},
-            "complete": self.complete,
-            "boxes": self.boxes,
-            "elements": {
-                name: {
-                    "range_certified": self.outer[n].tolist(),
-                    "range_reached": self.inner[n].tolist(),
-                    "points": self.points[n].tolist(),
-                    "base_sum_certified": self.base_outer[n].tolist(),
-                    "base_sum_reached": self.base_inner[n].tolist(),
-                    "base_sum_width_over_range": float(self.excess[n]),
-                }
-                for n, name in enumerate(ELEMENTS)
-            },
-        }
 
 
 def _box(low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
@@ -324,6 +304,7 @@ def _check_regular(low: Array, high: Array, geometry: Geometry) -> None:
 _SPOTS = grid_points(*[np.array([-0.5, 0.0, 0.5])] * 3).T
 
 
+@with_html
 @dataclass(frozen=True)
 class Cube:
     """A cube in which all rods are within their limits.
@@ -345,8 +326,6 @@ class Cube:
     rods: Extremes
     limiting: tuple[tuple[str, str, Array], ...]
 
-    _repr_html_ = html_of
-
     @property
     def low(self) -> Array:
         """Its lower corner."""
@@ -356,17 +335,6 @@ class Cube:
     def high(self) -> Array:
         """Its upper corner."""
         return self.centre + self.edge / 2
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, for JSON."""
-        return {
-            "centre": self.centre.tolist(),
-            "edge": self.edge,
-            "rods_certified": self.rods.outer.tolist(),
-            "limited_by": [
-                {"rod": rod, "end": end, "point": point.tolist()} for rod, end, point in self.limiting
-            ],
-        }
 
 
 def largest_cube(

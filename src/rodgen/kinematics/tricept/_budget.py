@@ -15,7 +15,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,12 +26,13 @@ from rodgen.kinematics.tricept._geometry import ANGLES, PARAMETERS, Geometry
 from rodgen.kinematics.tricept._kinematics import disturbed_point
 from rodgen.kinematics.tricept._uncertainty import correlation_of, parameter_covariance, regular_place
 from rodgen.statistics.digits import last_decimal
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 # Sensitivities this small relative to the greatest of their unit are rounding, as those that vanish by symmetry.
 _ROUNDING = 64 * 2.0**-52
 
 
+@with_html
 class BudgetLine(NamedTuple):
     """The contribution of one parameter to one coordinate.
 
@@ -58,10 +59,8 @@ class BudgetLine(NamedTuple):
     part: float
     share: float
 
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
-
+@with_html
 class Budget(NamedTuple):
     """The uncertainty budget of a point.
 
@@ -88,9 +87,6 @@ class Budget(NamedTuple):
     U_y: Array
     correlated: bool
 
-    def _repr_html_(self) -> str:
-        return html_of(self)
-
     def lines(self, coordinate: int) -> list[BudgetLine]:
         """Return the parameters with an uncertainty, the greatest share first; coordinate 0, 1, 2 is Qx, Qy, Qz."""
         total = self.U_y[coordinate, coordinate]
@@ -107,20 +103,6 @@ class Budget(NamedTuple):
             if self.u[n] > 0
         ]
         return sorted(made, key=lambda line: (-abs(line.part), -line.alone))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, for JSON."""
-        return {
-            "correlated": self.correlated,
-            "U_y": self.U_y.tolist(),
-            **{
-                f"Q{axis}": {
-                    "u": float(np.sqrt(self.U_y[k, k])),
-                    "parameters": [line._asdict() for line in self.lines(k)],
-                }
-                for k, axis in enumerate("xyz")
-            },
-        }
 
     def summary(self, unit: str = "") -> str:
         """Return a text table; lines below a thousandth of the whole are added up."""
@@ -196,6 +178,7 @@ _BATCHES = 20
 _BLOCK = 20_000
 
 
+@with_html
 @dataclass(frozen=True)
 class MonteCarlo:
     """The results of the draws and of the linear law for one point.
@@ -246,15 +229,6 @@ class MonteCarlo:
     difference: Array
     validated: NDArray[np.bool_]
     enough: NDArray[np.bool_]
-
-    _repr_html_ = html_of
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, for JSON."""
-        return {
-            name: value.tolist() if isinstance(value, np.ndarray) else value
-            for name, value in vars(self).items()
-        }
 
     def summary(self, unit: str = "") -> str:
         """Return a text table."""

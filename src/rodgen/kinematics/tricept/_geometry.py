@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import finite_number, positive_length
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 
+@with_html
 @dataclass(frozen=True)
 class Geometry:
     """The fixed dimensions of a Tricept, in one unit of length.
@@ -45,8 +46,6 @@ class Geometry:
     R: float
     r: float
     q: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    _repr_html_ = html_of
 
     def __post_init__(self) -> None:
         for name in ("R", "r"):

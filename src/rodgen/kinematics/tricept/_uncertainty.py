@@ -25,7 +25,7 @@ from rodgen.kinematics.numerics import gains_and_condition
 from rodgen.kinematics.tricept._geometry import GROUPS, PARAMETERS, Geometry, joints
 from rodgen.kinematics.tricept._kinematics import lost_behind, pose
 from rodgen.statistics.chi_distribution import chi3_quantile
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 # Room for a matrix that was multiplied out in double precision, none for a wrong sign in the last printed digit.
 _TOLERANCE = 1e-10
@@ -180,6 +180,7 @@ def _members(name: str) -> list[int]:
     )
 
 
+@with_html
 class Matrices(NamedTuple):
     """The paper's matrices; the parameters are in its order A0, A1, A-1, r, R.
 
@@ -203,10 +204,8 @@ class Matrices(NamedTuple):
     M35: Any
     A35: Any
 
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
-
+@with_html
 class Singularity(NamedTuple):
     """How near a pose is to a singular one.
 
@@ -230,9 +229,6 @@ class Singularity(NamedTuple):
     det_m33: Any
     gains: Any
     condition: Any
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def matrices(pose: ArrayLike, geometry: Geometry) -> Matrices:
@@ -509,6 +505,7 @@ NEGATIVE = 1e-12
 """Eigenvalues below zero by more than this part of the greatest are not rounding: the matrix is not a covariance."""
 
 
+@with_html
 class Ellipsoid(NamedTuple):
     """The ellipsoid that holds the tool with a probability.
 
@@ -525,9 +522,6 @@ class Ellipsoid(NamedTuple):
     semi_axes: Any
     directions: Any
     k: float
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
 
 def ellipsoid(U_y: ArrayLike, probability: float | None = None) -> Ellipsoid:

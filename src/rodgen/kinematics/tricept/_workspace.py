@@ -21,7 +21,7 @@ from rodgen.kinematics.arrays import length_limits
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import pose
 from rodgen.kinematics.tricept._uncertainty import ellipsoid, place_covariance, singularity
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 
 def around(grid: Array, inside: NDArray[np.bool_], count: int) -> Array:
@@ -56,6 +56,7 @@ _ZOOM = 41  # beams in each direction of a closer pass
 _ZOOMS = 44  # each pass is half as wide as the one before
 
 
+@with_html
 @dataclass(frozen=True)
 class Beams:
     """The z that the rods allow along beams of fixed α and β.
@@ -71,9 +72,8 @@ class Beams:
     ends: Array
     inside: NDArray[np.bool_]
 
-    _repr_html_ = html_of
 
-
+@with_html
 @dataclass(frozen=True)
 class Workspace:
     """The region of the point that the rods allow.
@@ -103,25 +103,8 @@ class Workspace:
     ratio: Array
     limits: tuple[float, float]
 
-    _repr_html_ = html_of
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, for JSON."""
-        names = ("Qx", "Qy", "Qz")
-        angles = ("alpha", "beta", "z")
-        return {
-            "limits": list(self.limits),
-            "volume": self.volume,
-            "volume_error": self.volume_error,
-            "extents": {name: list(map(float, row)) for name, row in zip(names, self.extents, strict=True)},
-            "pose_extents": {
-                name: list(map(float, row)) for name, row in zip(angles, self.pose_extents, strict=True)
-            },
-            "tilt": self.tilt,
-            "ratio": list(map(float, self.ratio)),
-        }
-
-
+@with_html
 @dataclass(frozen=True)
 class Slice:
     """A plane through the workspace.
@@ -139,8 +122,6 @@ class Slice:
     points: Array
     status: NDArray[np.int8]
     ratio: Array
-
-    _repr_html_ = html_of
 
 
 def reachable(point: ArrayLike, geometry: Geometry, limits: Sequence[float]) -> Any:
@@ -439,6 +420,7 @@ def _turns(geometry: Geometry, alpha: Array, beta: Array, found: Beams) -> list[
     return [np.where((x[..., None] > low) & (x[..., None] < high), x[..., None], low) for x in roots]
 
 
+@with_html
 @dataclass(frozen=True)
 class UncertaintyMap:
     """Standard uncertainties over a slice of space.
@@ -466,8 +448,6 @@ class UncertaintyMap:
     u: Array
     largest: Array
     status: NDArray[np.int8]
-
-    _repr_html_ = html_of
 
 
 def uncertainty_map(

@@ -23,7 +23,7 @@ from rodgen.kinematics.tricept._geometry import PARAMETERS, Geometry
 from rodgen.kinematics.tricept._intervals import grid_points
 from rodgen.kinematics.tricept._kinematics import point, pose
 from rodgen.kinematics.tricept._workspace import around, assembled
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 Box = tuple[ArrayLike, ArrayLike]
 
@@ -39,6 +39,7 @@ _BEAMS = 171
 _ALONG_EDGE = 33
 
 
+@with_html
 @dataclass(frozen=True)
 class Influence:
     """Least and greatest influence along beams.
@@ -65,8 +66,6 @@ class Influence:
     z_greatest: Array
     pair: tuple[str, str]
     element: str
-
-    _repr_html_ = html_of
 
 
 def influence_map(
