@@ -18,16 +18,19 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
-from chi_inputs import chi_inputs
-from link_inputs import link_inputs
-from loop_inputs import loop_inputs
-from pair_inputs import pair_inputs, trig_inputs
-from polygon_inputs import polygon_inputs
-from robot_inputs import robot_inputs
+from kernel_inputs import (
+    chi_inputs,
+    link_inputs,
+    loop_inputs,
+    pair_inputs,
+    parameter_inputs,
+    polygon_inputs,
+    robot_inputs,
+    sps_inputs,
+    tricept_inputs,
+    trig_inputs,
+)
 from scipy.spatial.transform import Rotation
-from sps_inputs import sps_inputs
-from tricept_cases import inputs as tricept_inputs
-from tricept_parameter_inputs import parameter_inputs
 
 import rodgen.generated
 from conftest import group_of

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernel_inputs import folded_arm, robot_inputs
 from kernel_reference import KERNELS
 from numeric_reverse import search
-from robot_inputs import folded_arm, robot_inputs
 from test_reverse_robots import check_is_solution, check_misses_nothing
 
 from rodgen.errors import RodgenError
