@@ -30,6 +30,7 @@ from kernel_inputs import (
     tricept_inputs,
     trig_inputs,
 )
+from kinematics_cases import unit
 from scipy.spatial.transform import Rotation
 
 import rodgen.generated
@@ -151,10 +152,6 @@ UNITS = 16
 roundings in a kernel is some 60 long; their errors, of either sign, add up like the square root of that, and the few
 directions that are tried find about half of the largest change."""
 DIRECTIONS = 6
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def pairs() -> dict[str, np.ndarray]:

@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from kinematics_cases import unit
 from machine_simulator import COMPONENTS, Simulated, rotation
 
 from rodgen.calibration.problem import Problem
@@ -44,10 +45,6 @@ MOVES_ONLY = {
 """Effects that move and do not turn: where directions are measured they change nothing."""
 
 Values = Mapping[str, float]
-
-
-def unit(vector: Any) -> np.ndarray:
-    return np.asarray(np.asarray(vector, float) / np.linalg.norm(vector, axis=-1, keepdims=True))
 
 
 def joint(name: str, type: str, axis: Any, point: Any = (0, 0, 0), **more: Any) -> dict[str, Any]:

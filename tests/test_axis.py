@@ -15,6 +15,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from kinematics_cases import unit
 from scipy.optimize import elementwise, fsolve, minimize
 from scipy.spatial.transform import Rotation
 
@@ -28,10 +29,6 @@ UNIT = 8 * EPS
 """A unit vector's length: three squares, a sum, and what made the components."""
 
 RNG = np.random.default_rng(7)
-
-
-def unit(x: np.ndarray) -> np.ndarray:
-    return x / np.linalg.norm(x, axis=-1, keepdims=True)
 
 
 def solvable(n: int, seed: int, low: float = 0.05, high: float = 3.0) -> tuple[np.ndarray, ...]:

@@ -25,6 +25,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from kinematics_cases import unit
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi as chi_distribution
@@ -48,11 +49,6 @@ POSITIONER = Path(__file__).parent / "data/positioner/data.csv"
 def turned(x: np.ndarray, e: np.ndarray, p: Any, angle: Any) -> np.ndarray:
     angle = np.broadcast_to(angle, len(x))
     return np.asarray(p) + Rotation.from_rotvec(angle[:, None] * e).apply(x - np.asarray(p))
-
-
-def unit(v: Any) -> np.ndarray:
-    v = np.asarray(v, dtype=float)
-    return v / np.linalg.norm(v)
 
 
 AXIS = unit([0.36, -0.48, 0.8])

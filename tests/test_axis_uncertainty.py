@@ -7,7 +7,8 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from kernel_reference import KERNELS, unit
+from kernel_reference import KERNELS
+from kinematics_cases import unit
 from scipy.spatial.transform import Rotation
 
 import rodgen

@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from kinematics_cases import rx, rz, shift
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
@@ -21,18 +22,6 @@ from rodgen.kinematics import spatial
 from rodgen.kinematics.spatial import Mechanism, Placement, product_of_exponentials
 from rodgen.machines.machine import Joint, Measured, Target
 from rodgen.machines.mechanism import from_mechanism, to_mechanism
-
-
-def rx(angle):
-    return spatial.transform(Rotation.from_euler("x", angle).as_matrix())
-
-
-def rz(angle):
-    return spatial.transform(Rotation.from_euler("z", angle).as_matrix())
-
-
-def shift(x=0.0, z=0.0):
-    return spatial.transform(origin=[x, 0.0, z])
 
 
 def random_frame(rng):

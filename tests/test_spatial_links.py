@@ -5,6 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+from kinematics_cases import rx, rz, shift
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
@@ -15,22 +16,6 @@ from rodgen.kinematics.spatial import HypotheticalStatus, Mechanism
 
 EPS = np.finfo(float).eps
 ROBOTS = (spatial.PUMA_560, spatial.GE_P60, spatial.T3_776)
-
-
-def rx(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1, 0, 0, 0], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]])
-
-
-def rz(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-
-
-def shift(x: float = 0.0, z: float = 0.0) -> np.ndarray:
-    found = np.eye(4)
-    found[0, 3], found[2, 3] = x, z
-    return found
 
 
 def by_hand(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 import numeric_reverse
 import numpy as np
 import pytest
+from kinematics_cases import rotations
 from lazy import LazyDerivation
 from numeric_reverse import search
 
@@ -163,7 +164,7 @@ def test_the_equivalent_spherical_mechanism_turns_as_the_spatial_one(kinds):
     spatial_turn = np.eye(3)
     for k in range(n):
         j = (first + k) % n
-        spatial_turn = spatial_turn @ rotation("z", turns[j]) @ rotation("x", loop.alpha[j])
+        spatial_turn = spatial_turn @ rotations(turns[j], 2) @ rotations(loop.alpha[j], 0)
     q = turns[list(found.joints)] + found.shift
     spherical = numeric_reverse.forward(found.mechanism, q)[:3, :3]
     # it starts at the first joint, in the middle of a link: the same turn, seen from another frame
@@ -172,13 +173,6 @@ def test_the_equivalent_spherical_mechanism_turns_as_the_spatial_one(kinds):
         np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) for R in (spherical, spatial_turn)
     )
     assert np.isclose(axis[2], same[2], rtol=0, atol=1e-13)
-
-
-def rotation(axis, angle):
-    c, s = np.cos(angle), np.sin(angle)
-    if axis == "z":
-        return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
 
 
 def test_no_turning_joint_has_no_spherical_equivalent():

@@ -17,6 +17,7 @@ from closed_polygons import exact, frames, many_digits, product, rotate_x, rotat
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from kinematics_cases import rotations
 from lazy import LazyDerivation
 from scipy.optimize import fsolve
 
@@ -394,16 +395,6 @@ def close(alpha: np.ndarray, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     if np.shape(alpha)[-1] == 4:
         return sphere.spherical_quadrilateral(alpha, given[..., 0])
     return sphere.spherical_pentagon(alpha, given[..., 0], given[..., 1])
-
-
-def rotations(angle: np.ndarray, axis: int) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    found = np.zeros((*np.shape(angle), 3, 3))
-    i, j = [k for k in range(3) if k != axis]
-    found[..., axis, axis] = 1
-    found[..., i, i] = found[..., j, j] = c
-    found[..., i, j], found[..., j, i] = -s, s
-    return found
 
 
 def misfit(alpha: np.ndarray, theta: np.ndarray) -> np.ndarray:
