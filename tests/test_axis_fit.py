@@ -12,15 +12,11 @@ import functools
 import json
 import math
 import re
-import subprocess
-import sys
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -33,7 +29,6 @@ from scipy.stats import f as f_distribution
 from scipy.stats import t as student
 from work import calls_in
 
-from rodgen.data import spool
 from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit import AxisFitStatus, fit_axis
 from rodgen.kinematics.axis_fit import pairs as pairs_module
@@ -1102,45 +1097,18 @@ def test_a_fit_makes_no_call_for_each_pair(loss: str) -> None:
         {"weights": True},
     ],
 )
-def test_many_pairs_in_files_give_the_same_in_blocks(options: dict[str, Any], monkeypatch: Any) -> None:
+def test_many_pairs_give_the_same_in_blocks(options: dict[str, Any], monkeypatch: Any) -> None:
     x, y, a = scene(1000, 0.01, 78)
     y[::4] += 1
     if options.get("weights"):
         options = {"weights": np.where(np.arange(1000) % 3, 1.0, 0.0)}
     whole = fit_axis(x, y, a, **options)
-    for module in (spool, pairs_module):
-        monkeypatch.setattr(module, "BLOCK", 64)
-    monkeypatch.setattr(spool, "IN_MEMORY", 1000)
+    monkeypatch.setattr(pairs_module, "BLOCK", 64)
     parts = fit_axis(x, y, a, **options)
     assert parts.summary() == whole.summary()
     np.testing.assert_allclose(parts.residuals, whole.residuals, rtol=0, atol=1e-13)
     np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-9, atol=1e-20)
     np.testing.assert_array_equal(parts.outliers, whole.outliers)
-
-
-@pytest.mark.slow
-def test_memory_for_many_pairs_is_less_than_the_pairs_take(tmp_path: Any) -> None:
-    code = (
-        "import resource, sys; from rodgen.data.tables import read_pairs; from rodgen import fit_axis; "
-        "p = read_pairs(sys.argv[1]); fit = fit_axis(p.rho, p.rho_prime, p.angle); "
-        "print(fit.pairs, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)"
-    )
-    x, y, a = scene(50_000, 0.01, 79)
-    names = [f"{point}_{axis} [mm]" for point in ("rho", "rho_prime") for axis in "xyz"] + ["angle [rad]"]
-    table = pa.table(dict(zip(names, np.column_stack([x, y, a]).T, strict=True)))
-    peaks = []
-    for repeats in (4, 50):
-        with pq.ParquetWriter(tmp_path / "pairs.parquet", table.schema) as writer:
-            for _ in range(repeats):
-                writer.write_table(table)
-        command = [sys.executable, "-c", code, str(tmp_path / "pairs.parquet")]
-        pairs, peak = map(
-            int, subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
-        )
-        assert pairs == repeats * len(a)
-        peaks.append(peak)
-    # Seven numbers and the row of each of 2.3 million more pairs are 147 MB, and their residuals 55 MB.
-    assert peaks[1] - peaks[0] < 130e6
 
 
 # A real positioner --------------------------------------------------------------------------------

@@ -28,9 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.data.spool import blocks
 from rodgen.kinematics.axis_fit.moments import shown
-from rodgen.kinematics.axis_fit.pairs import ZERO_TURN, Line, Pairs
+from rodgen.kinematics.axis_fit.pairs import ZERO_TURN, Line, Pairs, blocks
 from rodgen.kinematics.axis_fit.result import AxisFitStatus
 from rodgen.kinematics.axis_fit.solve import Loss, Noise, Solution
 

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array, Mask
-from rodgen.data.spool import blocks
 from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit.determinacy import (
     PairFacts,
@@ -40,7 +39,7 @@ from rodgen.kinematics.axis_fit.determinacy import (
     status_of,
 )
 from rodgen.kinematics.axis_fit.moments import shown, tangents
-from rodgen.kinematics.axis_fit.pairs import Line, Pairs
+from rodgen.kinematics.axis_fit.pairs import Line, Pairs, blocks
 from rodgen.kinematics.axis_fit.result import AxisFit, AxisFitStatus
 from rodgen.kinematics.axis_fit.solve import (
     LOSSES,

@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
-from rodgen.data.spool import BLOCK, blocks, empty, release, take
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.axis_fit.moments import Moments, global_maximum
 from rodgen.kinematics.backend import kernels
 
+BLOCK = 1 << 16
+"""Pairs that are looked at together, so that what is computed of them stays in the cache."""
 # Pairs at a time: the derivatives, eighteen numbers a pair, stay in the cache.
 _BLOCK = 4096
 
@@ -82,7 +83,7 @@ _WIDEST = 400
 class Pairs:
     """Pairs in scaled lengths: true length = `origin` + `scale` · length here.
 
-    The arrays of many pairs are in temporary files, and all sums go over them a block at a time.
+    Sums over many pairs go over them a block at a time.
     """
 
     rho: Array
@@ -126,8 +127,7 @@ class Pairs:
             if rows.all():
                 return self
             rows = np.flatnonzero(rows)
-        some = (take(array, rows) if np.ndim(rows) == 1 else array[rows] for array in arrays)
-        rho, rho_prime, angle, weight = some
+        rho, rho_prime, angle, weight = (array[rows] for array in arrays)
         return replace(self, rho=rho, rho_prime=rho_prime, angle=angle, weight=weight)
 
     def blocks(self) -> Iterator[tuple[slice, Pairs]]:
@@ -135,7 +135,7 @@ class Pairs:
         if len(self.angle) <= BLOCK:
             yield slice(None), self
             return
-        for rows in blocks(self.rho, self.rho_prime, self.angle):
+        for rows in blocks(self.angle):
             yield rows, self.only(rows)
 
     def weighted(self, share: NDArray[Any]) -> Pairs:
@@ -166,11 +166,7 @@ class Pairs:
         """Return the residuals (N, 3)."""
         if len(self.angle) <= BLOCK:
             return residual(self.rho, self.rho_prime, self.angle, line.axis, line.point)
-        d = empty(self.rho.shape)
-        for rows, block in self.blocks():
-            d[rows] = block.residuals(line)
-            release(d)
-        return d
+        return np.concatenate([block.residuals(line) for _, block in self.blocks()])
 
     def half_squares(self, line: Line) -> Array:
         """Return w |d|²/2 of every pair: three times the variance of unit weight, in the mean."""
@@ -207,7 +203,7 @@ class Pairs:
             raise RodgenError("rho, rho_prime and angle hold no pairs; at least one is needed")
         for name, values in (("rho", x), ("rho_prime", y), ("angle", a)):
             _finite(name, values)
-        if all((np.abs(np.sin(a[rows] / 2)) <= ZERO_TURN).all() for rows in blocks(a)):
+        if (np.abs(np.sin(a / 2)) <= ZERO_TURN).all():
             # No turn at all, rather than a turn about a point that noise puts at infinity.
             a = np.zeros(len(a))
         known = _known_point(point)
@@ -245,6 +241,12 @@ class Pairs:
         )
 
 
+def blocks(array: Array) -> Iterator[slice]:
+    """Yield slices that cover an array, (n, ...)."""
+    for first in range(0, len(array), BLOCK):
+        yield slice(first, first + BLOCK)
+
+
 def _numbers(name: str, values: ArrayLike) -> Array:
     refuse_masked(name, values)
     try:
@@ -261,11 +263,8 @@ def _points(name: str, values: ArrayLike) -> Array:
 
 
 def _finite(name: str, values: Array) -> None:
-    parts = []
-    for rows in blocks(values):
-        good = np.isfinite(values[rows])
-        parts.append(rows.start + np.flatnonzero(~(good if good.ndim == 1 else good.all(axis=-1))))
-    bad = np.concatenate(parts)
+    good = np.isfinite(values)
+    bad = np.flatnonzero(~(good if good.ndim == 1 else good.all(axis=-1)))
     if len(bad):
         row, more = int(bad[0]), len(bad) - 1
         others = f" ({more} more rows are like it)" if more else ""
@@ -277,26 +276,17 @@ def _finite(name: str, values: Array) -> None:
 
 def _ends(points: Array) -> Array:
     """Return the least and the largest coordinates, (2, 3)."""
-    parts = [(points[rows].min(axis=0), points[rows].max(axis=0)) for rows in blocks(points)]
-    low, high = zip(*parts, strict=True)
-    return np.array([np.min(low, axis=0), np.max(high, axis=0)])
+    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def _median(points: Array, exponent: int) -> Array:
     """Return the median of each coordinate, (3,), divided by a power of two."""
-    found, column = np.empty(3), np.empty(len(points))
-    for k in range(3):
-        for rows in blocks(points):
-            column[rows] = np.ldexp(points[rows, k], -exponent)
-        found[k] = np.median(column, overwrite_input=True)
-    return found
+    columns = (np.ldexp(column, -exponent) for column in points.T)
+    return np.array([np.median(column, overwrite_input=True) for column in columns])
 
 
 def _scaled(points: Array, exponent: int, middle: Array, second: int) -> Array:
-    scaled = empty(points.shape)
-    for rows in blocks(points, scaled):
-        scaled[rows] = np.ldexp(np.ldexp(points[rows], -exponent) - middle, -second)
-    return scaled
+    return np.asarray(np.ldexp(np.ldexp(points, -exponent) - middle, -second))
 
 
 def _known_point(point: Any) -> Array | None:
