@@ -590,26 +590,11 @@ def test_the_machine_is_nowhere_singular_within_its_limits(paper):
     assert ratio.max() <= paper.ratio[1]
 
 
-def test_a_slice_has_the_status_of_its_points(paper):
-    found = tricept.workspace_slice(PAPER, LEG_LIMITS, "x", 50.0, 31, paper.extents)
-    assert (found.points[..., 0] == 50).all()
-    inside = tricept.reachable(found.points, PAPER, LEG_LIMITS)
-    np.testing.assert_array_equal(found.status == TriceptStatus.REACHABLE, inside)
-    assert inside.any()
-    assert not inside.all()
-    assert (found.ratio[inside] > 0.6).all()
-    with pytest.raises(RodgenError, match="expected x, y or z"):
-        tricept.workspace_slice(PAPER, LEG_LIMITS, "w", 50.0, 31, paper.extents)
-
-
 def test_points_behind_the_base_are_not_reached():
     """Rods within the limits, but with the platform turned over."""
     point = [0.0, 0.0, -700.0]
     assert tricept.inverse(point, PAPER, LEG_LIMITS)[2][0] == TriceptStatus.REACHABLE
     assert not tricept.reachable(point, PAPER, LEG_LIMITS)
-    box = [[-1, 1], [-1, 1], [-700, -600]]
-    found = tricept.workspace_slice(PAPER, LEG_LIMITS, "z", -700.0, 3, box)
-    assert (found.status == TriceptStatus.UNREACHABLE).all()
 
 
 def test_rods_that_allow_nothing():

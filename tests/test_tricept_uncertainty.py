@@ -454,6 +454,8 @@ def test_map_is_the_propagation_at_its_points() -> None:
     assert np.isnan(found.u[~inside]).all()
     with pytest.raises(RodgenError, match="workspace"):
         tricept.uncertainty_map(PAPER, U_PAPER, "y", 3000.0, tricept.LEG_LIMITS)
+    with pytest.raises(RodgenError, match="expected x, y or z"):
+        tricept.uncertainty_map(PAPER, U_PAPER, "w", 50.0, tricept.LEG_LIMITS)
 
 
 def test_a_matrix_that_is_no_covariance_has_no_ellipsoid():

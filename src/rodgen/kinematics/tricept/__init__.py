@@ -50,14 +50,12 @@ from rodgen.kinematics.tricept._uncertainty import (
 )
 from rodgen.kinematics.tricept._workspace import (
     Beams,
-    Slice,
     UncertaintyMap,
     Workspace,
     beams,
     reachable,
     uncertainty_map,
     workspace,
-    workspace_slice,
 )
 from rodgen.kinematics.tricept.influence import Influence, influence_map, influence_region
 
@@ -80,7 +78,6 @@ __all__ = [
     "Matrices",
     "MonteCarlo",
     "Singularity",
-    "Slice",
     "TriceptStatus",
     "UncertaintyMap",
     "Workspace",
@@ -116,5 +113,4 @@ __all__ = [
     "singularity",
     "uncertainty_map",
     "workspace",
-    "workspace_slice",
 ]

@@ -20,7 +20,7 @@ from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.arrays import length_limits
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import pose
-from rodgen.kinematics.tricept._uncertainty import ellipsoid, place_covariance, singularity
+from rodgen.kinematics.tricept._uncertainty import ellipsoid, place_covariance
 from rodgen.views import with_html
 
 
@@ -28,24 +28,6 @@ def around(grid: Array, inside: NDArray[np.bool_], count: int) -> Array:
     """Return `count` values over the part of a grid that is inside, and one step of the grid more on both sides."""
     some = np.flatnonzero(inside)
     return np.linspace(grid[max(some[0] - 1, 0)], grid[min(some[-1] + 1, len(grid) - 1)], count)
-
-
-def coordinates_of(plane: str) -> tuple[int, int, int]:
-    """Return which coordinate a plane holds constant, and the other two."""
-    if plane not in ("x", "y", "z"):
-        raise RodgenError(f"{plane!r} is not a coordinate; expected x, y or z")
-    held = "xyz".index(plane)
-    first, second = (n for n in range(3) if n != held)
-    return held, first, second
-
-
-def plane_points(plane: str, value: float, one: Array, other: Array) -> Array:
-    """Return the points (n, m, 3) of a plane at n values of its first coordinate and m of its second one."""
-    held, first, second = coordinates_of(plane)
-    points = np.empty((len(one), len(other), 3))
-    points[..., held] = value
-    points[..., first], points[..., second] = one[:, None], other
-    return points
 
 
 Value = Callable[[Array, Array, Array], Array]
@@ -102,26 +84,6 @@ class Workspace:
     tilt: float
     ratio: Array
     limits: tuple[float, float]
-
-
-@with_html
-@dataclass(frozen=True)
-class Slice:
-    """A plane through the workspace.
-
-    Attributes
-    ----------
-    points : array (n, n, 3)
-        A grid in the plane.
-    status : array (n, n) of int8
-        Codes of `TriceptStatus` of the assembled machine's pose; UNREACHABLE also where only another assembly has one.
-    ratio : array (n, n)
-        det W33 / (8 R² z³) there, NaN where there is no pose.
-    """
-
-    points: Array
-    status: NDArray[np.int8]
-    ratio: Array
 
 
 def reachable(point: ArrayLike, geometry: Geometry, limits: Sequence[float]) -> Any:
@@ -279,59 +241,6 @@ def workspace(geometry: Geometry, limits: Sequence[float], samples: int = 400) -
     tilt = extreme(lambda a, b, z: np.arccos(np.cos(a) * np.cos(b)) + 0 * z, 1.0)
     ratio = both(lambda a, b, z: _ratio(geometry, a, b, z), turning=True)
     return Workspace(fine, abs(fine - coarse), extents, np.array(poses), tilt, np.array(ratio), (low, high))
-
-
-def workspace_slice(
-    geometry: Geometry,
-    limits: Sequence[float],
-    axis: str,
-    value: float,
-    samples: int = 101,
-    extents: ArrayLike | None = None,
-) -> Slice:
-    """Return a plane through the workspace.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        The machine.
-    limits : pair of floats
-        Least and greatest length of a rod.
-    axis : {"x", "y", "z"}
-        Which coordinate of the point is constant.
-    value : float
-        That coordinate.
-    samples : int, optional
-        Points of the grid in each direction.
-    extents : array_like (3, 2), optional
-        Between which coordinates the grid lies; those of the whole workspace when left out.
-
-    Returns
-    -------
-    Slice
-
-    Raises
-    ------
-    RodgenError
-        When the axis is not one of the three.
-
-    Examples
-    --------
-    >>> from rodgen import tricept
-    >>> box = [[-400, 400], [-400, 400], [0, 900]]
-    >>> found = tricept.workspace_slice(tricept.PAPER, tricept.LEG_LIMITS, "z", 700.0, 5, box)
-    >>> found.status[2].tolist()
-    [1, 0, 0, 0, 1]
-    """
-    _, first, second = coordinates_of(axis)
-    box = workspace(geometry, limits, 8).extents if extents is None else np.asarray(extents, float)
-    one, other = (np.linspace(box[n, 0], box[n, 1], samples) for n in (first, second))
-    points = plane_points(axis, value, one, other)
-    poses, _, status = pose(points, geometry, limits)
-    status = np.where(
-        (status <= TriceptStatus.OUT_OF_LIMITS) & ~assembled(poses), TriceptStatus.UNREACHABLE, status
-    )
-    return Slice(points, status.astype(np.int8), singularity(poses, geometry).ratio)
 
 
 def _tilts(geometry: Geometry, limits: tuple[float, float]) -> Array:
@@ -493,12 +402,16 @@ def uncertainty_map(
     >>> bool(np.nanmin(found.u) > 0.002)
     True
     """
-    _, first, second = coordinates_of(plane)
+    if plane not in ("x", "y", "z"):
+        raise RodgenError(f"{plane!r} is not a coordinate; expected x, y or z")
+    held = "xyz".index(plane)
+    first, second = (n for n in range(3) if n != held)
     reach = float(limits[1]) + geometry.R + geometry.r + float(np.abs(geometry.q).sum())
     # once to find where the workspace is, once to map it
     across, up = (np.linspace(0.0 if k == 2 else -reach, reach, 161) for k in (first, second))
     for attempt in range(2):
-        points = plane_points(plane, value, across, up).swapaxes(0, 1)
+        points = np.empty((len(up), len(across), 3))
+        points[..., held], points[..., first], points[..., second] = value, across, up[:, None]
         U_y, status = place_covariance(points, geometry, U, limits)
         inside = np.asarray(status) == TriceptStatus.REACHABLE
         if not inside.any():
