@@ -507,25 +507,12 @@ def test_what_is_joined_is_on_one_side_and_can_be_reached_in_small_steps():
         for ds, da, dt in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
     ]
     assert np.any(neighbours, axis=0).all()
-    assert (
-        found.greatest_determinant
-        == np.abs(found.determinant[found.status == OrientationStatus.ALLOWED]).max()
-    )
-
-
-def test_joined_tilt_is_that_up_to_which_every_azimuth_is_joined_at_one_torsion():
-    found = three_sps_s.workspace(MACHINE, (1.2, 2.8), samples=20)
-    # of each torsion, an array of azimuths and tilts
-    cells = max(next((t for t in range(20) if not part[:, t].all()), 20) for part in found.joined)
-    assert cells > 0
-    assert np.isclose(found.joined_tilt, cells * np.pi / 20, rtol=1e-15)
 
 
 def test_a_workspace_without_allowed_orientations_is_reported():
     found = three_sps_s.workspace(MACHINE, (0.1, 0.2), samples=8)
     assert found.share == found.joined_share == 0
     assert not found.joined.any()
-    assert found.joined_tilt == found.greatest_determinant == 0
     assert np.isnan(found.best).all()
 
 

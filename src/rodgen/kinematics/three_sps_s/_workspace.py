@@ -75,18 +75,6 @@ class Workspace:
     share: float
     joined_share: float
 
-    @property
-    def greatest_determinant(self) -> float:
-        """Greatest magnitude of the determinant in an allowed cell; 0 where none is allowed."""
-        allowed = self.status == OrientationStatus.ALLOWED
-        return float(np.abs(self.determinant[allowed]).max(initial=0.0))
-
-    @property
-    def joined_tilt(self) -> float:
-        """Greatest tilt, rad, up to which every azimuth is joined, at the torsion that allows most."""
-        full = np.logical_and.accumulate(self.joined.all(axis=1), axis=-1).sum(axis=-1).max(initial=0)
-        return float(full * np.pi / len(self.tilt))
-
 
 def orientation_status(
     rotation: ArrayLike,
