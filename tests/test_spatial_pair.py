@@ -460,11 +460,6 @@ def exact(A: float, B: float, D: float) -> tuple[list[float], float]:
         )
 
 
-def trig_off(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Difference of angles, whole turns apart from each other being none."""
-    return np.abs(np.remainder(found - wanted + np.pi, 2 * np.pi) - np.pi)
-
-
 @pytest.mark.parametrize("gap", [None, 1e-3, 1e-6, 1e-9, 1e-12])
 def test_angles_are_right_to_their_condition(gap):
     rng = np.random.default_rng(1)
@@ -476,7 +471,7 @@ def test_angles_are_right_to_their_condition(gap):
     assert (status == TrigStatus.TWO).all()
     for found, row in zip(theta, zip(A, B, D, strict=True), strict=True):
         wanted, g = exact(*row)
-        assert (trig_off(found, wanted) <= 4 * EPS * (1 + 1 / g)).all()
+        assert (off(found, wanted) <= 4 * EPS * (1 + 1 / g)).all()
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-15, 1e-12, 1e-9, 1e-6, -1e-15, -1e-9])
@@ -489,9 +484,9 @@ def test_a_root_at_infinity_is_an_angle_like_any_other(gap):
     assert (status == TrigStatus.TWO).all()
     for found, row in zip(theta, zip(A, B, D, strict=True), strict=True):
         wanted, g = exact(*row)
-        assert (trig_off(found, wanted) <= 4 * EPS * (1 + 1 / g)).all()
+        assert (off(found, wanted) <= 4 * EPS * (1 + 1 / g)).all()
     if gap == 0:
-        assert (trig_off(theta, np.pi).min(axis=-1) <= 4 * EPS).all()
+        assert (off(theta, np.pi).min(axis=-1) <= 4 * EPS).all()
 
 
 def test_every_kind_of_equation_has_its_status():
@@ -536,7 +531,7 @@ def test_one_angle_near_d_equal_a(sign):
     assert double.mean() > 0.5
     assert (theta[double, 0] == theta[double, 1]).all()
     # the angles are within √(D² - A² + B²) of π or 0, and the equation holds to rounding
-    assert trig_off(theta[double, 0], np.pi if sign > 0 else 0.0).max() < 1e-7
+    assert off(theta[double, 0], np.pi if sign > 0 else 0.0).max() < 1e-7
     miss = A[:, None] * np.cos(theta) + B[:, None] * np.sin(theta) + D[:, None]
     assert np.abs(miss[double]).max() <= 8 * EPS
 
@@ -568,7 +563,7 @@ def test_both_angles_are_continuous():
     # along a line through the plane of (A, B) both angles move without a jump
     t = np.linspace(0, 2 * np.pi, 20_001)
     theta, _ = spatial.solve_trig(np.cos(t), np.sin(t), 0.9 * np.sin(3 * t))
-    assert trig_off(theta[1:], theta[:-1]).max() < 0.01
+    assert off(theta[1:], theta[:-1]).max() < 0.01
 
 
 def test_interface_of_one_equation():
