@@ -29,7 +29,6 @@ from rodgen.kinematics.spatial.mechanism import FREEDOMS, Mechanism
 _EXAMPLE = "joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]"
 _COLUMNS = {"joint": "", "type": "", "S": "mm", "theta": "deg", "pitch": "mm/rad", "a": "mm", "alpha": "deg"}
 _NEEDED = ("type", "a", "alpha")
-"""Bytes: ten thousand joints. What is longer is not a link table, and is not read to its end."""
 
 
 @dataclass(frozen=True)
@@ -40,21 +39,6 @@ class _Field:
     header: str
     factor: float
     degrees: bool = False
-
-
-def read_link_table(file: str) -> Mechanism:
-    """Return the mechanism of a file; see `rodgen.spatial.load_mechanism`."""
-    (place, header), *rows = _rows(file, _text(file))
-    fields, unit = _fields(file, f"line {place}", header)
-    if not rows:
-        raise InputFileError(file, f"line {place + 1}", "no joints", "a row for each")
-    table = []
-    for line, cells in rows:
-        if len(cells) > len(header):
-            found = f"{len(cells)} cells under {len(header)} columns"
-            raise InputFileError(file, f"line {line}", found, "a cell for each column")
-        table.append(_Row(file, line, cells, fields))
-    return _mechanism(file, table, unit)
 
 
 def _text(file: str) -> str:
@@ -270,7 +254,18 @@ def load_mechanism(path: str | os.PathLike[str]) -> Mechanism:
     >>> puma.name, puma.unit, puma.offset.tolist()
     ('puma', 'in', [0.0, 5.9, 0.0, 17.0, 0.0, 4.0])
     """
-    return read_link_table(os.fspath(path))
+    file = os.fspath(path)
+    (place, header), *rows = _rows(file, _text(file))
+    fields, unit = _fields(file, f"line {place}", header)
+    if not rows:
+        raise InputFileError(file, f"line {place + 1}", "no joints", "a row for each")
+    table = []
+    for line, cells in rows:
+        if len(cells) > len(header):
+            found = f"{len(cells)} cells under {len(header)} columns"
+            raise InputFileError(file, f"line {line}", found, "a cell for each column")
+        table.append(_Row(file, line, cells, fields))
+    return _mechanism(file, table, unit)
 
 
 def save_mechanism(path: str | os.PathLike[str], mechanism: Mechanism) -> None:
