@@ -164,9 +164,7 @@ class Pairs:
 
     def residuals(self, line: Line) -> Array:
         """Return the residuals (N, 3)."""
-        if len(self.angle) <= BLOCK:
-            return residual(self.rho, self.rho_prime, self.angle, line.axis, line.point)
-        return np.concatenate([block.residuals(line) for _, block in self.blocks()])
+        return residual(self.rho, self.rho_prime, self.angle, line.axis, line.point)
 
     def half_squares(self, line: Line) -> Array:
         """Return w |d|²/2 of every pair: three times the variance of unit weight, in the mean."""
@@ -286,7 +284,8 @@ def _median(points: Array, exponent: int) -> Array:
 
 
 def _scaled(points: Array, exponent: int, middle: Array, second: int) -> Array:
-    return np.asarray(np.ldexp(np.ldexp(points, -exponent) - middle, -second))
+    # in rows, whatever the order of the array that was given: sums over it have the same digits
+    return np.ascontiguousarray(np.ldexp(np.ldexp(points, -exponent) - middle, -second))
 
 
 def _known_point(point: Any) -> Array | None:
