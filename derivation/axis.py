@@ -814,8 +814,8 @@ derivation.kernels
 
 # %%
 if in_notebook():
-    from rodgen.codegen.compile import compile_kernel
     from rodgen.derivation.figures import axis as figures
     from rodgen.derivation.figures import show
+    from rodgen.generated.numpy import axis as generated
 
-    show(figures.accuracy(compile_kernel(solver)))
+    show(figures.accuracy(generated.solve_axis))

@@ -1252,11 +1252,11 @@ derivation.kernels
 
 # %%
 if in_notebook():
-    from rodgen.codegen.compile import compile_kernel
     from rodgen.derivation.figures import show
     from rodgen.derivation.figures import tricept_uncertainty as figures
+    from rodgen.generated.numpy import tricept_uncertainty as generated
 
-    show(figures.surfaces(figures.influences(compile_kernel(beam))))
+    show(figures.surfaces(figures.influences(generated.tricept_beam)))
 
 # %% [markdown]
 # ## All symbols

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -23,7 +24,7 @@ import numpy as np
 import rodgen
 import rodgen.generated
 from rodgen import AxisStatus
-from rodgen.codegen.compile import CompiledKernel, compile_kernel
+from rodgen.codegen import numpy_function
 from rodgen.generated import numpy as generated_numpy
 
 DIGITS = 60
@@ -211,10 +212,10 @@ def numpy_module(rho: np.ndarray, rho_prime: np.ndarray, angle: np.ndarray) -> t
 
 
 @cache
-def _paper_kernel() -> CompiledKernel:
+def _paper_kernel() -> Callable[..., Any]:
     from rodgen.derivation import rodrigues
 
-    return compile_kernel(rodrigues.paper)
+    return numpy_function(rodrigues.paper)
 
 
 def paper(rho: np.ndarray, rho_prime: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

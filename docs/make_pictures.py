@@ -17,7 +17,7 @@ from plotly.subplots import make_subplots
 
 import rodgen
 from rodgen import figures
-from rodgen.codegen.compile import compile_kernel
+from rodgen.codegen import numpy_function
 from rodgen.derivation import rodrigues
 
 BLUE, ORANGE = "#0072b2", "#c04d00"
@@ -103,7 +103,7 @@ def draw_accuracy(figure: go.Figure) -> None:
     far = np.pi - np.logspace(-9, -0.3, 25)
     angles = np.concatenate([np.logspace(-9, 0.3, 30), far[::-1]])
     errors = np.empty((len(angles), 2, SAMPLES))
-    solve_axis_paper = compile_kernel(rodrigues.paper)
+    solve_axis_paper = numpy_function(rodrigues.paper)
     with mpmath.workdps(DIGITS):
         for row, angle in zip(errors, angles, strict=True):
             before, after, axis = exact_pairs(angle, random)

@@ -12,11 +12,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
 from rodgen.calibration.compare.serial_correlation import RandomWalk
-from rodgen.codegen import KernelBuilder, rows
-from rodgen.codegen.compile import compile_kernels
+from rodgen.codegen import rows
 from rodgen.codegen.program import Program
 from rodgen.codegen.tape import Tape
 from rodgen.kinematics.backend import kernels
@@ -131,8 +129,7 @@ def row_kernels() -> None:
     """Evaluate kernels with ports of any size on any number of rows, in C and on NumPy, by every method."""
     made = [program(name) for name in PROGRAMS] + [seeded(k, j) for k, j in SEEDED]
     compiled, on_numpy = (
-        rows.row_kernels("sizes", lambda: made, shared=["p"], compiled=is_compiled)
-        for is_compiled in (True, False)
+        rows.row_kernels("sizes", lambda: made, compiled=is_compiled) for is_compiled in (True, False)
     )
     assert {k.target for k in compiled.values()} == {"c"}
     sizes = PROGRAMS | {f"seeded_{k}_{j}": (k, 1, k, j) for k, j in SEEDED}
@@ -157,35 +154,6 @@ def row_kernels() -> None:
                 joined = np.concatenate([expected[1], expected[0][:, :, None]], axis=2).reshape(-1, j + 1)
                 for kernel in (c, numpy):
                     agree(kernel.gram(x, p), joined.T @ joined)
-
-
-def array_kernels() -> None:
-    """Evaluate kernels that are compiled for arrays, of any size and broadcast in any way."""
-    made = []
-    for n, m in ((1, 1), (2, 3)):
-        k = KernelBuilder(f"array_{n}_{m}", summary="s", source="definition")
-        x, y = k.input("x", n, unit="1", doc="d"), k.input("y", unit="1", doc="d")
-        k.output("z", sp.Matrix(m, n, lambda i, j, x=x: x[j] * (i + 1)), unit="1", doc="d")
-        k.output("w", y + 1, unit="1", doc="d")
-        made.append(k.build())
-    for kernel in compile_kernels(made).values():
-        assert kernel.target == "c"
-        (n,), _ = (port.shape for port in kernel.kernel.inputs)
-        shape = kernel.kernel.outputs[0].shape
-        for one, other in LOOPS:
-            for real in (np.float64, np.float32):
-                x, y = random(*one, n).astype(real), random(*other).astype(real)
-                loop = np.broadcast_shapes(one, other)
-                z, w = kernel(x, y)
-                agree(w, np.broadcast_to(y + real(1), loop))
-                assert z.shape == (*loop, *shape)
-                agree(
-                    z.reshape(*loop, -1, n)[..., 0, :] if z.size else z.reshape(*loop, n),
-                    np.broadcast_to(x, (*loop, n)),
-                )
-                out = np.empty((*loop, *shape), real), np.empty(loop, real)
-                kernel(x, y, out=out)
-                agree(out[0], z)
 
 
 LOOPS: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...] = (
@@ -238,7 +206,7 @@ def extension() -> None:
                     raise AssertionError(f"{name} took {wrong} for {core}")
 
 
-CALLS = (bands, reflections, decompositions, row_kernels, array_kernels, extension)
+CALLS = (bands, reflections, decompositions, row_kernels, extension)
 
 if __name__ == "__main__":
     rows.FLAGS = tuple("-O0" if flag == "-O2" else flag for flag in rows.FLAGS)

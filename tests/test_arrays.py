@@ -1,20 +1,15 @@
-"""Generated modules and kernels over rows on arrays of other libraries; test_kernels.py compares all values."""
+"""Generated modules on arrays of other libraries; test_kernels.py compares all values."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
 
-from rodgen.codegen.rows import RowKernel
 from rodgen.generated.numpy import axis, rotations
-from rodgen.machines.machine import Machine
-from rodgen.machines.model import Frame, Model
 
 LIBRARIES = ("array_api_strict", "torch", pytest.param("jax.numpy", marks=pytest.mark.slow))
 RANDOM = np.random.default_rng(20)
@@ -59,33 +54,6 @@ def test_what_an_array_cannot_be_is_said(xp: ModuleType) -> None:
         rotations.rotate(good, xp.asarray(np.ones((2, 3), complex)))
     with pytest.raises(TypeError, match="rotate: out is for NumPy arrays"):
         rotations.rotate(good, good, out=np.empty((2, 3)))
-
-
-@pytest.fixture(scope="module")
-def fit() -> tuple[dict[str, RowKernel], np.ndarray, tuple[np.ndarray, ...]]:
-    """Kernels of a robot's fit, rows (more than a block of products, and some), and what these share."""
-    folder = Path(__file__).parent.parent / "benchmarks/fits"
-    model = Model(Machine.load(str(folder / "arm.toml")), [[-2, 2]] * 6, compiled=False)
-    rows = RANDOM.normal(size=(1030, model.kernels["residual"].inputs["rows"][0]))
-    theta = 1e-3 * RANDOM.normal(size=len(model.parameters))
-    shared = model.geometry(theta, Frame.identity(), 0), model.parameters_of_effects(theta)
-    return dict(model.kernels), rows, shared
-
-
-def close(found: Any, expected: np.ndarray) -> None:
-    np.testing.assert_allclose(np.asarray(found), expected, atol=1e-13 * np.abs(expected).max())
-
-
-def test_kernels_of_a_fit_run_on_arrays(fit: Any, xp: ModuleType) -> None:
-    kernels, rows, shared = fit
-    arrays = xp.asarray(rows), *map(xp.asarray, shared)
-    both = kernels["residual_and_jacobian"]
-    close(kernels["residual"](*arrays), kernels["residual"](rows, *shared))
-    close(both.gram(*arrays), both.gram(rows, *shared))
-    for found, expected in zip(both(arrays[0], *shared), both(rows, *shared), strict=True):
-        close(found, expected)
-    with pytest.raises(ValueError, match=r"residual: g has shape \(3,\); expected \(111,\)"):
-        kernels["residual"](arrays[0], arrays[1][:3], arrays[2])
 
 
 @pytest.mark.slow

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import operator
 import os
 import platform
 import re
@@ -9,32 +11,33 @@ import shutil
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 import sympy as sp
 
 from conftest import kept_files
-from rodgen.codegen import Kernel, KernelBuilder, KernelError, _rows_source, tape, tape_jacobian
+from rodgen.codegen import _rows_source, tape, tape_jacobian
 from rodgen.codegen import build_cache as _build_cache
 from rodgen.codegen import rows as rows_module
 from rodgen.codegen._rows_source import c_source
 from rodgen.codegen.build_cache import source_hash
-from rodgen.codegen.from_sympy import programs_of
 from rodgen.codegen.program import Program
 from rodgen.codegen.rows import RowKernel, row_kernels
+from rodgen.codegen.tape import Tape, absolute, atan2, cos, exp, log, sign, sin, sqrt, tan
+from rodgen.codegen.tape_matrix import Matrix
 from rodgen.machines import model
 from rodgen.machines.machine import Machine
-from rodgen.symbolic import EPS, LARGEST, power_of_two_scale, select
+from rodgen.symbolic import select
 
 JOINTS = 6
-SHARED = ("g", "e", "ball")
-LOCAL = ("tilt", "shift")
 COMPILERS = [c for c in ("gcc", "clang") if shutil.which(c)]
 needs_compiler = pytest.mark.skipif(not COMPILERS, reason="no C compiler: gcc, clang are not on the PATH")
 ON_X86 = platform.machine() in {"x86_64", "AMD64"}
@@ -62,49 +65,44 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 # A chain of revolute joints ------------------------------------------------------------------------------
 
 
-def chain() -> Kernel:
-    """Residuals of a point that six revolute joints carry, in 63 parameters.
+def chain() -> list[Program]:
+    """Residuals of a point that six revolute joints carry, and with their derivatives by 63 parameters.
 
     The axes turn by `tilt` and move by `shift`, which are zero: derivatives are taken with respect to them. The row
     holds angles, reading and weights.
     """
-    k = KernelBuilder("chain", summary="Residuals of a chain.", source="Rodrigues' formula")
-    rows = k.input("rows", JOINTS + 6, unit="1", doc="angles, reading, weights")
-    g = k.input("g", (6 * JOINTS + 1, 3), unit="1", doc="of each joint n, t1, t2, P, u, v; the target")
-    tilt = k.input("tilt", (JOINTS, 2), unit="rad", doc="of the axes")
-    shift = k.input("shift", (JOINTS, 2), unit="1", doc="of the axes")
-    e = k.input("e", (JOINTS, 6), unit="1", doc="of each reading")
-    ball = k.input("ball", 3, unit="1", doc="of the target")
-    x = k.let("target", g[6 * JOINTS, :].T + ball)
+    on = Tape()
+    rows = on.inputs("rows", JOINTS + 6, same=False)
+    g = Matrix(6 * JOINTS + 1, 3, on.inputs("g", 3 * (6 * JOINTS + 1)))  # n, t1, t2, P, u, v; the target
+    tilt, shift = (Matrix(JOINTS, 2, on.inputs(name, 2 * JOINTS)) for name in ("tilt", "shift"))
+    e, ball = Matrix(JOINTS, 6, on.inputs("e", 6 * JOINTS)), Matrix(on.inputs("ball", 3))
+    x = g[6 * JOINTS, :].T + ball
     for j in reversed(range(JOINTS)):
         n, t1, t2, point, u, v = (g[6 * j + i, :].T for i in range(6))
-        n = k.let(f"n{j}", n + tilt[j, 0] * t1 + tilt[j, 1] * t2)
-        point = k.let(f"P{j}", point + shift[j, 0] * u + shift[j, 1] * v)
+        n = n + tilt[j, 0] * t1 + tilt[j, 1] * t2
+        point = point + shift[j, 0] * u + shift[j, 1] * v
         q = rows[j]
-        c, s = k.let(f"cos{j}", sp.cos(q)), k.let(f"sin{j}", sp.sin(q))
+        c, s = cos(q), sin(q)
         harmonics = e[j, 2] * c + e[j, 3] * s + e[j, 4] * (c**2 - s**2) + e[j, 5] * 2 * s * c
-        angle = k.let(f"angle{j}", q + e[j, 0] + e[j, 1] * q + harmonics)
-        c, s = k.let(f"c{j}", sp.cos(angle)), k.let(f"s{j}", sp.sin(angle))
-        d = k.let(f"d{j}", x - point)
-        x = k.let(f"x{j}", point + d * c + n.cross(d) * s + n * (n.dot(d) * (1 - c)))
+        angle = q + e[j, 0] + e[j, 1] * q + harmonics
+        c, s = cos(angle), sin(angle)
+        d = x - point
+        x = point + d * c + n.cross(d) * s + n * (n.dot(d) * (1 - c))
     residual = [rows[JOINTS + 3 + i] * (rows[JOINTS + i] - x[i]) for i in range(3)]
-    k.output("residual", sp.Matrix(residual), unit="1", doc="weight times reading minus model")
-    return k.build()
-
-
-def chain_kernels() -> list[Kernel]:
-    at = dict.fromkeys(LOCAL, 0)
-    kernel = chain()
-    parameters = [*LOCAL, "e", "ball"]
+    by = tape_jacobian.jacobian_row(residual, [*tilt, *shift, *e, *ball])
+    at = tape.with_known([*residual, *by], dict.fromkeys([*tilt, *shift], 0.0))
+    residual, by = ([at.get(x, x) for x in values] for values in (residual, by))
+    inputs = {"rows": (JOINTS + 6,), "g": (6 * JOINTS + 1, 3), "e": (JOINTS, 6), "ball": (3,)}
+    values = {"residual": ((3,), residual)}
     return [
-        kernel.at(at, name="values"),
-        kernel.jacobian(parameters, mode="reverse", values=True, name="both", at=at),
+        on.program("values", inputs, values),
+        on.program("both", inputs, values | {"residual_jacobian": ((3, 63), by)}),
     ]
 
 
 @pytest.fixture(scope="module")
-def kernels() -> list[Kernel]:
-    return chain_kernels()
+def programs() -> list[Program]:
+    return chain()
 
 
 @pytest.fixture(scope="module")
@@ -115,21 +113,21 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def on(
-    kernels: list[Kernel], kept: Path, monkeypatch: pytest.MonkeyPatch
+    programs: list[Program], kept: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[[str], dict[str, RowKernel]]:
     """The kernels of the chain on a target."""
 
     def on(level: str) -> dict[str, RowKernel]:
         monkeypatch.setenv("RODGEN_CACHE", str(kept))
         monkeypatch.setenv("RODGEN_CPU", level)
-        return row_kernels("chain", lambda: kernels, shared=SHARED)
+        return row_kernels("chain", lambda: programs)
 
     return on
 
 
 @pytest.fixture(scope="module")
-def reference(kernels: list[Kernel]) -> dict[str, list[np.ndarray]]:
-    return {kernel.name: exact(kernel, *chain_inputs(11)) for kernel in kernels}
+def reference(programs: list[Program]) -> dict[str, list[np.ndarray]]:
+    return {program.name: exact(program, *chain_inputs(11)) for program in programs}
 
 
 def chain_inputs(count: int) -> tuple[np.ndarray, ...]:
@@ -140,13 +138,50 @@ def chain_inputs(count: int) -> tuple[np.ndarray, ...]:
     return rows, g, 1e-2 * rng.uniform(-1, 1, (JOINTS, 6)), 0.1 * rng.uniform(-1, 1, 3)
 
 
-def exact(kernel: Kernel, rows: np.ndarray, *shared: np.ndarray) -> list[np.ndarray]:
+def exact(program: Program, rows: np.ndarray, *shared: Any) -> list[np.ndarray]:
     """Evaluate with 50 digits, row by row."""
-    first, *others = [p.name for p in kernel.inputs]
-    values = [
-        kernel.evaluate({first: row, **dict(zip(others, shared, strict=True))}, digits=50) for row in rows
-    ]
-    return [np.array([np.asarray(v[p.name], dtype=float) for v in values]) for p in kernel.outputs]
+    found = [np.empty((len(rows), *shape)) for shape in program.outputs.values()]
+    with mpmath.workdps(50):
+        for n, row in enumerate(rows):
+            inputs = dict(zip(program.inputs, map(np.ravel, (row, *shared)), strict=True))
+            by_seed = [evaluated(program, inputs, seed) for seed in range(max(program.height, 1))]
+            for k, (output, result) in enumerate(zip(found, by_seed[0], strict=True)):
+                rows_of_it = [values[k] for values in by_seed] if program.by_row and k else result
+                output[n] = np.reshape(rows_of_it, output.shape[1:])
+    return found
+
+
+EXACTLY: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "neg": operator.neg,
+    "recip": lambda x: 1 / x,
+    "lt": operator.lt,
+    "select": lambda condition, yes, no: yes if condition else no,
+    "abs": abs,
+    "pow": operator.pow,
+    "sign": mpmath.sign,
+    "sqrt": mpmath.sqrt,
+    **{name: getattr(mpmath, name) for name in ("sin", "cos", "tan", "exp", "log", "atan2")},
+}
+
+
+def evaluated(program: Program, inputs: Mapping[str, Sequence[float]], seed: int) -> list[list[float]]:
+    """The components of each output, where one seed is 1."""
+    values: list[Any] = []
+
+    def value(operand: float) -> Any:
+        return values[operand] if isinstance(operand, int) else mpmath.mpf(operand)
+
+    for op, *args in program.operations:
+        if op == "input":
+            values.append(mpmath.mpf(float(inputs[args[0]][args[1]])))
+        elif op == "seed":
+            values.append(mpmath.mpf(args[0] == seed))
+        else:
+            values.append(EXACTLY[op](*map(value, args)))
+    return [[float(value(x)) for x in found] for found in program.results.values()]
 
 
 def as_tuple(results: Any) -> tuple[np.ndarray, ...]:
@@ -233,16 +268,15 @@ def test_several_values_of_shared_inputs_give_what_calls_with_each_give(on, leve
 def test_sine_and_cosine_of_any_angle(monkeypatch, level):
     """To 1e5 the inline ones; a vector with an angle beyond is left to libm, the near angles in it, too."""
     monkeypatch.setenv("RODGEN_CPU", level)
-    k = KernelBuilder("circle", summary="A circle.", source="definition")
-    x = k.input("x", unit="rad", doc="an angle")
-    k.output("point", sp.Matrix([sp.cos(x), sp.sin(x)]), unit="1", doc="on the circle")
-    kernel = k.build()
-    circle = row_kernels("circle", lambda: [kernel])["circle"]
+    on = Tape()
+    (x,) = on.inputs("x", 1, same=False)
+    program = on.program("circle", {"x": ()}, {"point": ((2,), [cos(x), sin(x)])})
+    circle = row_kernels("circle", lambda: [program])["circle"]
     near = np.random.default_rng(1).uniform(-1e5, 1e5, 64)
     near[:8] = [0.0, 1e-300, np.pi / 2, np.pi, 1e5, -1e5, np.nextafter(np.pi / 4, 0), 1e-9]
     far = np.concatenate([[1.0000001e5, -1e6, 1e12, 1e22, 1e300, 3.0], near[:7]])
     for angles in (near, far):
-        (there,) = exact(kernel, angles)
+        (there,) = exact(program, angles)
         # two units in the last place of 1; NumPy's own are good to four
         np.testing.assert_allclose(circle(angles), there, rtol=0, atol=2 * EPSILON)
     for angle in (np.inf, -np.inf, np.nan):
@@ -252,12 +286,11 @@ def test_sine_and_cosine_of_any_angle(monkeypatch, level):
         assert np.isfinite(np.delete(found, 3, 0)).all()
 
 
-def test_zero_parameters_and_shared_terms_cost_nothing(kernels):
-    values, both = kernels
-    assert [p.name for p in both.inputs] == ["rows", *SHARED]
-    assert sum(values.operations.values()) <= 360
-    assert sum(both.operations.values()) <= 2000
-    text = c_source(programs_of(kernels, SHARED))
+def test_zero_parameters_and_shared_terms_cost_nothing(programs):
+    values, both = programs
+    assert sum(values.operations_of_a_row.values()) <= 360
+    assert sum(both.operations_of_a_row.values()) <= 2200
+    text = c_source(programs)
     assert text.count("lanes_sine_cosine(") == 1 + 2 * 2 * JOINTS  # its definition; sine and cosine together
     loop = text[text.index("void rows_values(") :]
     shift = loop[: loop.index(" = in3[0];")].split()[-1]
@@ -267,44 +300,30 @@ def test_zero_parameters_and_shared_terms_cost_nothing(kernels):
 # Every construct -----------------------------------------------------------------------------------------
 
 
-def everything() -> Kernel:
-    """What a kernel may say, of numbers of the row, of shared numbers, and of both."""
-    k = KernelBuilder("everything", summary="All.", source="none")
-    x, y = k.input("x", 2, unit="1", doc="of the row")
-    a, b = k.input("a", 2, unit="1", doc="shared")
-    load = k.input("load", unit="1", doc="shared, and the name of a function in the C")
-    third = sp.Rational(1, 3)
-    shared_holds = k.let("shared_holds", a < b)
-    row_holds = k.let("row_holds", (x < y) & (a < 5) | ~(y < a))
+def everything() -> Program:
+    """What a program may say, of numbers of the row, of shared numbers, and of both."""
+    on = Tape()
+    x, y = on.inputs("x", 2, same=False)
+    (a, b), (load,) = on.inputs("a", 2), on.inputs("load", 1)  # load is the name of a function in the C
     outputs = {
-        "arithmetic": x * y * a * b + third * x - y / 7 + 2 * a * y - x**2 / b + a + b + load,
-        "powers": 1 / x
-        + x**-2 * y**3
-        + sp.sqrt(y) / sp.sqrt(a)
-        + y ** sp.Rational(3, 2)
-        + y**a
-        + a**y
-        + y**x,
-        "circular": sp.sin(x) * sp.cos(x) + sp.sin(a) * sp.cos(y) + sp.tan(x * a),
-        "inverse": sp.asin(x / 9) + sp.acos(y / 9) + sp.atan(x) + sp.atan2(x, a) + sp.atan2(load, y),
-        "exponential": sp.exp(x) + sp.log(y) + sp.sinh(x) - sp.cosh(x) * sp.tanh(y) + sp.exp(a),
-        "magnitudes": sp.Abs(x) + sp.sign(x) * y + sp.Abs(a - b) + sp.sign(a - b) * x,
-        "scales": power_of_two_scale(y) * x + power_of_two_scale(b),
-        "machine": select(sp.Abs(x) < EPS, x, select(y < LARGEST, x * EPS, y)),
-        "row_select": select(x < y, x, select(y < 1, a, 7)),
-        "shared_select": select(a < b, x, a) + select(shared_holds, select(a < 0, x, y), b),
-        "mixed_select": select(row_holds, x * a, 3) + select(shared_holds & (x < 0), x, load),
-        "condition_of_a_shared_select": select(select(shared_holds, x, b) < y, a, b),
+        "arithmetic": x * y * a * b + x * Fraction(1, 3) - y / 7 + 2 * a * y - x**2 / b + a + b + load,
+        "powers": 1 / x + x**-2 * y**3 + sqrt(y) / sqrt(a) + y ** Fraction(3, 2) + y**a + a**y + y**x,
+        "circular": sin(x) * cos(x) + sin(a) * cos(y) + tan(x * a) + atan2(x, a) + atan2(load, y),
+        "exponential": exp(x) + log(y) + exp(a) * log(b),
+        "magnitudes": absolute(x) + sign(x) * y + absolute(a - b) + sign(a - b) * x,
+        "row_select": tape.select(x < y, x, tape.select(y < 1, a, 7)),
+        "shared_select": tape.select(a < b, x, a) + tape.select(a < b, tape.select(a < 0, x, y), b),
+        "mixed_select": tape.select(x < y, x * a, 3) + tape.select(a > x, x, load),
+        "condition_of_a_shared_select": tape.select(tape.select(a < b, x, b) < y, a, b),
         "an_input": x,
         "a_shared_input": b,
-        "a_number": sp.Rational(2, 3) + sp.pi,
-        "a_shared_value": sp.sin(a) + select(a < b, a, sp.sign(b)),
-        "nothing": select(x > 0, sp.nan, y),
+        "a_number": 2 / 3 + math.pi,
+        "a_shared_value": sin(a) + tape.select(a < b, a, sign(b)),
+        "nothing": tape.select(x > 0, math.nan, y),
     }
-    for name, value in outputs.items():
-        k.output(name, value, unit="1", doc=name)
-    k.output("matrix", sp.Matrix([[x, 0], [a, x + y]]), unit="1", doc="a matrix")
-    return k.build()
+    inputs = {"x": (2,), "a": (2,), "load": ()}
+    components = {name: ((), [value]) for name, value in outputs.items()}
+    return on.program("everything", inputs, components | {"matrix": ((2, 2), [x, 0, a, x + y])})
 
 
 @pytest.mark.thorough("a1-NumPy", "a0-NumPy", "a0-baseline")
@@ -312,28 +331,30 @@ def everything() -> Kernel:
 @pytest.mark.parametrize("a", [(0.5, 1.5), (2.0, 0.25)])
 def test_every_construct_against_50_digits(monkeypatch, level, a):
     monkeypatch.setenv("RODGEN_CPU", level)
-    kernel = everything()
-    made = row_kernels("everything", lambda: [kernel], shared=["a", "load"])["everything"]
+    program = everything()
+    made = row_kernels("everything", lambda: [program])["everything"]
     rng = np.random.default_rng(5)
     rows = np.column_stack([rng.uniform(-3, 3, 37), rng.uniform(0.1, 5, 37)])
     found = made(rows, a, 1.25)
-    for port, here, there in zip(kernel.outputs, found, exact(kernel, rows, np.array(a), 1.25), strict=True):
+    for port, here, there in zip(program.outputs, found, exact(program, rows, a, 1.25), strict=True):
         # a few roundings of terms that may be ten times the sum; the functions of libm are good to one or two
         room = 40 * EPSILON * np.maximum(1, np.abs(there))
-        assert np.array_equal(np.isnan(here), np.isnan(there)), port.name
-        assert np.all((np.abs(here - there) <= room) | np.isnan(there)), port.name
+        assert np.array_equal(np.isnan(here), np.isnan(there)), port
+        assert np.all((np.abs(here - there) <= room) | np.isnan(there)), port
 
 
 @pytest.mark.parametrize("level", TARGETS)
 def test_special_values_go_through(monkeypatch, level):
     monkeypatch.setenv("RODGEN_CPU", level)
-    k = KernelBuilder("special", summary="Special.", source="none")
-    x = k.input("x", unit="1", doc="of the row")
-    a = k.input("a", unit="1", doc="shared")
-    k.output("safe", select(sp.Abs(x) > 0, 1 / x, a), unit="1", doc="no infinity")
-    k.output("quotient", a / x, unit="1", doc="infinite at 0")
-    k.output("root", sp.sqrt(x) + sp.sign(x), unit="1", doc="NaN below 0")
-    made = row_kernels("special", lambda: [k.build()], shared=["a"])["special"]
+    on = Tape()
+    (x,), (a,) = on.inputs("x", 1, same=False), on.inputs("a", 1)
+    outputs = {
+        "safe": tape.select(absolute(x) > 0, 1 / x, a),  # no infinity
+        "quotient": a / x,  # infinite at 0
+        "root": sqrt(x) + sign(x),  # NaN below 0
+    }
+    program = on.program("special", {"x": (), "a": ()}, {name: ((), [v]) for name, v in outputs.items()})
+    made = row_kernels("special", lambda: [program])["special"]
     safe, quotient, root = made(np.array([0.0, 2.0, -1.0, np.nan, np.inf]), 3.0)
     np.testing.assert_array_equal(safe, [3, 0.5, -1, 3, 0])
     np.testing.assert_array_equal(quotient, [np.inf, 1.5, -3, np.nan, 0])
@@ -341,13 +362,14 @@ def test_special_values_go_through(monkeypatch, level):
     assert np.isnan(root[[2, 3]]).all()
 
 
-def parabola() -> Kernel:
+def parabola() -> Program:
     """Residuals and their Jacobian."""
-    k = KernelBuilder("parabola", summary="A parabola.", source="definition")
-    x, y = k.input("rows", 2, unit="1", doc="a point")
-    p = k.input("p", 3, unit="1", doc="its coefficients")
-    k.output("residual", sp.Matrix([p[0] + p[1] * x + p[2] * x**2 - y]), unit="1", doc="across")
-    return k.build().jacobian(["p"], values=True, name="both")
+    on = Tape()
+    (x, y), p = on.inputs("rows", 2, same=False), on.inputs("p", 3)
+    residual = [p[0] + p[1] * x + p[2] * x**2 - y]
+    by = tape_jacobian.jacobian_row(residual, p)
+    outputs = {"residual": ((1,), residual), "residual_jacobian": ((1, 3), by)}
+    return on.program("both", {"rows": (2,), "p": (3,)}, outputs)
 
 
 @pytest.mark.thorough("flags0-gcc")
@@ -357,7 +379,7 @@ def parabola() -> Kernel:
     "flags", [(), ("-mavx2", "-mfma"), ("-mavx512f", "-mavx512dq")][: 3 if ON_X86 else 1]
 )
 def test_c_compiles_without_a_warning(compiler, flags, tmp_path):
-    (tmp_path / "k.c").write_text(c_source(programs_of([everything(), parabola()], ["a", "load", "p"])))
+    (tmp_path / "k.c").write_text(c_source([everything(), parabola()]))
     command = [compiler, *rows_module.FLAGS, "-Wall", "-Wextra", "-Werror", *flags, "k.c", "-o", os.devnull]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
@@ -367,17 +389,14 @@ def test_c_compiles_without_a_warning(compiler, flags, tmp_path):
 def test_names_of_the_generated_code_are_free_for_a_user(monkeypatch, level):
     """Joints, columns and parameters have the names that users give them."""
     monkeypatch.setenv("RODGEN_CPU", level)
-    k = KernelBuilder("row", summary="Names.", source="none")
-    load = k.input("load", 2, unit="1", doc="of the row")
-    others = [
-        k.input(n, unit="1", doc="shared") for n in ("row", "vec", "gamma", "in0", "far", "rows", "about")
-    ]
-    named = k.let("start", load[0] * others[0] + others[1])
-    k.output("out0", sp.sin(named) + sum(others), unit="1", doc="a sum")
-    k.output("mask", named, unit="1", doc="a product")
-    kernel = k.build()
-    shared = [p.name for p in kernel.inputs[1:]]
-    out0, mask = row_kernels("names", lambda: [kernel], shared=shared)["row"]([[1.0, 2.0]], *range(7))
+    on = Tape()
+    load = on.inputs("load", 2, same=False)
+    names = ("row", "vec", "gamma", "in0", "far", "rows", "about")
+    others = [on.inputs(name, 1)[0] for name in names]
+    named = load[0] * others[0] + others[1]
+    outputs = {"out0": ((), [sum(others, sin(named))]), "mask": ((), [named])}
+    program = on.program("row", {"load": (2,), **dict.fromkeys(names, ())}, outputs)
+    out0, mask = row_kernels("names", lambda: [program])["row"]([[1.0, 2.0]], *range(7))
     assert mask == [1.0]
     assert out0 == pytest.approx(np.sin(1.0) + 21, rel=1e-15)
 
@@ -414,7 +433,7 @@ def test_one_sweep_gives_all_rows_of_a_jacobian(monkeypatch, level, part):
     x, p = sp.symbols("x:3", positive=True), sp.symbols("p:6", positive=True)
     there = sp.Matrix(numbers_of_a_chain(x, p, {**vars(sp), "select": select}))
     wanted = sp.lambdify([x, p], [there.T, there.jacobian(p)], "numpy")
-    chain = row_kernels(f"sweep {part}", make, shared=["p"])["chain"]
+    chain = row_kernels(f"sweep {part}", make)["chain"]
     values, by = chain(rows, shared)
     expected = [wanted(row, shared) for row in rows]
     np.testing.assert_allclose(values, np.concatenate([e[0] for e in expected]), rtol=0, atol=1e-13)
@@ -439,18 +458,16 @@ def test_what_acts_through_one_number_is_differentiated_once():
 # The call ------------------------------------------------------------------------------------------------
 
 
-def line() -> Kernel:
-    k = KernelBuilder("line", summary="A line.", source="definition")
-    x = k.input("x", 2, unit="1", doc="abscissa, and what is not used")
-    p = k.input("p", 2, unit="1", doc="height, slope")
-    k.output("y", p[0] + p[1] * x[0], unit="1", doc="height")
-    return k.build()
+def line() -> Program:
+    on = Tape()
+    (x, _), (height, slope) = on.inputs("x", 2, same=False), on.inputs("p", 2)  # of x one number is not used
+    return on.program("line", {"x": (2,), "p": (2,)}, {"y": ((), [height + slope * x])})
 
 
 @pytest.fixture(params=BOTH)
 def straight(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> RowKernel:
     monkeypatch.setenv("RODGEN_CPU", request.param)
-    return row_kernels("line", lambda: [line()], shared=["p"])["line"]
+    return row_kernels("line", lambda: [line()])["line"]
 
 
 def test_attributes(straight):
@@ -535,24 +552,15 @@ def test_threads_share_a_kernel(on):
         np.testing.assert_allclose(here, there, rtol=0, atol=1e-13)
 
 
-def test_inputs_out_of_place_are_an_error():
-    with pytest.raises(
-        KernelError, match="line: p is out of place; expected one for the rows, then shared ones"
-    ):
-        row_kernels("line", lambda: [line()], shared=[])
-    with pytest.raises(KernelError, match="line: x is out of place"):
-        row_kernels("line", lambda: [line()], shared=["x", "p"])
-
-
 # The cache -----------------------------------------------------------------------------------------------
 
 
-def counting(kernels: Callable[[], list[Kernel]]) -> tuple[Callable[[], list[Kernel]], list[int]]:
+def counting(programs: Callable[[], list[Program]]) -> tuple[Callable[[], list[Program]], list[int]]:
     calls: list[int] = []
 
-    def make() -> list[Kernel]:
+    def make() -> list[Program]:
         calls.append(1)
-        return kernels()
+        return programs()
 
     return make, calls
 
@@ -562,17 +570,17 @@ def test_made_once_for_a_key(cache, monkeypatch, level):
     monkeypatch.setenv("RODGEN_CPU", level)
     make, calls = counting(lambda: [line()])
     for _ in range(2):
-        assert row_kernels("one", make, shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]
+        assert row_kernels("one", make)["line"]([[2, 0]], [1, 1]).tolist() == [3]
     assert len(calls) == len(kept_files(cache)) == 1
-    row_kernels("two", make, shared=["p"])
+    row_kernels("two", make)
     assert len(calls) == len(kept_files(cache)) == 2
 
 
 def test_another_text_of_the_generator_is_another_key(cache, monkeypatch):
     make, calls = counting(lambda: [line()])
-    row_kernels("one", make, shared=["p"])
+    row_kernels("one", make)
     monkeypatch.setattr(rows_module, "source_hash", lambda *_: "another text")
-    row_kernels("one", make, shared=["p"])
+    row_kernels("one", make)
     assert len(calls) == 2
 
 
@@ -598,13 +606,13 @@ def test_another_text_of_what_gives_a_formula_its_meaning_is_another_key(tmp_pat
 def test_another_processor_flag_or_compiler_is_another_library(cache, monkeypatch):
     """A cache on a shared disk serves different processors."""
     make, calls = counting(lambda: [line()])
-    row_kernels("one", make, shared=["p"])
+    row_kernels("one", make)
     monkeypatch.setattr(_build_cache, "compiler_version", lambda _: "another version")
-    row_kernels("one", make, shared=["p"])
+    row_kernels("one", make)
     monkeypatch.setattr(rows_module, "native_flag", lambda _: ("", "another processor"))
-    row_kernels("one", make, shared=["p"])
+    row_kernels("one", make)
     monkeypatch.setattr(rows_module, "FLAGS", (*rows_module.FLAGS, "-DOTHER"))
-    row_kernels("one", make, shared=["p"])
+    row_kernels("one", make)
     assert len(calls) == len(kept_files(cache)) == 4
 
 
@@ -613,7 +621,7 @@ import sys
 from rodgen.codegen.rows import row_kernels
 def make():
     raise SystemExit("made again")
-kernel = row_kernels("one", make, shared=["p"])["line"]
+kernel = row_kernels("one", make)["line"]
 print(kernel([[2.0, 0.0]], [1.0, 1.0]), kernel.target)
 print(sorted({"sympy", "jinja2", "mpmath"} & set(sys.modules)))
 """
@@ -622,7 +630,7 @@ print(sorted({"sympy", "jinja2", "mpmath"} & set(sys.modules)))
 @pytest.mark.parametrize("level", BOTH)
 def test_what_is_kept_is_loaded_without_sympy(cache, monkeypatch, level):
     monkeypatch.setenv("RODGEN_CPU", level)
-    made = row_kernels("one", lambda: [line()], shared=["p"])["line"]
+    made = row_kernels("one", lambda: [line()])["line"]
     done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True)
     assert (done.stderr, done.stdout) == ("", f"[3.] {made.target}\n[]\n")
 
@@ -644,19 +652,26 @@ def told(call: Callable[[], Any]) -> tuple[Any, list[str]]:
 def test_without_a_compiler_numpy_runs_and_one_notice_says_why(cache, monkeypatch, compiler, reason):
     monkeypatch.setenv("CC", compiler)
     make, calls = counting(lambda: [line()])
-    made, notices = told(lambda: row_kernels("one", make, shared=["p"]))
+    made, notices = told(lambda: row_kernels("one", make))
     assert made["line"].target == "numpy"
     assert len(notices) == 1
     assert re.fullmatch(f"kernels that are made at run time run on NumPy, not in C: .*{reason}", notices[0])
-    again, notices = told(lambda: row_kernels("one", make, shared=["p"]))
+    again, notices = told(lambda: row_kernels("one", make))
     assert notices == []
     assert again["line"]([[2, 0]], [1, 1]).tolist() == made["line"]([[2, 0]], [1, 1]).tolist() == [3]
     assert len(calls) == (1 if compiler == "no-such-compiler" else 2)
 
 
+def test_without_any_compiler_on_the_path_the_notice_says_what_to_do(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    made, notices = told(lambda: row_kernels("one", lambda: [line()])["line"])
+    assert made.target == "numpy"
+    assert notices[0].endswith("no C compiler is found (cc, gcc or clang); install one, or name one in CC")
+
+
 def test_numpy_that_is_asked_for_is_no_surprise(monkeypatch):
     monkeypatch.setenv("RODGEN_CPU", "numpy")
-    made, notices = told(lambda: row_kernels("one", lambda: [line()], shared=["p"]))
+    made, notices = told(lambda: row_kernels("one", lambda: [line()]))
     assert made["line"].target == "numpy"
     assert notices == []
 
@@ -684,7 +699,7 @@ SPOIL = {
 @pytest.mark.parametrize("how", SPOIL)
 def test_a_kept_library_that_is_not_as_it_was_written_is_never_loaded(cache, how):
     """In a process of its own: to load half a library would end it."""
-    row_kernels("one", lambda: [line()], shared=["p"])
+    row_kernels("one", lambda: [line()])
     (kept,) = kept_files(cache)
     SPOIL[how](kept)
     done = subprocess.run([sys.executable, "-c", MADE_AGAIN], capture_output=True, text=True)
@@ -705,10 +720,10 @@ NO_FILE_OF_RODGEN = {
 @needs_compiler
 @pytest.mark.parametrize("how", NO_FILE_OF_RODGEN)
 def test_a_kept_library_that_would_be_waited_for_or_fill_the_memory_is_made_again(cache, how):
-    row_kernels("one", lambda: [line()], shared=["p"])
+    row_kernels("one", lambda: [line()])
     (kept,) = kept_files(cache)
     NO_FILE_OF_RODGEN[how](kept)
-    made, notices = told(lambda: row_kernels("one", lambda: [line()], shared=["p"])["line"])
+    made, notices = told(lambda: row_kernels("one", lambda: [line()])["line"])
     assert (made([[2.0, 0.0]], [1.0, 1.0]).tolist(), made.target) == ([3.0], "c")
     assert len(notices) == 1
     assert "is not as it was written; it is deleted and made again" in notices[0]
@@ -718,7 +733,7 @@ MADE_AGAIN = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from test_rows import line, row_kernels
-kernel = row_kernels("one", lambda: [line()], shared=["p"])["line"]
+kernel = row_kernels("one", lambda: [line()])["line"]
 print(kernel([[2.0, 0.0]], [1.0, 1.0]), kernel.target)
 """
 
@@ -726,10 +741,10 @@ print(kernel([[2.0, 0.0]], [1.0, 1.0]), kernel.target)
 def test_a_kept_text_that_is_not_as_it_was_written_is_made_again(cache, monkeypatch):
     monkeypatch.setenv("RODGEN_CPU", "numpy")
     make, calls = counting(lambda: [line()])
-    row_kernels("one", make, shared=["p"])
+    row_kernels("one", make)
     (kept,) = kept_files(cache)
     kept.write_text(kept.read_text().replace("mul", "add"))
-    assert row_kernels("one", make, shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]
+    assert row_kernels("one", make)["line"]([[2, 0]], [1, 1]).tolist() == [3]
     assert len(calls) == 2
 
 
@@ -739,7 +754,7 @@ def test_a_kept_text_that_is_not_as_it_was_written_is_made_again(cache, monkeypa
 )
 def test_flags_that_change_arithmetic_are_undone(cache, monkeypatch, flag):
     monkeypatch.setenv("CC", f"gcc {flag} -fno-signed-zeros")
-    made, notices = told(lambda: row_kernels("one", lambda: [parabola()], shared=["p"])["both"])
+    made, notices = told(lambda: row_kernels("one", lambda: [parabola()])["both"])
     assert (made.target, notices) == ("c", [])
     assert (
         np.array([5e-324]) * 1.0 > 0
@@ -748,13 +763,13 @@ def test_flags_that_change_arithmetic_are_undone(cache, monkeypatch, flag):
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 def test_a_library_with_one_small_output_that_is_not_as_on_numpy_is_not_used(cache, monkeypatch):
-    k = KernelBuilder("third", summary="A third.", source="definition")
-    x, p = k.input("x", unit="m", doc="a length"), k.input("p", unit="m", doc="another")
-    k.output("y", (x + p) * sp.Rational(1, 3), unit="m", doc="a third of both")
-    k.output("z", 1024 * x, unit="m", doc="an output that is right, and far larger")
-    kernel = k.build()
+    on = Tape()
+    (x,), (p,) = on.inputs("x", 1, same=False), on.inputs("p", 1)
+    # a third, and an output that is right, and far larger
+    outputs = {"y": ((), [(x + p) * Fraction(1, 3)]), "z": ((), [1024 * x])}
+    program = on.program("third", {"x": (), "p": ()}, outputs)
     monkeypatch.setenv("CC", "gcc -fsingle-precision-constant")
-    made, notices = told(lambda: row_kernels("one", lambda: [kernel], shared=["p"])["third"])
+    made, notices = told(lambda: row_kernels("one", lambda: [program])["third"])
     assert made.target == "numpy"
     assert len(notices) == 1
     assert "computes other numbers than NumPy" in notices[0]
@@ -764,8 +779,45 @@ def test_a_library_with_one_small_output_that_is_not_as_on_numpy_is_not_used(cac
 @pytest.mark.parametrize("level", BOTH)
 def test_a_forbidden_cache_is_done_without(cache, monkeypatch, level):
     monkeypatch.setenv("RODGEN_CPU", level)
-    row_kernels("one", lambda: [line()], shared=["p"])
+    row_kernels("one", lambda: [line()])
     (kept,) = kept_files(cache)
     kept.unlink()
     monkeypatch.setenv("RODGEN_CACHE", os.path.join(os.devnull, "cache"))
-    assert row_kernels("one", lambda: [line()], shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]
+    assert row_kernels("one", lambda: [line()])["line"]([[2, 0]], [1, 1]).tolist() == [3]
+
+
+@needs_compiler
+def test_a_cache_into_which_others_can_write_is_not_used(cache):
+    cache.mkdir()
+    cache.chmod(0o777)
+    assert row_kernels("one", lambda: [line()])["line"].target == "c"
+    assert list(cache.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("system", "environment", "expected"),
+    [
+        ("linux", {"RODGEN_CACHE": "/r"}, "/r"),
+        ("linux", {"XDG_CACHE_HOME": "/x"}, "/x/rodgen"),
+        ("linux", {}, "/home/me/.cache/rodgen"),
+        ("darwin", {}, "/home/me/Library/Caches/rodgen"),
+        ("win32", {"LOCALAPPDATA": "/local"}, "/local/rodgen/Cache"),
+    ],
+)
+def test_the_cache_is_where_the_platform_keeps_caches(monkeypatch, system, environment, expected):
+    for name in ("RODGEN_CACHE", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in {"HOME": "/home/me", **environment}.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys, "platform", system)
+    assert _build_cache.cache_folder() == Path(expected)
+
+
+@pytest.mark.slow
+@needs_compiler
+def test_processes_that_compile_at_once_do_not_disturb_each_other(cache):
+    command = [sys.executable, "-W", "error::RuntimeWarning:rodgen.codegen", "-c", MADE_AGAIN]
+    several = [subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) for _ in range(3)]
+    outputs = [process.communicate(timeout=120) for process in several]
+    assert outputs == [(b"[3.] c\n", b"")] * 3
+    assert [path.suffix for path in kept_files(cache)] == [".so"]

@@ -24,12 +24,11 @@ import numpy as np
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 import pytest
-import sympy as sp
 from faults import Fault, Operations, Torture
 from solved_table import solve_table
 
-from rodgen.codegen import KernelBuilder
-from rodgen.codegen.compile import compile_kernel
+from rodgen.codegen import tape
+from rodgen.codegen.rows import row_kernels
 from rodgen.errors import InputFileError
 from rodgen.files import AtomicFile, OutputSet, write_file
 
@@ -194,10 +193,13 @@ def test_memory_ends_or_ctrl_c_is_pressed_at_a_call(name, tortured):
 @pytest.mark.slow
 def test_every_operation_of_compiling_fails_once(tmp_path, monkeypatch, compiler):
     """The function computes the same then, by the compiled library or by NumPy, and the cache stays whole."""
-    builder = KernelBuilder("hypotenuse", summary="Longest side.", source="Pythagoras")
-    sides = [builder.input(name, unit="m", doc="a side") for name in "ab"]
-    builder.output("c", sp.sqrt(sides[0] ** 2 + sides[1] ** 2), unit="m", doc="longest side")
-    kernel = builder.build()
+
+    def hypotenuse():
+        on = tape.Tape()
+        (a,), (b,) = on.inputs("a", 1, same=False), on.inputs("b", 1)
+        side = tape.sqrt(a**2 + b**2)
+        return row_kernels("side", lambda: [on.program("c", {"a": (), "b": ()}, {"c": ((), [side])})])["c"]
+
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.delenv("RODGEN_CPU", raising=False)
 
@@ -206,12 +208,12 @@ def test_every_operation_of_compiling_fails_once(tmp_path, monkeypatch, compiler
         monkeypatch.setenv("RODGEN_CACHE", str(cache))
         with warnings.catch_warnings(), Operations(tmp_path, fault).watched() as operations:
             warnings.simplefilter("ignore")
-            assert compile_kernel(kernel)(3.0, 4.0) == 5
+            assert hypotenuse()([3.0], 4.0) == 5
         failed = operations.done[fault.at] if fault else ""
         left = [path.name for path in cache.iterdir() if path.name.startswith("build-")]
         assert left == [] or failed.startswith(("unlink", "scandir", "open to read")), failed
-        made = compile_kernel(kernel)
-        assert (made.target, made(5.0, 12.0)) == ("c", 13), failed
+        made = hypotenuse()
+        assert (made.target, made([5.0], 12.0)) == ("c", 13), failed
         return operations
 
     run()

@@ -1,4 +1,4 @@
-"""Measure solve_axis, residuals and normal equations on a graphics processor, as part of its memory bandwidth.
+"""Measure solve_axis on a graphics processor, as part of its memory bandwidth.
 
 python benchmarks/gpu/measure.py -o benchmarks/results/gpu.json   # then python benchmarks/run.py --page
 python benchmarks/gpu/measure.py --cpu --rows 8192                # tries the script where there is none
@@ -38,10 +38,7 @@ except ModuleNotFoundError:  # it is not installed: generated/ lies outside of s
 import problem  # noqa: E402
 
 from gpu import device_code, page  # noqa: E402
-from rodgen.codegen import _rows_numpy  # noqa: E402
 from rodgen.generated.numpy.axis import solve_axis  # noqa: E402
-from rodgen.machines.machine import Machine  # noqa: E402
-from rodgen.machines.model import Frame, Model  # noqa: E402
 
 DISTINCT = 8192
 """Rows that differ; they are repeated, so that every row's answer is known from few that NumPy computes."""
@@ -50,7 +47,6 @@ COPIED = 1 << 30
 """Bytes of the array whose copy tells the bandwidth."""
 LAST, COMPILING, ALL = 90.0, 150.0, 220.0
 """Seconds in which a contender begins with a task, until the first are timed, and in all."""
-ARM = ROOT / "benchmarks/fits/arm.toml"
 TOLERANCE = {"float64": 1e-10, "float32": 2e-2}
 """Largest difference to NumPy's float64, relative to the largest number: roundings, times the condition of the axes."""
 
@@ -177,15 +173,12 @@ class Task:
         Returns how far what was computed is from NumPy's answer, relative to the largest number of it.
     bytes : int
         That must be read and written at least.
-    stored : int
-        The same where derivatives are stored and read again; 0 where there are none.
     """
 
     call: Callable[..., Any]
     arguments: tuple[Any, ...]
     error: Callable[[Any], float]
     bytes: int
-    stored: int = 0
 
 
 def gap(library: Library, found: Any, expected: Any) -> float:
@@ -221,78 +214,10 @@ def solving(library: Library, rows: int, real: str) -> Task:
     return Task(call, tiled, error, rows * (13 * size + 1))
 
 
-def of_rows(library: Library, rows: int, real: str, *, gram: bool = False, in_columns: bool = False) -> Task:
-    """Residuals of a robot's fit, or [J r]ᵀ[J r] with their Jacobian J, by the kernels of the fit itself."""
-
-    model = Model(Machine.load(str(ARM)), [[-2, 2]] * 6, compiled=False)
-    random = np.random.default_rng(1)
-    few = np.empty((DISTINCT, model.kernels["residual"].inputs["rows"][0]))
-    few[:, :6], few[:, 6:] = random.uniform(-2, 2, (DISTINCT, 6)), 1.0
-    theta = 1e-3 * random.normal(size=len(model.parameters))
-    shared = model.geometry(theta, Frame.identity(), 0), model.parameters_of_effects(theta)
-    few[:, 7:10] = model.kernels["place"](few, *shared) + 0.02 * random.normal(size=(DISTINCT, 3))
-    few = few.astype(real).astype(float)
-    copies = rows // DISTINCT
-    tiled = library.xp.tile(library.array(few.astype(real)), (copies, 1))
-    on_device = [library.array(a.astype(real)) for a in shared]
-    size, columns = np.dtype(real).itemsize, few.shape[1]
-    if gram:
-        kernel = model.kernels["residual_and_jacobian"]
-        known = copies * kernel.gram(few, *shared)
-        scale = np.sqrt(np.outer(np.diag(known), np.diag(known)))
-        width = kernel.outputs["residual_jacobian"][1] + 1
-        stored = rows * size * (columns + 2 * 3 * width)
-        call = library.compiled(lambda rows, g, e: kernel.gram(rows, g, e))
-        if library.version.startswith("NVRTC"):
-            call = device_code.gram(kernel._program())
-
-        def error(found: Any) -> float:
-            return gap(library, found / library.array(scale), known / scale)
-
-        return Task(call, (tiled, *on_device), error, rows * size * columns, stored)
-    kernel = model.kernels["residual"]
-    known, place = kernel(few, *shared), np.abs(few[:, 7:10]).max()
-    call = library.compiled(lambda rows, g, e: kernel(rows, g, e))
-    if library.version.startswith("NVRTC"):
-        call = device_code.rows(kernel._program())
-    if in_columns:
-        tiled = library.xp.tile(library.array(few.astype(real).T.copy()), (1, copies))
-        call = library.compiled(lambda columns, g, e: components(kernel._program(), columns.T, g, e))
-
-    def difference(found: Any) -> float:
-        found = library.xp.stack(found, -1) if in_columns else found
-        return gap(library, found, known) * float(
-            np.abs(known).max() / place
-        )  # a residual is a difference of places
-
-    return Task(call, (tiled, *on_device), difference, rows * size * (columns + 3))
-
-
-def components(program: Any, rows: Any, *shared: Any) -> list[Any]:
-    """Return the components of residuals as columns of their own: the layout that suits a compiler for the device."""
-    from array_api_compat import array_namespace
-
-    return _rows_numpy._components(array_namespace(rows), program, rows, shared)[0]
-
-
 TASKS: dict[str, Callable[[Library, int], Task]] = {
     "solve_axis": lambda library, rows: solving(library, rows, "float64"),
-    "residuals": lambda library, rows: of_rows(library, rows, "float64"),
-    "JᵀJ": lambda library, rows: of_rows(library, rows // 2, "float64", gram=True),
     "solve_axis, float32": lambda library, rows: solving(library, rows, "float32"),
-    "residuals, float32": lambda library, rows: of_rows(library, rows, "float32"),
 }
-
-IN_COLUMNS = {
-    "residuals, in columns": lambda library, rows: of_rows(library, rows, "float64", in_columns=True),
-}
-CUDA = ("solve_axis", "residuals", "JᵀJ", "solve_axis, float32")
-
-
-def tasks_of(name: str) -> dict[str, Callable[[Library, int], Task]]:
-    if name == C:
-        return {title: task for title, task in TASKS.items() if title in CUDA}
-    return TASKS | (IN_COLUMNS if "," in name else {})
 
 
 def seconds_of(call: Callable[[], Any], wait: Callable[[Any], Any]) -> float:
@@ -315,7 +240,7 @@ def work(name: str, rows: int, *, cpu: bool) -> None:
     library = LIBRARIES[name](cpu)
     ready, found = {}, {"name": name, "device": library.device, "version": library.version, "tasks": {}}
     begun = time.perf_counter()
-    for title, make in tasks_of(name).items():
+    for title, make in TASKS.items():
         started = time.perf_counter()
         try:
             if started - begun > LAST:
@@ -324,7 +249,7 @@ def work(name: str, rows: int, *, cpu: bool) -> None:
             result = task.call(*task.arguments)
             library.wait(result)
             error = task.error(result)
-            row = {"error": error, "bytes": task.bytes, "stored": task.stored}
+            row = {"error": error, "bytes": task.bytes}
             if not error <= TOLERANCE["float32" if "float32" in title else "float64"]:
                 row["failed"] = f"off by {error:.1e}"
         except Exception as failure:
@@ -397,7 +322,7 @@ def measure(rows: int = ROWS, *, cpu: bool = False, only: str = "") -> dict[str,
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", help="file to write, as JSON")
-    parser.add_argument("--rows", type=int, default=ROWS, help=f"a multiple of {2 * DISTINCT}")
+    parser.add_argument("--rows", type=int, default=ROWS, help=f"a multiple of {DISTINCT}")
     parser.add_argument("--only", default="", help="contenders with this in their name")
     parser.add_argument("--cpu", action="store_true", help="on the processor, to try the script")
     parser.add_argument("--work", choices=LIBRARIES, help=argparse.SUPPRESS)

@@ -21,13 +21,11 @@ def page(result: dict) -> str:
     rows = result["rows"]
     devices = ", ".join(sorted({each["device"] for each in made})) or "no device"
     about = (
-        f"Written by `benchmarks/gpu/measure.py` on {devices}. The generated modules and the kernels of a robot's fit "
-        "(*J* has 30 columns) run on arrays of each library; the last contender is `generated/c/axis.c` as it stands, "
-        "and the fit's kernels printed as C, compiled for the device. "
-        f"{rows:,} rows, {rows // 2:,} of JᵀJ; float64 unless it says otherwise. *Share*: of the bandwidth of a copy "
-        "by the same library, bytes read and written, for the bytes that a call must read and write at least; in "
-        "brackets for JᵀJ with J stored and read once. *Error*: largest difference to NumPy's answer in float64, "
-        "relative to the largest number."
+        f"Written by `benchmarks/gpu/measure.py` on {devices}. The generated modules run on arrays of each library; "
+        f"the last contender is `generated/c/axis.c` as it stands, compiled for the device. {rows:,} rows; float64 "
+        "unless it says otherwise. *Share*: of the bandwidth of a copy by the same library, bytes read and written, "
+        "for the bytes that a call must read and write at least. *Error*: largest difference to NumPy's answer in "
+        "float64, relative to the largest number."
     )
     lines = [
         TITLE,
@@ -46,11 +44,9 @@ def page(result: dict) -> str:
                 )
                 continue
             speed = row["bytes"] / row["seconds"]
-            stored = f" ({row['stored'] / row['seconds'] / each['bandwidth']:.2f})" if row["stored"] else ""
-            count = rows // 2 if row["stored"] else rows
             lines.append(
-                f"| | {title} | {1e9 * row['seconds'] / count:.3f} | {speed / 1e9:,.0f} | "
-                f"{speed / each['bandwidth']:.2f}{stored} | {row['error']:.0e} | {row['to_compile']:.0f} |"
+                f"| | {title} | {1e9 * row['seconds'] / rows:.3f} | {speed / 1e9:,.0f} | "
+                f"{speed / each['bandwidth']:.2f} | {row['error']:.0e} | {row['to_compile']:.0f} |"
             )
     shares = [
         (row["bytes"] / row["seconds"] / each["bandwidth"], title, each["name"])

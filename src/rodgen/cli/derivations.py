@@ -22,8 +22,8 @@ rodgen.symbolic.Derivation in the module-level name 'derivation'.
 """
 
 _KERNELS = """\
-Write the kernels of a derivation: a NumPy module, C source and header, and a test for kernels that specify
-sample inputs; with --target the kernels in other languages. With --check nothing is written: differences are shown as a
+Write the kernels of a derivation: a NumPy module, and C source and header; with --target the kernels in other
+languages. With --check nothing is written: differences are shown as a
 diff, and the exit code is 1.
 """
 

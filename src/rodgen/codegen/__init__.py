@@ -11,19 +11,28 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rodgen.codegen.builder import KernelBuilder
     from rodgen.codegen.kernel import Kernel
-    from rodgen.codegen.kernel_parts import Assignment, Derivative, KernelError, Port, port_symbols
+    from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, port_symbols
+    from rodgen.codegen.source_files import numpy_function
 
 _MODULES = {
     "Assignment": "kernel_parts",
-    "Derivative": "kernel_parts",
     "Kernel": "kernel",
     "KernelBuilder": "builder",
     "KernelError": "kernel_parts",
     "Port": "kernel_parts",
+    "numpy_function": "source_files",
     "port_symbols": "kernel_parts",
 }
 
-__all__ = ["Assignment", "Derivative", "Kernel", "KernelBuilder", "KernelError", "Port", "port_symbols"]
+__all__ = [
+    "Assignment",
+    "Kernel",
+    "KernelBuilder",
+    "KernelError",
+    "Port",
+    "numpy_function",
+    "port_symbols",
+]
 
 
 def __getattr__(name: str) -> Any:

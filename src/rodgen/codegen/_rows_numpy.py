@@ -1,14 +1,13 @@
-"""Programs over rows: on NumPy an operation at a time, on a block of rows; on arrays of other libraries on all rows."""
+"""Programs over rows on NumPy: an operation at a time, on a block of rows."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.codegen._array_call import _Functions, _is_foreign, _power_of_two_scale
 from rodgen.codegen.program import GIVEN, Program
 
 WORK_BYTES = 1 << 22
@@ -16,43 +15,29 @@ WORK_BYTES = 1 << 22
 FEWEST, MOST = 128, 2048
 """Rows a block."""
 
-BLOCK = 1024
-"""Rows whose products are summed at once on arrays of other libraries."""
-
 INTO = {
-    "add": "add",
-    "sub": "subtract",
-    "mul": "multiply",
-    "neg": "negative",
-    "recip": "reciprocal",
-    **{
-        name: name
-        for name in ("abs", "sign", "pow", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2")
-    },
-    **{name: name for name in ("sinh", "cosh", "tanh", "exp", "log")},
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "neg": np.negative,
+    "recip": np.reciprocal,
+    "abs": np.abs,
+    "sign": np.sign,
+    "pow": np.pow,
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "atan2": np.atan2,
+    "exp": np.exp,
+    "log": np.log,
 }
-"""Functions of the array API standard, which NumPy lets write their result into an array that is given."""
+"""Operations whose result NumPy can write into an array that is given."""
 
-NEW = {
-    "lt": "less",
-    "le": "less_equal",
-    "eq": "equal",
-    "ne": "not_equal",
-    "and": "logical_and",
-    "or": "logical_or",
-    "not": "logical_not",
-    "select": "where",
-}
-"""Functions that return a new array."""
+NEW: dict[str, Callable[..., Any]] = {"lt": np.less, "select": np.where}
+"""Operations that return a new array."""
 
-
-def _function(xp: Any, op: str) -> Callable[..., Any]:
-    """Return the function of an operation in an array namespace."""
-    return (
-        _power_of_two_scale
-        if op == "scale"
-        else cast("Callable[..., Any]", getattr(xp, INTO.get(op) or NEW[op]))
-    )
+FUNCTIONS = INTO | NEW
 
 
 class NumPyProgram:
@@ -92,7 +77,7 @@ class NumPyProgram:
             elif op == "input":
                 self.given.append((n, others.index(args[0]), args[1]))
             elif shared[n]:
-                self.once.append((_function(np, op), n, [self._place(a) for a in args]))
+                self.once.append((FUNCTIONS[op], n, [self._place(a) for a in args]))
             else:
                 operands = [self._place(a) for a in args]
                 for a in set(operands):
@@ -103,9 +88,9 @@ class NumPyProgram:
                     if n not in last:
                         rooms[seeded[n]].free(n)
                     first, second = operands if len(operands) == 2 else (operands[0], -1)
-                    self.each.append((_function(np, op), n, (seeded[n], at), first, second))
+                    self.each.append((FUNCTIONS[op], n, (seeded[n], at), first, second))
                 else:
-                    self.each.append((_function(np, op), n, None, operands, 0))
+                    self.each.append((FUNCTIONS[op], n, None, operands, 0))
             if not shared[n]:
                 self.each += [(None, n, output, component, 0) for output, component in places.get(n, ())]
 
@@ -189,93 +174,3 @@ class _Rooms:
         """Give back the array of a number, if it has one."""
         if n in self.of:
             self.empty.append(self.of.pop(n))
-
-
-def _components(xp: Any, program: Program, rows: Any, shared: Sequence[Any]) -> list[list[Any]]:
-    """Return the components of each output, (count,); of a Jacobian whose rows seeds make (height, count)."""
-    one = xp.ones((), dtype=rows.dtype, device=_device(rows))
-    functions, count = _Functions(xp, one), rows.shape[0]
-    flat = dict(zip(program.inputs, (xp.reshape(a, (-1,)) for a in (rows, *shared)), strict=True))
-    flat[next(iter(flat))] = xp.reshape(rows, (count, -1))
-    seeds = xp.eye(max(program.height, 1), dtype=rows.dtype, device=_device(rows))
-    last = {a: n for n, (op, *args) in enumerate(program.operations) if op not in GIVEN for a in args}
-    last |= dict.fromkeys((x for found in program.results.values() for x in found), -1)
-    values: list[Any] = []
-    constants: dict[str, Any] = {}
-
-    def value(x: float) -> Any:
-        return values[x] if isinstance(x, int) else constants.setdefault(repr(x), x * one)
-
-    for n, (op, *args) in enumerate(program.operations):
-        if op == "seed":
-            values.append(seeds[:, args[0], None])
-        elif op == "input":
-            values.append(flat[args[0]][..., args[1]])
-        else:
-            values.append(_function(functions, op)(*map(value, args)))
-            for a in args:
-                if isinstance(a, int) and last[a] == n:
-                    values[a] = None  # its memory can be used again
-    shapes: list[tuple[int, ...]] = [(count,)] * len(program.results)
-    if program.by_row:
-        shapes[1] = (program.height, count)
-    return [
-        [xp.broadcast_to(value(x), shape) for x in found]
-        for found, shape in zip(program.results.values(), shapes, strict=True)
-    ]
-
-
-def outputs_on(xp: Any, program: Program, rows: Any, shared: Sequence[Any]) -> list[Any]:
-    """Return the outputs of a program, (count, ...), on arrays of another library than NumPy, all rows at once.
-
-    Parameters
-    ----------
-    xp : module
-        Their functions, as of the array API standard.
-    rows : array (count, ...)
-    """
-    found = []
-    for values, shape in zip(_components(xp, program, rows, shared), program.outputs.values(), strict=True):
-        together = xp.stack(values, axis=-1)
-        if together.ndim > 2:  # (height, count, columns)
-            together = xp.permute_dims(together, (1, 0, 2))
-        found.append(xp.reshape(together, (rows.shape[0], *shape)))
-    return found
-
-
-def gram_on(xp: Any, program: Program, rows: Any, shared: Sequence[Any]) -> Any:
-    """Return [J r]ᵀ[J r] of residuals r and their Jacobian J; see :func:`outputs_on`.
-
-    Products of blocks of rows are summed, as for one product of a few columns and millions of rows a processor of
-    graphics finds no work for all its parts.
-    """
-    whole = rows.shape[0] - rows.shape[0] % BLOCK
-    total = xp.zeros((program.columns + 1,) * 2, dtype=rows.dtype, device=_device(rows))
-    for part in (rows[:whole, ...], rows[whole:, ...]):
-        if not part.shape[0]:
-            continue
-        block = min(BLOCK, part.shape[0])
-        residual, jacobian = _components(xp, program, part, shared)
-        if program.by_row:
-            jacobian = [x[h, :] for h in range(program.height) for x in jacobian]
-        columns = [jacobian[c :: program.columns] for c in range(program.columns)]
-        each = [xp.reshape(x, (-1, block)) for column in (*columns, residual) for x in column]
-        joined = xp.reshape(xp.stack(each, axis=1), (-1, program.columns + 1, program.height * block))
-        total = total + xp.sum(xp.matmul(joined, xp.matrix_transpose(joined)), axis=0)
-    return total
-
-
-def arrays_on(xp: Any, given: Sequence[Any]) -> list[Any]:
-    """Return arrays of another library than NumPy, of the type and where the first of them is; float32 stays."""
-    first = next(a for a in given if _is_foreign(a))
-    real = xp.float32 if first.dtype == xp.float32 else xp.float64
-    return [
-        xp.astype(a, real) if _is_foreign(a) else xp.asarray(a, dtype=real, device=_device(first))
-        for a in given
-    ]
-
-
-def _device(array: Any) -> Any:
-    from array_api_compat import device
-
-    return device(array)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rodgen.codegen.program import GIVEN, Operand, Program
-from rodgen.codegen.source_text import DO_NOT_EDIT, ENVIRONMENT, operations_text, scale_functions
+from rodgen.codegen.source_text import DO_NOT_EDIT, ENVIRONMENT, operations_text
 
 OPERATORS = {
     "add": "{} + {}",
@@ -20,20 +20,14 @@ OPERATORS = {
     "mul": "{}*{}",
     "neg": "-{}",
     "recip": "1.0/{}",
-    "and": "{} & {}",
-    "or": "{} | {}",
-    "not": "~{}",
 }
 """What numbers and vectors have in common."""
 
-COMPARISONS = {"lt": "{} < {}", "le": "{} <= {}", "eq": "{} == {}", "ne": "{} != {}"}
-
 NUMBERS = {
     **OPERATORS,
-    **{op: f"-(int64_t)({text})" for op, text in COMPARISONS.items()},
+    "lt": "-(int64_t)({} < {})",
     "abs": "fabs({})",
     "sign": "sign_of_number({})",
-    "scale": "power_of_two_scale_f64({})",
     "select": "{} ? {} : {}",
     "atan2": "atan2({}, {})",
     "pow": "pow({}, {})",
@@ -42,35 +36,31 @@ NUMBERS = {
 
 LANES = {
     **OPERATORS,
-    **COMPARISONS,
+    "lt": "{} < {}",
     "abs": "lanes_magnitude({})",
     "sqrt": "lanes_root({})",
     "select": "lanes_blend({}, {}, {})",
-    "scale": "lanes_power_of_two_scale({})",
     "atan2": "lanes_atan2({}, {})",
     "pow": "lanes_pow({}, {})",
 }
 
-CONDITIONS = {*COMPARISONS, "and", "or", "not"}
+CONDITION = "lt"
+"""The operation that gives truth values."""
 
 
 def c_source(programs: Sequence[Program]) -> str:
     """Return C whose functions ``rows_NAME`` evaluate programs over many rows."""
     functions = {op for program in programs for op, *_ in program.operations}
-    called = {
-        "power_of_two_scale" if op == "scale" else op: "power_of_two_scale_f64" if op == "scale" else op
-        for op in sorted(functions - OPERATORS.keys() - COMPARISONS.keys() - _INLINE)
-    }
-    lanewise = [(name, call, ("x", "y") if name == "atan2" else ("x",)) for name, call in called.items()]
-    lanewise.append(("pow", "pow", ("x", "y")))
+    called = sorted(functions - OPERATORS.keys() - _INLINE)
+    lanewise = [(name, ("x", "y") if name == "atan2" else ("x",)) for name in called]
+    lanewise.append(("pow", ("x", "y")))
     return ENVIRONMENT.get_template("rows.c.j2").render(
         do_not_edit=DO_NOT_EDIT,
         template="rows.c.j2",
         kernels=[_c_kernel(program) for program in programs],
         about=json.dumps(json.dumps({program.name: program.about for program in programs})),
-        functions={"power_of_two_scale" if op == "scale" else op for op in functions},
+        functions=functions,
         lanewise=lanewise,
-        scale_functions=scale_functions(["f64"]),
     )
 
 
@@ -79,7 +69,7 @@ PART = 500
 
 CIRCULAR = ("sin", "cos")
 
-_INLINE = {*GIVEN, *CIRCULAR, "abs", "sign", "sqrt", "select", "pow"}
+_INLINE = {*GIVEN, *CIRCULAR, CONDITION, "abs", "sign", "sqrt", "select", "pow"}
 """Operations for which the template has its own functions."""
 
 
@@ -140,7 +130,7 @@ def _shared_line(ports: Sequence[str], shared: Sequence[bool], n: int, op: str, 
     if op == "input":
         return f"const double t{n} = in{ports.index(args[0])}[{args[1]}];"
     text = NUMBERS.get(op, f"{op}({{}})").format(*map(_operand, args))
-    return f"const {'int64_t' if op in CONDITIONS else 'double'} t{n} = {text};"
+    return f"const {'int64_t' if op == CONDITION else 'double'} t{n} = {text};"
 
 
 class _Parts:
@@ -227,7 +217,7 @@ class _Parts:
 
     def is_condition(self, x: int) -> bool:
         """Return whether an operation gives truth values."""
-        return self.program.operations[x][0] in CONDITIONS
+        return bool(self.program.operations[x][0] == CONDITION)
 
     def operand(self, x: Operand, part: int) -> str:
         """Return the text of an operand in a part."""
@@ -260,6 +250,6 @@ class _Parts:
             yield f"lanes_sine_cosine({self.operand(args[0], part)}, &{sine}, &{cosine}, far, use_libm);"
         else:
             text = LANES.get(op, f"lanes_{op}({{}})")
-            write = self.operand if op in OPERATORS or op in COMPARISONS else self.whole
-            kind = "mask" if op in CONDITIONS else "vec"
+            write = self.operand if op in OPERATORS or op == CONDITION else self.whole
+            kind = "mask" if op == CONDITION else "vec"
             yield f"const {kind} t{n} = {text.format(*(write(a, part) for a in args))};"

@@ -6,14 +6,12 @@ import builtins
 import keyword
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from enum import IntEnum
 from typing import Any
 
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
-from rodgen.codegen._equations import equations_of
 from rodgen.codegen.kernel import Kernel, Value
 from rodgen.codegen.kernel_parts import (
     Assignment,
@@ -100,17 +98,8 @@ class KernelBuilder:
         self._names: set[str] = {EPS.name, LARGEST.name}
         self._known: set[sp.Symbol] = {EPS, LARGEST}
         self._usual: UsualCase | None = None
-        self._solves: tuple[tuple[sp.Basic, ...], dict[str, Any]] | None = None
 
-    def input(
-        self,
-        name: str,
-        shape: int | tuple[int, ...] = (),
-        *,
-        unit: str,
-        doc: str,
-        between: tuple[Any, Any] | None = None,
-    ) -> Any:
+    def input(self, name: str, shape: int | tuple[int, ...] = (), *, unit: str, doc: str) -> Any:
         """Declare an input and return its symbols.
 
         Parameters
@@ -121,9 +110,6 @@ class KernelBuilder:
             ``()`` for a number.
         unit, doc : str
             What it is measured in, and what it is.
-        between : tuple of two numbers, optional
-            The range from which tests sample each component. A kernel that has it for every input is emitted with a
-            test.
 
         Returns
         -------
@@ -133,9 +119,8 @@ class KernelBuilder:
         """
         shape = (shape,) if isinstance(shape, int) else tuple(shape)
         symbols = port_symbols(name, shape)
-        domain = None if between is None else _domain(name, between)
         self._claim(name, symbols)
-        self._inputs.append(Port(name, shape, unit, doc, symbols, between=domain))
+        self._inputs.append(Port(name, shape, unit, doc, symbols))
         self._known.update(symbols)
         return packed(symbols, shape)
 
@@ -203,57 +188,11 @@ class KernelBuilder:
         named = {a.symbol.name for a in live_steps(self._steps, wanted)}
         return named | {s.name for port in self._inputs for s in port.symbols} | {EPS.name, LARGEST.name}
 
-    def solves(
-        self,
-        *equations: sp.Basic,
-        where: Sequence[IntEnum] = (),
-        nowhere: Sequence[IntEnum] = (),
-        complete: bool = True,
-        tolerance: float = 2.0**-40,
-    ) -> None:
-        """State which implicit equations the outputs solve: the emitted test solves them numerically and compares.
-
-        Parameters
-        ----------
-        *equations : equation or expression
-            In the names of inputs and outputs; an expression means that it is zero. Where an output ``x`` of shape
-            (n,) holds n solutions, they are written with ``x`` itself, where (n, 3) does, with ``x_1`` to ``x_3``:
-            every output in the equations then has the solutions along its first axis.
-        where : sequence of IntEnum, optional
-            Statuses with which the outputs are solutions; every one when left out.
-        nowhere : sequence of IntEnum, optional
-            Statuses with which there is no solution.
-        complete : bool
-            Whether the outputs are all the solutions there are.
-        tolerance : float
-            Largest residual, relative to the magnitudes of an equation's terms. The default is 4096 roundings of
-            float64: room for the rounding of a few hundred operations, none for a wrong formula.
-
-        Examples
-        --------
-        >>> import sympy as sp
-        >>> k = KernelBuilder("square_roots", summary="Both square roots.", source="definition")
-        >>> square = k.input("square", unit="1", doc="a positive number", between=(1, 9))
-        >>> k.output("root", sp.Matrix([sp.sqrt(square), -sp.sqrt(square)]), unit="1", doc="the roots")
-        >>> k.solves(sp.Eq(sp.Symbol("root") ** 2, square))
-        >>> k.build().equations.solutions
-        2
-        """
-        if self._solves is not None:
-            raise KernelError(f"kernel {self._name}: solves() is called twice; give all equations at once")
-        options = {
-            "where": tuple(where),
-            "nowhere": tuple(nowhere),
-            "complete": complete,
-            "tolerance": tolerance,
-        }
-        self._solves = equations, options
-
     def build(self) -> Kernel:
         """Eliminate common subexpressions and return the kernel."""
         if not self._outputs:
             raise KernelError(f"kernel {self._name} has no output")
-        kernel = Kernel(
+        return Kernel(
             self._name,
             self._summary,
             self._source,
@@ -261,12 +200,9 @@ class KernelBuilder:
             tuple(self._outputs),
             shortened(self._inputs, self._outputs, self._steps),
             self._notes,
-            steps=dict(self._named),
+            self._usual,
+            dict(self._named),
         )
-        solved = None
-        if self._solves is not None:
-            solved = equations_of(kernel, self._solves[0], **self._solves[1])
-        return replace(kernel, usual=self._usual, equations=solved)
 
     def _output(self, name: str, value: Any, unit: str, doc: str, enum: type[IntEnum] | None) -> None:
         shape = _shape(value)
@@ -314,13 +250,6 @@ def _shape(value: Value | Sequence[Any]) -> tuple[int, ...]:
     if isinstance(value, sp.NDimArray):
         return tuple(int(n) for n in value.shape)
     return ()
-
-
-def _domain(name: str, between: tuple[Any, Any]) -> tuple[sp.Expr, sp.Expr]:
-    low, high = (sp.sympify(x) for x in between)
-    if not (low.is_real and high.is_real and low.is_finite and high.is_finite and low < high):
-        raise KernelError(f"{name} is between {low} and {high}; expected two increasing numbers")
-    return low, high
 
 
 def _identifier(name: str) -> str:

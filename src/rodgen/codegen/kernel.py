@@ -23,8 +23,6 @@ from rodgen.codegen.differentiate import derivatives
 from rodgen.codegen.exact import evaluate
 from rodgen.codegen.kernel_parts import (
     Assignment,
-    Derivative,
-    Equations,
     KernelError,
     Port,
     UsualCase,
@@ -56,10 +54,6 @@ class Kernel:
         Further paragraphs of the docstring.
     usual : UsualCase or None
         Where the program can be shortened; a target may use it for speed.
-    equations : Equations or None
-        The equations that the outputs solve; a test is generated from them.
-    derivative : Derivative or None
-        Of what the outputs are derivatives; a test is generated from it.
     steps : mapping of str to Symbol, Matrix or array of symbols
         The results of :meth:`KernelBuilder.let`, by name; `assignments` has only those that an output needs.
     """
@@ -72,8 +66,6 @@ class Kernel:
     assignments: tuple[Assignment, ...] = field(repr=False)
     notes: str = field(default="", repr=False)
     usual: UsualCase | None = field(default=None, repr=False)
-    equations: Equations | None = field(default=None, repr=False)
-    derivative: Derivative | None = field(default=None, repr=False)
     steps: Mapping[str, Value] = field(default_factory=dict, repr=False, compare=False)
 
     def port(self, name: str) -> Port:
@@ -196,10 +188,7 @@ class Kernel:
             is_numbered=mode == "reverse",
         )
         made = replace(made, summary=summary or f"Derivatives of {self.name}.")
-        if at:
-            return made.at(at)
-        where = self.equations.where if self.equations else ()
-        return replace(made, derivative=Derivative(self.name, tuple(real), tuple(inputs), where))
+        return made.at(at) if at else made
 
     def after(self, first: Kernel) -> Kernel:
         """Return this kernel with inputs computed by another one, whose outputs have their names.

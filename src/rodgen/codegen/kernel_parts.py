@@ -1,4 +1,4 @@
-"""The parts of a kernel: ports, assignments, its usual case, and the equations and derivatives that tests check.
+"""The parts of a kernel: ports, assignments, and its usual case.
 
 :mod:`rodgen.codegen.kernel` makes one object of them, :mod:`rodgen.codegen.builder` writes them step by step.
 """
@@ -9,16 +9,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
 from rodgen.codegen._cse import eliminate_common_subexpressions
 from rodgen.codegen._numbering import joined
-
-if TYPE_CHECKING:
-    from rodgen.codegen.kernel import Kernel
 
 Step = TypeVar("Step", bound=tuple[sp.Symbol, sp.Basic])
 
@@ -45,8 +42,6 @@ class Port:
         Its components in row-major order: ``name`` itself, or ``name_1``, ``name_1_2``, ....
     enum : type of IntEnum or None
         The codes of a status; None for real numbers.
-    between : tuple of two sympy numbers, or None
-        The range from which tests sample each component of an input; None if it was not given.
     """
 
     name: str
@@ -55,7 +50,6 @@ class Port:
     doc: str
     symbols: tuple[sp.Symbol, ...] = field(repr=False)
     enum: type[IntEnum] | None = None
-    between: tuple[sp.Expr, sp.Expr] | None = None
 
     @property
     def size(self) -> int:
@@ -97,36 +91,6 @@ class UsualCase:
 
     def __hash__(self) -> int:
         return hash((self.guard, tuple(sorted(self.values))))
-
-
-@dataclass(frozen=True)
-class Equations:
-    """The implicit equations that outputs of a kernel solve; see :meth:`KernelBuilder.solves`."""
-
-    residuals: Kernel = field(repr=False)
-    """Outputs ``residual`` and ``size``, one component an equation: left minus right side, and the sum of the
-    magnitudes of its terms. Its inputs are those of the kernel, then the unknowns."""
-    unknowns: tuple[str, ...]
-    """Names of the outputs that are the unknowns."""
-    solutions: int | None
-    """How many solutions the first axis of each unknown holds; None for one without such an axis."""
-    where: tuple[IntEnum, ...]
-    nowhere: tuple[IntEnum, ...]
-    """Statuses with which the outputs are solutions, and with which there is none; empty for always, and never."""
-    complete: bool
-    """Whether the outputs are all solutions there are."""
-    tolerance: float
-    """Largest residual of a solution, relative to its size."""
-
-
-@dataclass(frozen=True)
-class Derivative:
-    """Which outputs of which kernel another kernel differentiates, and with respect to which inputs."""
-
-    of: str
-    outputs: tuple[str, ...]
-    wrt: tuple[str, ...]
-    where: tuple[IntEnum, ...] = ()
 
 
 def port_symbols(name: str, shape: tuple[int, ...]) -> tuple[sp.Symbol, ...]:

@@ -21,12 +21,12 @@ import json
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.codegen._array_call import _checked_out, _namespace, _shape_text
+from rodgen.codegen._array_call import _checked_out, _shape_text
 from rodgen.codegen.build_cache import (
     CompilerError,
     cached_text,
@@ -39,9 +39,6 @@ from rodgen.codegen.build_cache import (
 )
 from rodgen.codegen.program import Program, programs_from, text_of
 from rodgen.stages import stage
-
-if TYPE_CHECKING:
-    from rodgen.codegen.kernel import Kernel
 
 FLAGS = ("-std=c11", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fPIC", "-shared")
 """A product and a sum may be rounded as one. No -ffast-math: it deletes NaN tests. No -O3: it gains nothing."""
@@ -61,9 +58,6 @@ class RowKernel:
     ``f(rows, *shared)`` returns an array for the kernel's output, or a tuple of arrays for its outputs; with ``out=``
     they are written there. The function lets other threads run.
 
-    Rows in an array of another library (CuPy, PyTorch, JAX, ...) are evaluated by that library, where they are and in
-    their type, float32 or float64; it can trace the function, to compile it or to differentiate it.
-
     Attributes
     ----------
     name : str
@@ -78,7 +72,6 @@ class RowKernel:
         "_evaluate",
         "_evaluate_each",
         "_gram",
-        "_program",
         "_row",
         "_shapes",
         "_width",
@@ -93,14 +86,12 @@ class RowKernel:
         name: str,
         target: str,
         about: Any,
-        program: Callable[[], Program],
         evaluate: Callable[..., Any],
         gram: Callable[..., Any] | None,
         evaluate_each: Callable[..., Any] | None = None,
     ) -> None:
         self.name = name
         self.target = target
-        self._program = program
         self._columns: int = about["columns"]
         self._width: int = about["width"]
         self._gram = gram
@@ -134,12 +125,6 @@ class RowKernel:
         ValueError
             When a shape does not fit, or `out` cannot be written to.
         """
-        xp = _namespace((rows, *shared))
-        if xp is not np:
-            if out is not None:
-                raise TypeError(f"{self.name}: out is for NumPy arrays")
-            found = self._on_arrays("outputs_on", xp, (rows, *shared))
-            return found[0] if len(found) == 1 else tuple(found)
         arrays = self._checked((rows, *shared))
         count = len(arrays[0])
         if out is None:
@@ -233,7 +218,7 @@ class RowKernel:
     def gram(self, rows: Any, *shared: Any) -> Array:
         """Return [J r]ᵀ[J r], (columns + 1, columns + 1), of residuals r and their Jacobian J, which the kernel gives.
 
-        All rows are stacked. In C none of J is stored; on arrays of other libraries that of all rows is.
+        All rows are stacked. In C none of J is stored.
 
         Parameters
         ----------
@@ -247,29 +232,17 @@ class RowKernel:
         """
         if self._gram is None:
             raise TypeError(f"{self.name}: no Jacobian")
-        xp = _namespace((rows, *shared))
-        if xp is not np:
-            return cast("Array", self._on_arrays("gram_on", xp, (rows, *shared)))
         arrays = self._checked((rows, *shared))
         found = np.zeros((self._width, self._width))
         if len(arrays[0]):
             self._gram(len(arrays[0]), arrays, found)
         return found[: self._columns + 1, : self._columns + 1]
 
-    def _on_arrays(self, function: str, xp: Any, given: Sequence[Any]) -> Any:
-        """Return what a function of `_rows_numpy` does on arrays of another library than NumPy."""
-        from rodgen.codegen import _rows_numpy
-
-        rows, *shared = self._checked(given, lambda a: _rows_numpy.arrays_on(xp, a))
-        return getattr(_rows_numpy, function)(xp, self._program(), rows, shared)
-
-    def _checked(
-        self, given: Sequence[Any], arrays_of: Callable[[Sequence[Any]], list[Any]] | None = None
-    ) -> list[Any]:
-        """Return the inputs as arrays after a check of their shapes; of NumPy unless it is said how."""
+    def _checked(self, given: Sequence[Any]) -> list[Array]:
+        """Return the inputs as arrays after a check of their shapes."""
         if len(given) != len(self.inputs):
             raise TypeError(f"{self.name}: {len(given)} arguments; expected {', '.join(self.inputs)}")
-        arrays = arrays_of(given) if arrays_of else [np.asarray(a, np.float64, order="C") for a in given]
+        arrays = [np.asarray(a, np.float64, order="C") for a in given]
         for array, shape in zip(arrays[1:], self._shapes, strict=True):
             if array.shape != shape:
                 self._raise_wrong_shape(arrays)
@@ -277,14 +250,14 @@ class RowKernel:
             self._raise_wrong_shape(arrays)
         return arrays
 
-    def _raise_wrong_shape(self, arrays: Sequence[Any]) -> None:
+    def _raise_wrong_shape(self, arrays: Sequence[Array]) -> None:
         """Raise the error that names the input of a wrong shape."""
         (row, shape), *others = self.inputs.items()
         for array, (port, expected) in zip(arrays, [(row, ("count", *shape)), *others], strict=True):
             found = ("count", *array.shape[1:]) if port == row and array.ndim else array.shape
             if found != expected:
                 raise ValueError(
-                    f"{self.name}: {port} has shape {tuple(array.shape)}; expected {_shape_text(expected)}"
+                    f"{self.name}: {port} has shape {array.shape}; expected {_shape_text(expected)}"
                 )
 
     def _checked_out(self, out: Any, count: int, arrays: Sequence[Array]) -> list[Array]:
@@ -307,9 +280,8 @@ class RowKernel:
 @stage("loading kernels")
 def row_kernels(
     key: str,
-    make: Callable[[], Sequence[Kernel] | Sequence[Program]],
+    make: Callable[[], Sequence[Program]],
     *,
-    shared: Sequence[str] = (),
     compiled: bool = True,
 ) -> dict[str, RowKernel]:
     """Return kernels over rows: from the cache, or made and compiled.
@@ -322,9 +294,7 @@ def row_kernels(
     key : str
         Everything that the kernels depend on, outside of :mod:`rodgen.codegen` and :mod:`rodgen.symbolic`.
     make : callable
-        Returns the kernels; called only when nothing is kept for the key. The first input of each is that of the rows.
-    shared : sequence of str
-        The names of all other inputs.
+        Returns the programs; called only when nothing is kept for the key. The first input of each is that of the rows.
     compiled : bool
         False for NumPy, which costs nothing to make: for kernels that are called a few times only.
 
@@ -333,37 +303,20 @@ def row_kernels(
     dict of str to RowKernel
         By the kernels' names.
 
-    Raises
-    ------
-    KernelError
-        When a kernel has an input that is neither the first nor shared, or a status.
-
     Examples
     --------
+    >>> from rodgen.codegen.tape import Tape
     >>> def make():
-    ...     from rodgen.codegen import KernelBuilder
-    ...     k = KernelBuilder("line", summary="A straight line.", source="definition")
-    ...     x = k.input("x", unit="m", doc="abscissa")
-    ...     p = k.input("p", 2, unit="m", doc="height at 0, slope")
-    ...     k.output("y", p[0] + p[1] * x, unit="m", doc="height")
-    ...     return [k.build()]
-    >>> line = row_kernels("a line, first version", make, shared=["p"])["line"]
+    ...     tape = Tape()
+    ...     (x,), (height, slope) = tape.inputs("x", 1, same=False), tape.inputs("p", 2)
+    ...     return [tape.program("line", {"x": (), "p": (2,)}, {"y": ((), [height + slope * x])})]
+    >>> line = row_kernels("a line, first version", make)["line"]
     >>> line([0.0, 1.0, 2.0], [5.0, 0.5])
     array([5. , 5.5, 6. ])
     """
     home = Path(__file__).parent
-    about = ["rows", key, source_hash(home, home.parent / "symbolic"), *shared]
-
-    @stage("deriving the model")
-    def programs() -> Sequence[Program]:
-        made = make()
-        if isinstance(made[0], Program):
-            return cast("Sequence[Program]", made)
-        from rodgen.codegen.from_sympy import programs_of
-
-        return programs_of(cast("Sequence[Kernel]", made), shared)
-
-    made = functools.cache(programs)
+    about = ["rows", key, source_hash(home, home.parent / "symbolic")]
+    made = functools.cache(stage("deriving the model")(make))
     level = os.environ.get("RODGEN_CPU", "")
     if compiled and level != "numpy":
         try:
@@ -389,24 +342,20 @@ def _compiled(key: Sequence[str], make: Callable[[], Sequence[Program]], level: 
 
         return {"kernels.c": c_source(make())}
 
-    def program(name: str) -> Program:
-        return next(p for p in make() if p.name == name)
-
     made = shared_library(
         (*key, macros), files, command, (*FLAGS, *extra),
-        lambda library: _of_one_row(_in_library(library, program)), lambda: _of_one_row(_of_programs(make())),
+        lambda library: _of_one_row(_in_library(library)), lambda: _of_one_row(_of_programs(make())),
     )  # fmt: skip
-    return _in_library(made, program)
+    return _in_library(made)
 
 
-def _in_library(made: ctypes.CDLL, program: Callable[[str], Program]) -> dict[str, RowKernel]:
+def _in_library(made: ctypes.CDLL) -> dict[str, RowKernel]:
     kernels = json.loads(ctypes.c_char_p.in_dll(made, "about").value or b"{}")
     return {
         name: RowKernel(
             name,
             "c",
             about,
-            functools.partial(program, name),
             _c_evaluate(made[f"rows_{name}"], len(about["inputs"]) + len(about["outputs"])),
             _c_gram(made[f"gram_{name}"], len(about["inputs"]) + 1) if about["columns"] else None,
         )
@@ -465,14 +414,8 @@ def _of_programs(programs: Sequence[Program]) -> dict[str, RowKernel]:
         run = NumPyProgram(program)
         gram = functools.partial(_numpy_gram, run, program.outputs) if program.columns else None
         each = functools.partial(run, shared=False)
-        made[program.name] = RowKernel(
-            program.name, "numpy", program.about, functools.partial(_same, program), run, gram, each
-        )
+        made[program.name] = RowKernel(program.name, "numpy", program.about, run, gram, each)
     return made
-
-
-def _same(program: Program) -> Program:
-    return program
 
 
 def _numpy_gram(

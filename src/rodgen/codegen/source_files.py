@@ -15,14 +15,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import sympy as sp
 
 from rodgen.codegen import _array_call
 from rodgen.codegen._count import called_functions
-from rodgen.codegen._emitted_tests import data_of_tests
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.kernel_parts import KernelError, Port
 from rodgen.codegen.lines import (
@@ -123,6 +122,26 @@ def render(module: KernelModule, targets: Iterable[str] = USUAL_TARGETS) -> dict
     return files
 
 
+def numpy_function(kernel: Kernel) -> Callable[..., Any]:
+    """Return a kernel as a function on arrays: that of the NumPy file that is generated from it.
+
+    Examples
+    --------
+    >>> from rodgen.codegen import KernelBuilder
+    >>> k = KernelBuilder("hypotenuse", summary="Longest side.", source="Pythagoras")
+    >>> a = k.input("a", unit="m", doc="one side")
+    >>> b = k.input("b", unit="m", doc="the other side")
+    >>> k.output("c", sp.sqrt(a**2 + b**2), unit="m", doc="longest side")
+    >>> numpy_function(k.build())([3.0, 5.0], [4.0, 12.0])
+    array([ 5., 13.])
+    """
+    name = "numpy/kernel.py"
+    text = render(KernelModule("kernel", kernel.summary, kernel.source, (kernel,)), ["numpy"])[name]
+    functions: dict[str, Any] = {}
+    exec(compile(text, name, "exec"), functions)
+    return cast("Callable[..., Any]", functions[kernel.name])
+
+
 def render_extension(modules: Sequence[KernelModule]) -> dict[str, str]:
     """Return the text of the NumPy extension over several modules: loops and their registration."""
     files: dict[str, str] = {}
@@ -205,12 +224,10 @@ def check_kernels(
             if not path.is_file():  # such as __pycache__
                 continue
             name = path.relative_to(folder).as_posix()
-            ours = sub.name != "tests" or DO_NOT_EDIT in path.read_text(errors="replace")
             if (
                 path.suffix in {".py", ".c", ".h", ".hpp", ".m"}
                 and name not in files
                 and path.name != "__init__.py"
-                and ours
             ):
                 parts.append(f"{name}: no kernel makes this file; delete it\n")
     return "".join(parts)
@@ -306,13 +323,7 @@ def _docstring(kernel: Kernel) -> str:
 
 def _numpy_files(module: KernelModule) -> dict[str, str]:
     text = _render("numpy.py.j2", module, _numpy_kernels(module), array_call=ARRAY_CALL)
-    files = {f"numpy/{module.name}.py": text}
-    tested = data_of_tests(module.kernels)
-    if tested:
-        files[f"tests/test_{module.name}.py"] = ENVIRONMENT.get_template("test.py.j2").render(
-            module=module, do_not_edit=DO_NOT_EDIT, template="test.py.j2", **tested
-        )
-    return files
+    return {f"numpy/{module.name}.py": text}
 
 
 def _numpy_kernels(module: KernelModule) -> list[dict[str, Any]]:

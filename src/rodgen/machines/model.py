@@ -63,7 +63,7 @@ def _kernels(structure: Structure, compiled: bool) -> Mapping[str, Any]:
 
         return derive_programs(structure)
 
-    kernels: Mapping[str, Any] = row_kernels(_key(structure), make, shared=("g", "e"), compiled=compiled)
+    kernels: Mapping[str, Any] = row_kernels(_key(structure), make, compiled=compiled)
     return kernels
 
 
