@@ -209,7 +209,7 @@ def test_inputs_held_at_numbers_cost_nothing() -> None:
     held = kernel.at({"a": 0, "b": 1})
     assert [p.name for p in held.inputs] == ["x"]
     assert held.operations == {"sin": 1}
-    slopes = kernel.jacobian(["a"], mode="reverse", at={"a": [0, 0], "b": 1})
+    slopes = kernel.jacobian(["a"], mode="reverse").at({"a": [0, 0], "b": 1})
     assert slopes.expand("f_jacobian") == sp.Matrix([sp.cos(x) * x**2, sp.exp(x)])
     assert kernel.at({"b": 0.5}).evaluate({"x": 0, "a": [0, 3]})["f"] == 3
 
@@ -220,7 +220,7 @@ def test_held_inputs_decide_selects() -> None:
     angle = k.input("angle", unit="rad", doc="zero")
     sine = k.let("sine", sp.sin(angle) / angle)
     k.output("f", x * select(sp.Abs(angle) < 1, 1 - angle**2 / 6, sine), unit="1", doc="a product")
-    held = k.build().jacobian(mode="reverse", values=True, at={"angle": 0})
+    held = k.build().jacobian(mode="reverse", values=True).at({"angle": 0})
     assert held.expand("f") == x
     assert held.expand("f_jacobian") == sp.Matrix([1, 0])
 
@@ -235,7 +235,7 @@ def test_what_is_infinite_or_not_real_at_held_inputs_is_as_in_floating_point() -
     assert kernel.at({"a": 0}).expand("f") == 3 * x
     assert kernel.evaluate({"x": 7, "a": 0})["f"] == 21
     with pytest.raises(KernelError, match="f_jacobian_1 has no value at"):
-        kernel.jacobian(["a"], mode="reverse", at={"a": 1})
+        kernel.jacobian(["a"], mode="reverse").at({"a": 1})
 
 
 def test_a_missing_value_is_an_error() -> None:

@@ -12,7 +12,6 @@ import ctypes
 import functools
 import hashlib
 import json
-import math
 import os
 import platform
 import shlex
@@ -264,23 +263,6 @@ def shared_library(
             )
         return made
     raise CompilerError(f"the compiled library cannot be written or loaded ({reason})")
-
-
-def one_row(
-    shapes: Sequence[Sequence[tuple[int, ...]]], functions: Sequence[Callable[..., Any]]
-) -> list[Array]:
-    """Return the outputs of functions of one set of inputs between 1/2 and 1, given the inputs' shapes."""
-    found: list[Array] = []
-    for inputs, function in zip(shapes, functions, strict=True):
-        sizes = [math.prod(shape) for shape in inputs]
-        # the multiples of the golden ratio: as irregular as random ones, and the same everywhere
-        numbers = 0.5 + 0.5 * (0.6180339887498949 * np.arange(1, 1 + sum(sizes)) % 1)
-        parts = np.split(numbers, np.cumsum(sizes)[:-1])
-        with np.errstate(all="ignore"):
-            result = function(*(part.reshape(shape) for part, shape in zip(parts, inputs, strict=True)))
-        results = result if isinstance(result, tuple) else (result,)
-        found += [np.ravel(np.asarray(r, float)) for r in results]
-    return found
 
 
 def _kept_row(path: Path) -> list[Array] | None:

@@ -10,14 +10,16 @@ common-subexpression elimination, and never changes again.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
 import sympy as sp
+from sympy.core.relational import Relational
+from sympy.logic.boolalg import Boolean
 
-from rodgen.codegen._count import called_functions, count_operations
 from rodgen.codegen._numbering import numbered
 from rodgen.codegen.differentiate import derivatives
 from rodgen.codegen.exact import evaluate
@@ -150,7 +152,6 @@ class Kernel:
         summary: str | None = None,
         values: bool = False,
         mode: str = "forward",
-        at: Mapping[str, Any] | None = None,
     ) -> Kernel:
         """Return the kernel of the derivatives, by accumulation through the assignments.
 
@@ -167,8 +168,6 @@ class Kernel:
         mode : str
             ``"forward"``, or ``"reverse"`` where the outputs have fewer components than the inputs: one sweep an
             output instead of one an input. The ports and, to rounding, the numbers are the same.
-        at : mapping of str to number or nested sequence, optional
-            Inputs that are fixed at numbers once the derivatives are taken; see :meth:`at`.
 
         Returns
         -------
@@ -187,8 +186,7 @@ class Kernel:
             steps,
             is_numbered=mode == "reverse",
         )
-        made = replace(made, summary=summary or f"Derivatives of {self.name}.")
-        return made.at(at) if at else made
+        return replace(made, summary=summary or f"Derivatives of {self.name}.")
 
     def after(self, first: Kernel) -> Kernel:
         """Return this kernel with inputs computed by another one, whose outputs have their names.
@@ -339,3 +337,61 @@ class Kernel:
 def _like(symbol: sp.Symbol, name: str) -> sp.Symbol:
     """Return a symbol of another name, that is real or a condition as this one is."""
     return sp.Symbol(name, **symbol.assumptions0) if symbol.is_real else sp.Symbol(name)
+
+
+# operations ----------------------------------------------------------------------------------------------
+
+
+def count_operations(values: Iterable[sp.Basic]) -> dict[str, int]:
+    """Return the operations that the printers write, by kind, in a fixed order, zeros left out."""
+    counts: Counter[str] = Counter()
+    for value in values:
+        _count(value, counts)
+    first = ["add", "mul", "div", "sqrt", "select", "compare"]
+    order = [*first, *sorted(set(counts) - set(first))]
+    return {kind: counts[kind] for kind in order if counts[kind]}
+
+
+def called_functions(values: Iterable[sp.Basic]) -> set[str]:
+    """Return the names of all functions in the values, ``Piecewise``, ``Abs`` and ``sign`` among them."""
+    return {type(f).__name__ for value in values for f in value.atoms(sp.Function)}
+
+
+def _count(value: sp.Basic, counts: Counter[str]) -> None:
+    if isinstance(value, sp.Piecewise):
+        counts["select"] += len(value.args) - 1
+    elif isinstance(value, Relational):
+        counts["compare"] += 1
+    elif isinstance(value, sp.Add):
+        counts["add"] += len(value.args) - 1
+    elif isinstance(value, sp.Mul):
+        below = [a for a in value.args if isinstance(a, sp.Pow) and a.exp.is_negative]
+        above = [a for a in value.args if a not in below and a is not sp.S.NegativeOne]
+        counts["mul"] += max(len(above) - 1, 0) + max(len(below) - 1, 0)
+        counts["div"] += bool(below)
+        for factor in below:
+            _count(factor.base**-factor.exp, counts)
+        for factor in above:
+            _count(factor, counts)
+        return
+    elif isinstance(value, sp.Pow):
+        if value.exp.is_negative:
+            counts["div"] += 1
+            _count(value.base**-value.exp, counts)
+            return
+        if value.exp == sp.S.Half:
+            counts["sqrt"] += 1
+        elif value.exp.is_Integer:
+            counts["mul"] += int(value.exp) - 1
+        else:
+            counts["pow"] += 1
+        _count(value.base, counts)
+        return
+    elif isinstance(value, sp.Abs):
+        counts["abs"] += 1
+    elif isinstance(value, sp.Function):
+        counts[type(value).__name__] += 1
+    elif not isinstance(value, Boolean) and not value.args:
+        return
+    for argument in value.args:
+        _count(argument, counts)

@@ -1,4 +1,4 @@
-"""Printers: how an expression of a kernel is written in each language.
+"""Printers: how an expression of a kernel, and its lines, are written in each language.
 
 A printer turns one SymPy expression into one line of source. It is all that a new target language needs
 apart from a template: the operators that differ, and the table of elementary functions.
@@ -6,7 +6,8 @@ apart from a template: the operators that differ, and the table of elementary fu
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Iterator, Sequence, Set
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import sympy as sp
@@ -16,6 +17,9 @@ from sympy.printing.precedence import PRECEDENCE, precedence
 
 from rodgen.codegen.kernel_parts import KernelError, Port
 from rodgen.symbolic import EPS, LARGEST
+
+if TYPE_CHECKING:
+    from rodgen.codegen.kernel import Kernel
 
 ELEMENTARY = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log")
 
@@ -366,3 +370,54 @@ class VectorCPrinter(RealCPrinter):
 
     def _print_Relational(self, expr: Relational) -> str:
         return f"TYPED(mask)({super()._print_Relational(expr)})"
+
+
+# the lines of a kernel ------------------------------------------------------------------------------------
+
+
+def symbols_read(kernel: Kernel) -> set[sp.Symbol]:
+    """Return the symbols on the right side of the assignments."""
+    return {s for a in kernel.assignments for s in a.value.free_symbols}
+
+
+def released(lines: Sequence[tuple[sp.Symbol, sp.Basic]], kept: Set[sp.Symbol]) -> Iterator[list[sp.Symbol]]:
+    """Yield for each line the symbols that no later line uses, except those to keep: their memory can be used again."""
+    last_use = {symbol: n for n, (_, value) in enumerate(lines) for symbol in value.free_symbols}
+    for n, (_, value) in enumerate(lines):
+        done = (symbol for symbol in value.free_symbols - kept if last_use[symbol] == n)
+        yield sorted(done, key=lambda symbol: str(symbol.name))
+
+
+def numpy_lines(kernel: Kernel, printer: ArrayPrinter) -> Iterator[str]:
+    """Yield the assignments in Python, on arrays; each is deleted after its last use."""
+    kept = {EPS, LARGEST, *(s for p in (*kernel.inputs, *kernel.outputs) for s in p.symbols)}
+    for (symbol, value), done in zip(kernel.assignments, released(kernel.assignments, kept), strict=True):
+        yield f"{symbol.name} = {printer.line(value)}"
+        if done:
+            yield f"del {', '.join(s.name for s in done)}"
+
+
+def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:
+    """Return the lines of C or C++ that compute, and those that store the outputs."""
+    targets = {s: (printer.component(p, i), p) for p in kernel.outputs for i, s in enumerate(p.symbols)}
+    used_later = symbols_read(kernel)
+    # a number's output is a pointer of that name; where the number is read again it has a name of its own
+    renamed = {
+        s: type(s)(f"{s.name}_value", real=True)
+        for s, (_, port) in targets.items()
+        if s in used_later and port.shape == ()
+    }
+    body, stores = [], []
+    for assignment in kernel.assignments:
+        symbol, text = assignment.symbol, printer.line(assignment.value.xreplace(renamed))
+        if symbol not in targets:
+            kind = printer.condition if assignment.is_condition else printer.real
+            body.append(f"const {kind} {symbol.name} = {text};")
+            continue
+        target, port = targets[symbol]
+        if symbol in used_later or (port.shape == () and port.is_status):
+            name = f"{symbol.name}_value" if port.shape == () else symbol.name
+            body.append(f"const {printer.real} {name} = {text};")
+            text = name
+        stores.append(f"{target} = {printer.code(port, text) if port.is_status else text};")
+    return body, stores

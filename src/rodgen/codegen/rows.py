@@ -18,6 +18,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import json
+import math
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -33,7 +34,6 @@ from rodgen.codegen.build_cache import (
     compiler,
     native_flag,
     notice,
-    one_row,
     shared_library,
     source_hash,
 )
@@ -364,16 +364,22 @@ def _in_library(made: ctypes.CDLL) -> dict[str, RowKernel]:
 
 
 def _of_one_row(kernels: dict[str, RowKernel]) -> list[Array]:
-    """Return the outputs of kernels for one row, in the order of their names."""
-    shapes: list[list[tuple[int, ...]]] = []
-    functions: list[Callable[..., Any]] = []
+    """Return the outputs of kernels for one row of numbers between 1/2 and 1, in the order of their names."""
+    outputs: list[Array] = []
     for kernel in (kernels[name] for name in sorted(kernels)):
-        (_, row), *shared = kernel.inputs.items()
-        shape = [(1, *row), *(shape for _, shape in shared)]
-        for function in (kernel, kernel.gram)[: 1 + kernel.has_jacobian]:
-            shapes.append(shape)
-            functions.append(function)
-    return one_row(shapes, functions)
+        shapes = list(kernel.inputs.values())
+        sizes = [math.prod(shape) for shape in shapes]
+        # the multiples of the golden ratio: as irregular as random ones, and the same everywhere
+        numbers = 0.5 + 0.5 * (0.6180339887498949 * np.arange(1, 1 + sum(sizes)) % 1)
+        shapes[0] = (1, *shapes[0])
+        parts = np.split(numbers, np.cumsum(sizes)[:-1])
+        inputs = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+        with np.errstate(all="ignore"):
+            found = kernel(*inputs)
+            outputs += map(np.ravel, found if isinstance(found, tuple) else (found,))
+            if kernel.has_jacobian:
+                outputs.append(np.ravel(kernel.gram(*inputs)))
+    return outputs
 
 
 def _c_evaluate(function: Any, arrays: int) -> Callable[..., None]:

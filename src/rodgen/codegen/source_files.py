@@ -21,15 +21,8 @@ import numpy as np
 import sympy as sp
 
 from rodgen.codegen import _array_call
-from rodgen.codegen._count import called_functions
-from rodgen.codegen.kernel import Kernel
+from rodgen.codegen.kernel import Kernel, called_functions
 from rodgen.codegen.kernel_parts import KernelError, Port
-from rodgen.codegen.lines import (
-    c_lines,
-    numpy_lines,
-    operation_counts,
-    symbols_read,
-)
 from rodgen.codegen.printers import (
     C_MACROS,
     ArrayPrinter,
@@ -38,6 +31,9 @@ from rodgen.codegen.printers import (
     MatlabPrinter,
     RealCPrinter,
     VectorCPrinter,
+    c_lines,
+    numpy_lines,
+    symbols_read,
 )
 from rodgen.codegen.source_text import (
     DO_NOT_EDIT,
@@ -45,6 +41,7 @@ from rodgen.codegen.source_text import (
     REALS,
     matlab_helpers,
     matlab_lines,
+    operations_text,
     scale_functions,
 )
 from rodgen.files import write_files
@@ -355,7 +352,7 @@ def _with_usual_case(kernel: Kernel) -> list[Kernel]:
 def _numpy_body(kernel: Kernel, printer: ArrayPrinter) -> dict[str, Any]:
     return {
         "function": f"_{kernel.name}",
-        "operations": operation_counts(kernel),
+        "operations": operations_text(kernel.operations),
         "lines": list(numpy_lines(kernel, printer)),
         "results": _tuple((s.name for p in kernel.outputs for s in p.symbols), parentheses=True),
     }
@@ -387,7 +384,7 @@ def _macros_called(kernels: Sequence[dict[str, Any]]) -> dict[str, tuple[str, st
 
 def _comment(kernel: Kernel) -> list[str]:
     """Return the lines of a comment on a kernel."""
-    lines = [kernel.summary, f"Source: {kernel.source}", f"Operations: {operation_counts(kernel)}"]
+    lines = [kernel.summary, f"Source: {kernel.source}", f"Operations: {operations_text(kernel.operations)}"]
     return lines + [_c_port_line(p) for p in (*kernel.inputs, *kernel.outputs)]
 
 
@@ -395,7 +392,7 @@ def _c_kernel(kernel: Kernel) -> dict[str, Any]:
     result: dict[str, Any] = {
         "name": kernel.name,
         "comment": "\n * ".join(_comment(kernel)),
-        "operations": operation_counts(kernel),
+        "operations": operations_text(kernel.operations),
         "batch_call": ", ".join(
             [_element(p, output=False) for p in kernel.inputs]
             + [_element(p, output=True) for p in kernel.outputs]
@@ -548,7 +545,7 @@ def _gufunc(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
         "input_count": sum(p.size for p in kernel.inputs),
         "output_count": sum(p.size for p in kernel.outputs),
         "vectorised": vectorised,
-        "operations": operation_counts(kernel),
+        "operations": operations_text(kernel.operations),
         "trigonometric": _trigonometric_arguments(kernel) if vectorised else [],
         "usual": vectorised and kernel.usual is not None,
     }
@@ -564,7 +561,7 @@ def _vector_body(kernel: Kernel, suffix: str) -> dict[str, Any]:
     used, printer = symbols_read(kernel), VectorCPrinter()
     return {
         "suffix": suffix,
-        "operations": operation_counts(kernel),
+        "operations": operations_text(kernel.operations),
         "inputs": [(n, s.name) for n, s in enumerate(symbols) if s in used],
         "output_names": [s.name for p in kernel.outputs for s in p.symbols if p.name != "is_usual"],
         "trigonometric": _trigonometric_arguments(kernel),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -9,8 +10,7 @@ import sympy as sp
 
 from rodgen.errors import joined
 from rodgen.symbolic._latex import rendered_width
-from rodgen.symbolic.factors import factored
-from rodgen.symbolic.reduction import Reduction, Relation, reduction
+from rodgen.symbolic.reduction import Reduction, Relation, factored, reduction
 from rodgen.symbolic.vectors import Letter
 
 if TYPE_CHECKING:
@@ -556,3 +556,10 @@ def _short(formula: sp.Expr, write: _Writer, width: int = WIDTH) -> str | None:
     more = len(terms) - len(shown)
     words = "(1 more term)" if more == 1 else f"({more} more terms)"
     return f"{text} + {write.dots}{write.words(words)}"
+
+
+def in_notebook() -> bool:
+    """Return whether a Jupyter kernel runs this code; IPython is not imported to find out."""
+    shell = sys.modules.get("IPython")
+    running = shell.get_ipython() if shell is not None else None
+    return running is not None and "IPKernelApp" in running.config

@@ -17,6 +17,7 @@ from math import prod
 from typing import Any
 
 import sympy as sp
+from sympy.core import random
 from sympy.polys.fields import field as field_of_fractions
 
 KEPT_TERMS = 200
@@ -301,3 +302,23 @@ def reduction(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) 
 
 def _one_angle(expr: sp.Expr) -> sp.Expr:
     return sp.expand_trig(expr) if expr.has(sp.sin, sp.cos, sp.tan) else expr
+
+
+def factored(expr: sp.Expr) -> Any:
+    """Factor a polynomial.
+
+    SymPy lifts factors from random points, and with bad luck it takes minutes where it usually takes milliseconds. Here
+    its random numbers are always the same; the factors do not depend on them.
+
+    Examples
+    --------
+    >>> x, y = sp.symbols("x y")
+    >>> factored(x**2 - y**2)
+    (x - y)*(x + y)
+    """
+    state = random.rng.getstate()
+    random.seed(0)
+    try:
+        return sp.factor(expr)
+    finally:
+        random.rng.setstate(state)

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from rodgen.symbolic.factors import factored
-from rodgen.symbolic.reduction import remainder
+from rodgen.symbolic.reduction import factored, remainder
 from rodgen.symbolic.vectors import cross, dot, skew
 
 DELTA = sp.ImmutableMatrix(sp.BlockMatrix([[sp.zeros(3), sp.eye(3)], [sp.eye(3), sp.zeros(3)]]).as_explicit())

@@ -11,14 +11,14 @@ import numpy as np
 import sympy as sp
 
 from rodgen.codegen.kernel import Kernel
-from rodgen.codegen.lines import (
-    c_lines,
-    numpy_lines,
-    operation_counts,
-    symbols_read,
+from rodgen.codegen.printers import ArrayPrinter, CPrinter, MatlabPrinter, c_lines, numpy_lines, symbols_read
+from rodgen.codegen.source_text import (
+    in_comment,
+    matlab_helpers,
+    matlab_lines,
+    operations_text,
+    template_environment,
 )
-from rodgen.codegen.printers import ArrayPrinter, CPrinter, MatlabPrinter
-from rodgen.codegen.source_text import in_comment, matlab_helpers, matlab_lines, template_environment
 from rodgen.errors import shown
 from rodgen.machines.emit._content import Content, constant_words, coordinate_unit, effect_words, title_of
 from rodgen.machines.kinematics import OnLegs
@@ -285,7 +285,7 @@ def _c_kernel(kernel: Kernel, named: Mapping[str, str], first: str | None = None
     body, stores = c_lines(kernel, CPrinter())
     return {
         "function": f"evaluate_{kernel.name}",
-        "operations": operation_counts(kernel),
+        "operations": operations_text(kernel.operations),
         "parameters": ", ".join([*parameters, *outputs]),
         "loads": [*unread, *loads],
         "body": body,
@@ -334,7 +334,7 @@ def _numpy_kernel(function: str, kernel: Kernel, constants: set[str], namespace:
     results = [s.name for p in kernel.outputs for s in p.symbols]
     return {
         "function": function,
-        "operations": operation_counts(kernel),
+        "operations": operations_text(kernel.operations),
         "parameters": ", ".join(parameters),
         "lines": list(numpy_lines(kernel, ArrayPrinter(namespace))),
         "results": ", ".join(results),
@@ -395,7 +395,7 @@ def _matlab_kernel(kernel: Kernel, places: Mapping[str, str], parameters: list[s
         lines.append(f"{port.name} = assembled(size({parameters[0]}, 2), {components});")
     return {
         "function": f"evaluate_{kernel.name}",
-        "operations": operation_counts(kernel),
+        "operations": operations_text(kernel.operations),
         "parameters": parameters,
         "outputs": [p.name for p in kernel.outputs],
         "lines": [part for line in lines for part in matlab_lines(line)],
