@@ -725,9 +725,10 @@ def test_line_endings_of_a_checkout_do_not_hide_a_change(tmp_path: Path) -> None
 
 HASH = """
 import hashlib, importlib, sys
+from pathlib import Path
 from rodgen.codegen.source_files import TARGETS, _files
 derivations = [importlib.import_module(f"rodgen.derivation.{name}").derivation for name in sys.argv[1:]]
-text = "".join(name + content for name, content in sorted(_files(derivations, TARGETS, True).items()))
+text = "".join(name + content for name, content in sorted(_files(derivations, TARGETS, True, Path()).items()))
 print("bytes", hashlib.sha256(text.encode()).hexdigest())
 """
 

@@ -3,8 +3,8 @@
 NumPy evaluates block by block; arrays of other libraries (CuPy, PyTorch, JAX, ...) are evaluated whole, in functions of
 the array API standard and without a look at their values, so that their compilers can trace it.
 
-The compiled kernels use these functions, and the generated NumPy modules, which import nothing of this package, contain
-their text: all that follows the marker. The names start with an underscore because no kernel's does.
+The generated NumPy modules import nothing of this package: they contain the text of these functions, or import it from
+their neighbour ``_call``. It is all that follows the marker. Their names start with an underscore, as no kernel's does.
 """
 
 from __future__ import annotations

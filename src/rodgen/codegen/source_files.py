@@ -62,7 +62,10 @@ ARRAY_CALL = (
     .partition("# Generated modules contain this file from here on.\n")[2]
     .strip()
 )
-"""The functions of :mod:`rodgen.codegen._array_call`, which every generated NumPy module contains."""
+"""The functions of :mod:`rodgen.codegen._array_call`: in each generated NumPy module, or once in a package of them."""
+
+CALL = "numpy/_call.py"
+"""The file that has them in a package."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,8 @@ class KernelModule:
     source: str
     """The paper."""
     kernels: tuple[Kernel, ...]
+    in_package: bool = False
+    """Whether the NumPy file has neighbours, with which it shares ``_call.py``; alone it needs nothing but NumPy."""
 
     @property
     def enums(self) -> list[dict[str, Any]]:
@@ -154,6 +159,9 @@ def render_extension(modules: Sequence[KernelModule]) -> dict[str, str]:
     files["numpy/__init__.py"] = ENVIRONMENT.get_template("numpy_init.py.j2").render(
         names=names, do_not_edit=DO_NOT_EDIT, template="numpy_init.py.j2"
     )
+    files[CALL] = ENVIRONMENT.get_template("numpy_call.py.j2").render(
+        array_call=ARRAY_CALL, do_not_edit=DO_NOT_EDIT, template="numpy_call.py.j2"
+    )
     files["gufunc/real.h"] = ENVIRONMENT.get_template("real.h.j2").render(
         do_not_edit=DO_NOT_EDIT, template="real.h.j2"
     )
@@ -183,7 +191,7 @@ def write_kernels(
     extension : bool
         Whether the loops of NumPy gufuncs are written, too.
     """
-    files = _files(derivations, targets, extension)
+    files = _files(derivations, targets, extension, folder)
     changed = {
         name: text
         for name, text in files.items()
@@ -203,7 +211,7 @@ def check_kernels(
 
     Returns a unified diff, empty if every byte agrees; it also names files that no kernel generates any more.
     """
-    files = _files(derivations, targets, extension)
+    files = _files(derivations, targets, extension, folder)
     parts: list[str] = []
     for name, text in sorted(files.items()):
         path = folder / name
@@ -224,15 +232,20 @@ def check_kernels(
             if (
                 path.suffix in {".py", ".c", ".h", ".hpp", ".m"}
                 and name not in files
-                and path.name != "__init__.py"
+                and path.name not in {"__init__.py", "_call.py"}
             ):
                 parts.append(f"{name}: no kernel makes this file; delete it\n")
     return "".join(parts)
 
 
-def _files(derivations: Iterable[Derivation], targets: Iterable[str], extension: bool) -> dict[str, str]:
+def _files(
+    derivations: Iterable[Derivation], targets: Iterable[str], extension: bool, folder: Path
+) -> dict[str, str]:
+    in_package = extension or (folder / CALL).exists()
     modules = [
-        KernelModule(d.name, d.title, d.source, tuple(d.kernels.values())) for d in derivations if d.kernels
+        KernelModule(d.name, d.title, d.source, tuple(d.kernels.values()), in_package)
+        for d in derivations
+        if d.kernels
     ]
     files: dict[str, str] = {}
     for module in modules:
