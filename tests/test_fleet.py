@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,12 +25,11 @@ from simulated_fleet import Truth, make_fleet
 from rodgen.calibration.fleet import Fleet, Pair, diagnose_fleet, pairs_of
 from rodgen.calibration.fleet.changes import Changes, Night
 from rodgen.calibration.fleet.fleet import FleetMachine
-from rodgen.calibration.fleet.processes import each_in_processes
-from rodgen.calibration.fleet.store import Plan
+from rodgen.calibration.fleet.store import Plan, write_plan
 from rodgen.calibration.fleet.summary import about_machines, parameter_cells, valued
 from rodgen.cli.main import main
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.files import one_process_in
+from rodgen.schedulers import local_processes
 from rodgen.statistics.drift import drifts, repeatability
 from rodgen.statistics.random_effects import population
 from rodgen.statistics.thresholds import FLEET
@@ -169,15 +169,16 @@ def test_a_machine_of_the_fleet_opens_on_its_own_page(fleet: tuple[Path, Truth, 
     asyncio.run(run())
 
 
-def test_two_runs_do_not_write_to_one_folder(tmp_path: Path) -> None:
-    with (
-        one_process_in(str(tmp_path)),
-        pytest.raises(InputFileError, match="another run"),
-        one_process_in(str(tmp_path)),
-    ):
-        pass
-    with one_process_in(str(tmp_path)):
-        pass
+def test_another_fleet_that_is_written_to_the_same_folder_meanwhile_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def other(pair: Pair) -> dict[str, Any]:
+        write_plan(str(tmp_path), Plan("2026-11-21", 1.0, (), ()))
+        return {"error": "no file", "key": {"format": 1}}
+
+    monkeypatch.setattr("rodgen.calibration.fleet.run.diagnose_pair", other)
+    with pytest.raises(InputFileError, match="another run"):
+        diagnose_fleet([Pair("a", "", "")], tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -213,11 +214,35 @@ def test_pairs_come_from_a_table_from_folders_or_from_one_machine_file(tmp_path:
 
 
 def test_the_end_of_a_process_is_the_end_of_one_task() -> None:
-    found = dict(each_in_processes(squared_unless_killed, [1, 2, 3, 4, 5], 2))
-    answers = {number: answer and answer[0] for number, answer in found.items()}
-    assert answers == {0: 1, 1: 4, 2: None, 3: 16, 4: 25}
-    processes = {answer[1] for answer in found.values() if answer}
+    with local_processes(2) as some:
+        runs = some.each("squaring", squared_unless_killed, [1, 2, 3, 4, 5], of_killed=lambda _: (0, 0))
+        found = dict(runs)
+    assert {number: square for number, (square, _) in found.items()} == {0: 1, 1: 4, 2: 0, 3: 16, 4: 25}
+    processes = {process for _, process in found.values()} - {0}
     assert len(processes) <= 2 + 1  # each works on one task after the other; one was killed twice
+
+
+@pytest.mark.parametrize("ending", ["SIGINT", "SIGKILL"])
+def test_processes_end_with_the_program_that_started_them(ending: str, tmp_path: Path) -> None:
+    code = (
+        "from fleet_tasks import slept\nfrom rodgen.schedulers import local_processes\n"
+        "if __name__ == '__main__':\n    with local_processes(1) as some:\n"
+        f"        list(some.each('sleeping', slept, [{str(tmp_path / 'begun')!r}]))\n"
+    )
+    script = tmp_path / "script.py"
+    script.write_text(code)
+    path = {"PYTHONPATH": str(Path(__file__).parent)}
+    with subprocess.Popen([sys.executable, script], env={**os.environ, **path}, stderr=-3) as run:
+        while not (tmp_path / "begun").exists() or not (number := (tmp_path / "begun").read_text()):
+            time.sleep(0.05)
+        run.send_signal(getattr(signal, ending))
+        run.wait(20)
+    stat = Path(f"/proc/{number}/stat")
+    for _ in range(100):
+        if not stat.exists() or b"Z" in stat.read_bytes().split()[2]:
+            return
+        time.sleep(0.05)
+    raise AssertionError("the process is still there")
 
 
 @pytest.mark.slow
@@ -238,8 +263,6 @@ def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
         seen = len(files)
     assert run.returncode == 0
     assert len([*results.glob("*.json")]) == 8
-    time.sleep(2.0)
-    assert not [*results.glob(".*")]  # what was half written is swept up
 
 
 # statistics --------------------------------------------------------------------------------------------

@@ -46,7 +46,7 @@ def processes():
 
 def test_threads_return_each_answer_with_its_number():
     with workers("threads=2") as some:
-        assert some.are_threads
+        assert some.client is None
         assert sorted(some.each("doubling", double, [3, 4, 5], 1)) == [(0, 7), (1, 9), (2, 11)]
         with workers() as inner:
             assert inner is some
@@ -60,7 +60,7 @@ def test_an_error_of_a_task_comes_as_it_is():
 def test_processes_share_the_tasks_and_an_active_client_is_used(processes):
     assert sorted(processes.each("doubling", double, range(5), 1)) == [(k, 2 * k + 1) for k in range(5)]
     with workers() as active:
-        assert active.count == 2
+        assert active.client is processes.client
         assert {pid for _, pid in active.each("where", process_of, range(20))}.isdisjoint({os.getpid()})
     with pytest.raises(TypeError):
         list(processes.each("doubling", double, [None], 1))

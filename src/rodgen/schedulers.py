@@ -9,12 +9,19 @@ from __future__ import annotations
 
 import concurrent.futures
 import logging
+import multiprocessing
 import os
+import queue
 import re
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
+from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from rodgen.errors import RodgenError, shown
@@ -25,6 +32,8 @@ Result = TypeVar("Result")
 
 ANSWERS_WITHIN = 10
 """Seconds within which a scheduler must answer."""
+ATTEMPTS = 2
+"""Times that `local_processes` try a task whose process is killed: once may be the fault of another's memory."""
 EXPECTED = "threads, processes, either with =N for N of them, or the address of a Dask scheduler: tcp://localhost:8786"
 
 
@@ -37,34 +46,24 @@ class Workers:
 
     Parameters
     ----------
-    executor : concurrent.futures.Executor, or distributed.Client
-    count : int
-        How many tasks run at a time.
+    submit : callable
+        Of an executor; None of Dask.
+    client : distributed.Client, optional
+        The Dask client, None of threads and of processes without Dask.
     """
 
     address: str | None = None
     """By which `workers` were asked for them."""
 
-    def __init__(self, executor: Any, count: int) -> None:
-        self._executor = executor
-        self.count = count
-
-    @property
-    def client(self) -> Any:
-        """The Dask client, None of threads."""
-        return None if self.are_threads else self._executor
-
-    @property
-    def are_threads(self) -> bool:
-        """Whether tasks run in this program."""
-        return isinstance(self._executor, concurrent.futures.Executor)
+    def __init__(self, submit: Callable[..., Any] | None, client: Any = None) -> None:
+        self._submit, self.client = submit, client
 
     def hold(self, items: Sequence[Item]) -> Sequence[Any]:
         """Return the items for `each`, which then calls functions of an item where it was called before.
 
         So what an item loads and keeps for itself is there. On another worker, where one was killed, it is a new copy.
         """
-        return items if self.are_threads else self._executor.map(_itself, items, pure=False)
+        return items if self.client is None else self.client.map(_itself, items, pure=False)
 
     def each(
         self,
@@ -94,69 +93,45 @@ class Workers:
         Exception
             What the function raises; the other tasks are then cancelled.
         """
+        killed: type[Exception] = BrokenProcessPool
+        coming: Any = concurrent.futures.as_completed
+        if self._submit is not None:
+            futures = {self._submit(function, item, *common): k for k, item in enumerate(items)}
+        else:
+            import distributed
+            from distributed.scheduler import KilledWorker
+
+            coming, killed = distributed.as_completed, KilledWorker
+            # scattered, what is common would be lost with the worker that has it: it travels with the tasks
+            call = partial(_called, function, common)
+            futures = {each: k for k, each in enumerate(self.client.map(call, items, pure=False))}
         with stage(what, len(items)):
-            if self.are_threads:
-                runs = self._in_threads(function, items, common)
-            else:
-                runs = self._on_workers(function, items, common, of_killed)
-            for done, answer in enumerate(runs, 1):
-                step(done)
-                yield answer
-
-    def _in_threads(
-        self, function: Callable[..., Result], items: Sequence[Item], common: tuple[Any, ...]
-    ) -> Iterator[tuple[int, Result]]:
-        futures = {self._executor.submit(function, item, *common): k for k, item in enumerate(items)}
-        try:
-            for future in concurrent.futures.as_completed(list(futures)):
-                yield futures.pop(future), future.result()
-        finally:
-            for future in futures:
-                future.cancel()
-
-    def _on_workers(
-        self,
-        function: Callable[..., Result],
-        items: Sequence[Item],
-        common: tuple[Any, ...],
-        of_killed: Callable[[int], Result] | None,
-    ) -> Iterator[tuple[int, Result]]:
-        import distributed
-        from distributed.scheduler import KilledWorker
-
-        # scattered, what is common would be lost with the worker that has it: it travels with the tasks
-        futures = self._executor.map(_Call(function, common), items, pure=False)
-        numbers = {future.key: k for k, future in enumerate(futures)}
-        waiting: Any = distributed.as_completed(futures)  # type: ignore[no-untyped-call]
-        del futures  # so that each result leaves the worker as soon as it is here
-        try:
-            for future in waiting:
-                number = numbers[future.key]
-                try:
-                    yield number, future.result()
-                except KilledWorker as error:
-                    if of_killed is None:
-                        raise SchedulerError(
-                            f"workers of the scheduler were killed {error.allowed_failures + 1} times by one task; "
-                            "expected workers with more memory, or smaller parts of the work"
-                        ) from None
-                    yield number, of_killed(number)
-        finally:
-            waiting.clear()
+            try:
+                for done, future in enumerate(coming(list(futures)), 1):
+                    number = futures.pop(future)  # so that each result is let go as soon as it is here
+                    try:
+                        result: Result = future.result()
+                    except killed as error:
+                        if of_killed is None:
+                            times = getattr(error, "allowed_failures", 1) + 1
+                            raise SchedulerError(
+                                f"workers of the scheduler were killed {times} times by one task; "
+                                "expected workers with more memory, or smaller parts of the work"
+                            ) from None
+                        result = of_killed(number)
+                    step(done)
+                    yield number, result
+            finally:
+                for future in futures:
+                    future.cancel()
 
 
 def _itself(item: Item) -> Item:
     return item
 
 
-class _Call:
-    """A function with its last arguments."""
-
-    def __init__(self, function: Callable[..., Any], common: tuple[Any, ...]) -> None:
-        self.function, self.common = function, common
-
-    def __call__(self, item: Any) -> Any:
-        return self.function(item, *self.common)
+def _called(function: Callable[..., Result], common: tuple[Any, ...], item: Any) -> Result:
+    return function(item, *common)
 
 
 _active: ContextVar[Workers | None] = ContextVar("workers", default=None)
@@ -202,19 +177,19 @@ def workers(address: str | None = None) -> Iterator[Workers]:
 def _made(address: str | None) -> Iterator[Workers]:
     client = _active_client() if address is None else None
     if client is not None:
-        yield _of(client)
+        yield Workers(None, client)
         return
     kind = re.fullmatch(r"(threads|processes)(?:=([1-9]\d{0,3}))?", address or "threads")
     if kind is None and "://" not in (address or ""):
         raise SchedulerError(f"scheduler {shown(address)}; expected {EXPECTED}")
     if kind is None:
-        with _connected(str(address)) as found:
-            yield _of(found)
+        with _connected(str(address)) as client:
+            yield Workers(None, client)
         return
     count = int(kind[2] or processors())
     if kind[1] == "threads":
         with concurrent.futures.ThreadPoolExecutor(count) as pool:
-            yield Workers(pool, count)
+            yield Workers(pool.submit)
         return
     distributed = _distributed()
     with (
@@ -226,16 +201,68 @@ def _made(address: str | None) -> Iterator[Workers]:
         ) as cluster,
         distributed.Client(cluster) as client,
     ):
-        yield Workers(client, count)
+        yield Workers(None, client)
+
+
+@contextmanager
+def local_processes(count: int) -> Iterator[Workers]:
+    """Return a context with so many processes of this computer, which need no Dask.
+
+    The end of a process is the end of its task, which runs once more, and of no other. They end with the context, at
+    once, or with this process, however it ends.
+    """
+    spawn = multiprocessing.get_context("spawn")  # a fork of a program with threads may hang
+    ending, alive = spawn.Pipe(duplex=False)
+    idle = queue.LifoQueue[concurrent.futures.ProcessPoolExecutor]()
+    pools = list[concurrent.futures.ProcessPoolExecutor]()
+
+    def start() -> concurrent.futures.ProcessPoolExecutor:
+        pools.append(concurrent.futures.ProcessPoolExecutor(1, spawn, _end_with, (ending,)))
+        return pools[-1]
+
+    def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        pool = idle.get()
+        try:
+            for _ in range(ATTEMPTS):
+                try:
+                    return pool.submit(function, *arguments).result()
+                except BrokenProcessPool as error:
+                    broken, pool = error, start()
+                    if alive.closed:
+                        break
+            raise broken
+        finally:
+            idle.put(pool)
+
+    for _ in range(count):
+        idle.put(start())
+    threads = concurrent.futures.ThreadPoolExecutor(count)
+    try:
+        yield Workers(lambda *task: threads.submit(call, *task))
+    finally:
+        alive.close()
+        threads.shutdown(cancel_futures=True)
+        for pool in pools:
+            pool.shutdown()
+        ending.close()
+
+
+def _end_with(other: Connection) -> None:
+    """Let this process end when the other end of a connection is closed; Ctrl-C is for the process that has it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def wait() -> None:
+        try:
+            other.poll(None)
+        finally:
+            os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def processors() -> int:
     """Return how many processors this program may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _of(client: Any) -> Workers:
-    return Workers(client, max(sum(client.nthreads().values()), 1))
 
 
 def _active_client() -> Any:

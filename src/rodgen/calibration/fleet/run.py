@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import closing
 from datetime import date as calendar
 from datetime import datetime
@@ -12,7 +12,6 @@ from typing import Any
 from rodgen.calibration.fleet.changes import moment
 from rodgen.calibration.fleet.fleet import Fleet
 from rodgen.calibration.fleet.pairs import Pair
-from rodgen.calibration.fleet.processes import each_in_processes
 from rodgen.calibration.fleet.store import (
     PLAN,
     Plan,
@@ -24,8 +23,8 @@ from rodgen.calibration.fleet.store import (
 )
 from rodgen.calibration.fleet.task import diagnose_pair, failed, key_of
 from rodgen.errors import InputFileError, RodgenError, shown
-from rodgen.files import make_folder, one_process_in, written_at_once
-from rodgen.schedulers import workers
+from rodgen.files import make_folder, written_at_once
+from rodgen.schedulers import local_processes, workers
 from rodgen.stages import stage, step
 from rodgen.statistics.thresholds import FLEET
 
@@ -68,14 +67,14 @@ def diagnose_fleet(
     Raises
     ------
     InputFileError
-        When the folder cannot be written, or another run writes to it.
+        When the folder cannot be written, or a run with another fleet wrote to it, too.
     SchedulerError
         When the scheduler cannot be used.
     """
     folder = os.fspath(results)
     _check_apart(folder, pairs)
     make_folder(folder)
-    with written_at_once(), one_process_in(folder):
+    with written_at_once():
         with stage("reading results"):
             keys = [key_of(pair) for pair in pairs]
             known = [read_result(folder, pair.name) for pair in pairs]
@@ -83,6 +82,7 @@ def diagnose_fleet(
         plan = Plan(_date(folder, date, stale), false_alarms, tuple(history), tuple(pairs))
         _check_history(folder, plan)
         write_plan(folder, plan)
+        written = read_plan(folder)
         todo = [
             pair
             for pair, key, result in zip(pairs, keys, known, strict=True)
@@ -91,7 +91,11 @@ def diagnose_fleet(
         with closing(_each(todo, jobs, scheduler)) as found:
             for number, result in found:
                 write_result(folder, todo[number].name, result)
-        return Fleet.load(folder)
+        fleet = Fleet.load(folder)
+        if fleet.plan != written:
+            expected = "another folder for each fleet"
+            raise InputFileError(folder, "file", "another run of rodgen has written to it", expected)
+        return fleet
 
 
 def _check_apart(folder: str, pairs: Sequence[Pair]) -> None:
@@ -141,18 +145,15 @@ def _each(
 ) -> Generator[tuple[int, dict[str, Any]], None, None]:
     """Yield the number of each machine and its result as soon as it is there."""
     what = "diagnosing machines"
-    if scheduler is not None and pairs:
+    if not jobs and scheduler is None:
+        with stage(what, len(pairs)):
+            for number, pair in enumerate(pairs):
+                yield number, diagnose_pair(pair)
+                step(number + 1)
+    elif pairs:
         whole = [Pair(p.name, *(f and os.path.abspath(f) for f in (p.machine, p.data))) for p in pairs]
-        with workers(scheduler) as some:
+        with local_processes(jobs) if scheduler is None else workers(scheduler) as some:
             yield from some.each(what, diagnose_pair, whole, of_killed=lambda number: _killed(pairs[number]))
-        return
-    with stage(what, len(pairs)):
-        found: Iterable[tuple[int, dict[str, Any] | None]] = enumerate(map(diagnose_pair, pairs))
-        if jobs > 0:
-            found = each_in_processes(diagnose_pair, pairs, jobs)
-        for done, (number, result) in enumerate(found, 1):
-            step(done)
-            yield number, result or _killed(pairs[number])
 
 
 def _killed(pair: Pair) -> dict[str, Any]:
