@@ -1,18 +1,15 @@
 """Let the operations of a command fail, one after the other, as curl's torture tests do.
 
-Counted are operations on files below one folder, on standard output, programs that are started and libraries that are
-loaded; and, as points where memory ends or Ctrl-C is pressed, the calls of rodgen's functions.
+Counted are operations on files below one folder and on standard output. One may also be where Ctrl-C is pressed.
 """
 
 from __future__ import annotations
 
 import builtins
 import contextlib
-import ctypes
 import errno
 import io
 import os
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -22,7 +19,6 @@ from typing import Any
 
 import pytest
 
-import rodgen
 from rodgen.cli.main import main
 
 ERRORS = {
@@ -33,92 +29,47 @@ ERRORS = {
     "close": errno.EDQUOT,
     "fsync": errno.EIO,
     "replace": errno.EXDEV,
-    "link": errno.EPERM,
     "unlink": errno.EIO,
     "mkdir": errno.EROFS,
     "chmod": errno.EPERM,
-    "dup": errno.EMFILE,
-    "scandir": errno.EIO,
-    "start": errno.ENOMEM,
-    "load": errno.EPERM,
 }
 """The operations, and what they fail with."""
-
-SOURCE = os.path.dirname(rodgen.__file__)
-BEFORE_AND_AFTER = {
-    "main",
-    "_terminate",
-    "_internal_error",
-    "notify",
-    "_harmless",
-    "_complete",
-    "shown",
-    "<genexpr>",
-}
-"""Functions that run before a command begins, or say that it failed; and what is also called to be ended."""
-CLEANING = {*"clean _clean discard _close _remove undo temporary_folder _finish __exit__".split()}
-"""Functions that remove temporary files: what is left where one of them is interrupted is removed the next time."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """The operation that fails, as a number from 0; `lasting`: and all of its kind after it."""
+    """The operation that fails, as a number from 0."""
 
     at: int
     error: type[BaseException] = OSError
-    lasting: bool = False
 
 
 class Operations:
     """What a command does below a folder, in order, and the fault that happens to it."""
 
-    def __init__(self, root: Path, fault: Fault | None = None, calls: bool = False) -> None:
+    def __init__(self, root: Path, fault: Fault | None = None) -> None:
         self.root = os.path.realpath(root)
         self.fault = fault
-        self.calls = calls
         self.done: list[str] = []
-        self._failing = ""
 
     def count(self, what: str) -> None:
         """Note an operation; raise where it is the one that fails."""
         self.done.append(what)
-        kind = what.partition(":")[0]
-        if self.fault is None:
-            return
-        if len(self.done) == self.fault.at + 1:
-            self._failing = kind
+        if self.fault is not None and len(self.done) == self.fault.at + 1:
             if self.fault.error is not OSError:
                 raise self.fault.error
-            raise OSError(ERRORS[kind], os.strerror(ERRORS[kind]))
-        if self.fault.lasting and kind == self._failing:
-            raise OSError(ERRORS[kind], os.strerror(ERRORS[kind]))
+            code = ERRORS[what.partition(":")[0]]
+            raise OSError(code, os.strerror(code))
 
     def _here(self, path: Any) -> bool:
         return isinstance(path, str | os.PathLike) and os.path.abspath(os.fspath(path)).startswith(self.root)
-
-    def _on_call(self, frame: Any, event: str, _: object) -> None:
-        code = frame.f_code
-        begun = self.done or code.co_name == "display"  # from here on main catches every error
-        if (
-            event == "call"
-            and begun
-            and code.co_filename.startswith(SOURCE)
-            and code.co_name not in BEFORE_AND_AFTER
-        ):
-            self.count(f"call: {code.co_qualname} of {os.path.relpath(code.co_filename, SOURCE)}")
 
     @contextlib.contextmanager
     def watched(self) -> Iterator[Operations]:
         """Count the operations of the block, and let them fail."""
         with pytest.MonkeyPatch.context() as patch:
-            if self.calls:
-                sys.setprofile(self._on_call)
-            else:
-                self._patch(patch)
-            try:
-                yield self
-            finally:
-                sys.setprofile(None)
+            self._patch(patch)
+            yield self
 
     def _patch(self, patch: pytest.MonkeyPatch) -> None:
         plain, os_open = builtins.open, os.open
@@ -139,14 +90,9 @@ class Operations:
         patch.setattr(builtins, "open", opened)
         patch.setattr(io, "open", opened)
         patch.setattr(os, "open", os_opened)
-        for name in ("replace", "link", "unlink", "mkdir", "chmod", "scandir"):
+        for name in ("replace", "unlink", "mkdir", "chmod"):
             patch.setattr(os, name, self._counted(name, getattr(os, name), self._here))
-        for name in ("fsync", "dup"):
-            patch.setattr(
-                os, name, self._counted(name, getattr(os, name), lambda fd: self._here(_path_of(fd)))
-            )
-        patch.setattr(subprocess, "Popen", self._counted("start", subprocess.Popen))
-        patch.setattr(ctypes, "CDLL", self._counted("load", ctypes.CDLL, self._here))
+        patch.setattr(os, "fsync", self._counted("fsync", os.fsync, lambda fd: self._here(_path_of(fd))))
 
     def _counted(self, kind: str, function: Any, ours: Callable[[Any], bool] = lambda _: True) -> Any:
         def counted(*arguments: Any, **more: Any) -> Any:
@@ -235,7 +181,7 @@ class Torture:
         self.folder, self.arguments = folder, arguments
         self.before = {**inputs, **dict.fromkeys(old, b"old\n")}
 
-    def run(self, fault: Fault | None = None, calls: bool = False) -> Ended:
+    def run(self, fault: Fault | None = None) -> Ended:
         """Run the command in a folder as new; the fault may happen to it."""
         for place in ("work", "temporary"):
             _empty(self.folder / place)
@@ -243,17 +189,17 @@ class Torture:
             path = self.folder / "work" / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
-        return self.run_again(fault, calls)
+        return self.run_again(fault)
 
-    def run_again(self, fault: Fault | None = None, calls: bool = False) -> Ended:
+    def run_again(self, fault: Fault | None = None) -> Ended:
         """Run the command on what another run left."""
-        operations, raw, err = Operations(self.folder, fault, calls), Out(), io.StringIO()
+        operations, raw, err = Operations(self.folder, fault), Out(), io.StringIO()
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(self.folder / "work")
             patch.setattr(tempfile, "tempdir", str(self.folder / "temporary"))
             patch.setattr(sys, "stdout", io.TextIOWrapper(raw, "utf-8", write_through=True))
             patch.setattr(sys, "stderr", err)
-            raw.operations = None if calls else operations
+            raw.operations = operations
             with operations.watched():
                 code = main(self.arguments)
             raw.operations = None
@@ -277,15 +223,10 @@ class Torture:
         for line in good.err.splitlines():
             if line in own:
                 own.remove(line)
-        expected = {OSError: (good.code, 2), MemoryError: (good.code, 70), KeyboardInterrupt: (130,)}[
-            fault.error
-        ]
+        expected = {OSError: (good.code, 2), KeyboardInterrupt: (130,)}[fault.error]
         assert found.code in expected, said
         assert len(own) == 1 or (len(own) == 0 and found.code == good.code), said
-        cleaning = failed.startswith(("unlink", "scandir")) or (
-            failed.startswith("call")
-            and failed.partition(" of ")[0].rpartition(" ")[2].rpartition(".")[2] in CLEANING
-        )
+        cleaning = failed.startswith("unlink")
         strays = [name for name in found.files if name not in good.files] + found.strays
         assert cleaning or strays == [], said
         if found.code == good.code:

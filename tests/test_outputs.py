@@ -226,16 +226,16 @@ LATE = {
 @pytest.mark.parametrize("name", LATE)
 def test_a_disk_that_fails_at_the_last_file_leaves_none(name, work, monkeypatch, rodgen_command):
     before = sorted(os.listdir())
-    renamed, count, most = os.replace, [], [1000]
+    written, count, most = os.fsync, [], [1000]
 
-    def counted(part, final):
-        if str(final).startswith(str(work)):  # not in the cache of kernels
-            count.append(final)
+    def counted(descriptor):
+        if os.readlink(f"/proc/self/fd/{descriptor}").startswith(str(work)):  # not in the cache of kernels
+            count.append(descriptor)
             if len(count) == most[0]:
                 raise OSError(28, "No space left on device")
-        renamed(part, final)
+        written(descriptor)
 
-    monkeypatch.setattr("rodgen.files.os.replace", counted)
+    monkeypatch.setattr("rodgen.files.os.fsync", counted)
     assert rodgen_command(*LATE[name])[0] == 0
     new = sorted(set(os.listdir()) - set(before))
     assert new
@@ -247,6 +247,25 @@ def test_a_disk_that_fails_at_the_last_file_leaves_none(name, work, monkeypatch,
     assert "cannot be written (No space left on device)" in err.splitlines()[-1]
     assert "complete" not in err
     assert sorted(os.listdir()) == before
+
+
+def test_where_a_disk_fails_between_two_names_the_first_is_said_to_be_complete(
+    work, monkeypatch, rodgen_command
+):
+    replaced = os.replace
+
+    def full(part, final):
+        if str(final).endswith("r.csv"):
+            raise OSError(5, "Input/output error")
+        replaced(part, final)
+
+    before = sorted(os.listdir())
+    monkeypatch.setattr("rodgen.files.os.replace", full)
+    code, out, err = rodgen_command(*LATE["fit"])
+    (there,) = set(os.listdir()).difference(before)
+    assert (code, out, there) == (2, "", "f.toml")
+    assert err.splitlines()[-1].startswith("r.csv: file: cannot be written (Input/output error); expected")
+    assert err.endswith("; complete: f.toml\n")
 
 
 def test_a_reader_that_leaves_early_takes_no_file_along(work, monkeypatch):
@@ -327,16 +346,17 @@ def test_files_of_a_set_appear_together(tmp_path):
         with OutputSet():
             make_folder(tmp_path / "deep" / "er")
             write_file(tmp_path / "deep" / "er" / "b", b"2")
+        assert [path.name for path in tmp_path.iterdir() if not path.name.startswith(".")] == ["deep"]
         with new_folder(tmp_path / "new") as folder:
             (folder / "c").write_bytes(b"3")
-        assert [path.name for path in tmp_path.iterdir() if not path.name.startswith(".")] == ["deep"]
+            assert not (tmp_path / "new").exists()
         with written_at_once():
             write_file(tmp_path / "now", b"4")
         assert (tmp_path / "now").exists()
     assert (tmp_path / "new" / "c").read_bytes() == b"3"
     assert (tmp_path / "deep" / "er" / "b").read_bytes() == b"2"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "deep", "new", "now"]
-    assert [os.path.basename(file) for file in outputs.completed] == ["a", "b", "new"]
+    assert [os.path.basename(file) for file in outputs.completed] == ["new", "a", "b"]
 
 
 def test_nothing_of_a_set_that_fails_stays(tmp_path):
@@ -347,7 +367,7 @@ def test_nothing_of_a_set_that_fails_stays(tmp_path):
         write_file(tmp_path / "deep" / "er" / "b", b"2")
         with new_folder(tmp_path / "new") as folder:
             (folder / "c").write_bytes(b"3")
-        raise ZeroDivisionError
+            raise ZeroDivisionError
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"old"}
 
 

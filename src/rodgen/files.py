@@ -6,12 +6,11 @@ import abc
 import contextlib
 import errno
 import os
-import re
 import secrets
 import shutil
 import stat
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from io import BufferedReader
 from pathlib import Path
@@ -22,8 +21,6 @@ from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
     import zipfile
-if sys.platform != "win32":
-    import fcntl
 
 
 # reading -----------------------------------------------------------------------------------------------
@@ -154,8 +151,6 @@ def unwritable(file: str, error: BaseException) -> InputFileError:
     return InputFileError(file, "file", found, "a writable place with room")
 
 
-_BINARY: int = getattr(os, "O_BINARY", 0)
-
 _outputs: ContextVar[OutputSet | None] = ContextVar("outputs", default=None)
 """The set around; each thread has its own, so that files written by several threads appear one by one."""
 
@@ -182,12 +177,8 @@ class Output(abc.ABC):
             self.clean()
 
     @abc.abstractmethod
-    def publish(self, *, undoable: bool = False) -> None:
-        """Show the output under its name; what is `undoable` can be undone until it is cleaned."""
-
-    @abc.abstractmethod
-    def undo(self) -> None:
-        """Bring back what stood there before: another file, or none."""
+    def publish(self) -> None:
+        """Show the output under its name."""
 
     @abc.abstractmethod
     def clean(self) -> None:
@@ -207,8 +198,9 @@ class Output(abc.ABC):
 class OutputSet:
     """Files that appear together: all that is written in its block gets its name at the end, or nothing does.
 
-    None of them replaces a file that was read in the block, by whatever name. The files of a set in the block of
-    another one appear with those of the latter.
+    All of them are on the disk under temporary names before the first gets its own. Where a disk fails between two
+    names, those before stay, and are `completed`. None replaces a file that was read in the block, by whatever name.
+    The files of a set in the block of another one appear with those of the latter.
 
     Attributes
     ----------
@@ -239,14 +231,15 @@ class OutputSet:
             if kind is None and self._around is not None:
                 for output in self._written:
                     self._around.add(output)
-                self._around._folders += self._folders
+                self._around._folders[:0] = self._folders
                 self._written, self._folders = [], []
             elif kind is None:
                 self.commit()
         finally:
-            self._clean()
+            for output in self._written:
+                output.clean()
             for folder in self._folders:
-                with contextlib.suppress(OSError):
+                with contextlib.suppress(OSError):  # it has files that are complete
                     folder.rmdir()
 
     def protect(self, file: str) -> None:
@@ -283,7 +276,7 @@ class OutputSet:
             there = next(each for each in (Path(place), *Path(place).parents) if os.path.exists(each))
             if not there.is_dir():
                 raise InputFileError(file, "file", f"{there.name} is no folder", "the name of a folder")
-        if not folder and not is_device(file):
+        elif not is_device(file):
             trial = AtomicFile(file)
             try:
                 trial.write(b"")
@@ -317,39 +310,19 @@ class OutputSet:
         self._written.append(output)
 
     def commit(self) -> None:
-        """Publish what was written until now: all of it, or nothing."""
+        """Publish what was written until now."""
         # What was read since it was written counts, too; standard output comes last, since its reader may leave.
         outputs = sorted(self._written, key=lambda output: not output.place)
-        begun: list[Output] = []
-        before = len(self.completed)
-        try:
-            for output in outputs:
-                if output.place:
-                    self.check(output.file, output.place)
-            for output in outputs:
-                begun.append(output)
-                output.publish(undoable=True)
-                if output.place:
-                    self.completed.append(output.file)
-            self._folders = []
-        except BrokenPipeError:  # no fault of the files, which are complete
-            self._folders = []
-            raise
-        except BaseException:
-            del self.completed[before:]
-            for output in reversed(begun):
-                output.undo()
-            raise
-        self._clean()
-
-    def _clean(self) -> None:
-        for output in self._written:
+        for output in outputs:
+            if output.place:
+                self.check(output.file, output.place)
+        for output in outputs:
+            output.publish()
+            if output.place:
+                self.completed.append(output.file)
+        for output in outputs:
             output.clean()
-        self._written = []
-
-    def folder_made(self, *folders: Path) -> None:
-        """Note new folders, the innermost first, which go again where the files do not appear."""
-        self._folders[:0] = folders
+        self._written, self._folders = [], []
 
 
 def _identity(file: str) -> tuple[int, int] | None:
@@ -381,11 +354,17 @@ def written_at_once() -> Iterator[None]:
         _outputs.reset(token)
 
 
+def _temporary(place: str) -> str:
+    """Return a name next to a file or folder that no other has."""
+    folder, name = os.path.split(place)
+    return os.path.join(folder, f".{name[:50]}.rodgen-{secrets.token_hex(8)}")
+
+
 class AtomicFile(Output):
     """A file that has a temporary name, in its final folder, until it is complete and on the disk.
 
     A device or a pipe is written directly. A symbolic link stays a link: its target is replaced. A file that is
-    replaced keeps its permissions. What a killed process left of this file is removed.
+    replaced keeps its permissions.
 
     Parameters
     ----------
@@ -395,64 +374,32 @@ class AtomicFile(Output):
 
     def __init__(self, file: str) -> None:
         self.file = file
-        self._device = is_device(file)
-        self.place = self._part = self._before = ""
-        self._was_there = False
-        self._descriptor = -1
+        self._part = ""
 
     def open(self) -> IO[bytes]:
         """Open for writing; the caller closes it."""
         try:
-            if self._device:
+            if is_device(self.file):
                 return open(self.file, "wb")
             self.place = os.path.realpath(self.file)
             if os.path.isdir(self.place) or not os.path.basename(self.file):
                 raise InputFileError(self.file, "file", "a folder", "the name of a file")
             if (around := _outputs.get()) is not None:
                 around.check(self.file, self.place)
-            if os.path.exists(self.place) and not (
-                os.access(self.place, os.W_OK) and os.stat(self.place).st_mode & 0o222
-            ):  # a superuser may write to it, too, but it was made so on purpose
+            mode = os.stat(self.place).st_mode if os.path.exists(self.place) else None
+            if mode is not None and not (os.access(self.place, os.W_OK) and mode & 0o222):
+                # a superuser may write to it, too, but it was made so on purpose
                 raise PermissionError(errno.EACCES, "it is read-only")
-            folder, name = os.path.split(self.place)
-            self._part, self._descriptor = _locked(
-                os.path.join(folder, f".{name[:80]}.rodgen-"),
-                lambda part: os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, 0o666),
-            )
-            if os.path.exists(self.place):
-                shutil.copymode(self.place, self._part)
-            return open(os.dup(self._descriptor), "wb")
+            self._part = _temporary(self.place)
+            Path(self._part).touch(exist_ok=False)
+            if mode is not None:
+                os.chmod(self._part, stat.S_IMODE(mode) | stat.S_IWUSR)
+            return open(self._part, "wb")
         except BaseException as error:
             self.clean()
             if isinstance(error, OSError | ValueError) and not isinstance(error, InputFileError):
                 raise unwritable(self.file, error) from None
             raise
-
-    def publish(self, *, undoable: bool = False) -> None:
-        """Give the file its name."""
-        with self.located():
-            if not self._device:
-                _synchronise(self._descriptor)
-                self._was_there = os.path.exists(self.place)
-                if undoable and self._was_there:
-                    self._before = f"{self._part}-before"
-                    try:
-                        os.link(self.place, self._before)
-                    except OSError:  # a disk without hard links
-                        shutil.copy2(self.place, self._before)
-                if sys.platform == "win32":  # where an open file keeps its name
-                    self._close()
-                os.replace(self._part, self.place)
-
-    def undo(self) -> None:
-        """Bring back what stood there before: the other file, or none."""
-        if not self._part or os.path.exists(self._part):
-            return
-        with contextlib.suppress(OSError):
-            if self._was_there:
-                os.replace(self._before, self.place)
-            else:
-                os.unlink(self.place)
 
     def write(self, content: bytes) -> None:
         """Write all of the content under the temporary name."""
@@ -460,87 +407,36 @@ class AtomicFile(Output):
         with self.located(), stream:
             stream.write(content)
 
+    def commit(self) -> None:
+        """Wait until the file is on the disk, and publish it as `Output` does."""
+        if self._part:
+            with self.located():
+                _synchronise(self._part)
+        super().commit()
+
+    def publish(self) -> None:
+        """Give the file its name."""
+        if self._part:
+            with self.located():
+                os.replace(self._part, self.place)
+
     def clean(self) -> None:
         """Remove what has a temporary name."""
-        for name in filter(None, (self._part, self._before)):
-            _remove(name)
-        self._close()
-
-    def _close(self) -> None:
-        if self._descriptor >= 0:
+        if self._part:
             with contextlib.suppress(OSError):
-                os.close(self._descriptor)
-        self._descriptor = -1
+                os.unlink(self._part)
 
 
-def _synchronise(descriptor: int) -> None:
+def _synchronise(file: str) -> None:
     """Wait until a file is on the disk, where the disk says so."""
+    descriptor = os.open(file, os.O_WRONLY)
     try:
         os.fsync(descriptor)
     except OSError as error:
         if error.errno not in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP):
             raise
-
-
-@contextlib.contextmanager
-def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
-    """Yield a new folder, removed at the end; those that killed processes left there are removed first.
-
-    Parameters
-    ----------
-    parent : Path
-        The folder that it is in.
-    prefix : str
-        Its name, to which eight hexadecimal digits are added: no name that anyone else gives a folder.
-    """
-
-    def make(name: str) -> int:
-        os.mkdir(name, 0o700)
-        if sys.platform == "win32":
-            return -1
-        try:
-            return os.open(name, os.O_RDONLY)
-        except BaseException:
-            os.rmdir(name)
-            raise
-
-    name, descriptor = _locked(os.path.join(parent, prefix), make)
-    try:
-        yield Path(name)
     finally:
-        shutil.rmtree(name, ignore_errors=True)
-        if descriptor >= 0:
-            with contextlib.suppress(OSError):
-                os.close(descriptor)
-
-
-class _NewFolder(Output):
-    """A folder that has a temporary name until it is complete."""
-
-    def __init__(self, file: str) -> None:
-        self.file, self.place = file, os.path.abspath(file)
-        self._stack = contextlib.ExitStack()
-        self._made = Path()
-
-    def open(self) -> Path:
-        """Make it, under its temporary name."""
-        parent, name = os.path.split(self.place)
-        with self.located():
-            self._made = self._stack.enter_context(temporary_folder(Path(parent), f".{name}.")) / "made"
-            self._made.mkdir()
-        return self._made
-
-    def publish(self, *, undoable: bool = False) -> None:
-        with self.located():
-            self._made.rename(self.place)
-
-    def undo(self) -> None:
-        if not self._made.exists():
-            with contextlib.suppress(OSError):
-                os.rename(self.place, self._made)
-
-    def clean(self) -> None:
-        self._stack.close()
+        os.close(descriptor)
 
 
 @contextlib.contextmanager
@@ -555,94 +451,18 @@ def new_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     file = os.fspath(path)
     if os.path.lexists(file):
         raise InputFileError(file, "file", "is there already", "the name of a new folder")
-    folder = _NewFolder(file)
+    part = Path(_temporary(os.path.abspath(file)))
     try:
-        made = folder.open()
-        with written_at_once(), folder.located():
-            yield made
-        folder.commit()
-    finally:
-        folder.discard()
-
-
-@contextlib.contextmanager
-def one_process_in(folder: str) -> Iterator[None]:
-    """Hold a folder for this process: another one that asks for it meanwhile is refused.
-
-    The end of the process, also a sudden one, frees it. Disks without locks, and Windows, refuse no second process.
-
-    Raises
-    ------
-    InputFileError
-        When another process has it.
-    """
-    if sys.platform == "win32":
-        yield
-        return
-    try:
-        descriptor = os.open(folder, os.O_RDONLY)
+        with written_at_once():
+            part.mkdir()
+            yield part
+        part.rename(file)
+        if (around := _outputs.get()) is not None:
+            around.completed.append(file)
     except OSError as error:
-        raise unreadable(folder, error, "a folder") from None
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            found, expected = "another run of rodgen writes to it", "the end of that run, or another folder"
-            raise InputFileError(folder, "file", found, expected) from None
-        except OSError:
-            pass
-        yield
+        raise unwritable(file, error) from None
     finally:
-        os.close(descriptor)
-
-
-def _locked(start: str, make: Callable[[str], int]) -> tuple[str, int]:
-    """Make a file or folder of a name that starts so, which no process sweeps away while this one has it open."""
-    _sweep(start)
-    while True:
-        name = start + secrets.token_hex(4)
-        descriptor = make(name)
-        try:
-            if _lock(descriptor) is False or os.path.lexists(name):
-                return name, descriptor
-        except BaseException:
-            _remove(name)
-            raise
-        os.close(descriptor)  # it was swept away before it was locked
-
-
-def _lock(descriptor: int) -> bool:
-    """Lock an open file or folder until it is closed, also by the end of the process; return whether that succeeds."""
-    if sys.platform == "win32":
-        return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:  # another process has it, or the disk knows no locks
-        return False
-    return True
-
-
-def _remove(name: str) -> None:
-    if os.path.isdir(name):
-        shutil.rmtree(name, ignore_errors=True)
-    else:
-        with contextlib.suppress(OSError):
-            os.unlink(name)
-
-
-def _sweep(start: str) -> None:
-    """Remove files and folders that `_locked` made for processes that were killed since."""
-    name = re.compile(re.escape(os.path.basename(start)) + "[0-9a-f]{8}(-before)?")
-    with contextlib.suppress(OSError):
-        for left in os.scandir(os.path.dirname(start)) if sys.platform != "win32" else ():
-            if name.fullmatch(left.name) and not left.is_symlink():
-                with contextlib.suppress(OSError):
-                    descriptor = os.open(left.path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-                    try:
-                        if _lock(descriptor):
-                            _remove(left.path)
-                    finally:
-                        os.close(descriptor)
+        shutil.rmtree(part, ignore_errors=True)
 
 
 def is_device(file: str) -> bool:
@@ -707,7 +527,7 @@ def make_folder(folder: str | os.PathLike[str]) -> None:
     path = Path(folder)
     try:
         if (around := _outputs.get()) is not None:
-            around.folder_made(*(each for each in (path, *path.parents) if not each.exists()))
+            around._folders[:0] = (each for each in (path, *path.parents) if not each.exists())
         path.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         found = f"no folder can be made ({_reason(error)})"

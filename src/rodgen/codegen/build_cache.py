@@ -30,7 +30,6 @@ import numpy as np
 
 from rodgen import limits
 from rodgen.array_types import Array
-from rodgen.files import temporary_folder
 from rodgen.stages import stage
 
 Command = tuple[str, ...]
@@ -113,8 +112,8 @@ def check_compiler(command: Command) -> None:
     """
     source = f"{ARITHMETIC_GUARD}\n#include <math.h>\ndouble half_turn(double x) {{ return fmod(x + 3.0, 6.0); }}\n"
     try:
-        with temporary_folder(Path(tempfile.gettempdir()), "rodgen-kernels-") as folder:
-            library = folder / "check.so"
+        with _temporary_folder() as folder:
+            library = Path(folder) / "check.so"
             _build(command, ("-fPIC", "-shared"), {"kernels.c": source}, library, [])
             ctypes.CDLL(str(library))
     except OSError as error:
@@ -167,11 +166,17 @@ def cache_folder() -> Path:
     return Path.home() / ".cache" / "rodgen"
 
 
+def _temporary_folder(
+    prefix: str = "rodgen-kernels-", parent: Path | None = None
+) -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix=prefix, dir=parent, ignore_cleanup_errors=True)
+
+
 @functools.cache
 def _folder_of_this_process() -> Path:
     stack = contextlib.ExitStack()
     atexit.register(stack.close)
-    return stack.enter_context(temporary_folder(Path(tempfile.gettempdir()), "rodgen-kernels-"))
+    return Path(stack.enter_context(_temporary_folder()))
 
 
 def cache_problem() -> str | None:
@@ -324,7 +329,8 @@ def _build(
     command: Command, flags: Sequence[str], files: Mapping[str, str], path: Path, row: Sequence[Array]
 ) -> None:
     """Compile in a temporary folder next to `path`, and move the finished library there, with its note."""
-    with temporary_folder(path.parent, "build-") as folder:
+    with _temporary_folder("build-", path.parent) as name:
+        folder = Path(name)
         for source, text in files.items():
             (folder / source).write_text(text, encoding="utf-8")
         # after the flags in CC, which they undo
@@ -361,10 +367,7 @@ def cached_text(about: Sequence[str], make: Callable[[], str]) -> str:
             return rest.decode("utf-8")
     text = make()
     content = text.encode()
-    with (
-        contextlib.suppress(OSError),
-        temporary_folder(path.parent, "build-") as folder,
-    ):
+    with contextlib.suppress(OSError), _temporary_folder("build-", path.parent) as folder:
         whole = hashlib.sha256(content).hexdigest().encode() + b"\n" + content
-        _keep(folder / path.name, whole, path)
+        _keep(Path(folder, path.name), whole, path)
     return text

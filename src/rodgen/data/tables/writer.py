@@ -171,7 +171,7 @@ class _Stdout(Output):
         # The sink closes what it wrote to; the spool has to outlive that.
         return _Unclosed(self._spool)  # type: ignore[return-value]
 
-    def publish(self, *, undoable: bool = False) -> None:
+    def publish(self) -> None:
         with self.located():
             self._spool.seek(0)
             sys.stdout.flush()
@@ -181,9 +181,6 @@ class _Stdout(Output):
             else:
                 shutil.copyfileobj(self._spool, binary, 1 << 20)
                 binary.flush()
-
-    def undo(self) -> None:
-        pass
 
     def clean(self) -> None:
         self._spool.close()
