@@ -40,7 +40,7 @@ test-thorough: .venv/test ## run the tests that take more than half a second eac
 test-slow: .venv/test-slow ## run the tests that take longer: grids of cases, long statistics, sanitizers of all kernels
 	$(BIN)/python $(PYTEST) slow
 
-torture: .venv/test ## let each file operation of every command fail in turn, and memory end and Ctrl-C be pressed at many calls
+torture: .venv/test ## let each file operation of commands fail in turn, or be where Ctrl-C is pressed
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal tests/test_torture.py
 
 fuzz: .venv/test ## run commands on files and arguments that are changed at random, for ten minutes, with a new seed each day (FUZZ_SEED=...)
