@@ -446,8 +446,6 @@ class GrossPolicy(NamedTuple):
     makes rows that are 1.4 times as far off at most."""
     suspicion: float = 1.5
     """Times the cut of a robust fit that one row must be off, from all rows: else nothing is looked for."""
-    rounds: int = 3
-    """Times that the worst rows are left out before all are judged."""
     largest_part: float = 0.2
     """Largest share of rows: more are no slips."""
     fewest_rows: int = 10

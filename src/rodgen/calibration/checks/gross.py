@@ -87,15 +87,10 @@ def gross_readings(fit: FittedModel) -> tuple[GrossReading, ...]:
     fitted = {fit.parameters[i].key for i in fit.free}
     values = {key: value for key, value in fit.machine.values.items() if key not in fitted}
     start = replace(fit.machine, values=values)
-    found = np.zeros(len(size), bool)
-    for _ in range(GROSS.rounds):  # the worst first: they make others look wrong
-        found |= size >= max(1.0, size[~found].max() / GROSS.factor)
-        if found.mean() > GROSS.largest_part:
-            return ()
-        without = fit.refit(start, outliers=found)
-        size = sizes_in_cuts(without.problem, without.solution, without.free)
-        if not size[~found].max() > 1:
-            break
+    found = size >= max(1.0, size.max() / GROSS.factor)  # the worst: they make others look wrong
+    if found.mean() > GROSS.largest_part:
+        return ()
+    without = fit.refit(start, outliers=found)
     again = disagreeing_rows(without, complete=False)
     if not np.array_equal(found, again):
         found, without = again, fit.refit(start, outliers=again)
