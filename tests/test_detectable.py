@@ -12,9 +12,8 @@ from simulated_fits import fit_to, joint, machine_file, measure
 import rodgen
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
-from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.evidence import Screening
-from rodgen.calibration.diagnose.held_out_blocks import Blocks
+from rodgen.calibration.diagnose.poses import Blocks, Clusters
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.verdict import disagreement
 from rodgen.calibration.noise.correlation import Correlation

@@ -24,10 +24,10 @@ from rodgen.calibration.diagnose import search
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.evidence import Screening, gather_evidence
-from rodgen.calibration.diagnose.held_out_blocks import Blocks
+from rodgen.calibration.diagnose.poses import Blocks
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, is_direct
 from rodgen.calibration.fit import Fit, fit
-from rodgen.calibration.noise.sampled_rows import MOST_ROWS, sample_of
+from rodgen.calibration.noise.correlation import MOST_ROWS, sample_of
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind

@@ -31,7 +31,7 @@ from test_emit import passes_its_own_test_in_cpp, passes_its_own_test_in_octave
 from test_machine_jacobians import STENCILS, moved, step
 
 from rodgen.calibration.fit import Fit
-from rodgen.calibration.residual_columns import residual_columns
+from rodgen.calibration.residuals import residual_columns
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError

@@ -8,15 +8,19 @@ import numpy as np
 import pytest
 from scipy import interpolate, optimize, stats
 
-from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
+from rodgen.data.drivers import monotone_curve
 from rodgen.statistics.columns import ColumnSpace, Coordinates
-from rodgen.statistics.kurtosis import kurtosis_tail
 from rodgen.statistics.leave_out import LeaveOut, group_slices, undo_leverage
-from rodgen.statistics.maximum import climb
-from rodgen.statistics.monotone_curve import monotone_curve
 from rodgen.statistics.multiple_testing import RATE, effective_tests
-from rodgen.statistics.robust import HUBER, huber_weight, median_factor
-from rodgen.statistics.variance_components import RestrictedLikelihood, VarianceEstimator, _log_ps
+from rodgen.statistics.robust import (
+    HUBER,
+    chi3_quantile,
+    chi_share,
+    huber_weight,
+    kurtosis_tail,
+    median_factor,
+)
+from rodgen.statistics.variance_components import RestrictedLikelihood, VarianceEstimator, _log_ps, climb
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
 
 GROUPS = {"t": slice(0, 2), "r": slice(2, 3)}

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.attitudes import nearest_frame
 from rodgen.calibration.problem.binding import bind
-from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.fitted import Estimate, FittedModel
-from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import as_dict, as_text
 from rodgen.errors import NotConvergedError, RodgenError
 from rodgen.machines.machine import Machine
-from rodgen.stages import stage
+from rodgen.stages import Progress, reporting, stage
 from rodgen.views import brief, html_of
 
 if TYPE_CHECKING:

@@ -18,13 +18,12 @@ from rodgen.calibration.checks.held_out import HeldOut, HeldOutGeometry, held_ou
 from rodgen.calibration.checks.lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.calibration.determinacy import Determinacy, determinacy
 from rodgen.calibration.noise import NoiseFloor, noise_floor
-from rodgen.calibration.noise.attitude_noise import estimated_arm
 from rodgen.calibration.noise.correlation import Dependence, dependence
+from rodgen.calibration.noise.noise_floor import estimated_arm
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
 from rodgen.calibration.problem.blocks import BlockProblem, observed, problem_of
-from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.residuals import Residuals
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, nearest
 from rodgen.calibration.solve.robust import robust_fit, robust_fit_of_parts
@@ -39,7 +38,7 @@ from rodgen.machines.model import model_of
 from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
 from rodgen.machines.ties import Tied
-from rodgen.stages import stage
+from rodgen.stages import Progress, reporting, stage
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.digits import measured
 from rodgen.views import Records, html_of, plain

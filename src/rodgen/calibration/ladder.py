@@ -21,11 +21,11 @@ from rodgen.calibration.fit import Estimate, Fit, fit
 from rodgen.calibration.noise import NoiseFloor
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.binding import bind_once
-from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.words import chance, probability, three_digits
 from rodgen.data.units import readable
 from rodgen.errors import RodgenError
+from rodgen.stages import Progress, reporting
 from rodgen.statistics.digits import in_column
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import brief, html_of

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.calibration.checks.bounds import held_at_bounds
+from rodgen.calibration.checks.effect_test import held_at_bounds
 from rodgen.calibration.checks.gross import on_gross_readings, on_outliers
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance

@@ -49,7 +49,7 @@ def add_to(command: Command) -> None:
 def _run(options: argparse.Namespace) -> int:
     with stage("starting"):
         from rodgen.calibration.file_check import check
-        from rodgen.calibration.file_check.mended import write_mended_data
+        from rodgen.calibration.file_check.repairs import write_mended_data
         from rodgen.machines.files.edit import text_with_geometry
         from rodgen.machines.machine import Machine
 

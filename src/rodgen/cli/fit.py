@@ -68,7 +68,7 @@ def _run(options: argparse.Namespace) -> int:
         with stage("writing files"):
             write_file(options.output, machine_text(fixed_machine(fit.excluding_outliers())).encode())
     if options.residuals:
-        from rodgen.calibration.residual_columns import residual_columns
+        from rodgen.calibration.residuals import residual_columns
         from rodgen.data.tables import copy_with
 
         with stage("writing files"):

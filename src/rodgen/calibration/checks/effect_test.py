@@ -17,20 +17,38 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rodgen.calibration.checks.design_effect import design_effect_of_fits
-from rodgen.calibration.checks.kind_of_motion import log_p_of_kind
+from rodgen.array_types import Array
 from rodgen.calibration.checks.nested_models import NestedModels, further_combinations, with_the_same_weights
-from rodgen.calibration.checks.positions import few_positions, log_p_by_position, position_of
-from rodgen.calibration.checks.shared_errors import (
-    generalised_f,
-    known_degrees_of_freedom,
-    log_p_where_it_wanders,
+from rodgen.calibration.checks.positions import (
+    bases_by_rows,
+    explained_within,
+    few_positions,
+    log_p_by_position,
+    position_of,
+    rows_by_position,
+)
+from rodgen.calibration.determinacy.determinacy import Whitened
+from rodgen.calibration.noise.correlation import believed_readings, estimate_correlation, shared_motion
+from rodgen.calibration.possible_effects import (
+    MOTIONS,
+    bare_effects,
+    bare_key,
+    catalogue_effects,
+    problem_with,
 )
 from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.words import chance, fall
+from rodgen.errors import joined
 from rodgen.machines.effects.definition import StartSearch
+from rodgen.statistics.columns import DEPENDENT, ColumnSpace, orthonormal_basis, unit_columns, visible_part
+from rodgen.statistics.decompositions import singular_values, svd
 from rodgen.statistics.f_tests import log10_f_tail, p_of_log10
-from rodgen.statistics.thresholds import EFFECT_TEST
+from rodgen.statistics.leave_out import undo_leverage
+from rodgen.statistics.thresholds import EFFECT_TEST, SELECTION
+from rodgen.statistics.unknown_walk import log_p_under_walks
+from rodgen.statistics.whitening import MotionDeviations
 from rodgen.views import html_of, plain
 
 if TYPE_CHECKING:
@@ -187,3 +205,226 @@ def _tried(smaller: FittedModel, larger: FittedModel) -> int:
                 places = np.unique(larger.observations.q[:, names.index(str(parameter.place))])
                 tried = max(tried, 2 * len(places))
     return tried
+
+
+# Whether a bound of the machine file keeps a fit from the readings.
+
+
+def are_wrong(bounded: FittedModel, freed: FittedModel) -> bool:
+    """Return whether the readings contradict bounds.
+
+    Parameters
+    ----------
+    bounded, freed : FittedModel
+        With bounds that hold it, and the same without these.
+    """
+    test = effect_test(bounded, freed)
+    return test is not None and test.significant
+
+
+def held_at_bounds(bounded: FittedModel, freed: FittedModel) -> str:
+    """Return a sentence on bounds that hold a fit, and what they cost.
+
+    Parameters
+    ----------
+    bounded, freed : FittedModel
+        With bounds that hold it, and the same without these.
+    """
+    held = [e for e in bounded.estimates.values() if e.at_bound]
+    units = ["" if e.unit == "1" else f" {e.unit}" for e in held]
+    names = joined([e.key for e in held])
+    ends = joined([f"{e.value:.4g}{unit}" for e, unit in zip(held, units, strict=True)])
+    free = joined([f"{freed.estimates[e.key].value:.4g}{unit}" for e, unit in zip(held, units, strict=True)])
+    is_held, it = ("is held at its bound", "it") if len(held) == 1 else ("are held at their bounds", "these")
+    test = effect_test(bounded, freed)
+    p = f" ({chance(test.p_value)})" if test else ""
+    error = fall(bounded.rms, freed.rms, bounded.unit)
+    return f"{names} {is_held}, {ends}; without {it} the error {error}{p}, with {names} = {free}."
+
+
+# What kind of motion a joint makes at positions that are too few to show its shape.
+#
+# The readings show, say, that it is a translation along the axis, whatever its size at each position. That is tested
+# against all other motions of what the joint carries, after all that other effects of this joint could do by a motion
+# of the same kind: only then does no shape need to tell them apart.
+
+
+def log_p_of_kind(models: NestedModels, joint: str) -> float:
+    """Return the logarithm of the probability that chance makes a joint move as an effect does, by whatever amounts.
+
+    Parameters
+    ----------
+    models : NestedModels
+        The larger one with one effect more, a function of the coordinate of its joint.
+    joint : str
+        In few positions.
+
+    Returns
+    -------
+    float
+        0 where the positions are too few for that, too, or other effects are motions of this kind of any shape; minus
+        infinity where positions are nearly as many as poses.
+    """
+    residual = models.residual
+    rows = rows_by_position(models.rows.observations, joint)
+    if rows is None:
+        return -np.inf
+    motions, rivals, searched_rivals = _motions(models, joint)
+    at = bases_by_rows(models.own, rows)
+    base = ColumnSpace.of(models.model.reshape(len(at), -1))
+    kind = base.visible_part(unit_columns(at), SELECTION.visible)
+    alike = []
+    # where a value is searched for, the shape is anything
+    for rival in (*rivals, *(bases_by_rows(c, rows).reshape(*c.shape[:2], -1) for c in searched_rivals)):
+        seen = base.visible_part(unit_columns(rival.reshape(len(at), -1)), SELECTION.visible)
+        if np.sum((kind.T @ seen) ** 2) > SELECTION.same * seen.shape[1]:
+            alike.append(rival)
+    own = at.reshape(*residual.shape, -1)
+    every = np.concatenate([at, bases_by_rows(motions, rows)], axis=1)
+    # a part that repeats at the same positions does not come from a wandering set-up
+    whiten = estimate_correlation(models.rows, (), included=[every.reshape(*residual.shape, -1)]).whiten
+    found = explained_within(
+        np.concatenate([models.model, *alike], axis=2), own, [every], residual, whiten, 0
+    )
+    return 0.0 if found.few < found.freedoms else found.log_p
+
+
+def _motions(models: NestedModels, joint: str) -> tuple[Array, list[Array], list[Array]]:
+    """Return derivatives by the motions of what a joint carries, and by other effects of that joint.
+
+    The latter are those without, then those with searched parameters.
+    """
+    o = models.rows.observations
+    effects = [e for e in catalogue_effects(models.larger.machine, o) if e.place == joint]
+    bare = [e for e in bare_effects(models.larger.machine) if e.place == joint]
+    problem, theta = problem_with(models.larger, [*effects, *bare], models.rows.rows)
+    columns = problem.jacobian(theta, models.larger.solution.frame)
+    index = {parameter.key: i for i, parameter in enumerate(problem.model.parameters)}
+    motions = [index[key] for x in MOTIONS if (key := bare_key(joint, x)) in index]
+    rivals: tuple[list[Array], list[Array]] = [], []
+    for effect in effects:
+        own = columns[:, :, [i for key, i in index.items() if effect.owns(key)]]
+        rivals[bool(effect.definition.searched)].append(own)
+    return columns[:, :, motions], *rivals
+
+
+# Tests of further parameters where successive poses, or readings of one pose, may share errors.
+
+
+def generalised_f(models: NestedModels, further: int, residual_dof: int) -> tuple[float, float, float]:
+    """Return the fall of the sum of squares, the variance of what remains, and the design effect."""
+    correlation = models.larger.dependence.correlation
+    sizes = np.cumsum([x.shape[2] for x in (models.model, models.rows.model, models.new)])
+    residuals = models.residual[:, :, None], models.rows.residual[:, :, None]
+    parts = [models.model, models.rows.model, models.new, *residuals]
+    white = correlation.whiten(np.concatenate(parts, axis=2)).reshape(models.residual.size, -1)
+    small, large, new = np.split(white[:, :-2], sizes[:-1], axis=1)
+    base = ColumnSpace.of(unit_columns(small))
+    before = base.project_out(white[:, -2])
+    after = ColumnSpace.of(unit_columns(large)).project_out(white[:, -1])
+    remains = float(after @ after)
+    part = models.residual.size / max(models.larger.rows * models.residual.shape[1], 1)
+    left = remains / max(part * residual_dof, 1.0)
+    directions, _, _ = svd(base.project_out(unit_columns(new)), full_matrices=False)
+    pose = np.repeat(models.rows.observations.pose, models.residual.shape[1])
+    effect = design_effect(directions[:, :further], after, pose, left)
+    return max(float(before @ before) - remains, 0.0), left, effect
+
+
+def known_degrees_of_freedom(models: NestedModels) -> float:
+    """Return as many degrees of freedom as the variance of what is new has, because V is estimated.
+
+    2 over the variance of the logarithm of its generalised variance, a parameter (Satterthwaite 1946).
+    """
+    k, size = models.model.shape[2], np.linalg.norm(models.new.reshape(models.residual.size, -1), axis=0)
+    size[size == 0.0] = 1.0  # what a time constant of nearly zero does
+
+    def log_variance(white: Array) -> float:
+        flat = white.reshape(models.residual.size, -1)
+        base = ColumnSpace.of(unit_columns(flat[:, :k]))
+        seen, left = base.project_out(flat[:, k:-1]), base.project_out(flat[:, -1])
+        values = singular_values(seen / size)
+        left = ColumnSpace.of(unit_columns(seen)).project_out(left)
+        return float(np.log(left @ left) - 2 * np.mean(np.log(values[values > DEPENDENT * values[0]])))
+
+    columns = np.concatenate([models.model, models.new, models.rows.residual[:, :, None]], axis=2)
+    pairs = models.larger.dependence.correlation.whiten_within_error(columns)
+    error = sum((log_variance(one) - log_variance(other)) ** 2 / 4 for one, other in pairs)
+    return 2 / error if error > 0 else np.inf
+
+
+def log_p_where_it_wanders(models: NestedModels, independent: float, design_effect: float) -> float:
+    """Return the logarithm of the probability where the set-up wanders by an amount that is not known."""
+    motion, groups = shared_motion(models.rows)
+    old = [i for i in models.larger.moving if i not in models.further]
+    N = models.residual.size
+    basis = orthonormal_basis(models.rows.jacobian[:, :, old].reshape(N, -1))
+    new = visible_part(basis, unit_columns(models.new.reshape(N, -1)), DEPENDENT)
+    dof = float(believed_readings(models.rows).sum() - basis.shape[1] - new.shape[1]), independent
+    none = MotionDeviations(np.zeros(motion.dof), np.zeros(motion.dof), np.inf)
+    estimated = models.larger.dependence.correlation.deviations or none
+    residual = models.residual.ravel()
+    return log_p_under_walks(motion, groups, basis, new, residual, dof, estimated, design_effect)
+
+
+# By what factor readings of one pose make chance look larger (Rao and Scott 1987).
+#
+# Readings of one pose may share what is no motion of the frame, such as where a joint stopped: an effect that acts on
+# whole poses fits that, too. So residuals count as much as they scatter along the new parameters from pose to pose,
+# by residuals with the correction of Bell and McCaffrey (2002).
+
+
+def design_effect(directions: Array, residual: Array, pose: NDArray[np.integer], variance: float) -> float:
+    """Return the variance along directions from pose to pose, over that of independent readings; 1 or more.
+
+    Parameters
+    ----------
+    directions : ndarray, shape (N, k)
+        Orthonormal.
+    residual : ndarray, shape (N,)
+        Of the model with them.
+    pose : ndarray of int, shape (N,)
+    variance : float
+        Of a reading.
+    """
+    k = directions.shape[1]
+    if not k or not variance > 0:
+        return 1.0
+    number = np.unique(pose, return_inverse=True)[1]
+    pulls, shares = np.zeros((int(number.max()) + 1, k)), np.zeros((int(number.max()) + 1, k, k))
+    np.add.at(pulls, number, directions * residual[:, None])
+    np.add.at(shares, number, directions[:, :, None] * directions[:, None, :])
+    return float(max(np.sum(undo_leverage(shares, pulls, 0.5) ** 2) / (k * variance), 1.0))
+
+
+def design_effect_of_fits(smaller: FittedModel, larger: FittedModel, left: float) -> float:
+    """Return the variance along the new parameters from pose to pose, over that of independent readings; 1 or more."""
+    whitened = Whitened(larger)
+    new = _further(smaller, larger, whitened)
+    if not new.shape[1] or not left > 0:
+        return 1.0
+    pose = np.unique(larger.observations.pose, return_inverse=True)[1]
+    poses, r = int(pose.max()) + 1, len(new)
+    residuals = larger.problem.residuals(larger.solution.theta, larger.solution.frame, weighted=True)
+    pull = np.zeros((poses, r))
+    if poses > EFFECT_TEST.poses_a_parameter * r:
+        for rows, jacobian in whitened.jacobian_blocks():
+            np.add.at(pull, pose[rows], np.einsum("nmr,nm->nr", jacobian, residuals[rows]))
+    else:
+        whole, shares = np.empty((*residuals.shape, r)), np.empty((poses, r, r))
+        for rows, jacobian in whitened.jacobian_blocks():
+            whole[rows] = jacobian
+        order = np.argsort(pose, kind="stable")
+        for p, rows in enumerate(np.split(order, np.cumsum(np.bincount(pose))[:-1])):
+            columns = whole[rows].reshape(-1, r)
+            pull[p], shares[p] = residuals[rows].ravel() @ columns, columns.T @ columns
+        pull = undo_leverage(shares, pull, 0.5)
+    return float(max(np.sum((pull @ new) ** 2) / (new.shape[1] * left), 1.0))
+
+
+def _further(smaller: FittedModel, larger: FittedModel, whitened: Whitened) -> Array:
+    """Return unit vectors across all that the smaller model can do, (r, further)."""
+    inside = {smaller.parameters[i].key for i in smaller.moving}
+    index = [i for i in larger.free if larger.parameters[i].key in inside]
+    basis, _, _ = svd(unit_columns(whitened.inverse[:, index]), full_matrices=True)
+    return np.asarray(basis[:, len(basis) - further_combinations(smaller, larger) :])

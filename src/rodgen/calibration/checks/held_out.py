@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.array_types import Array, Ints, Mask
-from rodgen.calibration.determinacy.whitened_parameters import Whitened
+from rodgen.calibration.determinacy.determinacy import Whitened
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.blocks import FOLDS as FOLDS_OF_PARTS
 from rodgen.calibration.problem.blocks import BlockProblem

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array, Mask
 from rodgen.statistics.columns import inverse_root, project_out, unit_columns
 from rodgen.statistics.decompositions import eigh, lstsq
-from rodgen.statistics.robust import huber_weight, median_factor
+from rodgen.statistics.robust import HUBER, huber_weight, median_factor
 from rodgen.statistics.thresholds import OUTLIERS
 
 STEPS = 30
 """Reweighted fits at most."""
-HUBER = 1.345
-"""Huber's tuning constant for 95 % efficiency with normal errors; beyond three times it a row has no weight."""
+NO_WEIGHT = 3 * HUBER[1]
+"""Size from which a row has no weight."""
 
 
 def gross_errors(model: Array, candidates: Array, residual: Array) -> tuple[Mask, Array]:
@@ -60,7 +60,7 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> tuple[Mask
         if scale <= 0 or (step == 0 and size.max() < OUTLIERS.suspicion * cut * scale):
             return none, left
         z = size / scale / np.sqrt(m)
-        new = np.where(z > 3 * HUBER, 1e-8, huber_weight(z, HUBER))
+        new = np.where(z > NO_WEIGHT, 1e-8, huber_weight(z, HUBER[1]))
         if np.max(np.abs(new - weight)) < 1e-3:
             break
         weight = new

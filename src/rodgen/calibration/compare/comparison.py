@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.compare.dependence import Dependence, Search, Trial, search
-from rodgen.calibration.compare.drivers import compared
 from rodgen.calibration.compare.regions import Worst, worst_regions
-from rodgen.calibration.compare.sample import Sample
+from rodgen.calibration.compare.sample import Sample, compared
 from rodgen.calibration.compare.scatter import Tails, Uneven, tails, uneven
 from rodgen.calibration.compare.serial_correlation import Drift, drift
 from rodgen.calibration.problem import one_thread_in_blas

@@ -24,9 +24,8 @@ from typing import TypeAlias
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.calibration.compare.drivers import Pair
 from rodgen.calibration.compare.explained import Explained, ProjectedResiduals
-from rodgen.calibration.compare.sample import Sample
+from rodgen.calibration.compare.sample import Pair, Sample
 from rodgen.calibration.compare.serial_correlation import (
     RandomWalk,
     SerialCorrelation,

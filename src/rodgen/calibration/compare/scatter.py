@@ -19,7 +19,7 @@ from rodgen.calibration.compare.regions import Region, quarters
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver
 from rodgen.data.poses import stretches
-from rodgen.statistics.kurtosis import kurtosis_of, kurtosis_tail
+from rodgen.statistics.robust import kurtosis_of, kurtosis_tail
 from rodgen.statistics.thresholds import SMALLEST_P
 
 LEAST_POSES = 20

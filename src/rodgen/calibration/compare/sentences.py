@@ -10,7 +10,7 @@ import numpy as np
 
 from rodgen.calibration.checks.gross import on_gross_readings
 from rodgen.calibration.compare.dependence import Dependence, Found
-from rodgen.calibration.compare.drivers import Pair
+from rodgen.calibration.compare.sample import Pair
 from rodgen.calibration.summary import contradictions
 from rodgen.calibration.words import (
     NOTHING_LEFT,

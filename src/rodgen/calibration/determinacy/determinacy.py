@@ -8,9 +8,10 @@ all are well determined, they are good to ten digits and will do.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh, lstsq, svd
 from rodgen.statistics.thresholds import DETERMINACY
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["Determinacy", "Direction", "determinacy"]
 
@@ -230,3 +234,40 @@ def _without_effect(
     usual = Elsewhere.of(problem, theta, frame, index).size * problem.total_weight
     found: NDArray[np.bool_] = size < DETERMINACY.nothing * usual
     return found
+
+
+# A fit's parameters in coordinates that the data determine equally well: the information is the identity.
+#
+# A change of the parameters that the data determine is L·x, L·Lᵀ their covariance for unit variance. The derivative
+# of the weighted residuals by x has orthonormal columns, so that what a row, a pose or a fold adds to the information
+# reads as a part of 1.
+
+
+class Whitened:
+    """Coordinates x of the parameters of a fit.
+
+    Attributes
+    ----------
+    root : ndarray, shape (parameters, r)
+        L; r is the number of combinations that the data determine.
+    inverse : ndarray, shape (r, parameters)
+        Column i is what parameter i alone does, seen in x.
+    """
+
+    def __init__(self, fit: FittedModel) -> None:
+        covariance, rank = fit.determinacy.covariance, fit.determinacy.rank
+        correlation, scale = unit_diagonal(covariance)
+        values, vectors = eigh(correlation)
+        largest = np.argsort(values)[len(values) - rank :]
+        size = np.sqrt(np.maximum(values[largest], np.finfo(float).tiny))
+        self.root = scale[:, None] * vectors[:, largest] * size
+        _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
+        self.inverse = self.root.T @ square
+        self._fit = fit
+
+    def jacobian_blocks(self) -> Iterator[tuple[NDArray[np.int_], Array]]:
+        """Yield rows and the derivative of their weighted residuals by x, (rows, m, r), block by block."""
+        fit = self._fit
+        every = np.arange(fit.observations.n)
+        for rows, jacobian in fit.problem.jacobian_blocks(fit.solution.theta, fit.solution.frame):
+            yield every[rows], jacobian @ self.root

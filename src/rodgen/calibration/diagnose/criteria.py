@@ -18,8 +18,7 @@ from rodgen.array_types import Array
 from rodgen.calibration.checks.positions import position_of
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace, Score
 from rodgen.calibration.diagnose.candidates import Candidate
-from rodgen.calibration.diagnose.clusters import Clusters
-from rodgen.calibration.diagnose.held_out_blocks import Blocks
+from rodgen.calibration.diagnose.poses import Blocks, Clusters
 from rodgen.machines.effects.catalogue import OFFSETS, SCALES, WINDUPS
 from rodgen.machines.effects.plausibility import BALANCED, Plausibility
 from rodgen.statistics.columns import ColumnSpace, unit_columns

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from rodgen.array_types import Mask
+from rodgen.calibration.checks.gross import unless_neighbours
+from rodgen.calibration.checks.outliers import gross_errors
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates, without_imitated
-from rodgen.calibration.diagnose.clusters import Clusters
-from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
+from rodgen.calibration.diagnose.poses import Blocks, Clusters, stretches_of_time
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.diagnose.uncatalogued import Contest
+from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.noise.correlation import Correlation, estimate_correlation
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.stages import stage
@@ -130,3 +135,41 @@ def _evidence_given(
         space.without(refused) if refused else space, blocks, base.observations.n, clusters, stretches
     )
     return Evidence(base, sensitivities, correlation, space, selection)
+
+
+# Rows that are left out as wrong before anything is found: those that no candidate explains.
+
+
+@stage("looking for outliers")
+def gross_rows_of(fitted: FittedModel, screening: Screening) -> Mask:
+    """Return the rows, (n,), that no candidate explains.
+
+    Parameters
+    ----------
+    screening : Screening
+        Of it.
+    """
+    sensitivities = screening.sensitivities
+    some = (c.columns for c in _a_few_of_each(screening.candidates))
+    every = np.concatenate([sensitivities.model[:, :, :0], *some], axis=2)
+    wrong, left = gross_errors(sensitivities.model, every, sensitivities.residual)
+    found = np.zeros(fitted.observations.n, bool)
+    residual = np.zeros((len(found), left.shape[1]))
+    found[sensitivities.rows[wrong]] = True
+    residual[sensitivities.rows] = left
+    return unless_neighbours(fitted, found, residual)
+
+
+def _a_few_of_each(found: Iterable[Candidate]) -> list[Candidate]:
+    """Return the candidates; of those with a searched parameter at most seven of its values, evenly spread.
+
+    Of those with weights at later joints the one with all of these.
+    """
+    by_key: dict[tuple[str, str | None], list[Candidate]] = {}
+    for candidate in found:
+        by_key.setdefault(candidate.key, []).append(candidate)
+    return [
+        c
+        for several in by_key.values()
+        for c in (several[-1:] if several[-1].later_weights else several[:: max(len(several) // 4, 1)])
+    ]

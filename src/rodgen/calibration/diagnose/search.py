@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.array_types import Array, Mask
-from rodgen.calibration.checks.bounds import held_at_bounds
+from rodgen.calibration.checks.effect_test import held_at_bounds
 from rodgen.calibration.checks.gross import disagreeing_rows
 from rodgen.calibration.diagnose.acceptance import (
     WRONG_SIGN,
@@ -32,20 +32,17 @@ from rodgen.calibration.diagnose.assemble import Confirmed, assemble_diagnosis, 
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.calibration.diagnose.estimates import EffectEstimates
-from rodgen.calibration.diagnose.evidence import Evidence, Screening, gather_evidence
+from rodgen.calibration.diagnose.evidence import Evidence, Screening, gather_evidence, gross_rows_of
 from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_effects, with_forms
-from rodgen.calibration.diagnose.subject import Subject
+from rodgen.calibration.diagnose.subject import LEGS_OPEN, Subject, on_unmoved_joints, why_undecidable
 from rodgen.calibration.diagnose.uncatalogued import Explanation
-from rodgen.calibration.diagnose.undecidable import LEGS_OPEN, on_unmoved_joints, why_undecidable
 from rodgen.calibration.diagnose.validation import bind_validation
-from rodgen.calibration.diagnose.wrong_rows import gross_rows_of
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.blocks import observed
-from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.staged_fit import FitError, measured_along
 from rodgen.machines.machine import Machine
-from rodgen.stages import each, stage
+from rodgen.stages import Progress, each, reporting, stage
 from rodgen.statistics.thresholds import EVIDENCE
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.calibration.noise.frame_motion import frame_motion
-from rodgen.calibration.noise.sampled_rows import sample_of
+from rodgen.calibration.noise.correlation import frame_motion, sample_of
 from rodgen.calibration.possible_effects import bare_effects, bare_key, problem_with
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.data.observations import Observations

@@ -7,12 +7,17 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rodgen.array_types import Mask
-from rodgen.calibration.checks.bounds import are_wrong
+from rodgen.calibration.checks.effect_test import are_wrong
 from rodgen.calibration.file_check import check
+from rodgen.calibration.problem.assembly_modes import weakest
 from rodgen.data.observations import Observations
+from rodgen.errors import joined
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
+from rodgen.statistics.thresholds import EVIDENCE
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -80,3 +85,58 @@ def without_wrong_bounds(fit: Fit) -> Fit:
     """Return a fit without the bounds that its readings contradict."""
     freed = fit.without_bounds
     return fit if freed is None or not are_wrong(fit, freed) else freed
+
+
+# Why data allow no diagnosis: the file is wrong, they are too few, or do not determine the model's own parameters.
+
+
+LEGS_OPEN = "With a further effect the legs no longer close: the geometry, or the order of the legs, is far from right."
+
+
+def why_undecidable(subject: Subject, base: Fit) -> str:
+    """Return why the data allow no answer; empty where they do.
+
+    Parameters
+    ----------
+    base : Fit
+        Without outliers.
+    """
+    wrong = subject.wrong_file or why_wrong_geometry(base)
+    if wrong:
+        return wrong
+    if base.degrees_of_freedom < EVIDENCE.fewest_residual_dof:
+        return (
+            f"Only {base.degrees_of_freedom} readings more than parameters that they determine; "
+            f"a test needs at least {EVIDENCE.fewest_residual_dof}."
+        )
+    poses = len(np.unique(base.observations.pose[~base.outliers]))
+    if poses < EVIDENCE.fewest_poses:
+        return f"Only {poses} pose{'s' * (poses != 1)}; a test needs at least {EVIDENCE.fewest_poses}."
+    unread = tuple(f"target.{name}." for name in subject.unread)
+    lacking = [
+        d.text
+        for d in base.determinacy.directions
+        if not d.gauge and not d.still and not all(key.startswith(unread) for key, _ in d.parts)
+    ]
+    return " ".join(lacking[:3])
+
+
+def on_unmoved_joints(base: Fit) -> list[str]:
+    """Return a sentence on joints that never moved though parameters depend on that; nothing without any."""
+    names = list(dict.fromkeys(name for d in base.determinacy.directions for name in d.still))
+    if not names:
+        return []
+    moves, it = ("never moves", "it") if len(names) == 1 else ("never move", "they")
+    return [
+        f"{joined(names)} {moves} in these data: what {it} would determine of the machine is held near the file, and "
+        f"effects that show only when {it} move{'s' * (it == 'it')} are not judged. Measure at other positions, too."
+    ]
+
+
+def why_wrong_geometry(base: Fit) -> str:
+    """Return why a closed chain is far from what was measured; empty where it is not."""
+    if base.problem.is_closed_chain and not base.solution.converged:
+        row = weakest(base.observations)
+        near = f", as in {base.observations.data.place(row)}" if row is not None else ""
+        return f"The fit stopped where legs do not close: near a singular pose{near}, or far from the right geometry."
+    return ""

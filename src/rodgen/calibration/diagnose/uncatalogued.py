@@ -21,7 +21,7 @@ from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.criteria import Found
 from rodgen.calibration.diagnose.forms import Form, find_forms
-from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
+from rodgen.calibration.diagnose.poses import Blocks, stretches_of_time
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.statistics.columns import ColumnSpace, Whiten

@@ -17,8 +17,7 @@ from rodgen.data.poses import moved_one_way as joints_one_way
 from rodgen.errors import joined
 from rodgen.statistics.columns import DEPENDENT, falls_from_products
 from rodgen.statistics.f_tests import log_p_of_fall
-from rodgen.statistics.kurtosis import has_heavy_tails
-from rodgen.statistics.robust import HALF_OF_NORMAL
+from rodgen.statistics.robust import HALF_OF_NORMAL, has_heavy_tails
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:

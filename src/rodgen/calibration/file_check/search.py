@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.file_check.near_file import ROUNDS, NearFit, exchanged, fit_near
+from rodgen.calibration.file_check.near_file import ROUNDS, NearFit, exchanged, fit_near, motion
 from rodgen.calibration.file_check.repairs import Repair, Rows, offsets, repairs
-from rodgen.calibration.file_check.suspicion import suspicions
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import other_mode
@@ -28,6 +27,7 @@ from rodgen.data.units import unit_factor
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.machines.parameters import parameters_of
+from rodgen.machines.plausible import relative_corrections
 from rodgen.stages import each
 from rodgen.statistics.thresholds import CHECK
 from rodgen.views import brief, html_of
@@ -392,3 +392,22 @@ def _with_neighbours(o: Observations, chosen: np.ndarray[Any, np.dtype[np.int_]]
     for k in several:
         found[k] = o.take(inner + k).read_as(found[0])
     return found
+
+
+def suspicions(fit: FittedModel) -> Iterator[str]:
+    """Yield what a right file hardly ever shows: no convergence, large corrections, errors that no physics makes."""
+    if mode := other_mode(fit.observations, fit.problem.model.machine):
+        yield mode
+    if not fit.solution.converged:
+        yield "the fit does not converge"
+    moved = motion(fit.problem, fit.solution.theta)
+    sizes = np.abs(relative_corrections(fit.problem.model, fit.values, moved))
+    if sizes.max(initial=0.0) > CHECK.suspicious_correction:
+        worst = fit.parameters[int(np.argmax(sizes))]
+        value = fit.values[int(np.argmax(sizes))] / worst.factor
+        yield f"the fit changes {worst.key} by {value:.4g} {worst.unit}"
+    if swapped := exchanged(fit.problem.model, fit.solution.theta):
+        yield swapped
+    error = fit.rms * fit.unit_factor
+    if moved > 0 and error > CHECK.suspicious_error * moved:
+        yield f"the error is {100 * error / moved:.1f} % of the motion"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.problem.nearest_frame import nearest_frame
+from rodgen.calibration.problem.attitudes import nearest_frame
 from rodgen.errors import InputFileError
 from rodgen.machines.kinematics import OnLegs, ThreeSpsS
 from rodgen.machines.rigid import rotation_matrix, rotation_vector

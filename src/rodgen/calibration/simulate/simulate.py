@@ -7,7 +7,9 @@ hidden in the data is the truth, which is kept apart.
 
 from __future__ import annotations
 
+import json
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -21,13 +23,13 @@ from rodgen.calibration.simulate.simulator import Simulator, with_reading
 from rodgen.data.measurements import Measurements, Numbers
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError
+from rodgen.files import read_input
 from rodgen.machines.effects.rules import UnfitEffectError
 from rodgen.machines.effects.typed import effect_with, typed_effect
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
-
 
 DIGITS = 3
 """Readings are written to so many decimals below the noise."""
@@ -184,3 +186,40 @@ def _columns(
         rounded = values / factor
         found[name] = Numbers(name, unit, np.round(rounded, decimals) if 0 <= decimals <= 15 else rounded)
     return found
+
+
+# The truth behind simulated measurements, in a file of its own: plain JSON, to be read when the answer is there.
+
+
+TRUTH_FILE = "a file that 'rodgen simulate --truth' wrote"
+NOTE = "What is hidden in the data. Read it when you have your answer: rodgen simulate --open TRUTH.json"
+
+
+def truth_as_json(truth: Mapping[str, Any]) -> str:
+    """Return a truth as the text of a JSON file.
+
+    Examples
+    --------
+    >>> json.loads(truth_as_json({"effects": []}))["truth"]
+    {'effects': []}
+    """
+    return json.dumps({"note": NOTE, "truth": truth}, indent=2, allow_nan=False) + "\n"
+
+
+def read_truth(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the truth that a file holds.
+
+    Raises
+    ------
+    InputFileError
+        When the file holds none.
+    """
+    file = os.fspath(path)
+    content = read_input(file, TRUTH_FILE)
+    try:
+        truth = json.loads(content)["truth"]
+        if not isinstance(truth["effects"], list):
+            raise TypeError
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise InputFileError(file, "file", "no truth of a simulation", TRUTH_FILE) from None
+    return dict(truth)

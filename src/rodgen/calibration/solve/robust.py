@@ -39,8 +39,7 @@ from rodgen.calibration.solve.least_squares import Solution, minimise, minimise_
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.f_tests import f_tail
-from rodgen.statistics.kurtosis import has_heavy_tails
-from rodgen.statistics.robust import HUBER, huber_weight, median_factor
+from rodgen.statistics.robust import HUBER, has_heavy_tails, huber_weight, median_factor
 from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT, ROBUST
 
 __all__ = ["Judgement", "gross_rows", "robust_fit", "sizes_in_cuts"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.problem.nearest_frame import nearest_attitudes, nearest_frame, nearest_rotation
+from rodgen.calibration.problem.attitudes import nearest_attitudes, nearest_frame, nearest_rotation
 from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.measured import TURNS

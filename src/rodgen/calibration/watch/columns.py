@@ -12,8 +12,7 @@ import numpy as np
 from rodgen.array_types import Array, Mask
 from rodgen.calibration.diagnose.candidates import Candidate, possible, unsearched
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, is_direct
-from rodgen.calibration.noise.correlation import estimate_correlation, shared_motion
-from rodgen.calibration.noise.frame_motion import frame_motion
+from rodgen.calibration.noise.correlation import estimate_correlation, frame_motion, shared_motion
 from rodgen.calibration.possible_effects import bare_effects, catalogue_effects, model_with
 from rodgen.calibration.predict import in_known_runs
 from rodgen.calibration.problem import Problem, one_thread_in_blas

@@ -27,8 +27,7 @@ from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit.moments import Moments, global_maximum, maximise_on_sphere, tangents
 from rodgen.kinematics.axis_fit.pairs import Line, Pairs, residual_gradient
-from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
-from rodgen.statistics.robust import HUBER, huber_weight, median_factor
+from rodgen.statistics.robust import HUBER, chi3_quantile, chi_share, huber_weight, median_factor
 from rodgen.statistics.thresholds import ROBUST
 
 _HUBER = HUBER[3]

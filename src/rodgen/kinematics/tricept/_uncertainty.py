@@ -24,7 +24,7 @@ from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.numerics import gains_and_condition
 from rodgen.kinematics.tricept._geometry import GROUPS, PARAMETERS, Geometry, joints
 from rodgen.kinematics.tricept._kinematics import lost_behind, pose
-from rodgen.statistics.chi_distribution import chi3_quantile
+from rodgen.statistics.robust import chi3_quantile
 from rodgen.views import with_html
 
 # Room for a matrix that was multiplied out in double precision, none for a wrong sign in the last printed digit.

@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 
 from rodgen.array_types import Array
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.problem.nearest_frame import nearest_frame
+from rodgen.calibration.problem.attitudes import nearest_frame
 from rodgen.machines.model import Frame, Model
 from rodgen.output.figures.drawn_rows import DrawnRows
 from rodgen.output.figures.maps import in_machine_axes, round_size
