@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rodgen.calibration.checks.gross import are_neighbours, gross_errors
 from rodgen.calibration.checks.held_out import folds_of_rows
-from rodgen.calibration.checks.outliers import are_neighbours, gross_errors
 from rodgen.calibration.diagnose import aliases as _aliases
 from rodgen.calibration.diagnose import search
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace

@@ -12,9 +12,8 @@ import pytest
 from scipy import stats
 
 import rodgen
-from rodgen.calibration.checks.effect_test import effect_test
+from rodgen.calibration.checks.effect_test import effect_test, further_combinations, with_the_same_weights
 from rodgen.calibration.checks.held_out import _poses_to_deal, held_out
-from rodgen.calibration.checks.nested_models import further_combinations, with_the_same_weights
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.ladder import ladder, ladder_of
 from rodgen.calibration.problem import Problem

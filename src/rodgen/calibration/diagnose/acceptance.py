@@ -16,16 +16,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rodgen.calibration.checks.effect_test import EffectTest, effect_test, worth_of
+from rodgen.calibration.checks.effect_test import (
+    EffectTest,
+    effect_test,
+    further_combinations,
+    with_the_same_weights,
+    worth_of,
+)
 from rodgen.calibration.checks.held_out import HeldOut
-from rodgen.calibration.checks.nested_models import further_combinations, with_the_same_weights
 from rodgen.calibration.checks.positions import few_positions
 from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP, Candidate
 from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
-from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_forms
 from rodgen.calibration.diagnose.selection import Selection
-from rodgen.calibration.diagnose.subject import Subject
+from rodgen.calibration.diagnose.subject import FittedExplanation, Subject, with_forms
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.words import chance, how_rarely
 from rodgen.data.observations import Observations

@@ -23,8 +23,7 @@ from rodgen.calibration.diagnose.diagnosis import (
 )
 from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.evidence import Evidence
-from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_effects
-from rodgen.calibration.diagnose.subject import Subject, why_wrong_geometry
+from rodgen.calibration.diagnose.subject import FittedExplanation, Subject, why_wrong_geometry, with_effects
 from rodgen.calibration.diagnose.validation import on_another_machine, validation_error
 from rodgen.calibration.diagnose.verdict import (
     disagreement,

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rodgen.array_types import Mask
-from rodgen.calibration.checks.gross import unless_neighbours
-from rodgen.calibration.checks.outliers import gross_errors
+from rodgen.calibration.checks.gross import gross_errors, unless_neighbours
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates, without_imitated
 from rodgen.calibration.diagnose.poses import Blocks, Clusters, stretches_of_time

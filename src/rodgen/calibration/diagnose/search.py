@@ -1,7 +1,7 @@
 """The steps of a diagnosis, from a fit to the verdict.
 
 Effects are selected by their linear columns in one space (`evidence`, `selection`); what is reported comes from full
-fits (`full_fits`, `acceptance`): of the model as it was, with each effect that was found, and with each alternative in
+fits (`subject`, `acceptance`): of the model as it was, with each effect that was found, and with each alternative in
 its place. `assemble` puts the answer together.
 """
 
@@ -33,8 +33,15 @@ from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.evidence import Evidence, Screening, gather_evidence, gross_rows_of
-from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_effects, with_forms
-from rodgen.calibration.diagnose.subject import LEGS_OPEN, Subject, on_unmoved_joints, why_undecidable
+from rodgen.calibration.diagnose.subject import (
+    LEGS_OPEN,
+    FittedExplanation,
+    Subject,
+    on_unmoved_joints,
+    why_undecidable,
+    with_effects,
+    with_forms,
+)
 from rodgen.calibration.diagnose.uncatalogued import Explanation
 from rodgen.calibration.diagnose.validation import bind_validation
 from rodgen.calibration.fitted import FittedModel
