@@ -1,9 +1,8 @@
 """The terms that a form may consist of: functions of drivers that a formula can write.
 
 A factor is a family of one or a few functions of one driver, such as a sine with its cosine; some have values that are
-searched for: a period, a place. A term is a product of factors. Products of low functions of two drivers are tried
-from the start; others are made in a search from what shows there already: times a function of a further driver, or with
-another function of a joint.
+searched for: a period, a place. A term is a factor, or a product of two. Products of low functions of two drivers are
+tried from the start; others are made in a search from what shows there already, times a function of a further driver.
 """
 
 from __future__ import annotations
@@ -46,8 +45,8 @@ PRODUCTS = 2
 HARDLY_SEEN = 0.5
 """Part of a driver's rms, at most, that its mean is where a function times it hardly shows without it: what does show
 is found first, and multiplied then."""
-MOST_FACTORS, HIGHEST_IN_PRODUCT = 3, 3
-"""Factors of a product, and degree of a polynomial that is one."""
+HIGHEST_IN_PRODUCT = 3
+"""Degree of a polynomial that is a factor."""
 MOST_DRIVERS = 24
 """Products are formed of at most this many drivers."""
 _FIRST_MULTIPLIED: tuple[Kind, ...] = (
@@ -406,44 +405,20 @@ def _further(i: int, driver: Driver) -> list[Factor]:
 
 
 def multiplied(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[Term]:
-    """Return the products of a term with a low function of each driver that it does not follow."""
+    """Return the products of a term of one factor with a low function of each driver that it does not follow."""
+    if len(term.factors) > 1:
+        return []
     writer = _Writer(drivers, machine)
-    own = [drivers[factor.driver] for factor in term.factors]
-    for i in _multipliable(drivers) if len(own) < MOST_FACTORS else ():
-        if drivers[i] in own or any(_of_one_joint(drivers[i], other) for other in own):
+    (factor,) = term.factors
+    own = drivers[factor.driver]
+    for i in _multipliable(drivers):
+        if drivers[i] is own or _of_one_joint(drivers[i], own):
             continue
-        for factor in _low(i, drivers[i]):
-            writer.add(*term.factors, factor)
-            if len(term.factors) == 1 and term.factors[0].kind in {"power", "series"}:
-                degree = min(term.order, HIGHEST_IN_PRODUCT)
-                writer.add(replace(term.factors[0], kind="polynomial", order=degree), factor)
-    return list(writer.terms)
-
-
-def exchanged(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[Term]:
-    """Return the products that have any function of a joint in the place of the one that a product has."""
-    writer = _Writer(drivers, machine)
-    for place, factor in enumerate(term.factors if len(term.factors) > 1 else ()):
-        others = (*term.factors[:place], *term.factors[place + 1 :])
-        driver = drivers[factor.driver]
-        if driver.kind == "joint":
-            alone = [new for new in _of_joint(factor.driver, driver) if new.kind != "series"]
-            origin = _origin(driver)
-            degrees = range(1, min(HIGHEST_IN_PRODUCT, len(driver.distinct) - 1) + 1)
-            powers = [Factor(factor.driver, "polynomial", d, origin=origin) for d in degrees]
-            for new in (*alone, *powers):
-                writer.add(*others[:place], new, *others[place:])
-    return list(writer.terms)
-
-
-def reduced(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[Term]:
-    """Return a product without one of its factors, each in turn."""
-    writer = _Writer(drivers, machine)
-    for place in range(len(term.factors) if len(term.factors) > 1 else 0):
-        rest = (*term.factors[:place], *term.factors[place + 1 :])
-        if len(rest) == 1 and rest[0].kind == "polynomial":
-            rest = (replace(rest[0], kind="series"),)
-        writer.add(*rest)
+        for other in _low(i, drivers[i]):
+            writer.add(factor, other)
+            if factor.kind in {"power", "series"}:
+                degree = min(factor.order, HIGHEST_IN_PRODUCT)
+                writer.add(replace(factor, kind="polynomial", order=degree), other)
     return list(writer.terms)
 
 
@@ -539,3 +514,81 @@ def _decays(i: int, driver: Driver) -> list[Factor]:
     origin = driver.low if _far(driver) else 0.0
     times = np.geomspace(driver.span / 30, driver.span * 3, DECAYS)
     return [Factor(i, "decay", 1, (float(tau),), origin) for tau in times]
+
+
+# Whether an effect of the catalogue has the same form as a term: what the catalogue explains is not outside of it.
+
+
+_OF_ANY_READING = {
+    (("joint", "power", 1),),
+    (("approach", "power", 1),),
+    (("approach", "power", 1), ("joint", "power", 1)),
+    (("velocity", "power", 1),),
+    (("temperature", "power", 1),),
+}
+_COUPLED = (("joint", "power", 1),)
+_EXPANSION = (("joint", "power", 1), ("temperature", "power", 1))
+_OF_A_LEG = {
+    (("joint", "power", 1),),
+    (("approach", "power", 1),),
+    (("temperature", "power", 1),),
+    _EXPANSION,
+}
+"""A leg's length changes by a small part of itself, so that what grows by T alone is what grows by T q."""
+_OF_FRAME = {(("time", "power", 1),), (("time", "decay", 1),)}
+_HARMONICS = 2
+"""Of an encoder, and of error motions."""
+_STRAIGHTNESS, _ANGULAR = 4, 3
+"""Degrees of a slide's errors."""
+_ACROSS = 0.7
+"""Cosine of the angle to the axis of what is still across it: a slide has no straightness along its way."""
+_SAME = 0.02
+"""Relative difference of two frequencies that are taken for one."""
+
+
+def is_catalogued(
+    term: Term, place: str | None, component: str, drivers: Sequence[Driver], machine: Machine
+) -> bool:
+    """Return whether an effect of the catalogue is this term at this place, along some direction."""
+    parts = tuple(sorted((drivers[f.driver].kind, f.kind, f.order) for f in term.factors))
+    others = {drivers[f.driver].joint for f in term.factors} - {None, place}
+    if others:
+        return component == "reading" and parts == _COUPLED and others == _before(place, machine)
+    if place is None:
+        return parts in _OF_FRAME
+    if machine.kind_of(place) == "leg":
+        return parts in _OF_A_LEG
+    turns = machine.kind_of(place) == "revolute"
+    waves = len(parts) == 1 and parts[0][:2] in {("joint", "harmonic"), ("joint", "wave")}
+    if component == "reading":
+        if waves:
+            return _is_wave_of_reading(term.factors[0], place, turns, machine)
+        return parts in _OF_ANY_READING or (parts == _EXPANSION and not turns)
+    if parts == (("temperature", "power", 1),):
+        return turns and component[0] == "t"
+    if len(parts) != 1 or parts[0][0] != "joint":
+        return False
+    _, kind, order = parts[0]
+    if turns:
+        return kind == "harmonic" and order <= _HARMONICS
+    if component[0] == "t":
+        along = abs(machine.joint(place).axis["xyz".index(component[1])])
+        return kind in {"power", "series"} and order <= _STRAIGHTNESS and along < _ACROSS
+    return kind in {"power", "series"} and order <= _ANGULAR
+
+
+def _before(place: str | None, machine: Machine) -> set[str | None]:
+    """Return the joint that a joint may be coupled with, if there is one."""
+    if place is None or machine.kind_of(place) != "revolute":
+        return set()
+    before = [machine.joints[k] for k in machine.carriers(machine.number_of(place))[-1:]]
+    return {joint.name for joint in before if joint.revolute}
+
+
+def _is_wave_of_reading(factor: Factor, place: str, turns: bool, machine: Machine) -> bool:
+    """Return whether it is of an encoder, or of a drive of the period that is given, or of any where none is."""
+    if turns and factor.kind == "harmonic" and factor.order <= _HARMONICS:
+        return True
+    period = machine.joint(place).period
+    frequency = float(factor.order) if factor.kind == "harmonic" else factor.values[0]
+    return period is None or abs(frequency * period / (2 * np.pi) - 1) < _SAME

@@ -11,7 +11,7 @@ each is looked for anew, given the others: the first was found when they were st
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
@@ -21,19 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.calibration.diagnose.forms.catalogued import is_catalogued
 from rodgen.calibration.diagnose.forms.dictionary import (
-    MOST_FACTORS,
     Term,
     dictionary,
     drivers_of,
-    exchanged,
+    is_catalogued,
     leader,
     multiplied,
-    reduced,
 )
-from rodgen.calibration.diagnose.forms.form import Form
-from rodgen.calibration.diagnose.forms.formula import Piece, values_of, write
+from rodgen.calibration.diagnose.forms.formula import Form, Piece, values_of, write
 from rodgen.calibration.diagnose.forms.projected_rows import PosesLeftOut, ProjectedRows, folds_of
 from rodgen.calibration.diagnose.forms.refine import refined, short
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
@@ -65,9 +61,8 @@ WORTH_REFINING = 0.3
 see BETTER."""
 POLISHED = 5
 """Of these so many are looked at closer on all rows, and at other places, too."""
-MULTIPLIED, EXCHANGED = 6, 2
-"""The best so many are multiplied by functions of drivers that they do not follow; in the best so many products each
-function of a joint is exchanged for any other of it."""
+MULTIPLIED = 6
+"""The best so many are multiplied by functions of drivers that they do not follow."""
 MOST_FUNCTIONS = 12
 """Of a product: with more no reader would take it for a law, and two of them are too long to be written."""
 DIVIDED = 6
@@ -277,12 +272,12 @@ class _Search:
         self._known.update(zip(new, self.exact.falls_of(new).tolist(), strict=True))
         return np.array([self._known[piece] for piece in pieces])
 
-    def candidates(self, limit: float) -> list[tuple[float, float, Piece]]:
+    def candidates(self, limit: float, known: Sequence[Piece] = ()) -> list[tuple[float, float, Piece]]:
         """Return score, fall and piece of the best terms, the best first, searched values refined.
 
         None of them where all that may be found is too probable by chance, or too little.
         """
-        short_list = self._short_list()
+        short_list = [*known, *self._short_list()]
         if not self._promising(short_list[:ASKED], limit):
             return []
         falls = self._falls(short_list)
@@ -305,7 +300,6 @@ class _Search:
         pieces += self._products(best)
         whole = [piece for _, _, piece in self._scored(list(dict.fromkeys(pieces)))[: 2 * JUDGED]]
         parts = [part for piece in whole[:DIVIDED] for part in _parts(piece)]
-        parts += self._changed(whole[:DIVIDED], reduced)
         return self._scored(list(dict.fromkeys([*whole, *parts])))
 
     def _promising(self, pieces: Sequence[Piece], limit: float) -> bool:
@@ -330,28 +324,19 @@ class _Search:
         return Piece.whole(short(self.exact, term, piece.sensitivity, self.drivers), piece.sensitivity)
 
     def _products(self, pieces: Sequence[Piece]) -> list[Piece]:
-        """Return the best products of pieces with functions of further drivers, and of these again."""
-        found: list[Piece] = []
-        for _ in range(MOST_FACTORS - 1):
-            pieces = self._best_of(self._changed(pieces, multiplied))
-            pieces = [*pieces, *self._best_of(self._changed(pieces[:EXCHANGED], exchanged))]
-            found += pieces
-            pieces = self._best_of(pieces)
-        searched = [piece for _, _, piece in self._scored(found)[:POLISHED] if piece.term.searched]
-        return [*found, *(self._polished(piece) for piece in self._refined(searched))]
-
-    def _changed(self, pieces: Sequence[Piece], change: Callable[..., list[Term]]) -> list[Piece]:
-        """Return the pieces that changes of terms make, each once; they count as tried."""
+        """Return the best products of pieces with functions of further drivers; these count as tried."""
         made = dict.fromkeys(
             Piece.whole(term, piece.sensitivity)
             for piece in pieces
-            for term in change(piece.term, self.drivers, self.o.machine)
+            for term in multiplied(piece.term, self.drivers, self.o.machine)
             if term.at in {None, self.places[piece.sensitivity][0]} and term.count <= MOST_FUNCTIONS
         )
         new = made.keys() - self._multiplied
         self._multiplied |= new
         self.tried += len(new)
-        return list(made)
+        found = self._best_of(list(made))
+        searched = [piece for _, _, piece in self._scored(found)[:POLISHED] if piece.term.searched]
+        return [*found, *(self._polished(piece) for piece in self._refined(searched))]
 
     def _best_of(self, pieces: Sequence[Piece]) -> list[Piece]:
         if not pieces:
@@ -409,9 +394,15 @@ class _Search:
                 by[key] = one
         return list(by.values())
 
-    def next(self, limit: float) -> _Found | None:
-        """Return the simplest piece of those that predict best; None where chance does as much."""
-        candidates = self._once(self.candidates(limit))[:JUDGED]
+    def next(self, limit: float, known: Sequence[Piece] = ()) -> _Found | None:
+        """Return the simplest piece of those that predict best; None where chance does as much.
+
+        Parameters
+        ----------
+        known : sequence of Piece
+            To be tried in any case: the scores on some rows may miss it.
+        """
+        candidates = self._once(self.candidates(limit, known))[:JUDGED]
         if not candidates:
             return None
         before = self.unseen.squares()
@@ -504,7 +495,7 @@ class _Search:
         for piece in list(pieces)[:-1]:
             others = [other for other in pieces if other is not piece]
             self._restart_with(state, others)
-            found = self.next(limit)
+            found = self.next(limit, [piece])
             if found is None:
                 pieces = others
             elif found.piece != piece:
