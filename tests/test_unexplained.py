@@ -13,8 +13,8 @@ from machine_cases import READINGS, Case, data_for, joint, machine_file, unit
 from machine_simulator import Simulated
 
 from rodgen.calibration.diagnose.forms import Form, find_forms
-from rodgen.calibration.diagnose.forms.dictionary import Factor, Term, dictionary, drivers_of
-from rodgen.calibration.diagnose.forms.formula import Piece, write
+from rodgen.calibration.diagnose.forms.dictionary import dictionary, drivers_of
+from rodgen.calibration.diagnose.forms.formula import Piece
 from rodgen.calibration.diagnose.forms.projected_rows import PosesLeftOut, ProjectedRows, folds_of
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
@@ -520,14 +520,3 @@ def test_the_driver_at_one_of_six_joints_is_found_in_many_rows() -> None:
     sensitivities = Sensitivities.of(fitted(machine_of(file), columns))
     forms = find_forms(sensitivities, unchanged, sensitivities.model)
     assert set(forms[0].driver.split(" and ")) == {"A3", "A4"}
-
-
-def test_the_product_of_two_polynomials_has_a_constant():
-    """Its first function is 1, which no formula writes as a factor."""
-    file = machine_file([joint("X", "prismatic", (1, 0, 0)), joint("Y", "prismatic", (0, 1, 0))])
-    case = Case(file, data_for(file, 12, np.random.default_rng(3)))
-    drivers = drivers_of(case.observations)
-    found = [next(i for i, d in enumerate(drivers) if d.kind == "joint" and d.joint == x) for x in "XY"]
-    term = Term(tuple(Factor(i, "polynomial", 1, (), origin=5.0) for i in found))
-    written = write([Piece(term, 0, (0, 1, 2, 3))], "X", "reading", drivers, case.observations)
-    assert written.formula == "a + b*(Y - 5) + c*(q - 5) + g*(q - 5)*(Y - 5)"

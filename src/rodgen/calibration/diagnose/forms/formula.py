@@ -82,7 +82,7 @@ def write(
             own = [drivers[factor.driver] for factor in piece.term.factors]
             units[name] = _unit(wanted, dimensions[k], own, machine)
             coefficients.append(name)
-            texts.append(f"{name}*{functions[k]}" if functions[k] else name)
+            texts.append(f"{name}*{functions[k]}")
     formula = Formula.parse(" + ".join(texts), file="diagnosis", place="formula").text
     used = [drivers[f.driver] for piece in pieces for f in piece.term.factors]
     driver = _driver(used)

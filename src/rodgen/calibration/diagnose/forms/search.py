@@ -63,8 +63,6 @@ POLISHED = 5
 """Of these so many are looked at closer on all rows, and at other places, too."""
 MULTIPLIED = 6
 """The best so many are multiplied by functions of drivers that they do not follow."""
-MOST_FUNCTIONS = 12
-"""Of a product: with more no reader would take it for a law, and two of them are too long to be written."""
 DIVIDED = 6
 """Of the best so many, some of the functions alone are tried, too."""
 ASKED = 32
@@ -329,7 +327,7 @@ class _Search:
             Piece.whole(term, piece.sensitivity)
             for piece in pieces
             for term in multiplied(piece.term, self.drivers, self.o.machine)
-            if term.at in {None, self.places[piece.sensitivity][0]} and term.count <= MOST_FUNCTIONS
+            if term.at in {None, self.places[piece.sensitivity][0]}
         )
         new = made.keys() - self._multiplied
         self._multiplied |= new
