@@ -96,10 +96,6 @@ class ProjectedRows:
         if drift is not None:
             root = np.linalg.cholesky(np.linalg.inv(np.eye(drift.shape[1]) + drift.T @ drift))
             self.basis = drift @ root
-        self.look_at(residual)
-
-    def look_at(self, residual: Array) -> None:
-        """Take other residuals, (n, m), weighted."""
         self._residual = self.flat(residual[:, :, None])[:, 0]
         self._follow()
 

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +33,6 @@ from rodgen.calibration.diagnose.forms.projected_rows import PosesLeftOut, Proje
 from rodgen.calibration.diagnose.forms.refine import refined, short
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.data.drivers import Driver
-from rodgen.data.observations import Observations
 from rodgen.statistics.columns import Whiten, project_out, unchanged, unit_columns
 from rodgen.statistics.decompositions import lstsq
 from rodgen.statistics.f_tests import log10_p_of_fall
@@ -81,45 +78,6 @@ NO_RESIDUAL = 1e-13
 """Residuals below this part of the readings are rounding."""
 
 
-@dataclass(eq=False)
-class _Prepared:
-    """What is the same in every search on the same observations; `base` where the model is the same, too."""
-
-    drivers: list[Driver]
-    rows: NDArray[np.int_]
-    functions: list[Functions]
-    base: _Base | None = None
-
-    @classmethod
-    def of(cls, o: Observations) -> _Prepared:
-        drivers, rows = drivers_of(o), _some(o.n, ROUGH_ROWS)
-        terms = dictionary(drivers, o.machine)
-        return cls(drivers, rows, Functions.of(terms, [driver.values[rows] for driver in drivers]))
-
-
-@dataclass(eq=False)
-class _Base:
-    """Rows of which the model's columns are taken out, and the screen on them."""
-
-    sensitivities: Array
-    model: Array
-    drift: Array | None
-    rough: ProjectedRows
-    screen: Screen
-    state: tuple[Any, Any]
-
-    def is_of(self, sensitivities: Array, model: Array, drift: Array | None) -> bool:
-        same = drift is self.drift or (
-            drift is not None and self.drift is not None and np.array_equal(drift, self.drift)
-        )
-        return (
-            same and np.array_equal(model, self.model) and np.array_equal(sensitivities, self.sensitivities)
-        )
-
-
-_PREPARED: WeakKeyDictionary[Observations, _Prepared] = WeakKeyDictionary()
-
-
 def find_forms(
     sensitivities: Sensitivities,
     whiten: Whiten,
@@ -138,7 +96,7 @@ def find_forms(
     whiten : callable
         Brings columns (n, m, K) to where errors are independent; `unchanged` where they are.
     model : ndarray, shape (n, m, p)
-        Columns that the model's parameters can make up for. Searches with the same ones share most of their work.
+        Columns that the model's parameters can make up for.
     further : ndarray, shape (n, m, k), optional
         More of them.
     most : int
@@ -172,10 +130,7 @@ class _Search:
     ) -> None:
         self.o = o = sensitivities.observations
         self.places = places
-        if o not in _PREPARED:
-            _PREPARED[o] = _Prepared.of(o)
-        prepared = _PREPARED[o]
-        self.drivers, self.rows = prepared.drivers, prepared.rows
+        self.drivers, self.rows = drivers_of(o), _some(o.n, ROUGH_ROWS)
         self._known: dict[Piece, float] = {}
         self._multiplied: set[Piece] = set()
         residual, m = sensitivities.residual, C.shape[2]
@@ -185,38 +140,30 @@ class _Search:
         self.exact.take_out(self.exact.flat(np.concatenate([model, further], axis=2)))
         if not self.possible:
             return
-        base = self._base(prepared, C, model, _drift(sensitivities, whiten))
-        self.rough, self.screen = base.rough, base.screen
-        self.rough.look_at(residual[self.rows])
+        drift = _drift(sensitivities, whiten)
+        self.rough, self.screen = self._screened(residual, C, model, drift)
         if further.shape[2]:
             self.screen.take_out(self.rough.take_out(self.rough.flat(further[self.rows])))
         self.tried = self.screen.tried
         self.unseen = PosesLeftOut(self.exact, pose[order], fold[order])
         self.start = self.exact.total
 
-    def _base(self, prepared: _Prepared, C: Array, model: Array, drift: Array | None) -> _Base:
-        """Return rows and screen less the model's columns: those of the last search where these are the same."""
-        rows, base = self.rows, prepared.base
-        if base is not None and base.is_of(C, model, drift):
-            base.rough.restore(base.state[0])
-            base.screen.restore(base.state[1])
-            return base
-        prepared.base = None
-        rough = ProjectedRows(
-            C[:, rows],
-            [driver.values[rows] for driver in self.drivers],
-            np.zeros((len(rows), C.shape[2])),
-            unchanged,
-            drift=None if drift is None else drift[rows].reshape(len(rows) * C.shape[2], -1),
-        )
+    def _screened(
+        self, residual: Array, C: Array, model: Array, drift: Array | None
+    ) -> tuple[ProjectedRows, Screen]:
+        """Return some rows less the model's columns, and the scores of all terms on them."""
+        rows = self.rows
+        drivers = [driver.values[rows] for driver in self.drivers]
+        if drift is not None:
+            drift = drift[rows].reshape(len(rows) * C.shape[2], -1)
+        rough = ProjectedRows(C[:, rows], drivers, residual[rows], unchanged, drift=drift)
         rough.take_out(rough.flat(model[rows]))
         at: dict[str, list[int]] = {}
         for i, (place, _) in enumerate(self.places):
             if place is not None:
                 at.setdefault(place, []).append(i)
-        screen = Screen(rough, prepared.functions, at)
-        prepared.base = _Base(C, model, drift, rough, screen, (rough.state(), screen.state()))
-        return prepared.base
+        functions = Functions.of(dictionary(self.drivers, self.o.machine), drivers)
+        return rough, Screen(rough, functions, at)
 
     @property
     def possible(self) -> bool:
