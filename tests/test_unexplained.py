@@ -101,9 +101,6 @@ KINDS = {
     ),
     "load times cubic": Kind(GANTRY, "X.reading", lambda c: c["F"] * (c["q"] / 400 - 1) ** 3, {"load", "X"}),
     "direction times wave": Kind(TABLE, "C.reading", lambda c: ARCSEC * c["s"] * np.sin(3 * c["q"]), {"C"}),
-    "load times two joints": Kind(
-        GANTRY, "B.reading", lambda c: ARCSEC * c["F"] * np.cos(c["q"]) * np.sin(c["C"]), {"load", "B", "C"}
-    ),
     "axis that wobbles thrice": Kind(TELESCOPE, "AZ.ry", lambda c: ARCSEC * np.sin(3 * c["q"]), {"AZ"}),
     "column seen by directions": Kind(TELESCOPE, "EL.reading", lambda c: ARCSEC * c["flow"] ** 2, {"flow"}),
     "height seen by distances": Kind(RANGE, "C.tz", lambda c: np.sin(5 * c["q"]), {"C"}),
