@@ -1,12 +1,7 @@
-"""What is done in a session: each action changes the text of the machine file.
-
-An action says which command and which line of Python do the same.
-"""
+"""What is done in a session: each action changes the text of the machine file."""
 
 from __future__ import annotations
 
-import math
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
@@ -30,7 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ACTIONS",
-    "FIT",
     "Action",
     "Add",
     "Aside",
@@ -68,14 +62,6 @@ class Action:
         """Return the text of the machine file after it."""
         return state.text
 
-    def command(self, machine: str, data: str) -> str:
-        """Return the command that does the same to the files; empty where there is none."""
-        return ""
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same to `machine` and `fit`, with `data`."""
-        raise NotImplementedError
-
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
         return {"do": self.kind} | {key: value for key, value in asdict(self).items() if value}
@@ -83,18 +69,6 @@ class Action:
 
 def _titled(name: str, place: Place) -> str:
     return f"{name} at {place}" if place else name
-
-
-def _words(*words: str) -> str:
-    return shlex.join(["rodgen", *words])
-
-
-def _option(name: str, text: str) -> list[str]:
-    return [f"{name}={text}"] if text.startswith("-") else [name, text]
-
-
-_TYPED = {"name", "joint", "target", "component", "formula", "parameters", "hold"}
-"""Keys of an effect with a formula that 'rodgen add' takes."""
 
 
 @dataclass(frozen=True)
@@ -116,40 +90,6 @@ class _OfEffect(Action):
     def made(self, machine: Machine) -> Effect:
         """Return the effect on a machine that does not have it."""
         return effect_of(machine, self.effect, machine.file or machine.name, f"effect {self.name}")
-
-    @property
-    def _is_own(self) -> bool:
-        return "parameters" in self.effect or "formula" in self.effect
-
-    def _where(self) -> list[str]:
-        keys = [key for key in ("joint", "target") if key in self.effect]
-        return [word for key in keys for word in (f"--{key}", str(self.effect[key]))]
-
-    def _add_command(self, machine: str, data: str) -> str:
-        """Return the command that adds it; empty where it changes several components, or says more."""
-        options = self._where()
-        if self._is_own:
-            if not self.effect.keys() <= _TYPED or not isinstance(self.effect.get("formula"), str):
-                return ""
-            options += _option("--formula", self.effect["formula"])
-            options += ["--component", self.effect.get("component", "reading")]
-            for name, unit in self.effect.get("parameters", {}).items():
-                options += ["--parameter", f"{name}={unit}"]
-        for key, value in self.effect.get("hold", {}).items():
-            options += ["--hold", f"{key}={value}"]
-        return _words("add", machine, self.name, data, *options, "-o", machine)
-
-    def _added(self, machine: str = "machine") -> str:
-        if self._is_own:
-            block = dict(self.effect)
-            return f"machine = {machine}.with_effect(effect_of({machine}, {block!r}, 'python', 'effect'))"
-        keys = {k: self.effect[k] for k in ("joint", "target", "hold") if self.effect.get(k)}
-        given = ", ".join([repr(self.name), *(f"{k}={v!r}" for k, v in keys.items())])
-        return f"machine = {machine}.add({given})"
-
-
-FIT = "fit = machine.fit(data)"
-"""The line of Python after every change."""
 
 
 @dataclass(frozen=True)
@@ -173,14 +113,6 @@ class Add(_OfEffect):
         """Return the text of the machine file after it."""
         return text_with_effects(state.file, [self.made(state.machine)], state.text)
 
-    def command(self, machine: str, data: str) -> str:
-        """Return the command that does the same; empty where there is none."""
-        return self._add_command(machine, data)
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same."""
-        return f"{self._added()}\n{FIT}"
-
 
 @dataclass(frozen=True)
 class Written(_OfEffect):
@@ -200,18 +132,6 @@ class Written(_OfEffect):
         without = state.machine.without_effect(self.name, self.place)
         return text_with_effect(state.file, self.made(without), state.text)
 
-    def command(self, machine: str, data: str) -> str:
-        """Return the commands that do the same; empty where there are none."""
-        removed = _words("remove", machine, self.name, *self._where(), "-o", machine)
-        added = self._add_command(machine, data)
-        return f"{removed}\n{added}" if added else ""
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same."""
-        keys = {k: self.effect[k] for k in ("joint", "target") if k in self.effect}
-        given = ", ".join([repr(self.name), *(f"{k}={v!r}" for k, v in keys.items())])
-        return f"{self._added(f'machine.remove({given})')}\n{FIT}"
-
 
 @dataclass(frozen=True)
 class Remove(Action):
@@ -221,14 +141,11 @@ class Remove(Action):
     ----------
     name : str
     place : str or None
-    target : bool
-        Whether the place is a target; else it is a joint.
     """
 
     kind = "remove"
     name: str
     place: Place = None
-    target: bool = False
 
     @property
     def title(self) -> str:
@@ -238,18 +155,6 @@ class Remove(Action):
     def text(self, state: State) -> str:
         """Return the text of the machine file after it."""
         return text_without_effect(state.file, self.name, self.place, state.text)
-
-    def command(self, machine: str, data: str) -> str:
-        """Return the command that does the same."""
-        return _words("remove", machine, self.name, data, *self._option(), "-o", machine)
-
-    def _option(self) -> list[str]:
-        return ["--target" if self.target else "--joint", self.place] if self.place else []
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same."""
-        place = f", {self.place!r}" if self.place else ""
-        return f"machine = machine.without_effect({self.name!r}{place})\n{FIT}"
 
 
 @dataclass(frozen=True)
@@ -280,20 +185,6 @@ class Known(Action):
         """Return the text of the machine file after it."""
         return text_with_known(state.file, self.key, self.content, state.text)
 
-    def command(self, machine: str, data: str) -> str:
-        """Return the command that does the same."""
-        options = _option("--prior", str(self.content["prior"])) if "prior" in self.content else []
-        if "bounds" in self.content:
-            options += _option("--bounds", ",".join(map(str, self.content["bounds"])))
-        return _words("set", machine, self.key, *(options or ["--free"]), "-o", machine)
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same."""
-        if not self.content:
-            return f"machine = {_without('known', self.key)}\n{FIT}"
-        given = ", ".join(f"{key}={_in_python(value)}" for key, value in self.content.items())
-        return f"machine = machine.knowing({self.key!r}, {given})\n{FIT}"
-
 
 @dataclass(frozen=True)
 class Tie(Action):
@@ -320,29 +211,6 @@ class Tie(Action):
         """Return the text of the machine file after it."""
         return text_with_tie(state.file, self.key, self.to, state.text)
 
-    def command(self, machine: str, data: str) -> str:
-        """Return the command that does the same."""
-        options = _option("--tie", self.to) if self.to else ["--free"]
-        return _words("set", machine, self.key, *options, "-o", machine)
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same."""
-        if not self.to:
-            return f"machine = {_without('ties', self.key)}\n{FIT}"
-        return f"machine = machine.tying({self.key!r}, {self.to!r})\n{FIT}"
-
-
-def _in_python(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_in_python, value))}]"
-    return f"float('{value}')" if value in (math.inf, -math.inf) else repr(value)
-
-
-def _without(table: str, key: str) -> str:
-    """Return Python for a machine whose file says nothing of a key in a table."""
-    kept = f"{{k: v for k, v in machine.{table}.items() if k != {key!r}}}"
-    return f"dataclasses.replace(machine, {table}={kept})"
-
 
 @dataclass(frozen=True)
 class _OfRows(Action):
@@ -362,7 +230,6 @@ class _OfRows(Action):
     run: str = ""
     where: str = ""
     _method: ClassVar[str]
-    _verb: ClassVar[tuple[str, ...]]
     _done: ClassVar[str]
 
     @property
@@ -381,17 +248,6 @@ class _OfRows(Action):
         changed: Machine = getattr(state.machine, self._method)(state.data, **self._said)
         return text_with_set_aside(state.file, changed.measured.set_aside, state.text)
 
-    def command(self, machine: str, data: str) -> str:
-        """Return the command that does the same."""
-        said = [word for name, text in self._said.items() for word in (f"--{name}", text)]
-        every = [] if self._said.keys() - {"why"} else ["--all"]
-        return _words(*self._verb, machine, data, *every, *said, "-o", machine)
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same."""
-        given = ", ".join(["data", *(f"{name}={text!r}" for name, text in self._said.items())])
-        return f"machine = machine.{self._method}({given})\n{FIT}"
-
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
         rows = {"rows": [int(row) for row in self.rows]} if len(self.rows) else {}
@@ -403,7 +259,7 @@ class Aside(_OfRows):
     """Rows are set aside: they are shown, but nothing is fitted to them."""
 
     kind = _done = "set aside"
-    _method, _verb = "setting_aside", ("exclude",)
+    _method = "setting_aside"
 
 
 @dataclass(frozen=True)
@@ -412,7 +268,7 @@ class Back(_OfRows):
 
     kind = "bring back"
     _done = "brought back"
-    _method, _verb = "bringing_back", ("exclude", "--undo")
+    _method = "bringing_back"
 
 
 @dataclass(frozen=True)
@@ -444,15 +300,6 @@ class Mend(Action):
         )
         raise InputFileError(state.file, "file", f"no change {shown(self.words)}", offered)
 
-    def command(self, machine: str, data: str) -> str:
-        """Return the command that does the same."""
-        return _words("check", machine, data, "-o", "mended_" + machine.rpartition("/")[2])
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same."""
-        found = f"next(mend for mend in fit.check().repairs if mend.words == {self.words!r})"
-        return f"machine, _ = {found}.applied(machine, fit.observations)\n{FIT}"
-
 
 ACTIONS: dict[str, Callable[..., Action]] = {
     made.kind: made for made in (Add, Written, Remove, Known, Tie, Aside, Back, Mend)
@@ -475,13 +322,7 @@ def action_of(content: Any) -> Action:
     if made is None:
         raise RodgenError(f"the action {shown(content['do'])}; expected one of {known}")
     keys = {key: value for key, value in content.items() if key != "do"}
-    kinds: dict[str, Any] = {
-        "rows": list,
-        "effect": dict,
-        "content": dict,
-        "place": str | None,
-        "target": bool,
-    }
+    kinds: dict[str, Any] = {"rows": list, "effect": dict, "content": dict, "place": str | None}
     for key, value in keys.items():
         if not isinstance(value, kinds.get(key, str)):
             raise RodgenError(

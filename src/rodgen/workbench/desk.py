@@ -6,7 +6,7 @@ import asyncio
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from threading import Event
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -227,7 +227,7 @@ class Desk:
         state = self.session.state
         subject: Fit | Diagnosis = state.fit
         if self.diagnosis is not None and self.diagnosis[0] is state:
-            subject, wish = self.diagnosis[1], replace(wish, diagnosed=True)
+            subject = self.diagnosis[1]
         with self._working("Plan") as work:
             await self.show("work")
             found = await asyncio.to_thread(work, lambda: wish.plan(state, subject))

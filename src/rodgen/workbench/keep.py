@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import re
-import shlex
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from nicegui import ui
 
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.emit import FORMS
-from rodgen.workbench.parts import button, copied, dialog
+from rodgen.workbench.parts import button, dialog
 from rodgen.workbench.session import ENDING
 
 if TYPE_CHECKING:
@@ -60,11 +59,6 @@ class Keeping:
         with dialog("Keep") as self.dialog:
             ui.label(f"In {self.folder}").classes("soft")
             self.said = ui.label().props('role="status"')
-            with ui.element("div").classes("line") as line:
-                self.same = ui.label().classes("code")
-                button("Copy", lambda: copied(self.same.text), label="Copy the command")
-            line.bind_visibility_from(self.same, "text", backward=bool)
-            self.fields: dict[str, ui.input] = {}
             for what, name, ending, writes in (
                 ("Machine file", f"{stem}_better.toml", ".toml", session.save_machine),
                 ("Session", f"{stem}{ENDING}", ENDING, session.save),
@@ -72,7 +66,7 @@ class Keeping:
                 ("Code, a folder", f"{stem}_c", "", self._emit),
             ):
                 with ui.element("div").classes("line"):
-                    field = self.fields[what] = ui.input(what, value=name).style("flex:1")
+                    field = ui.input(what, value=name).style("flex:1")
                     field.props("dense outlined maxlength=120")
                     if writes == self._emit:
                         self.form = ui.select(FORMS, value="c", label="As").props(
@@ -88,14 +82,12 @@ class Keeping:
     async def open(self) -> None:
         """Show the dialog."""
         self.said.set_text("")
-        self.same.set_text("")
         self.dialog.open()
 
     async def _write(self, field: ui.input, ending: str, writes: Callable[[str], object]) -> None:
         path = file_in(self.folder, str(field.value or ""), ending)
         await self._made(writes, path)
         self.said.set_text(f"{os.path.basename(path)} is written.")
-        self.same.set_text(self._command(writes, path))
 
     async def _download(self, field: ui.input, ending: str, writes: Callable[[str], object]) -> None:
         with tempfile.TemporaryDirectory() as folder:
@@ -107,20 +99,10 @@ class Keeping:
 
     async def _made(self, writes: Callable[[str], object], path: str) -> None:
         self.said.set_text("Writing …")
-        self.same.set_text("")
         try:
             await asyncio.to_thread(writes, path)
         finally:
             self.said.set_text("")
-
-    def _command(self, writes: Callable[[str], object], path: str) -> str:
-        """Return the command that writes the same of the machine file; empty of a file of the page's own."""
-        if writes not in (self._report, self._emit):
-            return ""
-        options = ["report"] if writes == self._report else ["emit", "--lang", self.form.value]
-        machine = os.path.join(self.folder, str(self.fields["Machine file"].value))
-        data = self.page.desk.session.data_file
-        return shlex.join(["rodgen", options[0], machine, data, *options[1:], "-o", path])
 
     def _named(self, field: Any, stem: str, event: Any) -> None:
         field.set_value(f"{stem}_{event.value}")

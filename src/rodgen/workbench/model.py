@@ -93,8 +93,7 @@ class Model:
                     button("Tie", partial(self._ask_tie, estimate, others), label=f"Tie {estimate.key}")
 
     async def _remove(self, effect: Effect) -> None:
-        at_target = self.page.state.machine.kind_of(effect.place) == "target"
-        await self.page.desk.do(Remove(effect.name, effect.place, at_target))
+        await self.page.desk.do(Remove(effect.name, effect.place))
 
     async def _tie(self, key: str, to: str) -> None:
         await self.page.desk.do(Tie(key, to))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import html
 import os
-import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -26,7 +25,7 @@ from rodgen.workbench.actions import Add, Aside, Back, Mend
 from rodgen.workbench.drawing import Drawn, drawn, overlay
 from rodgen.workbench.keep import Keeping
 from rodgen.workbench.model import Model, keys
-from rodgen.workbench.parts import STYLE, anew, button, card, guarded, heading, same
+from rodgen.workbench.parts import STYLE, anew, button, card, guarded, heading
 from rodgen.workbench.planning import Planning
 
 if TYPE_CHECKING:
@@ -660,17 +659,12 @@ class Page:
             await self._redo()
 
     def _fill_doing(self) -> None:
-        session = self.desk.session
         with anew(self.doing, "Done so far"):
-            if self.state.action is None:
-                ui.label(
-                    "Nothing yet. Each action shows the command and the Python that do the same."
-                ).classes("soft")
-                return
-            action = self.state.action
-            ui.label(f"{action.title}{f' ({action.why})' if action.why else ''}")
-            command = action.command(session.state.file, session.data_file)
-            same(command, action.python(), session.python())
+            actions = [state.action for state in self.desk.session.done if state.action]
+            for action in actions:
+                ui.label(f"{action.title}{f' ({action.why})' if action.why else ''}")
+            if not actions:
+                ui.label("Nothing yet.").classes("soft")
 
     def _fill_wrong(self) -> None:
         check = self.state.__dict__.get("check")
@@ -734,8 +728,6 @@ class Page:
                     ui.label(count).classes("what")
             with ui.expansion("What it says").props("dense").classes("w-full"):
                 ui.label(diagnosis.summary()).classes("code")
-            command = shlex.join(["rodgen", "diagnose", state.file, self.desk.session.data_file])
-            same(command, "from rodgen.calibration.diagnose import diagnose\nprint(diagnose(machine, data))")
 
     async def _exclude(self, rows: list[int]) -> None:
         from rodgen.calibration.diagnose.diagnosis import EXCLUDED

@@ -6,7 +6,6 @@ import html
 import re
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from inspect import signature
 from typing import Any
 
@@ -133,23 +132,6 @@ def completing(field: ui.input, words: Callable[[], Iterable[str]]) -> None:
     field.on_value_change(offer)
 
 
-def same(command: str, python: str, every: str = "") -> None:
-    """Show the command and the lines of Python that do the same, and those that do everything, to copy."""
-    for words, text in (("Command", command), ("Python", python), ("All, in Python", every)):
-        if text:
-            with ui.expansion(words, value=words == "Command").props("dense").classes("w-full"):
-                ui.label(text.strip()).classes("code")
-                button("Copy", partial(copied, text), label=f"Copy: {words}")
-    if not command:
-        ui.label("No command does this alone.").classes("soft")
-
-
 async def downloaded(text: str, name: str) -> None:
     """Let the browser save a text as a file."""
     ui.download.content(text, name)
-
-
-async def copied(text: str) -> None:
-    """Put a text on the clipboard."""
-    ui.clipboard.write(text)
-    ui.notify("Copied", position="bottom")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -13,7 +12,7 @@ from nicegui import ui
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
-from rodgen.workbench.parts import anew, button, card, completing, dialog, downloaded, same
+from rodgen.workbench.parts import anew, button, card, completing, dialog, downloaded
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose import Diagnosis
@@ -40,8 +39,6 @@ class Wish:
     """Effects that are to be told apart."""
     constraints: str = ""
     """Text of a file of constraints; empty: none."""
-    diagnosed: bool = False
-    """Whether it is of a diagnosis, not of a fit."""
 
     def plan(self, state: State, subject: Fit | Diagnosis) -> Plan:
         """Return the plan, of a fit or a diagnosis of a state."""
@@ -52,30 +49,6 @@ class Wish:
         if self.alternatives:
             return plan_for(state.fit, [self.alternatives], self.n, constraints=limits)
         return plan(subject, self.n, wanted=self.wanted or None, constraints=limits)
-
-    def command(self, machine: str, data: str) -> str:
-        """Return the command that does the same; empty where there is none."""
-        if self.alternatives or not (self.wanted or self.diagnosed):
-            return ""
-        options = [word for key in self.wanted for word in ("--for", key)]
-        options += ["--constraints", LIMITS] if self.constraints else []
-        return shlex.join(["rodgen", "plan", machine, data, "-n", str(self.n), *options, "-o", "plan.csv"])
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same, where `machine`, `data` and `fit` are known."""
-        lines = ["from rodgen.calibration.plan import load_constraints, plan, plan_for"]
-        if self.diagnosed and not (self.wanted or self.alternatives):
-            lines.append("from rodgen.calibration.diagnose import diagnose")
-        limits = f", constraints=load_constraints({LIMITS!r}, machine)" if self.constraints else ""
-        if self.alternatives:
-            effects = ", ".join(f"machine.effect({e.name!r}, {e.place!r})" for e in self.alternatives)
-            lines.append(f"next_readings = plan_for(fit, [[{effects}]], {self.n}{limits})")
-        elif self.wanted:
-            lines.append(f"next_readings = plan(fit, {self.n}, wanted={[*self.wanted]}{limits})")
-        else:
-            of = "diagnose(machine, data)" if self.diagnosed else "fit"
-            lines.append(f"next_readings = plan({of}, {self.n}{limits})")
-        return "\n".join([*lines, "print(next_readings)"])
 
 
 class Planning:
@@ -166,4 +139,3 @@ class Planning:
                     save = partial(downloaded, wish.constraints + "\n", LIMITS)
                     button("Save the constraints", save, label="Download the constraints")
                 button("Discard", page.desk.discard_plan, label="Discard the plan")
-            same(wish.command(state.file, page.desk.session.data_file), wish.python())

@@ -31,7 +31,7 @@ from rodgen.files import open_input, read_input, write_file
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
 from rodgen.machines.machine import Machine
-from rodgen.workbench.actions import FIT, Action, action_of
+from rodgen.workbench.actions import Action, action_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.file_check import Check
@@ -237,24 +237,6 @@ class Session:
     def ladder(self) -> Ladder:
         """The errors of the models that led here, each tested against that before."""
         return Ladder(tuple(state.rung for state in self.done))
-
-    def commands(self) -> list[str]:
-        """Return the commands that do the same to the files, as far as there are any."""
-        names = self.state.file, self.data_file
-        return [line for s in self.done if s.action for line in s.action.command(*names).splitlines()]
-
-    def python(self) -> str:
-        """Return the lines of Python that do the same."""
-        lines = [
-            "import dataclasses",
-            "from rodgen import Machine, Measurements",
-            "from rodgen.machines.files.read import effect_of",
-            "",
-            f"machine = Machine.load({self.state.file!r})",
-            f"data = Measurements.load({self.data_file!r})",
-            FIT,
-        ]
-        return "\n".join([*lines, *(state.action.python() for state in self.done if state.action)]) + "\n"
 
     # what is kept ------------------------------------------------------------------------------------------------
 
