@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import html
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -26,9 +24,9 @@ from rodgen.calibration.fleet import Fleet, Pair, diagnose_fleet, pairs_of
 from rodgen.calibration.fleet.changes import Changes, Night
 from rodgen.calibration.fleet.fleet import FleetMachine
 from rodgen.calibration.fleet.store import Plan, write_plan
-from rodgen.calibration.fleet.summary import about_machines, parameter_cells, valued
+from rodgen.calibration.fleet.summary import parameter_cells, valued
 from rodgen.cli.main import main
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.errors import InputFileError
 from rodgen.schedulers import local_processes
 from rodgen.statistics.drift import drifts, repeatability
 from rodgen.statistics.random_effects import population
@@ -130,43 +128,6 @@ def test_report_shows_what_the_fleet_says(
     assert "--radius: given with results of a fleet" in capsys.readouterr().err
     assert main(["report", str(folder / "machines"), "-o", str(page)]) == 2
     assert "no such file; expected results of 'rodgen fleet'" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_a_machine_of_the_fleet_opens_on_its_own_page(fleet: tuple[Path, Truth, Fleet]) -> None:
-    testing = pytest.importorskip("nicegui.testing")
-    from rodgen.workbench.actions import Add
-    from rodgen.workbench.fleet import FleetDesk
-
-    folder, _, _ = fleet
-    desk = FleetDesk(str(folder / "results"))
-
-    async def run() -> None:
-        async with testing.user_simulation(root=desk.window) as user:
-            user.javascript_rules[re.compile(r".*innerWidth.*")] = lambda _: [1280, False]
-            user.javascript_rules[re.compile(r".*matchMedia.*")] = lambda _: False
-            await user.open("/")
-            await user.should_see(about_machines(desk.fleet))
-            await user.should_see(f"{COUNT} machines: mean")
-            with user, pytest.raises(RodgenError, match="lonely: no machine file; expected both"):
-                await desk.open("lonely")
-            with user:
-                await desk.open("m0")
-            await user.open("/")
-            await user.should_see("Back to the fleet")
-            await user.should_see("per reading")
-            desk.desk.session.do(Add({"name": "tube_flexure"}))
-            done = desk.desk.session.states
-            user.find("Back to the fleet").click()
-            await asyncio.sleep(0.1)
-            await user.open("/")
-            await user.should_see(about_machines(desk.fleet))
-            assert len(done) == 2
-            with user:
-                await desk.open("m0")
-            assert desk.desk.session.states == done  # what was done is not lost
-
-    asyncio.run(run())
 
 
 def test_another_fleet_that_is_written_to_the_same_folder_meanwhile_is_refused(

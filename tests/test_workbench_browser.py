@@ -13,9 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import BROWSER, needs_browser
-from simulated_fleet import make_fleet
 
-from rodgen.calibration.fleet import diagnose_fleet, pairs_of
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
@@ -118,25 +116,6 @@ def picture(page, name):
     """Keep a picture of a page where RODGEN_PICTURES names a folder: for those who look, and for docs/workbench.md."""
     if folder := os.environ.get("RODGEN_PICTURES"):
         page.screenshot(path=f"{folder}/workbench_{name}.png")
-
-
-def test_a_machine_of_a_fleet_is_opened_by_a_click_and_left_again(serve, opened, tmp_path):
-    make_fleet(tmp_path, 8)
-    (tmp_path / "machines/lonely.toml").touch()
-    diagnose_fleet(pairs_of(str(tmp_path / "machines"), str(tmp_path / "data-0")), tmp_path / "results")
-    page = opened(serve(tmp_path / "results").address)
-    page.locator(".js-plotly-plot .main-svg").first.wait_for()
-    assert page.evaluate(NO_OVERLAP) == []
-    assert nameless(page) == []
-    page.get_by_label("Open lonely").first.click()
-    page.get_by_text("lonely: no measurements; expected both").wait_for()
-    page.get_by_label("Open m3").first.click()
-    page.get_by_text("arcsec per reading").wait_for()
-    page.get_by_label("Back to the fleet").click()
-    page.get_by_label("Open m3").first.wait_for()
-    page.locator(".js-plotly-plot .point").first.wait_for()
-    page.set_viewport_size({"width": 390, "height": 800})
-    page.wait_for_function("document.documentElement.scrollWidth <= 390")
 
 
 def test_the_telescope_from_the_first_look_to_the_saved_session(files, serve, opened):

@@ -20,7 +20,6 @@ was ended goes on where it was. A machine that cannot be diagnosed is named, and
   rodgen fleet machines/ data/ -o results/
   rodgen fleet robot.toml tonight/ -o results-26/ --history results-24/ --history results-25/
   rodgen fleet pairs.csv -o results/ --jobs 8
-  rodgen open results/
   rodgen report results/ -o fleet.html
 """
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable
 
 from rodgen.cli._console import OK, Command, show
@@ -15,13 +14,11 @@ from rodgen.files import written_at_once
 _OPEN = f"""\
 Open a machine and its measurements on a page in the browser: see the residuals, suspect, add an effect, watch the error
 fall, undo. Nothing leaves this computer: the page is at 127.0.0.1, under an address with a random token, until
-Ctrl-C. A session that was saved (.rodgen) opens with everything that was done. The results of a fleet, a folder, open
-on a page of their own, from which each machine is opened.
+Ctrl-C. A session that was saved (.rodgen) opens with everything that was done.
 
 {FILES}
   rodgen open mount.toml stars.csv
   rodgen open mount.rodgen
-  rodgen open results/
   rodgen open
 """
 
@@ -29,7 +26,7 @@ on a page of their own, from which each machine is opened.
 def add_to(command: Command) -> None:
     """Add the command."""
     opened = command("open", _run, "a page on which effects are added and the error falls", _OPEN)
-    about = "the machine file, a session, or results of a fleet; left out, the page offers examples and files"
+    about = "the machine file, or a session; left out, the page offers examples and files"
     opened.add_argument("machine", metavar="MACHINE", type=InputFile, nargs="?", help=about)
     about = "the measurements; a session knows its own"
     opened.add_argument("data", metavar="DATA", type=InputFile, nargs="?", help=about)
@@ -40,11 +37,10 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.workbench.desk import Desk
+    from rodgen.workbench.server import serve
     from rodgen.workbench.session import ENDING, Session
 
     desks: list[Desk] = []
-    if options.machine is not None and options.data is None and os.path.isdir(options.machine):
-        return _of_fleet(options)
     if options.data is not None:
         desks.append(Desk(Session.open(options.machine, options.data)))
     elif options.machine is not None:
@@ -62,22 +58,6 @@ def _run(options: argparse.Namespace) -> int:
             desks.append(Desk(session))
 
         return lambda: Page(desks[-1]) if desks else Start(opened, imported_with)
-
-    return _served(options, page)
-
-
-def _of_fleet(options: argparse.Namespace) -> int:
-    from rodgen.workbench.server import prepare
-
-    prepare()
-    from rodgen.workbench.fleet import FleetDesk
-
-    desk = FleetDesk(options.machine)
-    return _served(options, lambda: desk.window)
-
-
-def _served(options: argparse.Namespace, page: Callable[[], Callable[[], object]]) -> int:
-    from rodgen.workbench.server import serve
 
     with written_at_once():  # what is saved on the page
         serve(

@@ -60,7 +60,7 @@ class Drawn:
     content: dict[str, Any]
 
 
-def drawn(figure: go.Figure, *, dark: bool, width: int, revision: str = "", select: bool = True) -> Drawn:
+def drawn(figure: go.Figure, *, dark: bool, width: int, revision: str = "") -> Drawn:
     """Return a figure for a page.
 
     Parameters
@@ -73,8 +73,6 @@ def drawn(figure: go.Figure, *, dark: bool, width: int, revision: str = "", sele
         Of its place, in pixels.
     revision : str, optional
         While it stays the same a user's zoom stays, too.
-    select : bool, optional
-        Whether a drag selects; otherwise it zooms.
     """
     text = pio.to_json(figure, engine="json")
     if dark:
@@ -91,7 +89,7 @@ def drawn(figure: go.Figure, *, dark: bool, width: int, revision: str = "", sele
     layout |= {"showlegend": False, "autosize": True, "uirevision": revision or "zoom"}
     layout["selectionrevision"] = next(_DRAWINGS)  # what was dragged over is marked by the figure itself
     if "scene" not in layout:
-        layout["dragmode"] = "select" if select else "zoom"
+        layout["dragmode"] = "select"
     return Drawn(
         meta["title"],
         meta["note"],

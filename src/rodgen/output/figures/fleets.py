@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,22 +32,17 @@ WITH_BARS = 150
 """Machines up to which each has a bar for its uncertainty."""
 
 
-def fleet_parameter(parameter: FleetParameter, numbers: Mapping[str, int] | None = None) -> go.Figure:
+def fleet_parameter(parameter: FleetParameter) -> go.Figure:
     """Return a parameter of all machines that have it, the least first: alone, and given the others.
-
-    The ``customdata`` of every mark is the number of its machine.
 
     Parameters
     ----------
     parameter : rodgen.calibration.fleet.FleetParameter
-    numbers : mapping of str to int, optional
-        Of the machines, by name; from 0 in their order where left out.
     """
     p, n = parameter.population, len(parameter.machines)
     order = np.argsort(parameter.values)
     factor, unit = readable(parameter.unit, float(np.abs(parameter.values).max()))
     names = [parameter.machines[i] for i in order]
-    number = [i if numbers is None else numbers[parameter.machines[i]] for i in order]
     name = f"{parameter.key}{'' if unit == '1' else f' [{unit}]'}"
     figure = column([Panel("", int(np.clip(ROW * n, LEAST, MOST)), name)])
     y = np.arange(n)
@@ -91,7 +85,7 @@ def fleet_parameter(parameter: FleetParameter, numbers: Mapping[str, int] | None
         add_trace(
             figure, 0, words, x=values[chosen] * factor, y=y[shown], mode="markers",
             marker={"symbol": symbol, "size": 6, "color": colour},
-            text=[label(names[i]) for i in shown], customdata=[number[i] for i in shown],
+            text=[label(names[i]) for i in shown],
             hovertemplate=f"{hover} {unit}, {words}<extra></extra>", **bars,
         )  # fmt: skip
     figure.update_yaxes(visible=False, range=[-1, n])

@@ -46,24 +46,22 @@ class FleetTable:
     note: str
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    of_machines: bool = False
-    """Whether the first cell of each row is the name of a machine."""
 
 
 def fleet_tables(fleet: Fleet) -> Iterator[FleetTable]:
     """Yield the tables about all machines together."""
     if fleet.failed:
         rows = tuple((machine.name, machine.error) for machine in fleet.failed)
-        yield FleetTable("Not diagnosed", "", ("machine", "why"), rows, True)
+        yield FleetTable("Not diagnosed", "", ("machine", "why"), rows)
     if len(fleet.changes.nights) > 1:
         found = fleet.changes.found
         alarms, others = (changes_text([c for c in found if c.alarm is alarm]) for alarm in (True, False))
         about = ("machine", "what changed")
-        yield FleetTable("Alarms", about_alarms(fleet), about, tuple(alarms), True)
+        yield FleetTable("Alarms", about_alarms(fleet), about, tuple(alarms))
         by_chance = f"No alarms; {FLEET.false_discoveries:.0%} of all listed are by chance."
-        yield FleetTable("Also not the same on all nights", by_chance, about, tuple(others), True)
+        yield FleetTable("Also not the same on all nights", by_chance, about, tuple(others))
     like = f"Of these {FLEET.false_discoveries:.0%} may be like the others."
-    yield FleetTable("Odd machines", like, ("machine", "what is odd"), tuple(odd_text(fleet)), True)
+    yield FleetTable("Odd machines", like, ("machine", "what is odd"), tuple(odd_text(fleet)))
     for kind in fleet.kinds:
         yield _effects(kind)
 
@@ -118,7 +116,7 @@ def _machines(kind: Kind) -> FleetTable:
     header = ["machine", "verdict", "effects", "error left"]
     header += [words for p in shown for words in (f"{p.key} alone", "given the others")]
     note = "What is known of a machine given the others is nearer to the truth on average than what it shows alone."
-    return FleetTable(capitalized(kind.title), note if shown else "", tuple(header), tuple(rows), True)
+    return FleetTable(capitalized(kind.title), note if shown else "", tuple(header), tuple(rows))
 
 
 def drawn_parameters(kind: Kind) -> list[FleetParameter]:
@@ -127,12 +125,11 @@ def drawn_parameters(kind: Kind) -> list[FleetParameter]:
 
 
 def fleet_figures(fleet: Fleet) -> list[go.Figure]:
-    """Return the figures of a page about a fleet; their marks have the number of a machine in ``fleet.machines``."""
-    numbers = {machine.name: i for i, machine in enumerate(fleet.machines)}
+    """Return the figures of a page about a fleet."""
     surest = {change.machine: change for change in reversed(fleet.changes.found)}  # one of each machine
     drawn = sorted(surest.values(), key=lambda change: change.p_value)[:NIGHTS]
     figures = [fleet_nights(fleet.changes, change) for change in drawn]
-    return figures + [fleet_parameter(p, numbers) for kind in fleet.kinds for p in drawn_parameters(kind)]
+    return figures + [fleet_parameter(p) for kind in fleet.kinds for p in drawn_parameters(kind)]
 
 
 def write_fleet_report(
