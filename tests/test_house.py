@@ -182,7 +182,7 @@ OWN_PLACES = {
     "rodgen.files": "the writers themselves",
     "rodgen.codegen.build_cache": "the cache of kernels",
     "rodgen.calibration.archive": "a temporary folder",
-    "rodgen.workbench.dropped": "a temporary folder",
+    "rodgen.workbench.start": "a temporary folder",
 }
 
 

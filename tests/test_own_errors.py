@@ -15,7 +15,7 @@ from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError
 from rodgen.machines.emit.own_errors import LocationError, location_errors
 from rodgen.machines.machine import Joint, Measured, Target
-from rodgen.output.report.accuracy import own_errors
+from rodgen.output.report.hardware import own_errors
 
 MACHINES = Path(__file__).parent.parent / "examples/machines"
 NOISE = 0.001

@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from rodgen.errors import InputFileError
-from rodgen.workbench.guard import Guard
 from rodgen.workbench.keep import file_in
+from rodgen.workbench.server import Guard
 
 TOKEN, PORT = "abcDEF-123_456", 8123
 HOST = ("host", f"127.0.0.1:{PORT}")

@@ -16,8 +16,7 @@ from nicegui.testing.user_interaction import UserInteraction
 from rodgen.cli.imports import imported_with
 from rodgen.errors import RodgenError
 from rodgen.machines.imports.imported import Imported
-from rodgen.workbench.dropped import opened
-from rodgen.workbench.start import Start
+from rodgen.workbench.start import Start, opened
 
 MOUNT = Path(__file__).parents[1] / "examples/machines/mount"
 MACHINE, STARS = ((MOUNT / name).read_bytes() for name in ("machine.toml", "mmt_2021.csv"))

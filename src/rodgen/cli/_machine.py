@@ -8,7 +8,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import notify, reading_progress
-from rodgen.cli._values import InputFile
+from rodgen.cli._values import InputFile, OutputFile
 from rodgen.errors import RodgenError
 from rodgen.stages import stage
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements, Scan
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
+
 
 FILES = """\
 MACHINE is a machine file (TOML), DATA a measurement file, CSV (gzip or not) or Parquet, one row a measurement, with a
@@ -206,3 +207,25 @@ def why_long(machine: Machine, data: Measurements | Scan, *, diagnosis: bool = F
             "'rodgen add' tries a single one."
         )
     return ""
+
+
+def add_plot(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add ``--plot``, the file in which `what` is drawn."""
+    about = f"draw {what}: .html, .png, .svg or .pdf"
+    parser.add_argument("--plot", metavar="FILE", type=OutputFile, help=about)
+
+
+def figures_for(path: str | None) -> Any:
+    """Return `rodgen.output.figures` to draw into a file, whose name is checked first; None without a file.
+
+    Raises
+    ------
+    InputFileError
+        When the name is none of a figure.
+    """
+    if not path:
+        return None
+    from rodgen.output import figures
+
+    figures.check_figure_name(path)
+    return figures

@@ -7,7 +7,7 @@ import contextlib
 import math
 
 from rodgen.cli._console import NOT_CONVERGED, OK, Command, show
-from rodgen.cli._plot import add_plot, figures_for
+from rodgen.cli._machine import add_plot, figures_for
 from rodgen.cli._values import InputFile, quantity
 from rodgen.errors import InputFileError, RodgenError, shown
 

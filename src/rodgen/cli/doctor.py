@@ -1,4 +1,4 @@
-"""``rodgen doctor``: what this installation runs on, and what is broken in it."""
+"""``rodgen doctor`` and ``completion``: what this installation runs on, and a script that completes its commands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rodgen import __version__
-from rodgen.cli._console import EXTRAS, FAILED, OK, Command, show_result
+from rodgen.cli._console import EXTRAS, FAILED, OK, Command, show, show_result
 from rodgen.cli._machine import add_json
 
 _DOCTOR = """\
@@ -37,8 +37,10 @@ _VARIABLES = (
 
 
 def add_to(command: Command) -> None:
-    """Add the command."""
+    """Add the commands."""
     add_json(command("doctor", _run, "what rodgen runs on here, and what is broken", _DOCTOR))
+    completion = command("completion", _complete, "let the shell complete commands and options", _COMPLETION)
+    completion.add_argument("shell", metavar="SHELL", choices=_SHELLS, help="bash, zsh or fish")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -197,3 +199,38 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
         yield line("set", " ".join(f"{name}={value}" for name, value in found["environment"].items()))
     yield ""
     yield from found["problems"] or ["Nothing is broken."]
+
+
+# completion --------------------------------------------------------------------------------------------------------
+
+_COMPLETION = """\
+Print a script that lets the shell complete the commands of rodgen, their options, and file names.
+
+  bash   rodgen completion bash > ~/.local/share/bash-completion/completions/rodgen
+  zsh    rodgen completion zsh > DIR/_rodgen, where DIR is a folder in $fpath
+  fish   rodgen completion fish > ~/.config/fish/completions/rodgen.fish
+
+It takes effect in a new shell. Print it again after an update of rodgen.
+"""
+
+_SHELLS = ("bash", "zsh", "fish")
+
+
+def _complete(options: argparse.Namespace) -> int:
+    import shtab
+
+    for action in _actions(options.parser):
+        if action.choices is None and action.nargs != 0:
+            # A value is completed as a file name unless there is a fixed choice, as shells do by default.
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+    show(shtab.complete(options.parser, options.shell))
+    return OK
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Yield the options and arguments of a parser and of its commands."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for member in action.choices.values():
+                yield from _actions(member)

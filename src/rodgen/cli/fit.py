@@ -1,4 +1,4 @@
-"""``rodgen fit``: a machine's parameters from measurements."""
+"""``rodgen fit`` and ``compare``: a machine's parameters from measurements, and what the error depends on."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rodgen.cli._machine import (
     fitted,
     wrong_file,
 )
-from rodgen.cli._values import OutputFile
+from rodgen.cli._values import OutputFile, OutputFolder
 from rodgen.errors import InputFileError
 from rodgen.files import write_file
 from rodgen.stages import stage
@@ -26,8 +26,16 @@ what the measurements do not determine.
 {FILES}"""
 
 
+_COMPARE = f"""\
+Fit a machine, and compare the residuals with everything that was recorded: each joint, direction of approach, time,
+run, temperatures, load, further columns, and the position in the workspace. Shows where the model is worst, and how
+much of the error each of them explains.
+
+{FILES}"""
+
+
 def add_to(command: Command) -> None:
-    """Add the command."""
+    """Add the commands."""
     fit = command("fit", _run, "fit a machine to measurements", _FIT)
     add_files(fit)
     fit.add_argument(
@@ -46,6 +54,18 @@ def add_to(command: Command) -> None:
     )
     add_json(fit)
     add_scheduler(fit)
+
+    compare = command("compare", _compare, "what the error of a machine's model depends on", _COMPARE)
+    add_files(compare)
+    add_loss(compare)
+    compare.add_argument(
+        "--plot",
+        metavar="PLACE",
+        type=_place,
+        help="draw the residuals: a page such as residuals.html, or a folder for PNG and SVG",
+    )
+    add_json(compare)
+    add_scheduler(compare)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -74,4 +94,29 @@ def _run(options: argparse.Namespace) -> int:
         with stage("writing files"):
             copy_with(options.data, options.residuals, residual_columns(fit))
     show_result(options, lambda: fit.to_dict() | ({"wrong_file": wrong} if wrong else {}), lambda: text)
+    return after_fits(fit.solution.converged)
+
+
+def _place(text: str) -> OutputFile | OutputFolder:
+    return OutputFile(text) if text.lower().endswith((".html", ".htm")) else OutputFolder(text)
+
+
+def _compare(options: argparse.Namespace) -> int:
+    if options.plot:
+        from rodgen.output import figures
+
+        figures.check_place(options.plot)
+    fit = fitted(options, shown=True)
+    wrong = wrong_file(fit, options)
+    with stage("comparing"):
+        comparison = fit.compare()
+    plots = []
+    if options.plot:
+        with stage("drawing"):
+            plots = figures.save_figures(figures.comparison(comparison), options.plot)
+    show_result(
+        options,
+        lambda: comparison.to_dict() | {"plots": plots} | ({"wrong_file": wrong} if wrong else {}),
+        lambda: "\n".join([*filter(None, [wrong]), str(comparison), *plots]),
+    )
     return after_fits(fit.solution.converged)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rodgen.cli._console import FAILED, OK, Command, Parser, UsageError, refused, show
-from rodgen.cli._plot import add_plot, figures_for
+from rodgen.cli._machine import add_plot, figures_for
 from rodgen.cli._values import InputFile, OutputFile, Quantity, quantity
 from rodgen.errors import InputFileError, shown
 from rodgen.files import read_start, write_file

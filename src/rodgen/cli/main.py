@@ -47,8 +47,7 @@ __all__ = ["main"]
 
 _COMMANDS = {
     "check": ("check",),
-    "fit": ("fit",),
-    "compare": ("compare",),
+    "fit": ("fit", "compare"),
     "diagnose": ("diagnose",),
     "plan": ("plan",),
     "predict": ("predict",),
@@ -66,8 +65,7 @@ _COMMANDS = {
     "apply": ("apply",),
     "mechanism": ("mechanism",),
     "derivations": ("derive", "kernels"),
-    "doctor": ("doctor",),
-    "completion": (),  # describes all commands
+    "doctor": ("doctor",),  # and completion, which describes all commands
 }
 """The commands that each module adds: where one of them is called, no other module is imported."""
 
@@ -154,7 +152,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         notify(str(refused(called, found, expected)))
         return BAD_INPUT
     except RodgenError as error:
-        from rodgen.cli.scripts import UnprovedError
+        from rodgen.cli.derivations import UnprovedError
 
         notify("; ".join(filter(None, [str(error), _of_other_form(error, options), _complete(completed)])))
         if isinstance(error, InputFileError) and error.file == "standard output":

@@ -11,8 +11,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import FAILED, OK, Command, notify, refused, show, show_json_line
-from rodgen.cli._machine import add_json, load_data, remark_on_rows
-from rodgen.cli._plot import add_plot, figures_for
+from rodgen.cli._machine import add_json, add_plot, figures_for, load_data, remark_on_rows
 from rodgen.cli._values import InputFile, StateFile, frequency, whole
 from rodgen.errors import InputFileError
 from rodgen.files import publish_outputs, write_file, written_at_once

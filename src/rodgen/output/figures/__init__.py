@@ -28,6 +28,7 @@ if _TYPE_CHECKING:
     from rodgen.output.figures.files import save_figures as save_figures
     from rodgen.output.figures.fleets import fleet_nights as fleet_nights
     from rodgen.output.figures.fleets import fleet_parameter as fleet_parameter
+    from rodgen.output.figures.fleets import watched as watched
     from rodgen.output.figures.ladders import ladder as ladder
     from rodgen.output.figures.machines import residual_vectors as residual_vectors
     from rodgen.output.figures.machines import skeleton as skeleton
@@ -38,7 +39,6 @@ if _TYPE_CHECKING:
     from rodgen.output.figures.polar import joints_that_go_round as joints_that_go_round
     from rodgen.output.figures.polar import polar_plot as polar_plot
     from rodgen.output.figures.residuals import residual_plot as residual_plot
-    from rodgen.output.figures.watches import watched as watched
 
 _PLACES = {
     "autocorrelation_of_residuals": "distributions",

@@ -39,8 +39,7 @@ from rodgen.machines.files.edit import name_with
 from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
 from rodgen.output.figures.drawn_rows import coordinate
 from rodgen.output.numbers import Shown, minus, noise_name, percent
-from rodgen.output.report.accuracy import own_errors
-from rodgen.output.report.hardware import eccentricity, in_hardware
+from rodgen.output.report.hardware import eccentricity, in_hardware, own_errors
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan import Gain, Goal, Plan
