@@ -34,8 +34,8 @@ from rodgen.data.tables import read_pairs
 from rodgen.data.units import parse_unit
 from rodgen.errors import RodgenError
 from rodgen.machines.imports.denavit_hartenberg import machine_from_table
-from rodgen.machines.imports.tpoint import machine_from_tpoint
 from rodgen.machines.imports.tpoint_data import read_pointings
+from rodgen.machines.imports.tpoint_model import machine_from_tpoint
 from rodgen.machines.imports.urdf import machine_from_urdf
 
 

@@ -15,9 +15,8 @@ from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
-from rodgen.machines.imports.tpoint import machine_from_tpoint
 from rodgen.machines.imports.tpoint_data import read_pointings
-from rodgen.machines.imports.tpoint_model import model_text, read_model, terms_of
+from rodgen.machines.imports.tpoint_model import machine_from_tpoint, model_text, read_model, terms_of
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 

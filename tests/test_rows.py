@@ -584,9 +584,7 @@ def test_another_text_of_the_generator_is_another_key(cache, monkeypatch):
     assert len(calls) == 2
 
 
-@pytest.mark.parametrize(
-    "path", ["effects/_formula_parser.py", "effects/_formula_limits.py", "../data/units.py"]
-)
+@pytest.mark.parametrize("path", ["effects/_formula_tree.py", "../data/units.py"])
 def test_another_text_of_what_gives_a_formula_its_meaning_is_another_key(tmp_path, monkeypatch, path):
     home = Path(model.__file__).parent
     monkeypatch.setattr(model, "_HOME", tmp_path / "machines")

@@ -32,12 +32,12 @@ from rodgen.calibration.words import sized
 from rodgen.data.observations import Observations
 from rodgen.data.units import ARCSEC, readable
 from rodgen.errors import shown
+from rodgen.machines.known import Tied
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import TURNS
 from rodgen.machines.model import model_of
 from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
-from rodgen.machines.ties import Tied
 from rodgen.stages import Progress, reporting, stage
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.digits import measured

@@ -1,4 +1,8 @@
-"""``rodgen derive`` and ``kernels``: run derivations, generate code."""
+"""``rodgen derive`` and ``kernels``: run derivations, generate code.
+
+A derivation is one of rodgen's own by its name, or a user's by its file: a script in plain Python that leaves a
+:class:`rodgen.symbolic.Derivation` in the module-level name ``derivation``.
+"""
 
 from __future__ import annotations
 

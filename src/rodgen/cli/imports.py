@@ -187,7 +187,7 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
     """Return what the sources are, and whether one of them is a machine file already."""
     from rodgen.machines.imports.denavit_hartenberg import machine_from_table
     from rodgen.machines.imports.imported import Imported
-    from rodgen.machines.imports.tpoint import machine_from_tpoint
+    from rodgen.machines.imports.tpoint_model import machine_from_tpoint
     from rodgen.machines.imports.urdf import machine_from_urdf
     from rodgen.machines.machine import Machine
 

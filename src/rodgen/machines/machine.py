@@ -28,7 +28,7 @@ from rodgen.machines.files.read import machine_of, read_machine
 from rodgen.machines.files.write import description, machine_text
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
-from rodgen.machines.known import read_known
+from rodgen.machines.known import read_known, read_tie
 from rodgen.machines.measured import Measurand, Measured
 from rodgen.machines.parts import (
     BRANCHES,
@@ -42,7 +42,6 @@ from rodgen.machines.parts import (
     belongs,
 )
 from rodgen.machines.structure import Structure, structure_of
-from rodgen.machines.ties import read_tie
 from rodgen.views import html_of_text
 
 if TYPE_CHECKING:

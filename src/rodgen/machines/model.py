@@ -17,11 +17,11 @@ from rodgen.codegen.build_cache import source_hash
 from rodgen.codegen.rows import row_kernels
 from rodgen.data.units import ANGLE, LENGTH, Dimension, unit_factor
 from rodgen.machines.effects.plausibility import plausibility
+from rodgen.machines.known import Tied, tied_parameters
 from rodgen.machines.measured import TURNS
 from rodgen.machines.parameters import parameters_of
 from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
 from rodgen.machines.structure import Structure, row_effects
-from rodgen.machines.ties import Tied, tied_parameters
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine

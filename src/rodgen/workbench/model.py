@@ -11,8 +11,8 @@ from rodgen.data.units import UNITS
 from rodgen.errors import InputFileError, RodgenError, joined
 from rodgen.machines.effects.custom import OWN_COMPONENTS, WORDS
 from rodgen.machines.effects.formula import FUNCTION_NAMES
+from rodgen.machines.known import parameters_to_tie
 from rodgen.machines.machine import Effect, Machine
-from rodgen.machines.ties import parameters_to_tie
 from rodgen.workbench.actions import Add, Known, Remove, Tie, Written
 from rodgen.workbench.parts import anew, button, card, completing, dialog
 

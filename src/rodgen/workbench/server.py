@@ -1,4 +1,10 @@
-"""The server of the page: on this computer only, under an address with a random token."""
+"""The server of the page: on this computer only, under an address with a random token.
+
+Only the browser that was given its address may connect.
+Other programs of this computer do not know the token in the address. A page of the web that makes a browser ask
+127.0.0.1 is refused by its Origin, one that gave its own name the address 127.0.0.1 (DNS rebinding) by the Host. What
+the page loads comes from here: its content security policy allows no other source.
+"""
 
 from __future__ import annotations
 

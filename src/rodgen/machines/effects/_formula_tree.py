@@ -1,19 +1,36 @@
-"""The tree of a formula: nodes of Python's `ast`, how they are evaluated, and how they are written.
+"""The tree of a formula: nodes of Python's `ast`, how a text is parsed, how trees are evaluated, and how written.
 
 Five kinds occur: `ast.Constant` (whose value is a Fraction), `ast.Name`, `ast.Call` of one argument, `ast.UnaryOp` (the
 negation) and `ast.BinOp` with one of `OPERATORS`.
+
+Errors are found token by token, then Python's `ast` makes the tree. Nothing of the text is ever run as code. Each kind
+of mistake has its own message, with the character where it is.
+
+Short formulas that are expensive to evaluate, or have no value, are refused before any evaluation. An exact
+evaluation is slow for large constants (``9**9**9`` has 370 million digits), for powers of powers (``((2*x)**20)**20``
+holds 2**400, and each further level twenty times the digits) and for roots (``3**-1e-9`` is written as
+3**(999999999/1000000000)/3, by way of 3**999999999). So constants are worked out here with bounded digits, and the
+degree and the roots of every product of powers are bounded. What looks like a variable may cancel, as in
+``(2*x)**(10**9*a/a)``: hence the bound on what a part of a formula may come to.
 """
 
 from __future__ import annotations
 
 import ast
+import difflib
+import keyword
+import math
 import operator
+import re
+import unicodedata
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from decimal import Context, Decimal
 from fractions import Fraction
 from typing import Any, cast
 
-from rodgen.errors import UnexpectedError
+from rodgen.errors import UnexpectedError, shown
+from rodgen.limits import FORMULA
 
 
 class FormulaError(UnexpectedError):
@@ -124,3 +141,407 @@ def _decimal(value: Fraction) -> str:
     """Return the decimal text of a number, which has finitely many decimals: no more than a formula may have."""
     number = _DECIMALS.normalize(_DECIMALS.divide(Decimal(value.numerator), Decimal(value.denominator)))
     return f"{number:f}" if -6 < number.adjusted() < 16 else f"{number:e}".replace("e+", "e")
+
+
+# limits ------------------------------------------------------------------------------------------------------------
+
+FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "exp": math.exp,
+    "log": math.log,
+    "sqrt": math.sqrt,
+    "abs": abs,
+    "sign": lambda x: float((x > 0) - (x < 0)),
+}
+"""The functions of formulas, as functions of numbers."""
+
+_LARGEST_EXPONENT = 20
+_LARGEST_ROOT = 1000  # three decimals
+_LARGEST_DEGREE = 1000
+_MOST_DIGITS = 1e7  # binary, of an integer on the way to a root: a millisecond
+_MOST_BITS = 2048  # of a constant; a 40 digit number down to 1e-300 has 1130
+_LARGEST = 1e300
+_ZERO = 1e-15  # what is this small has been rounded: sin(pi) in floating point is 1e-16
+
+
+@dataclass(frozen=True)
+class _Size:
+    """Bounds on the cost of an evaluation."""
+
+    value: Fraction | float | None
+    """Of a constant: exact, or rounded where a function or a root is in it. None for what varies."""
+    degree: float = 0.0
+    """As a polynomial, of what varies."""
+    reach: float = 1.0
+    """Largest numerator or denominator that it could come to if everything with a name canceled."""
+    roots: float = 1.0
+    """Product of the roots that are taken of numbers in it."""
+    logarithm: bool = False
+    """Whether there is one in it: the exponential of a logarithm is a power."""
+
+
+def check_limits(node: ast.expr) -> None:
+    """Raise FormulaError where a part of a tree has no real value, or is too costly to evaluate exactly."""
+    _size(node)
+
+
+def _size(node: ast.expr) -> _Size:
+    match node:
+        case ast.Constant():
+            return _checked(node, _Size(exact(node)))
+        case ast.Name("pi"):
+            return _Size(math.pi)
+        case ast.Name():
+            return _Size(None, degree=1.0)
+        case ast.UnaryOp(_, operand):
+            inner = _size(operand)
+            return replace(inner, value=None if inner.value is None else -inner.value)
+        case ast.Call(ast.Name(function), [argument]):
+            return _checked(node, _of_call(node, function, _size(argument)))
+        case ast.BinOp(left, ast.Pow(), right):
+            return _checked(node, _of_power(node, _size(left), _size(right)))
+        case ast.BinOp(left, _, right):
+            return _checked(node, _of_operation(node, _size(left), _size(right)))
+    raise TypeError(node)
+
+
+def _of_call(node: ast.expr, function: str, inner: _Size) -> _Size:
+    size = replace(inner, logarithm=inner.logarithm or function == "log")
+    if function == "exp" and inner.logarithm:
+        size = replace(size, degree=max(1.0, inner.degree) * inner.reach, roots=inner.roots * inner.reach)
+    if function == "sqrt":
+        size = replace(size, roots=2 * inner.roots)
+    if inner.value is None:
+        return size
+    try:
+        value = FUNCTIONS[function](float(inner.value))
+    except OverflowError:
+        raise _beyond(node) from None
+    except ValueError:
+        raise FormulaError(
+            f"{_quoted(node)}, which is not a number", "a function where it is defined"
+        ) from None
+    if function == "tan" and abs(value) > 1 / _ZERO:
+        raise FormulaError(f"{_quoted(node)}, which is infinite", "a function where it is defined")
+    return replace(size, value=value)
+
+
+def _of_power(node: ast.BinOp, base: _Size, exponent: _Size) -> _Size:
+    power = exponent.value
+    if power is not None and not -_LARGEST_EXPONENT <= power <= _LARGEST_EXPONENT:
+        raise FormulaError(
+            f"exponent {_quoted(node.right)} in {_quoted(node)}",
+            f"one of at most {_LARGEST_EXPONENT} in size",
+        )
+    if not isinstance(power, Fraction):
+        if power is None and base.value is not None and base.value <= 0:
+            raise FormulaError(
+                f"{_quoted(node)}, a power of a number that is not positive", "a positive base"
+            )
+        steps = root = exponent.reach
+    elif power.denominator > _LARGEST_ROOT:
+        raise FormulaError(
+            f"exponent {_quoted(node.right)} in {_quoted(node)}", "one of at most three decimals"
+        )
+    else:
+        steps, root = max(1.0, abs(float(power))), float(power.denominator)
+    return _Size(
+        None if base.value is None or power is None else _power(node, base.value, power),
+        degree=max(1.0, base.degree) * steps,
+        reach=_float_power(base.reach, steps),
+        roots=base.roots * root,
+        logarithm=base.logarithm or exponent.logarithm,
+    )
+
+
+def _power(node: ast.BinOp, base: Fraction | float, power: Fraction | float) -> Fraction | float:
+    whole = isinstance(power, Fraction) and power.denominator == 1
+    if (base == 0 and power < 0) or (base < 0 and not whole):
+        raise FormulaError(f"{_quoted(node)}, which is not a real number", "a power that is one")
+    if isinstance(base, Fraction) and isinstance(power, Fraction) and whole:
+        if _bits(base) * abs(power) > _MOST_BITS:
+            raise _beyond(node)
+        return base**power.numerator
+    return _float_power(float(base), float(power))
+
+
+def _of_operation(node: ast.BinOp, left: _Size, right: _Size) -> _Size:
+    if isinstance(node.op, ast.Div) and right.value == 0:
+        raise FormulaError(f"{_quoted(node)}, a division by zero", "a divisor that is not zero")
+    value = None
+    if left.value is not None and right.value is not None:
+        value = OPERATORS[type(node.op)](left.value, right.value)
+    logarithm = left.logarithm or right.logarithm
+    reach = left.reach * right.reach
+    if isinstance(node.op, ast.Add | ast.Sub):
+        degree, roots = max(left.degree, right.degree), max(left.roots, right.roots)
+        return _Size(value, degree, 2 * reach, roots, logarithm)
+    return _Size(value, left.degree + right.degree, reach, left.roots * right.roots, logarithm)
+
+
+def _checked(node: ast.expr, size: _Size) -> _Size:
+    value = size.value
+    if isinstance(value, float) and abs(value) < _ZERO:
+        value = 0.0
+    if value and not 1 / _LARGEST <= (value if value > 0 else -value) <= _LARGEST:
+        raise _beyond(node)
+    if isinstance(value, Fraction):
+        if _bits(value) > _MOST_BITS:
+            raise _beyond(node)
+        largest = max(abs(value.numerator), value.denominator)
+        return _Size(value, reach=float(min(largest, 10**300)))
+    if size.degree > _LARGEST_DEGREE or _digits(size) > _MOST_DIGITS:
+        steep = f"{_quoted(node)}, a power or root that may reach {max(size.degree, size.roots):.4g}"
+        raise FormulaError(steep, f"at most {_LARGEST_DEGREE} in all")
+    return replace(size, value=value, reach=min(size.reach, _LARGEST))
+
+
+def _float_power(base: float, exponent: float) -> float:
+    try:
+        return math.pow(base, exponent)
+    except OverflowError:
+        return math.inf
+
+
+def _digits(size: _Size) -> float:
+    """Return the bits of the integers on the way to a root."""
+    return size.roots * math.log2(size.reach) if size.roots > 1 else 0.0
+
+
+def _bits(value: Fraction) -> int:
+    return max(value.numerator.bit_length(), value.denominator.bit_length())
+
+
+def _beyond(node: ast.expr) -> FormulaError:
+    return FormulaError(
+        f"{_quoted(node)}, a number beyond floating point", "one between 1e-300 and 1e300 in size"
+    )
+
+
+def _quoted(node: ast.expr) -> str:
+    return shown(write(node), 40)
+
+
+# parser ------------------------------------------------------------------------------------------------------------
+
+MOST_NODES, DEEPEST = 300, 40
+_LONGEST_NAME, _LARGEST_POWER_OF_TEN = 60, 300
+
+_TOKEN = re.compile(
+    r"(?P<blank>[ \t\r\n]+)"
+    r"|(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    r"|(?P<name>[A-Za-z][A-Za-z0-9_]*)"
+    r"|(?P<operator>\*\*|[-+*/^()])"
+)
+
+_MENDED = {
+    "·⋅∙×∗•": "'*'",
+    "−–—‐‑‒": "'-'",
+    "÷∕⁄": "'/'",
+    "πΠ": "'pi'",
+    "²": "'**2'",
+    "³": "'**3'",
+    "√": "'sqrt(...)'",
+    ",;": "one argument for each function, and a point as decimal mark",
+    ".": "digits after it, and none in a name",
+    "'\"`": "names without quotes",
+    "=<>!": "a value, without a comparison: sign() tells one side from the other",
+    "[]{}": "parentheses, '(' and ')'",
+    "_": "names that begin with a letter",
+}
+
+_VALUE = "a number, a name, a function or '('"
+_NODES = (ast.BinOp, ast.UnaryOp, ast.Call, ast.Name, ast.Constant, ast.USub, ast.Load, *OPERATORS)
+
+
+@dataclass(frozen=True)
+class _Token:
+    kind: str
+    text: str
+    start: int
+
+    @property
+    def end(self) -> int:
+        return self.start + len(self.text)
+
+    @property
+    def at(self) -> str:
+        return f"at character {self.start + 1}"
+
+
+def parse(text: str) -> ast.expr:
+    """Return the tree of a formula.
+
+    Raises
+    ------
+    FormulaError
+        When the text is not a formula.
+    """
+    if not text.strip():
+        raise FormulaError("an empty formula", "one such as 'a*sin(q)'")
+    if len(text) > FORMULA:
+        raise FormulaError(f"a formula of {len(text)} characters", f"one of at most {FORMULA} characters")
+    tokens = _tokens(text)
+    _check(tokens)
+    tree = _tree(tokens)
+    written = len(write(tree))
+    if written > FORMULA:  # a formula may be written back into a file
+        raise FormulaError(
+            f"a formula of {written} characters with its blanks", f"one of at most {FORMULA} characters"
+        )
+    check_limits(tree)
+    return tree
+
+
+def _tree(tokens: list[_Token]) -> ast.expr:
+    """Return Python's tree of tokens that make a formula.
+
+    Python sees neither the numbers, which it would round, nor the bare names: lambda, say, is a name in a formula.
+    """
+    numbers: list[Fraction] = []
+    words = []
+    for token in tokens:
+        if token.kind == "number":
+            words.append(str(len(numbers)))
+            numbers.append(_number(token))
+        else:
+            words.append(f"_{token.text}" if token.kind == "name" else token.text)
+    tree = ast.parse(" ".join(words).strip(), mode="eval").body
+    _Restore(numbers).visit(tree)
+    return tree
+
+
+class _Restore(ast.NodeVisitor):
+    """Put the numbers and names back; no kind of node that is not in the white list passes."""
+
+    def __init__(self, numbers: list[Fraction]) -> None:
+        self.numbers = numbers
+
+    def visit(self, node: ast.AST) -> None:
+        if not isinstance(node, _NODES):
+            raise AssertionError(f"{type(node).__name__} in a formula")
+        if isinstance(node, ast.Name):
+            node.id = node.id.removeprefix("_")
+        elif isinstance(node, ast.Constant):
+            node.value = self.numbers[cast("int", node.value)]  # type: ignore[assignment]
+        self.generic_visit(node)
+
+
+def _tokens(text: str) -> list[_Token]:
+    tokens = []
+    position = 0
+    while position < len(text):
+        found = _TOKEN.match(text, position)
+        if found is None:
+            raise _unknown_character(text, position)
+        kind = str(found.lastgroup)
+        if kind != "blank":
+            tokens.append(_Token(kind, "**" if found[0] == "^" else found[0], position))
+        position = found.end()
+    return [*tokens, _Token("end", "", len(text))]
+
+
+def _unknown_character(text: str, position: int) -> FormulaError:
+    character = text[position]
+    found = f"{shown(character)} at character {position + 1}"
+    for characters, mended in _MENDED.items():
+        if character in characters:
+            return FormulaError(found, mended)
+    if ord(character) > 126 or not character.isprintable():
+        name = unicodedata.name(character, f"U+{ord(character):04X}")
+        return FormulaError(f"{found} ({name})", "names of Latin letters a to z, digits and '_'")
+    return FormulaError(found, "names, numbers, + - * / **, parentheses and functions")
+
+
+def _check(tokens: list[_Token]) -> None:
+    """Raise FormulaError unless values and operators alternate and every parenthesis is closed."""
+    if sum(token.text not in {"(", ")", ""} for token in tokens) > MOST_NODES:
+        raise FormulaError(
+            f"a formula of more than {MOST_NODES} numbers, names and operators", "a shorter one"
+        )
+    opened: list[tuple[_Token, int, int]] = []
+    depth = outer = 1  # of parentheses, signs and powers; of the innermost parentheses alone
+    before, wants_value = tokens[-1], True
+    for token, after in zip(tokens, [*tokens[1:], tokens[-1]], strict=True):
+        if depth > DEEPEST:
+            raise FormulaError(f"a formula nested more than {DEEPEST} deep {token.at}", "a flatter one")
+        if token.text == "(" and (wants_value or before.text in FUNCTIONS):
+            if after.text == ")":
+                raise FormulaError(f"'()' {token.at} with nothing inside", _VALUE)
+            opened.append((token, depth, outer))
+            depth = outer = depth + 1
+            wants_value = True
+        elif wants_value and token.text == "-":
+            depth += 1
+        elif wants_value:
+            _check_value(token, before, after)
+            wants_value = False
+        elif token.kind in {"number", "name"} or token.text == "(":
+            raise _side_by_side(before, token)
+        elif token.text == ")":
+            if not opened:
+                raise FormulaError(f"')' {token.at} that closes nothing", "as many '(' as ')'")
+            _, depth, outer = opened.pop()
+        elif token.kind == "operator":
+            depth = depth + 1 if token.text == "**" else outer
+            wants_value = True
+        before = token
+    if opened:
+        raise FormulaError(f"'(' {opened[-1][0].at} that is never closed", "as many ')' as '('")
+
+
+def _check_value(token: _Token, before: _Token, after: _Token) -> None:
+    """Raise FormulaError unless a token is a number, a name or a function."""
+    if token.kind == "end":
+        raise FormulaError(f"nothing after {shown(before.text)} at the end", _VALUE)
+    if token.kind == "operator":
+        raise FormulaError(f"{shown(token.text)} {token.at} where a value should be", _VALUE)
+    if token.kind == "number":
+        _number(token)
+    elif len(token.text) > _LONGEST_NAME:
+        raise FormulaError(
+            f"a name of {len(token.text)} characters {token.at}", f"one of at most {_LONGEST_NAME}"
+        )
+    elif token.text in FUNCTIONS:
+        if after.text != "(":
+            raise FormulaError(f"function {token.text!r} {token.at} without '('", f"'{token.text}(...)'")
+    elif after.text == "(":
+        near = difflib.get_close_matches(token.text.lower(), FUNCTIONS, n=1, cutoff=0.6)
+        product = f"'{token.text[:20]}*(' for a product"
+        raise FormulaError(
+            f"unknown function {shown(token.text, 20)} {token.at}",
+            f"'{near[0]}', or {product}" if near else f"one of {', '.join(FUNCTIONS)}, or {product}",
+        )
+
+
+def _side_by_side(before: _Token, token: _Token) -> FormulaError:
+    if before.kind == token.kind == "number":
+        return FormulaError(
+            f"numbers {shown(before.text, 20)} and {shown(token.text, 20)} side by side {before.at}",
+            "one number, or an operator between them",
+        )
+    if keyword.iskeyword(before.text) or keyword.iskeyword(token.text):
+        word = before.text if keyword.iskeyword(before.text) else token.text
+        return FormulaError(f"{word!r} {before.at}", "arithmetic alone: sign() tells one side from the other")
+    gap = "" if before.end == token.start else " "
+    return FormulaError(
+        f"{shown(before.text + gap + token.text, 40)} {before.at}, with no operator between",
+        shown(f"{before.text}*{token.text}", 40),
+    )
+
+
+def _number(token: _Token) -> Fraction:
+    digits, _, exponent = token.text.lower().partition("e")
+    significant = len(digits.replace(".", "").lstrip("0"))
+    if significant > MOST_DIGITS:
+        raise FormulaError(f"a number of {significant} digits {token.at}", f"one of at most {MOST_DIGITS}")
+    value, power = Fraction(digits), int(exponent or 0)
+    if not value:
+        return value
+    if abs(power) <= 2 * _LARGEST_POWER_OF_TEN:
+        value *= Fraction(10) ** power
+        if Fraction(10) ** -_LARGEST_POWER_OF_TEN <= value <= Fraction(10) ** _LARGEST_POWER_OF_TEN:
+            return value
+    raise FormulaError(f"number {shown(token.text, 20)} {token.at}", "one between 1e-300 and 1e300 in size")

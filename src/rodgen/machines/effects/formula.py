@@ -19,9 +19,15 @@ import numpy as np
 
 from rodgen.data.units import ONE, Dimension
 from rodgen.errors import in_file, shown
-from rodgen.machines.effects._formula_limits import FUNCTIONS
-from rodgen.machines.effects._formula_parser import parse
-from rodgen.machines.effects._formula_tree import OPERATORS, FormulaError, fold, nonlinear_parts, write
+from rodgen.machines.effects._formula_tree import (
+    FUNCTIONS,
+    OPERATORS,
+    FormulaError,
+    fold,
+    nonlinear_parts,
+    parse,
+    write,
+)
 
 __all__ = ["ARRAY_FUNCTIONS", "FUNCTION_NAMES", "Formula", "FormulaError"]
 

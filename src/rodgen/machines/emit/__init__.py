@@ -161,7 +161,7 @@ def emit(
 
     note = DO_NOT_EDIT
     if into is not None:
-        from rodgen.machines.emit._into_urdf import CORRECTED, corrected_urdf
+        from rodgen.machines.emit._urdf import CORRECTED, corrected_urdf
 
         note, files = CORRECTED, {Path(into).name: corrected_urdf(machine, into, travel)}
     elif lang in LANGUAGES:

@@ -1,20 +1,38 @@
-"""The geometry of a fitted machine as URDF: corrected axes and origins, the targets as links of their own."""
+"""The geometry of a fitted machine as URDF: corrected axes and origins, the targets as links of their own.
+
+Or a user's own URDF with the origins of joints corrected as a fitted machine has them, and nothing else changed.
+A URDF states an axis in the frame of its joint, so that a corrected axis is a corrected frame: the nominal one, turned
+and moved by the least that brings its axis onto the fitted one, and then turned about it, or moved along it, by the
+zero of the joint. An origin leads from the frame of the link before to that frame, where all coordinates are zero.
+"""
 
 from __future__ import annotations
 
+import itertools
+import math
+import os
+import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import xml.parsers.expat
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rodgen.array_types import Array
 from rodgen.data.units import parse_unit
-from rodgen.machines.emit._geometry import of_couplings
+from rodgen.errors import InputFileError, joined, listed
+from rodgen.files import decoded, read_input
+from rodgen.machines.emit._geometry import geometry_of, located, of_couplings
+from rodgen.machines.fixed import fixed_machine
+from rodgen.machines.imports.imported import machine_name
+from rodgen.machines.imports.urdf import MOVING, UrdfJoint, joints_of
 from rodgen.machines.rigid import complete_basis, roll_pitch_yaw, rotation_matrix
 
 if TYPE_CHECKING:
     from rodgen.machines.emit._geometry import Geometry
     from rodgen.machines.machine import Joint, Machine
+
 
 NOTHING = 1e-10
 """Metres or radians that are rounding: a tenth of a nanometre."""
@@ -120,3 +138,265 @@ def numbers_text(values: Sequence[float] | np.ndarray) -> str:
     '0.3 0 -1'
     """
     return " ".join(f"{x:.12f}".rstrip("0").rstrip(".") if abs(x) > NOTHING else "0" for x in values)
+
+
+# corrected ---------------------------------------------------------------------------------------------------------
+
+CORRECTED = "Origins corrected by rodgen"
+_LARGEST_TILT, _LARGEST_SHIFT = 0.1, 0.1
+"""Of an axis, rad, and in parts of the robot's size: corrections are smaller, the axes of another robot differ more."""
+_SAME = 1e-12
+_TAG = re.compile(rb"""<(?:[^<>"']|"[^"]*"|'[^']*')*>""")
+
+
+def corrected_urdf(machine: Machine, path: str | os.PathLike[str], travel: Any = None) -> str:
+    """Return the text of a URDF in which the origins of joints are those of a fitted machine.
+
+    Parameters
+    ----------
+    machine : Machine
+        Fitted, and made from this file by `rodgen import`.
+    travel : array_like, optional
+        See :func:`rodgen.machines.emit.emit`.
+
+    Returns
+    -------
+    str
+        A comment at its end says where the targets are on the last link, and what of the fitted model is not in it.
+
+    Raises
+    ------
+    InputFileError
+        When the file is no URDF, is of another robot, or was corrected before.
+    """
+    file = os.fspath(path)
+    text = decoded(read_input(file, "a robot in URDF"), file)
+    if CORRECTED in text:
+        raise InputFileError(file, "file", "corrected by rodgen already", "the file that it was made from")
+    left_out = geometry_of(machine, travel).left_out
+    metre = parse_unit(machine.length_unit).factor("m")
+    joints = joints_of(file)
+    chain = _chain(machine, file, joints)
+    axes, points, zeros = located(machine)
+    points = [point * metre for point in points]
+    base, nominal = _placed(machine, file, joints, chain, axes, points)
+    origins: dict[str, Array] = {}
+    zeroed, frame, link = np.eye(4), np.eye(4), base
+    for joint, start, axis, point, zero in zip(chain, nominal, axes, points, zeros, strict=True):
+        parent = frame @ _product(_between(joints, link, joint)[:-1])
+        zeroed = zeroed @ _motion(
+            joint, axis, point, zero if MOVING[joint.type] == "revolute" else zero * metre
+        )
+        frame, link = zeroed @ _aligned(joint, start, axis, point), joint.child
+        origins[joint.name] = np.linalg.inv(parent) @ frame
+    said = []
+    for target in fixed_machine(machine).targets:
+        place = np.array([*target.point, float(machine.measurand.moving)]) * [metre, metre, metre, 1]
+        fixed = next(
+            (way for way in _fixed_ways(joints, link) if machine_name(way[-1].child) == target.name), []
+        )
+        tip = nominal[-1] @ _product(fixed)
+        if fixed and np.allclose(tip[:, 3], place, atol=1e-9):
+            origins[fixed[-1].name] = np.linalg.inv(frame @ _product(fixed[:-1])) @ zeroed @ tip
+        else:
+            what = "is at" if machine.measurand.moving else "points along"
+            x = (np.linalg.inv(frame) @ zeroed @ place)[:3]
+            said.append(f"target {target.name} {what} {numbers_text(x.round(9))} in the frame of link {link}")
+    by_name = {joint.name: joint for joint in joints.values()}
+    changed = {
+        name: pose for name, pose in origins.items() if np.abs(pose - _pose(by_name[name])).max() > _SAME
+    }
+    said = [f"{CORRECTED}: {', '.join(changed) or 'none, as none differs'}", *said]
+    said += [f"not in it: {what}" for what in left_out]
+    comment = "\n     ".join(line.replace("--", "- -") for line in said)
+    end = "" if text.endswith("\n") else "\n"
+    return f"{_edited(file, text.encode(), changed).decode()}{end}<!-- {comment} -->\n"
+
+
+# the chain in the file -----------------------------------------------------------------------------------------------
+
+
+def _chain(machine: Machine, file: str, joints: Mapping[str, UrdfJoint]) -> list[UrdfJoint]:
+    """Return the moving joints of the robot that are those of the machine, in its order."""
+    wanted = [(joint.name, joint.type) for joint in machine.joints]
+    moving = [joint for joint in joints.values() if joint.type in MOVING]
+    for last in moving:
+        way = [joint for joint in _upwards(joints, last) if joint.type in MOVING][: len(wanted)][::-1]
+        names: list[str] = []
+        for joint in way:
+            names.append(machine_name(joint.name, names, joint=True))
+        if wanted == [(name, MOVING[joint.type]) for name, joint in zip(names, way, strict=True)]:
+            return way
+    found = f"no chain of the joints {joined([joint.name for joint in machine.joints], 'and')}"
+    raise InputFileError(
+        file,
+        "joint",
+        found,
+        f"the URDF of {machine.file or machine.name}; this one has {listed([j.name for j in moving])}",
+    )
+
+
+def _upwards(joints: Mapping[str, UrdfJoint], joint: UrdfJoint) -> Iterator[UrdfJoint]:
+    """Yield a joint, and those that carry it."""
+    above: UrdfJoint | None = joint
+    for _ in joints:
+        if above is None:
+            return
+        yield above
+        above = joints.get(above.parent)
+
+
+def _between(joints: Mapping[str, UrdfJoint], link: str, joint: UrdfJoint) -> list[UrdfJoint]:
+    """Return the joints from a link to a joint above which it is, that joint the last."""
+    way = list(itertools.takewhile(lambda each: each.child != link, _upwards(joints, joint)))
+    return way[::-1]
+
+
+def _fixed_ways(joints: Mapping[str, UrdfJoint], link: str) -> Iterator[list[UrdfJoint]]:
+    """Yield the ways from a link to those that fixed joints connect with it."""
+    for joint in joints.values():
+        way = _between(joints, link, joint)
+        if way and way[0].parent == link and all(each.type == "fixed" for each in way):
+            yield way
+
+
+def _placed(
+    machine: Machine,
+    file: str,
+    joints: Mapping[str, UrdfJoint],
+    chain: Sequence[UrdfJoint],
+    axes: Sequence[Array],
+    points: Sequence[Array],
+) -> tuple[str, list[Array]]:
+    """Return the link whose frame is that of the machine's axes, and the frames of joints in it.
+
+    It is the one above the first joint in which the axes of the file are nearest to those of the machine.
+    """
+    found: list[tuple[float, int, str, list[Array]]] = []
+    for above in _upwards(joints, chain[0]):
+        if above is not chain[0] and above.type != "fixed":
+            break
+        frames, frame, link = [], np.eye(4), above.parent
+        for joint in chain:
+            frame, link = frame @ _product(_between(joints, link, joint)), joint.child
+            frames.append(frame)
+        size = max(float(np.linalg.norm(at)) for at in (*(f[:3, 3] for f in frames), *points)) or 1.0
+        off = []
+        for joint, at, axis, point in zip(chain, frames, axes, points, strict=True):
+            tilt = _angle(at[:3, :3] @ joint.axis, axis)
+            shift = (
+                np.linalg.norm(np.cross(at[:3, 3] - point, axis)) if MOVING[joint.type] == "revolute" else 0.0
+            )
+            off.append(max(tilt / _LARGEST_TILT, float(shift) / (_LARGEST_SHIFT * size)))
+        worst = int(np.argmax(off))
+        found.append((off[worst], worst, above.parent, frames))
+    least, worst, base, frames = min(found, key=lambda each: each[0])
+    if least > 1:
+        what = f"an axis that is not where {machine.file or machine.name} has it"
+        raise InputFileError(
+            file, f"joint {chain[worst].name}", what, "the URDF that the machine was made from"
+        )
+    return base, frames
+
+
+# frames --------------------------------------------------------------------------------------------------------------
+
+
+def _pose(joint: UrdfJoint) -> Array:
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = joint.turn, joint.origin
+    return pose
+
+
+def _product(joints: Sequence[UrdfJoint]) -> Array:
+    product = np.eye(4)
+    for joint in joints:
+        product = product @ _pose(joint)
+    return product
+
+
+def _angle(a: Array, b: Array) -> float:
+    return math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
+
+
+def _aligned(joint: UrdfJoint, frame: Array, axis: Array, point: Array) -> Array:
+    """Return the frame of a joint, turned and moved by the least that brings its axis onto a line."""
+    nominal = frame[:3, :3] @ joint.axis
+    across = np.cross(nominal, axis)
+    sine = float(np.linalg.norm(across))
+    aligned = frame.copy()
+    if sine > 0:
+        aligned[:3, :3] = rotation_matrix(across / sine * _angle(nominal, axis)) @ frame[:3, :3]
+    if MOVING[joint.type] == "revolute":
+        aligned[:3, 3] = point + axis * ((frame[:3, 3] - point) @ axis)
+    return aligned
+
+
+def _motion(joint: UrdfJoint, axis: Array, point: Array, value: float) -> Array:
+    """Return the motion of a joint by a coordinate."""
+    motion = np.eye(4)
+    if MOVING[joint.type] == "revolute":
+        motion[:3, :3] = rotation_matrix(axis * value)
+        motion[:3, 3] = point - motion[:3, :3] @ point
+    else:
+        motion[:3, 3] = axis * value
+    return motion
+
+
+# the text ------------------------------------------------------------------------------------------------------------
+
+
+def _edited(file: str, content: bytes, origins: Mapping[str, Array]) -> bytes:
+    """Return the text with other numbers in the origins of some joints."""
+    starts = _tags(content)
+    edits: list[tuple[int, int, bytes]] = []
+    for name, pose in origins.items():
+        joint, origin = starts[name]
+        found = _TAG.match(content, joint if origin is None else origin)
+        if found is None:
+            raise InputFileError(
+                file, f"joint {name}", "an origin in an entity", "elements of joints as they are"
+            )
+        numbers = {b"xyz": numbers_text(pose[:3, 3]), b"rpy": numbers_text(roll_pitch_yaw(pose[:3, :3]))}
+        if origin is None:
+            space = re.match(rb"\s*", content[found.end() :])
+            tag = (space[0] if space else b"") + b"<origin/>"
+            edits.append((found.end(), found.end(), _with(tag, numbers)))
+        else:
+            edits.append((found.start(), found.end(), _with(found[0], numbers)))
+    for start, end, text in sorted(edits, reverse=True):
+        content = content[:start] + text + content[end:]
+    return content
+
+
+def _with(tag: bytes, numbers: Mapping[bytes, str]) -> bytes:
+    """Return a tag with other values of attributes."""
+    for key, value in numbers.items():
+        new = b'%s="%s"' % (key, value.encode())
+        tag, count = re.subn(rb"""(?<=\s)%s\s*=\s*("[^"]*"|'[^']*')""" % key, new, tag, count=1)
+        if not count:
+            tag = re.sub(rb"\s*(/?>)$", b" %s\\1" % new, tag)
+    return tag
+
+
+def _tags(content: bytes) -> dict[str, tuple[int, int | None]]:
+    """Return where the tag of each joint of the robot begins, and that of its origin; None where it has none."""
+    parser = xml.parsers.expat.ParserCreate()
+    path: list[str] = []
+    found: dict[str, tuple[int, int | None]] = {}
+    names: list[str] = []
+
+    def begin(tag: str, attributes: Mapping[str, str]) -> None:
+        if path == ["robot"] and tag == "joint":
+            names.append(attributes["name"])
+            found[names[-1]] = parser.CurrentByteIndex, None
+        elif path == ["robot", "joint"] and tag == "origin" and found[names[-1]][1] is None:
+            found[names[-1]] = found[names[-1]][0], parser.CurrentByteIndex
+        path.append(tag)
+
+    def end(_: str) -> None:
+        path.pop()
+
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    parser.Parse(content, True)
+    return found

@@ -22,6 +22,7 @@ from rodgen.errors import InputFileError, UnexpectedError, listed, shown, sugges
 from rodgen.machines.coupling import CouplingError
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import OWN_COMPONENTS, own_effect
+from rodgen.machines.effects.plausibility import stated_plausibility
 from rodgen.machines.effects.rules import (
     UnfitEffectError,
     catalogue_effect,
@@ -30,7 +31,6 @@ from rodgen.machines.effects.rules import (
     held,
     unknown_name,
 )
-from rodgen.machines.effects.stated import stated_plausibility
 from rodgen.machines.files.columns import EXAMPLE, stated_columns
 from rodgen.machines.files.toml import (
     LARGEST,

@@ -18,6 +18,7 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +28,9 @@ from rodgen.files import decoded, read_input
 from rodgen.machines.effects.catalogue import TERMS
 from rodgen.machines.effects.tpoint import own_term
 from rodgen.machines.files.read import effect_of
-from rodgen.machines.imports.imported import one_line
-from rodgen.machines.imports.mounts import MOUNTS, Mount
+from rodgen.machines.imports.imported import Imported, one_line
+from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL, MOUNTS, Mount
+from rodgen.machines.imports.tpoint_data import Pointings, read_pointings
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Effect
 from rodgen.machines.rigid import complete_basis
@@ -346,3 +348,86 @@ def model_text(
         f"  {name:<8} {value:+14.4f} {(sigma or {}).get(name, 0):10.5f}" for name, value in terms.items()
     ]
     return "\n".join([*lines, "END"]) + "\n"
+
+
+# run and model -----------------------------------------------------------------------------------------------------
+
+
+def machine_from_tpoint(
+    run: str | None,
+    model: str | None = None,
+    *,
+    latitude: float | None = None,
+    from_south: bool = True,
+    form: int | None = None,
+) -> Imported:
+    """Return the mount of a pointing run, or with the terms of a model, or both.
+
+    Parameters
+    ----------
+    run, model : str or None
+        The files; one of them at least.
+    latitude : float, optional
+        rad; of an equatorial mount, where no run gives it.
+    from_south : bool
+        Whether azimuths of the run are from south through east, else from north.
+    form : {1, 2, 3, 4}, optional
+        Format of the run's observations; default: that which their numbers fit.
+
+    Returns
+    -------
+    Imported
+        Without a model a base fit adjusts axes and boresight. The terms of a model are effects with held parameters.
+
+    Raises
+    ------
+    InputFileError
+    """
+    pointings = read_pointings(run, from_south=from_south, form=form) if run else None
+    terms = read_model(model) if model else None
+    mount = pointings.mount if pointings else (terms and terms.mount) or ALTAZ
+    if latitude is None and pointings and pointings.site:
+        latitude = pointings.site.latitude
+    if latitude is None:
+        if mount is EQUATORIAL:
+            raise InputFileError(
+                model or run or "",
+                "--latitude",
+                "missing, for an equatorial mount",
+                "such as --latitude 31.7deg",
+            )
+        latitude = 0.0
+    notes: list[str] = []
+    if pointings:
+        notes.append(
+            f"{os.path.basename(run or '')}: a pointing run, {len(pointings.seen)} stars, {mount.words}."
+        )
+        notes += pointings.notes
+    notes.append(f"Axes {mount.joints[0]} and {mount.joints[1]}; {mount.frame}.")
+    title = pointings.caption if pointings else terms.caption if terms else mount.words
+    machine = mount.machine(title, latitude, temperature=_temperature(pointings))
+    if terms:
+        notes.append(_on_model(os.path.basename(model or ""), terms))
+        machine = with_terms(machine, mount, terms, latitude, model or "")
+    return Imported(machine, tuple(notes), _columns(pointings) if pointings else {}, source=run or "")
+
+
+def _temperature(pointings: Pointings | None) -> float:
+    site = pointings.site if pointings else None
+    return 20.0 if site is None or site.temperature is None else site.temperature
+
+
+def _on_model(file: str, terms: TpointModel) -> str:
+    return f"{file}: a model, whose terms are held effects: {joined(terms.terms)} (arcsec there, deg here)."
+
+
+def _columns(pointings: Pointings) -> dict[str, Any]:
+    commanded = np.degrees(pointings.commanded).round(10)
+    found: dict[str, Any] = {
+        f"{name} [deg]": column for name, column in zip(pointings.mount.joints, commanded.T, strict=True)
+    }
+    found |= dict(zip(("ux", "uy", "uz"), pointings.seen.T.round(12), strict=True))
+    if pointings.time is not None:
+        found["t [s]"] = pointings.time.round(3)
+    found |= {f"aux_{k}": column for k, column in enumerate(pointings.auxiliary.T, start=1)}
+    return found
