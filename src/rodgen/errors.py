@@ -51,6 +51,9 @@ class UnexpectedError(RodgenError):
     found, expected : str
     """
 
+    key = ""
+    """Of a table, where the place is a key in it."""
+
     def __init__(self, found: str, expected: str) -> None:
         self.found = found
         self.expected = expected
@@ -104,6 +107,7 @@ def in_file(file: str | os.PathLike[str], place: str) -> Iterator[None]:
     try:
         yield
     except UnexpectedError as error:
+        place = ", ".join(filter(None, (place, error.key)))
         raise InputFileError(file, place, error.found, error.expected) from None
 
 

@@ -189,31 +189,24 @@ def read_tie(machine: Machine, key: str, text: str) -> Tie:
 
     Raises
     ------
-    UnfitEffectError
+    UnexpectedError
         With what was found and what was expected.
     """
     known = parameters_to_tie(machine)
     units = {name: unit_factor(p.unit, machine.length_unit)[1] for name, p in known.items()}
     if key not in known:
-        raise UnfitEffectError("", "no such parameter", suggestion(key, list(known)))
+        raise UnexpectedError("no such parameter", suggestion(key, list(known)))
     if known[key].hold is not None:
-        raise UnfitEffectError("", "a parameter that is held", "one of the two, hold or a tie")
+        raise UnexpectedError("a parameter that is held", "one of the two, hold or a tie")
     if entry := next((name for name in machine.known if belongs(key, name)), None):
-        raise UnfitEffectError(
-            "", f"given together with {shown(entry)} in [known]", "that of a free parameter"
-        )
+        raise UnexpectedError(f"given together with {shown(entry)} in [known]", "that of a free parameter")
     if other := next((name for name, tie in machine.ties.items() if key in dict(tie.factors)), None):
-        raise UnfitEffectError("", f"a tie of what {shown(other)} is tied to", "that of another parameter")
-    try:
-        own = combination(text, units, units[key], machine.length_unit, "parameter")
-    except UnexpectedError as error:
-        raise UnfitEffectError("", error.found, error.expected) from None
+        raise UnexpectedError(f"a tie of what {shown(other)} is tied to", "that of another parameter")
+    own = combination(text, units, units[key], machine.length_unit, "parameter")
     if not own.factors:
-        raise UnfitEffectError(
-            "", "a constant", "hold, or another parameter, such as '2 * J3.gravity_windup.k'"
-        )
+        raise UnexpectedError("a constant", "hold, or another parameter, such as '2 * J3.gravity_windup.k'")
     for name, _ in own.factors:
         if name == key or name in machine.ties:
             what = "itself" if name == key else f"{shown(name)}, which is tied, too"
-            raise UnfitEffectError("", what, "parameters that are not tied")
+            raise UnexpectedError(what, "parameters that are not tied")
     return Tie(text, own.factors, own.constant)

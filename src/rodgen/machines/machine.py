@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rodgen.data.set_aside import RowsAside, SetAside, edited, others, rows_aside, rows_text
 from rodgen.data.units import ANGLE, Dimension, unit_factor
-from rodgen.errors import InputFileError, RodgenError, UnexpectedError, joined, listed, shown
+from rodgen.errors import InputFileError, RodgenError, UnexpectedError, in_file, joined, listed, shown
 from rodgen.files import write_file
 from rodgen.machines.coupling import Couplings, couplings_of
 from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
@@ -439,13 +439,10 @@ class Machine:
             When there is no such parameter, or the unit is of something else.
         """
         given = {name: x for name, x in (("prior", prior), ("bounds", bounds)) if x is not None}
-        try:
+        with in_file(self.file or self.name, f"[known], {key}"):
             if tied := next((name for name in self.ties if belongs(name, key)), None):
-                raise UnfitEffectError("", f"{shown(tied)}, which is tied", "a parameter that is not")
+                raise UnexpectedError(f"{shown(tied)}, which is tied", "a parameter that is not")
             known = read_known(self, key, given)
-        except UnfitEffectError as error:
-            place = f"[known], {key}" + (f", {error.key}" if error.key else "")
-            raise InputFileError(self.file or self.name, place, error.found, error.expected) from None
         return replace(self, known={**self.known, key: known})
 
     def tying(self, key: str, to: str) -> Machine:
@@ -463,12 +460,8 @@ class Machine:
         InputFileError
             When there is no such parameter, or one of the others is tied itself.
         """
-        try:
+        with in_file(self.file or self.name, f"[ties], {key}"):
             tie = read_tie(self, key, to)
-        except UnfitEffectError as error:
-            raise InputFileError(
-                self.file or self.name, f"[ties], {key}", error.found, error.expected
-            ) from None
         return replace(self, ties={**self.ties, key: tie})
 
     def without_bounds(self, keys: Collection[str]) -> Machine:
@@ -582,11 +575,9 @@ class Machine:
         table, file = _table(data), self.file or self.name
         listed = rows if isinstance(rows, str) else rows_text(rows)
         of = "" if said["where"] else os.path.basename(table.file)
-        try:
+        with in_file(file, "[measured], set_aside"):
             new = SetAside(listed, file=of, **said)
             entries = edited(self.measured.set_aside, new, table, self._compared, file)
-        except UnexpectedError as error:
-            raise InputFileError(file, "[measured], set_aside", error.found, error.expected) from None
         changed = replace(self, measured=replace(self.measured, set_aside=entries))
         changed.aside(table)
         return changed

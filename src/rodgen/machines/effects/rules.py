@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
-from rodgen.errors import RodgenError, listed, nearest_name, shown, suggestion
+from rodgen.errors import UnexpectedError, listed, nearest_name, shown, suggestion
 from rodgen.machines.effects.catalogue import CATALOGUE, NAMES, TERMS
 from rodgen.machines.effects.custom import WORDS
 from rodgen.machines.effects.definition import EffectDefinition
@@ -33,14 +33,13 @@ _ON_A_LEG = {"thermal_expansion": "leg_thermal_expansion", "thermal_offset": "le
 """Names at a leg of effects of joints, where it is not the same name after ``leg_``."""
 
 
-class UnfitEffectError(RodgenError):
+class UnfitEffectError(UnexpectedError):
     """An effect that cannot stand where it should: the key of its block, what was found, what was expected."""
 
     def __init__(self, key: str, found: str, expected: str) -> None:
         self.key = key
-        self.found = found
-        self.expected = expected
-        super().__init__(key, found, expected)
+        super().__init__(found, expected)
+        self.args = (key, found, expected)
 
     def __str__(self) -> str:
         return f"{self.key}: {self.found}; expected {self.expected}"

@@ -18,13 +18,12 @@ import numpy as np
 
 from rodgen.data.set_aside import SetAside
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit, typed_quantity
-from rodgen.errors import InputFileError, UnexpectedError, listed, shown, suggestion
+from rodgen.errors import InputFileError, in_file, listed, shown, suggestion
 from rodgen.machines.coupling import CouplingError
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import OWN_COMPONENTS, own_effect
 from rodgen.machines.effects.plausibility import stated_plausibility
 from rodgen.machines.effects.rules import (
-    UnfitEffectError,
     catalogue_effect,
     check_effect,
     check_estimate,
@@ -73,29 +72,17 @@ MOST_JOINTS, MOST_TARGETS, MOST_EFFECTS = 64, 1000, 200
 PLATFORM = "platform"
 """Name of the target where the file of a closed chain gives none: the middle of its platform."""
 
+_OF_FAMILY, _OF_CHAIN = frozenset({"family", "geometry"}), frozenset({"branch", "joint"})
+"""Keys of the file that stand in that of a family of machines alone, and of a chain of joints alone."""
 _KEYS = {
     "file": (
-        "name",
-        "units",
-        "environment",
-        "branch",
-        "joint",
-        "target",
-        "measured",
-        "estimate",
-        "known",
-        "ties",
-        "plausibility",
-        "columns",
-        "record",
-        "effect",
-    ),
-    "family": (
         "name",
         "family",
         "units",
         "environment",
         "geometry",
+        "branch",
+        "joint",
         "target",
         "measured",
         "estimate",
@@ -191,7 +178,8 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         )
     if "geometry" in content and "family" not in content:
         raise InputFileError(file, "[geometry]", "given without a family", f"family = {listed(FAMILIES)}")
-    top = Table(file, "", content, _KEYS["family" if "family" in content else "file"])
+    others = _OF_CHAIN if "family" in content else _OF_FAMILY
+    top = Table(file, "", content, [key for key in _KEYS["file"] if key not in others])
     name = top.get("name", _TITLE)
     units = top.sub("units", _KEYS["units"], missing=_MISSING["units"])
     length, angle = units.get("length", unit_of(LENGTH, "mm")), units.get("angle", unit_of(ANGLE, "deg"))
@@ -199,9 +187,7 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     environment = top.sub("environment", _KEYS["environment"])
     measured = _measured(top, length, per_radian)
     kinematics = _on_legs(top, per_radian) if "family" in top else Chain()
-    columns = content.get("columns", {})
-    if not isinstance(columns, dict):
-        raise InputFileError(file, "[columns]", "no table", f"entries such as A = {EXAMPLE}")
+    columns = _entries(top, "columns", f"A = {EXAMPLE}")
     machine = made(
         name=name,
         length_unit=length,
@@ -227,22 +213,20 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     for number, block in enumerate(top.blocks("effect", MOST_EFFECTS), start=1):
         effect = effect_of(machine, block, file, f"[[effect]] {number}")
         machine = replace(machine, effects=(*machine.effects, effect))
-    known = content.get("known", {})
-    if not isinstance(known, dict):
-        raise InputFileError(
-            file, "[known]", "no table", 'entries such as "C.axis.a" = { prior = "0 ± 20 arcsec" }'
-        )
-    if known:
+    if known := _entries(top, "known", '"C.axis.a" = { prior = "0 ± 20 arcsec" }'):
         machine = replace(machine, known=dict(_known(file, machine, known)))
-    ties = content.get("ties", {})
-    if not isinstance(ties, dict):
-        raise InputFileError(file, "[ties]", "no table", f"entries such as {_TIE}")
-    for key, text in _flat(file, ties):
+    for key, text in _flat(file, _entries(top, "ties", _TIE)):
         machine = machine.tying(key, text)
-    plausible = content.get("plausibility", {})
-    if not isinstance(plausible, dict):
-        raise InputFileError(file, "[plausibility]", "no table", f"entries such as {_PLAUSIBLE}")
+    plausible = _entries(top, "plausibility", _PLAUSIBLE)
     return replace(machine, plausible=dict(_plausible(file, machine, plausible))) if plausible else machine
+
+
+def _entries(top: Table, key: str, example: str) -> dict[str, Any]:
+    """Return the entries of a table whose keys are names of the machine's; `example` is one of them."""
+    content = top.content.get(key, {})
+    if not isinstance(content, dict):
+        raise InputFileError(top.file, f"[{key}]", "no table", f"entries such as {example}")
+    return content
 
 
 # what a key may hold -------------------------------------------------------------------------------------------
@@ -467,10 +451,8 @@ def entries_of(contents: Sequence[dict[str, Any]], file: str, place: str) -> tup
         said = {
             key: entry.get(key, _WORD if key in {"rows", "run"} else TEXT) for key in content if key != "back"
         }
-        try:
+        with in_file(entry.file, entry.place):
             found.append(SetAside(**said, back=entry.get("back", _YES_OR_NO, False)))
-        except UnexpectedError as error:
-            raise entry.error("", error.found, error.expected) from None
     return tuple(found)
 
 
@@ -688,10 +670,9 @@ def _known(
         for x in own:
             if x not in {"prior", "bounds"}:
                 raise table.error(x, "unknown key", "prior or bounds")
-        try:
-            yield key, read_known(machine, key, own)
-        except UnfitEffectError as error:
-            raise table.error(error.key, error.found, error.expected) from None
+        with in_file(table.file, table.place):
+            known = read_known(machine, key, own)
+        yield key, known
 
 
 _TIE = '"J2.gravity_windup.k" = "2 * J3.gravity_windup.k"'
@@ -736,7 +717,7 @@ def effect_of(machine: Machine, block: Mapping[str, Any], file: str, where: str)
         for key, value in table.get("hold", TABLE, {}).items()
     }
     own = next((key for key in _OWN if key in table), None)
-    try:
+    with in_file(file, where):
         if name in NAMES:
             if own is not None:
                 raise table.error(
@@ -749,8 +730,6 @@ def effect_of(machine: Machine, block: Mapping[str, Any], file: str, where: str)
             effect = _own_effect(table, machine, place)
             effect = replace(effect, hold=held(machine, effect, hold))
         check_effect(machine, effect)
-    except UnfitEffectError as error:
-        raise table.error(error.key, error.found, error.expected) from None
     return effect
 
 
@@ -808,8 +787,6 @@ def _plausible(
             if not isinstance(own, dict):
                 place, expected = f"[plausibility], {shown(key)[1:-1]}", f"one such as {_PLAUSIBLE}"
                 raise InputFileError(file, place, "no table", expected)
-            try:
-                yield key, stated_plausibility(machine, key, own)
-            except UnfitEffectError as error:
-                place = ", ".join(filter(None, (f"[plausibility], {shown(key)[1:-1]}", error.key)))
-                raise InputFileError(file, place, error.found, error.expected) from None
+            with in_file(file, f"[plausibility], {shown(key)[1:-1]}"):
+                stated = stated_plausibility(machine, key, own)
+            yield key, stated

@@ -67,7 +67,7 @@ _PLACES = {
     "save_figures": "files",
     "skeleton": "machines",
     "uncertainty_map": "parallel",
-    "watched": "watches",
+    "watched": "fleets",
 }
 """The module of each function."""
 

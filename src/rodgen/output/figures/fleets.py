@@ -1,4 +1,4 @@
-"""How a parameter differs between the machines of a fleet, and how it changes from night to night."""
+"""How a parameter differs between the machines of a fleet, by night, and how evidence grew while one was watched."""
 
 from __future__ import annotations
 
