@@ -126,32 +126,6 @@ def test_the_command_writes_and_lists(tmp_path, rodgen_command: Run):
 
 
 @pytest.mark.parametrize(
-    ("answers", "expected"),
-    [
-        (["equatorial-fork", "-31.5"], machine_template("equatorial-fork", latitude=np.radians(-31.5))),
-        (["3-axis", "[w Z b X Y t]"], machine_template("3-axis", code="[w Z b X Y t]")),
-        (["table-table", ""], machine_template("table-table")),
-        (["turntable"], machine_template("turntable")),
-        (
-            ["equatorial-fork", "abc", "", "-31.5"],  # asked again
-            machine_template("equatorial-fork", latitude=np.radians(-31.5)),
-        ),
-    ],
-)
-def test_a_terminal_is_asked(answers, expected, tmp_path, monkeypatch, rodgen_command: Run):
-    import builtins
-    import sys
-
-    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
-    replies = iter(answers)
-    monkeypatch.setattr(builtins, "input", lambda _: next(replies))
-    assert rodgen_command("new", "-o", tmp_path / "m.toml")[0] == 0
-    assert (tmp_path / "m.toml").read_text() == expected
-    assert next(replies, None) is None
-
-
-@pytest.mark.parametrize(
     ("arguments", "expected"),
     [
         (["turn-table"], "rodgen new: no kind 'turn-table'; expected 'turntable', perhaps"),

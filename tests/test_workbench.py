@@ -70,11 +70,6 @@ def test_rows_are_set_aside_and_brought_back(session, files):
     assert Machine.load(files[0]).fit(Measurements.load(files[1])).rms == pytest.approx(
         state.fit.rms, rel=1e-8
     )
-    noted = "# Set aside in mmt_2021.csv: lines 1-3, 900 (x)\n"
-    files[0].write_text(MOUNT.joinpath("machine.toml").read_text() + noted)
-    before = Session.open(*files)  # as files noted it before they had a key
-    assert before.remarks[0].startswith("mmt_2021.csv: rows 1-3, 900, which a comment of")
-    assert not before.state.aside.any()
     assert session.do(Back([4])).aside.sum() == 2
     assert session.do(Back([3, 17])).fit.rms == pytest.approx(base.fit.rms, rel=1e-9)
     assert session.state.text == base.text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -100,6 +101,21 @@ def plain(result: object, names: str) -> dict[str, Any]:
     """
     found = {name: getattr(result, name) for name in names.split()}
     return {name: list(value) if isinstance(value, tuple) else value for name, value in found.items()}
+
+
+def finite(data: Any) -> Any:
+    """Return plain data with None for numbers that are not finite, which JSON has not.
+
+    Examples
+    --------
+    >>> finite({1: (0.5, float("nan"))})
+    {'1': [0.5, None]}
+    """
+    if isinstance(data, Mapping):
+        return {str(key): finite(value) for key, value in data.items()}
+    if isinstance(data, Iterable) and not isinstance(data, str):
+        return [finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
 def data_frame(columns: Mapping[str, Any]) -> Any:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn, Protocol, TypeAlias
 
 from rodgen.errors import InputFileError, RodgenError, nearest_hint
@@ -195,18 +194,13 @@ def show(text: str, end: str = "\n") -> None:
         raise unwritable("standard output", error) from None
 
 
-def show_json(data: Any) -> None:
-    """Print data as JSON, with null for a number that is not finite."""
+def show_json(data: Any, *, indent: int | None = 2) -> None:
+    """Print data as JSON, with null for a number that is not finite; on one line where `indent` is None."""
     import json
 
-    show(json.dumps(_plain(data), indent=2, allow_nan=False))
+    from rodgen.views import finite
 
-
-def show_json_line(data: Any) -> None:
-    """Print data as JSON on one line, as `show_json` does."""
-    import json
-
-    show(json.dumps(_plain(data), allow_nan=False))
+    show(json.dumps(finite(data), indent=indent, allow_nan=False))
 
 
 def show_result(options: argparse.Namespace, data: Callable[[], Any], text: Callable[[], str]) -> None:
@@ -217,16 +211,6 @@ def show_result(options: argparse.Namespace, data: Callable[[], Any], text: Call
         show_json(made)
     else:
         show(made)
-
-
-def _plain(data: Any) -> Any:
-    if isinstance(data, Mapping):
-        return {str(key): _plain(value) for key, value in data.items()}
-    if isinstance(data, Sequence) and not isinstance(data, str):
-        return [_plain(value) for value in data]
-    if isinstance(data, float) and not math.isfinite(data):
-        return None
-    return data
 
 
 def _harmless(text: str) -> str:

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Callable
-from typing import TypeVar
 
-from rodgen.cli._console import OK, Command, located, show
+from rodgen.cli._console import OK, Command, show
 from rodgen.cli._values import OutputFile, quantity, whole
-from rodgen.errors import InputFileError
+from rodgen.errors import in_file
 from rodgen.files import write_file
-
-Answer = TypeVar("Answer")
 
 _NEW = """\
 Write a machine file with comments, to be changed to your machine.
@@ -22,14 +17,11 @@ Write a machine file with comments, to be changed to your machine.
   rodgen new table-table --code "[w C B b X Y Z t]" -o machine.toml
   rodgen new table-table --balls 3 -o machine.toml
 
-Without KIND the kinds are listed, and a terminal is asked. CODE is that of ISO 10791: the axes in order from the
+Without KIND the kinds are listed. CODE is that of ISO 10791: the axes in order from the
 workpiece w over the bed b to the tool t. With --balls the measurements are the places of balls on its table, as the
 spindle probes them, in the linear axes; with --ballbar distances of the tool from a ball on it; else they are those of
 the tool, in the workpiece's axes.
 """
-
-
-_latitude = quantity("--latitude", "31.7deg", dimension="angle")
 
 
 def add_to(command: Command) -> None:
@@ -44,7 +36,7 @@ def add_to(command: Command) -> None:
     made.add_argument(
         "--latitude",
         metavar="ANGLE",
-        type=_latitude,
+        type=quantity("--latitude", "31.7deg", dimension="angle"),
         help="of an equatorial mount, such as 31.7deg",
     )
     made.add_argument(
@@ -63,25 +55,18 @@ def add_to(command: Command) -> None:
 def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.files.read import machine_of
     from rodgen.machines.machine import Machine
-    from rodgen.machines.templates import CODES, KINDS, machine_template
+    from rodgen.machines.templates import KINDS, machine_template
 
-    kind, code, latitude = options.kind, options.code, options.latitude
+    kind, latitude = options.kind, options.latitude
     if kind is None:
         width = max(map(len, KINDS))
         show("\n".join(f"  {name:{width}}  {words}" for name, words in KINDS.items()))
-        if not (sys.stdin and sys.stdin.isatty() and sys.stdout and sys.stdout.isatty()):
-            return OK
-        kind = _answer("Which kind?", str)
-        if kind in CODES and code is None:
-            code = (
-                _answer(f"Axes from the workpiece w over the bed b to the tool t? [{CODES[kind]}]", str)
-                or None
-            )
-        if kind.startswith("equatorial") and latitude is None:
-            latitude = _answer("Latitude in degrees?", lambda answer: _latitude(f"{answer}deg"))
+        return OK
     north = latitude.to("rad")[0] if latitude else None
-    with located("command line", "rodgen new", "a kind of 'rodgen new'"):
-        text = machine_template(kind, code=code, latitude=north, balls=options.balls, ballbar=options.ballbar)
+    with in_file("command line", "rodgen new"):
+        text = machine_template(
+            kind, code=options.code, latitude=north, balls=options.balls, ballbar=options.ballbar
+        )
         machine = machine_of(text, options.output or kind, Machine)
         if options.output:
             write_file(options.output, text.encode())
@@ -90,16 +75,3 @@ def _run(options: argparse.Namespace) -> int:
         end="\n" if options.output else "",
     )
     return OK
-
-
-def _answer(question: str, read: Callable[[str], Answer]) -> Answer:
-    """Return what `read` makes of the answer to a question, which is asked again where it cannot; the end is none."""
-    while True:
-        try:
-            return read(input(f"{question} ").strip())
-        except EOFError:
-            raise InputFileError(
-                "standard input", "file", "no answer", "KIND and the options of it"
-            ) from None
-        except argparse.ArgumentTypeError as error:
-            show(str(error))

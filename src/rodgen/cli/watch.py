@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import FAILED, OK, Command, notify, refused, show, show_json_line
+from rodgen.cli._console import FAILED, OK, Command, notify, refused, show, show_json
 from rodgen.cli._machine import add_json, add_plot, figures_for, load_data, remark_on_rows
 from rodgen.cli._values import InputFile, StateFile, frequency, whole
 from rodgen.errors import InputFileError
@@ -228,7 +228,7 @@ class _Watching:
         if self.options.on_bad_row == "stop":
             raise error
         if self.options.json:
-            show_json_line({"event": "bad_row", "place": error.place, "found": error.found})
+            show_json({"event": "bad_row", "place": error.place, "found": error.found}, indent=None)
         notify(f"{error}; the row is left out")
 
     def _take(self, data: Measurements) -> None:
@@ -269,7 +269,7 @@ class _Watching:
 
     def _report(self, event: Event) -> None:
         if self.options.json:
-            show_json_line(event.to_dict())
+            show_json(event.to_dict(), indent=None)
             return
         show(event.text)
         if event.settles:

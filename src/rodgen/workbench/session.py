@@ -11,7 +11,6 @@ import json
 import math
 import os
 import platform
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -46,8 +45,6 @@ LARGEST = 50_000_000
 AGREE = 1e-6
 """Relative difference of an error from the one that was saved above which another model was fitted."""
 _EXPECTED = "a session as rodgen open saves it"
-_NOTED = re.compile(r"^# Set aside in (.+): (?:lines|rows) ([\d, -]+)", re.MULTILINE)
-"""A comment in which machine files kept rows that were set aside, before they had a key for these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,12 +181,7 @@ class Session:
             When one cannot be read, they do not belong together, or there is nothing to fit.
         """
         file, of = os.fspath(machine), os.fspath(data)
-        session = cls(State.first(file, read_text(file), Measurements.load(of)), of)
-        for noted in _NOTED.finditer(session.state.text):
-            session.remarks.append(
-                f"{noted[1]}: rows {noted[2].strip()}, which a comment of {file} notes, count; set them aside anew."
-            )
-        return session
+        return cls(State.first(file, read_text(file), Measurements.load(of)), of)
 
     # what is done ------------------------------------------------------------------------------------------------
 

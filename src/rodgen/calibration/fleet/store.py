@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 from urllib.parse import quote
@@ -18,6 +18,7 @@ from urllib.parse import quote
 from rodgen.calibration.fleet.pairs import Pair
 from rodgen.errors import InputFileError
 from rodgen.files import make_folder, read_input, write_file
+from rodgen.views import finite
 
 PLAN, MACHINES = "fleet.json", "machines"
 FORMAT = 1
@@ -123,13 +124,4 @@ def _read(file: str) -> dict[str, Any]:
 
 
 def _write(file: str, content: Mapping[str, Any]) -> None:
-    write_file(file, (json.dumps(_finite(content), ensure_ascii=False) + "\n").encode())
-
-
-def _finite(data: Any) -> Any:
-    """Return data with None for numbers that are not finite, which JSON has not."""
-    if isinstance(data, Mapping):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, Iterable) and not isinstance(data, str):
-        return [_finite(value) for value in data]
-    return None if isinstance(data, float) and not abs(data) < float("inf") else data
+    write_file(file, (json.dumps(finite(content), ensure_ascii=False) + "\n").encode())

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from importlib import resources
 
-from rodgen.errors import RodgenError, shown, suggestion
+from rodgen.errors import UnexpectedError, shown, suggestion
 from rodgen.machines.files.write import decimal, toml_string
 from rodgen.machines.imports.mounts import EQUATORIAL
 
@@ -80,7 +80,7 @@ def machine_template(
 
     Raises
     ------
-    RodgenError
+    UnexpectedError
         When there is no such kind, the latitude is missing, the code is none, or the table has no rotary axis.
 
     Examples
@@ -89,20 +89,20 @@ def machine_template(
     name = "Turntable"
     """
     if kind not in KINDS:
-        raise RodgenError(f"no kind {shown(kind)}; expected {suggestion(kind, KINDS)}")
+        raise UnexpectedError(f"no kind {shown(kind)}", suggestion(kind, KINDS))
     if code is not None and kind not in CODES:
-        raise RodgenError(f"a code of {kind}; expected none: it is no machine tool")
+        raise UnexpectedError(f"a code of {kind}", "none: it is no machine tool")
     if (balls is not None or ballbar) and kind not in CODES:
-        raise RodgenError(f"balls of {kind}; expected none: it is no machine tool")
+        raise UnexpectedError(f"balls of {kind}", "none: it is no machine tool")
     if balls is not None and ballbar:
-        raise RodgenError("balls and a ballbar; expected one of the two")
+        raise UnexpectedError("balls and a ballbar", "one of the two")
     if kind in CODES:
         return _machine_tool(code or CODES[kind], balls, ballbar=ballbar)
     text = resources.files(__name__).joinpath(f"{kind}.toml").read_text(encoding="utf-8")
     if kind.startswith("equatorial"):
         if latitude is None or not abs(latitude) <= math.pi / 2:
             found = "no latitude" if latitude is None else f"the latitude {math.degrees(latitude):g} deg"
-            raise RodgenError(f"{found} of an equatorial mount; expected --latitude, such as 31.7deg")
+            raise UnexpectedError(f"{found} of an equatorial mount", "--latitude, such as 31.7deg")
         gravity = ", ".join(decimal(round(x, 9)) for x in EQUATORIAL.gravity(latitude))
         text = text.replace("{gravity}", f"[{gravity}]")
         text = text.replace("{latitude}", decimal(round(math.degrees(latitude), 6)))
@@ -116,10 +116,8 @@ def _machine_tool(code: str, balls: int | None, *, ballbar: bool) -> str:
     letters = [name for name in names if name not in ("w", "b", "t")]
     right = names[:1] == ["w"] and names[-1:] == ["t"] and "b" in names and len(names) == len(letters) + 3
     if not right or not set(letters) <= _TRAVEL.keys() or len(set(letters)) != len(letters) or not letters:
-        raise RodgenError(
-            f"the code {shown(code)}; expected axes X, Y, Z, A, B, C, each once, from the workpiece w over the bed b "
-            "to the tool t, such as '[w C A b X Y Z t]'"
-        )
+        expected = "axes X, Y, Z, A, B, C, each once, from the workpiece w over the bed b to the tool t"
+        raise UnexpectedError(f"the code {shown(code)}", f"{expected}, such as '[w C A b X Y Z t]'")
     if balls is not None:
         return "\n".join(_table_lines(names, letters, balls))
     return "\n".join(_tool_lines(names, letters, ballbar=ballbar))
@@ -165,10 +163,8 @@ def _table_lines(names: list[str], letters: list[str], balls: int) -> Iterator[s
     table = letters[: names.index("b") - 1]
     turning = [axis for axis in letters if axis in _TURNS]
     if not turning or turning != table[: len(turning)] or balls < 1:
-        raise RodgenError(
-            f"balls of [{' '.join(names)}]; expected one or more, and all rotary axes next to the workpiece w, "
-            "such as [w C A b X Y Z t]"
-        )
+        expected = "one or more, and all rotary axes next to the workpiece w, such as [w C A b X Y Z t]"
+        raise UnexpectedError(f"balls of [{' '.join(names)}]", expected)
     turning.reverse()
     header = ",".join(f"{axis} [deg]" for axis in turning)
     yield f"# The table of a machine tool [{' '.join(names)}], with balls on it whose centres the spindle probes."
