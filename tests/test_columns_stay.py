@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rodgen.cli.main import main
-from rodgen.machines.files.columns import ColumnSource
+from rodgen.machines.files.read import ColumnSource
 from rodgen.machines.machine import Machine
 
 TABLE = Path(__file__).resolve().parents[1] / "examples" / "machines" / "rotary_table"

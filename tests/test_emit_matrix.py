@@ -25,8 +25,7 @@ from conftest import C_WARNINGS
 from rodgen.errors import InputFileError
 from rodgen.files import write_files
 from rodgen.machines.emit._content import Content, content_of
-from rodgen.machines.emit._linuxcnc import component_texts
-from rodgen.machines.emit._render import LANGUAGES, render
+from rodgen.machines.emit._render import LANGUAGES, component_texts, render
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.measured import MEASURANDS
 

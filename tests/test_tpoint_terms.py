@@ -10,8 +10,7 @@ import rodgen
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
 from rodgen.cli.main import main
-from rodgen.machines.effects.symbols import symbols
-from rodgen.machines.effects.tpoint import own_term
+from rodgen.machines.effects.symbols import own_term, symbols
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.model import Frame, Model
 

@@ -44,8 +44,7 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.effects.catalogue import CATALOGUE, UnknownEffectError, definitions
-    from rodgen.machines.effects.symbols import symbols
-    from rodgen.machines.effects.tpoint import own_term
+    from rodgen.machines.effects.symbols import own_term, symbols
 
     symbolic = symbols(options.name) if options.name else ()
     try:

@@ -255,7 +255,7 @@ def _kind(source: str) -> str:
 def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[str, list[str]]) -> Imported:
     """Return what was imported with the readings of tables."""
     from rodgen.errors import UnexpectedError
-    from rodgen.machines.files.columns import column_source
+    from rodgen.machines.files.read import column_source
     from rodgen.machines.imports.tables import measurements_of
     from rodgen.machines.measured import NOTATIONS
 

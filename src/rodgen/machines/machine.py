@@ -47,7 +47,7 @@ from rodgen.views import html_of_text
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
     from rodgen.data.measurements import Measurements
-    from rodgen.machines.files.columns import ColumnSource
+    from rodgen.machines.files.read import ColumnSource
 
 _UNIT = 1e-9
 """How far the length of a unit vector may be off 1."""

@@ -11,8 +11,7 @@ from rodgen.errors import UnexpectedError, listed, nearest_name, shown, suggesti
 from rodgen.machines.effects.catalogue import CATALOGUE, NAMES, TERMS
 from rodgen.machines.effects.custom import WORDS
 from rodgen.machines.effects.definition import EffectDefinition
-from rodgen.machines.effects.symbols import symbols
-from rodgen.machines.effects.tpoint import own_term
+from rodgen.machines.effects.symbols import own_term, symbols
 from rodgen.machines.files.toml import LARGEST
 from rodgen.machines.measured import READING_COLUMNS
 from rodgen.machines.parts import Effect

@@ -3,13 +3,21 @@
 TPOINT's terms stand in the rows of the catalogue. A symbol of ISO 230 is composed: E, the direction of an error (X Y Z
 along, A B C about an axis of the machine), 0 for a location error, and the axis that has it. An axis named X, Y or Z
 slides along machine axis x, y or z, one named A, B or C turns about it.
+
+Terms of TPOINT that are no effect of the catalogue are effects of one's own, ready to paste into a machine file. Joints
+go by TPOINT's letters: H, the hour angle, is joint HA, D is DEC, A is AZ and E is EL; who names them otherwise changes
+the names. Harmonics are Hrfcn, a sine or cosine (f) of n times a coordinate (c) that is added to another (r), or in
+older models rncf, such as X2HC; r may also be a shift on the sky, X across the hour circle and S across the vertical
+one, which is a reading divided by a cosine, or Z, the zenith distance, which is a coordinate, too.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 from rodgen.machines.effects.catalogue import NAMES, TERMS, definitions
 from rodgen.machines.effects.definition import EffectDefinition
@@ -100,3 +108,110 @@ def _motion(slides: bool, along: bool, direction: int, error: str) -> Iterator[t
     else:
         name = "radial_error_motion" if along else "tilt_error_motion"
         yield name, ", ".join(f"{'-uv'[direction]}_{k}" for k in harmonics.split(", "))
+
+
+# terms that the catalogue lacks ------------------------------------------------------------------------------------
+
+Level: TypeAlias = tuple[Sequence[float], Sequence[float]]
+EAST_AND_NORTH: Level = ((1, 0, 0), (0, 1, 0))
+_JOINTS = {"H": "HA", "D": "DEC", "A": "AZ", "E": "EL", "X": "HA", "S": "AZ"}
+_ACROSS = {"X": "DEC", "S": "EL"}
+_FUNCTIONS = {"S": "sin", "C": "cos"}
+_HARMONIC = re.compile(r"H(?P<result>[HDXAESZ])(?P<factors>(?:[SC][HDAEZ][1-9]?){1,2})")
+_OLD_HARMONIC = re.compile(r"(?P<result>[HDX])(?P<times>[1-9])(?P<of>[HD])(?P<function>[SC])")
+
+
+@dataclass(frozen=True)
+class OwnTerm:
+    """A term of TPOINT as an effect of one's own."""
+
+    name: str
+    meaning: str
+    """What it stands for."""
+    joint: str | None
+    """Where; None for the whole machine."""
+    formulas: tuple[tuple[str, str], ...]
+    """Each component with its formula of the parameter a."""
+
+    @property
+    def block(self) -> str:
+        """An ``[[effect]]`` for the machine file."""
+        lines = ["[[effect]]", f'name = "{self.name.lower()}"']
+        lines += [f'joint = "{self.joint}"'] if self.joint else []
+        if len(self.formulas) > 1:
+            lines += [f'{component} = "{formula}"' for component, formula in self.formulas]
+        else:
+            ((component, formula),) = self.formulas
+            lines += [f'component = "{component}"', f'formula = "{formula}"']
+        return "\n".join([*lines, 'parameters = { a = "arcsec" }', f'meaning = "{self.meaning}"'])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain data; `effect` has the keys of its block."""
+        return {"name": self.name, "meaning": self.meaning, "effect": tomllib.loads(self.block)["effect"][0]}
+
+    def __str__(self) -> str:
+        return (
+            f"{self.name} of TPOINT is no effect of the catalogue. It is a of this effect of your own, for the\n"
+            f"machine file, where HA, DEC, AZ and EL are the names of its joints"
+            f"{'' if self.joint else ', x is east and y north'}:\n\n{self.block}"
+        )
+
+
+def _vertical(name: str, meaning: str, up: str, level: Level) -> OwnTerm:
+    """Return a term that moves what is seen upwards: a rotation about u cos(azimuth) - v sin(azimuth)."""
+    formulas = []
+    for component, u, v in zip(("rx", "ry", "rz"), *level, strict=True):
+        parts = [f"{size:+.17g}*{wave}" for size, wave in ((u, "cos(azimuth)"), (-v, "sin(azimuth)")) if size]
+        if parts:
+            sum_of = re.sub(r"(^|[-+])1\*", r"\1", "".join(parts)).removeprefix("+")
+            formulas.append((component, f"{up}*({sum_of})"))
+    return OwnTerm(name, meaning, None, tuple(formulas))
+
+
+_OWN = {
+    "DNP": OwnTerm(
+        "DNP", "The axes are perpendicular to a degree that changes with the hour angle.", "HA",
+        (("reading", "a*sin(q)*tan(DEC)"),),
+    ),
+    "PHH": OwnTerm("PHH", "Readings are off in proportion to the hour angle.", "HA", (("reading", "a*q"),)),
+    "PDD": OwnTerm("PDD", "Readings are off in proportion to the declination.", "DEC", (("reading", "a*q"),)),
+}  # fmt: skip
+
+
+def own_term(name: str, level: Level = EAST_AND_NORTH) -> OwnTerm | None:
+    """Return a term of TPOINT as an effect of one's own; None where it is none that is known.
+
+    Parameters
+    ----------
+    level : pair of vectors
+        Those that complete the direction upwards, in machine axes; default: z is upwards.
+
+    Examples
+    --------
+    >>> own_term("HDSH3").formulas, own_term("X2HC").formulas
+    ((('reading', 'a*sin(3*HA)'),), (('reading', 'a*cos(2*q)/cos(DEC)'),))
+    """
+    text = name.upper()
+    if text in _OWN:
+        return _OWN[text]
+    if text == "FLOP":
+        meaning = "What is seen is displaced vertically, by the same amount everywhere."
+        return _vertical(text, meaning, "a", level)
+    if found := _HARMONIC.fullmatch(text):
+        factors = re.findall(r"([SC])([HDAEZ])([1-9]?)", found["factors"])
+    elif found := _OLD_HARMONIC.fullmatch(text):
+        factors = [(found["function"], found["of"], found["times"])]
+    else:
+        return None
+    result = found["result"]
+    joint = _JOINTS.get(result)
+    waves = []
+    for function, of, times in factors:
+        coordinate = "z" if of == "Z" else "q" if _JOINTS[of] == joint else _JOINTS[of]
+        waves.append(f"{_FUNCTIONS[function]}({'' if times in ('', '1') else f'{times}*'}{coordinate})")
+    if joint is None:
+        return _vertical(text, "A harmonic, by which zenith distances grow.", f"-a*{'*'.join(waves)}", level)
+    divided = f"/cos({_ACROSS[result]})" if result in _ACROSS else ""
+    shifted = "across on the sky" if divided else f"along {joint}"
+    meaning = f"A harmonic, by which readings are shifted {shifted}."
+    return OwnTerm(text, meaning, joint, (("reading", f"a*{'*'.join(waves)}{divided}"),))

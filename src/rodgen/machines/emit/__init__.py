@@ -204,7 +204,7 @@ def _tables(
             return screw_texts(machine, name, note, travel, covariance)
         return iso_texts(machine, name, note, travel, covariance)
     if form == "linuxcnc":
-        from rodgen.machines.emit._linuxcnc import component_texts
+        from rodgen.machines.emit._render import component_texts
 
         return component_texts(machine, name, travel)
     from rodgen.machines.emit._denavit_hartenberg import table_texts

@@ -15,7 +15,7 @@ from rodgen.machines.parts import BRANCHES, Effect, Joint, Known, StatedPlausibi
 
 if TYPE_CHECKING:
     from rodgen.data.set_aside import SetAside
-    from rodgen.machines.files.columns import ColumnSource
+    from rodgen.machines.files.read import ColumnSource
     from rodgen.machines.machine import Machine
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, is_number, read_foreign
 from rodgen.data.units import ANGLE, LENGTH, TIME, parse_unit
 from rodgen.errors import InputFileError, in_file, joined, listed, nearest_name, shown
-from rodgen.machines.files.columns import ColumnSource
+from rodgen.machines.files.read import ColumnSource
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.machine import Joint, Machine

@@ -26,7 +26,7 @@ from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError, RodgenError, joined, nearest_name, shown
 from rodgen.files import decoded, read_input
 from rodgen.machines.effects.catalogue import TERMS
-from rodgen.machines.effects.tpoint import own_term
+from rodgen.machines.effects.symbols import own_term
 from rodgen.machines.files.read import effect_of
 from rodgen.machines.imports.imported import Imported, one_line
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL, MOUNTS, Mount

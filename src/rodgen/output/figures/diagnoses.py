@@ -15,10 +15,9 @@ from rodgen.array_types import Array
 from rodgen.calibration.diagnose.diagnosis import Unexplained
 from rodgen.calibration.words import plain
 from rodgen.output.figures.distributions import autocorrelation_of_residuals, quantiles_of_residuals
-from rodgen.output.figures.drawn_rows import MOST_MARKS, DrawnRows, coordinate
+from rodgen.output.figures.drawn_rows import MOST_MARKS, PLANNED, DrawnRows, coordinate, planned_rows
 from rodgen.output.figures.ladders import error_ladder
 from rodgen.output.figures.maps import map_of
-from rodgen.output.figures.planned import PLANNED, planned_rows
 from rodgen.output.figures.polar import joints_that_go_round, polar_of
 from rodgen.output.figures.residuals import components_of, file_name, reading_of, residuals_over
 from rodgen.output.figures.style import BLUE, GREY, Panel, column, describe, evenly, label

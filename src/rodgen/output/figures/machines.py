@@ -11,9 +11,8 @@ from rodgen.array_types import Array
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.attitudes import nearest_frame
 from rodgen.machines.model import Frame, Model
-from rodgen.output.figures.drawn_rows import DrawnRows
+from rodgen.output.figures.drawn_rows import DrawnRows, planned_rows
 from rodgen.output.figures.maps import in_machine_axes, round_size
-from rodgen.output.figures.planned import planned_rows
 from rodgen.output.figures.residuals import SIDES
 from rodgen.output.figures.style import (
     BLUE,

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Index
 from rodgen.data.drivers import horizontal
-from rodgen.output.figures.drawn_rows import DrawnRows
-from rodgen.output.figures.planned import PlannedRows, planned_rows
+from rodgen.output.figures.drawn_rows import DrawnRows, PlannedRows, planned_rows
 from rodgen.output.figures.style import (
     BLUE,
     INK,

@@ -14,8 +14,7 @@ from rodgen.calibration.reading_motion import directions_about
 from rodgen.calibration.words import plain
 from rodgen.data.drivers import goes_round
 from rodgen.errors import RodgenError, joined
-from rodgen.output.figures.drawn_rows import MOST_MARKS, DrawnRows
-from rodgen.output.figures.planned import PlannedRows, planned_rows
+from rodgen.output.figures.drawn_rows import MOST_MARKS, DrawnRows, PlannedRows, planned_rows
 from rodgen.output.figures.residuals import Marks, ResidualPanel, add_rows, components_of, file_name
 from rodgen.output.figures.style import (
     GREY,

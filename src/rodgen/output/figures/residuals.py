@@ -19,8 +19,14 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array, Index
 from rodgen.calibration.words import plain
 from rodgen.errors import RodgenError, joined
-from rodgen.output.figures.drawn_rows import DEVIATIONS, MOST_MARKS, DrawnRows
-from rodgen.output.figures.planned import AT_EDGE, PlannedRows, planned_rows
+from rodgen.output.figures.drawn_rows import (
+    AT_EDGE,
+    DEVIATIONS,
+    MOST_MARKS,
+    DrawnRows,
+    PlannedRows,
+    planned_rows,
+)
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
