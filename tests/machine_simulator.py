@@ -1017,21 +1017,6 @@ def approach(q: Array) -> Array:
     return s
 
 
-def random_set_ups(
-    runs: Sequence[Any], shift: float, turn: float, random: np.random.Generator
-) -> dict[str, float]:
-    """Give a frame_shift of each run after the first, standard deviations `shift` (length) and `turn` (angle)."""
-    return {
-        f"frame_shift[{run}].{name}": value
-        for run in list(runs)[1:]
-        for name, value in zip(
-            ("x", "y", "z", "rx", "ry", "rz"),
-            random.normal(size=6) * np.repeat([shift, turn], 3),
-            strict=True,
-        )
-    }
-
-
 def random_walk(
     t: ArrayLike, per_root_second: float, random: np.random.Generator
 ) -> dict[str, Callable[..., Array]]:

@@ -12,77 +12,16 @@ import pytest
 from hidden_effects import hidden
 
 import rodgen
-from rodgen.calibration.checks.effect_test import EffectTest, worth_of
+from rodgen.calibration.checks.effect_test import worth_of
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.checks.positions import distinct_positions, positions
 from rodgen.calibration.diagnose import acceptance, diagnose
-from rodgen.calibration.diagnose.acceptance import may_be_there, why_empty, why_not_earned
+from rodgen.calibration.diagnose.acceptance import why_empty
 from rodgen.calibration.diagnose.aliases import Equal, imitation
 from rodgen.calibration.fit import fit
-from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.ladder import ladder
 from rodgen.calibration.problem.binding import bind
 from rodgen.machines.model import Model
-
-
-def why(
-    *,
-    converged=True,
-    before=2.0,
-    after=1.0,
-    stds=(0.1, None),
-    held=False,
-    p=1e-5,
-    tests=30.0,
-    positions=40,
-    as_a_walk=False,
-):
-    q = np.stack([np.arange(40.0) % positions, np.arange(40.0)], axis=1)
-    joints = [SimpleNamespace(name="A"), SimpleNamespace(name="C")]
-    observations = SimpleNamespace(
-        q=q,
-        coordinates=q,
-        pose=np.arange(40),
-        machine=SimpleNamespace(joints=joints, number_of=["A", "C"].index),
-    )
-    formula = SimpleNamespace(names={"q", "c1"})
-    definition = SimpleNamespace(formula=formula, parameters={"c1": "um"}, component="along")
-    effect = SimpleNamespace(place="A", definition=definition)
-    fit = SimpleNamespace(solution=SimpleNamespace(converged=converged), unit="mm", observations=observations)
-    held_out = tuple(HeldOut(rms, "mm", 10, 10) for rms in (before, after))
-    estimates = {str(i): Estimate(str(i), "mm", 1.0, std, held, True) for i, std in enumerate(stds)}
-    worth = None if p is None else EffectTest(p, np.log10(p), 9.0, (2.0, 30.0), 1.0, None, as_a_walk)
-    return why_not_earned(fit, effect, held_out, estimates, worth, tests)
-
-
-@pytest.mark.parametrize(
-    ("case", "reason"),
-    [
-        ({}, ""),
-        ({"converged": False}, "does not converge"),
-        ({"before": 79.0, "after": 80.6}, "does not fall with it (79 before, 80.6 mm after)"),
-        ({"before": None, "after": None}, ""),
-        ({"stds": (None, None)}, "do not determine its size"),
-        ({"stds": (None, None), "held": True}, ""),
-        ({"p": 0.95}, "chance explains as much (p = 0.95)"),
-        ({"p": 0.95, "positions": 6}, "(p = 0.95) with 6 positions of A: it may be there all the same"),
-        (
-            {"p": 0.002, "tests": 1.0},
-            "some effect explains as much by chance in one of 500 data sets (p = 0.002)",
-        ),
-        ({"p": 5e-4, "tests": 1.0}, ""),
-        (
-            {"p": 5e-4, "tests": 30.0},
-            "some effect explains as much by chance in one of 67 data sets (p = 0.0005)",
-        ),
-        ({"p": 0.04, "as_a_walk": True}, "a set-up that wanders may do the same (p = 0.04)"),
-        ({"p": None}, "do not determine its size"),
-    ],
-)
-def test_why_an_effect_is_not_reported(case, reason):
-    assert reason in why(**case)
-    assert bool(why(**case)) == bool(reason)
-    assert may_be_there(why(**case)) == ("positions" in case)
 
 
 def test_a_pair_is_judged_together(tmp_path):

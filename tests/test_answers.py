@@ -75,36 +75,6 @@ def test_a_change_of_a_diagnosis_has_its_kind(referee, change, kind):
     assert kinds(referee, DIAGNOSIS, DIAGNOSIS | change) == [kind]
 
 
-@pytest.mark.parametrize(
-    ("change", "kind"),
-    [
-        ({"exit code": 1}, "exit code changed"),
-        ({"out": ["The error is 0.0124 mm.", "7 rows"]}, "rounding: out"),
-        ({"out": ["The error is 0.0125 mm.", "7 rows"]}, "out changed"),
-        ({"out": ["The error is 0.0123 mm.", "8 rows"]}, "out changed"),
-        ({"out": ["The error is 0.0123 mm."]}, "out changed"),
-        ({"err": ["a.toml: name: missing; expected a text"]}, "err changed"),
-        ({"files": {"a.toml": ["x = 2"]}}, "file changed"),
-        ({"files": {}}, "file missing"),
-        ({"files": {"a.toml": ["x = 1"], "b.toml": []}}, "file new"),
-    ],
-)
-def test_a_change_of_a_transcript_has_its_kind(referee, change, kind):
-    assert kinds(referee, COMMAND, COMMAND | change) == [kind]
-
-
-def test_a_changed_message_and_entries_that_come_and_go_are_differences(referee):
-    old = {"a": {"message": "line 3: 'x'; expected a number"}, "b": {"message": "no error"}}
-    new = {"a": {"message": "line 4: 'x'; expected a number"}, "c": {"message": "no error"}}
-    found = list(referee.differences(old, new))
-    assert [(one.key, one.kind) for one in found] == [
-        ("a", "message changed"),
-        ("b", "entry missing"),
-        ("c", "entry new"),
-    ]
-    assert all(one.counts for one in found)
-
-
 def test_numbers_of_arrays_may_be_off_by_what_rounding_allows(referee):
     values = np.array([[1.0, np.nan], [2.0, np.inf]])
     codes = np.array([0, 1], np.int8)
@@ -143,13 +113,3 @@ def test_what_was_written_compares_equal_and_its_bytes_depend_on_nothing_else(re
     assert "verdict changed: 1\n    b: 'effects_missing' -> 'cannot_tell'" in referee.report(
         found, every=False
     )
-
-
-def test_examples_of_each_kind_are_few_and_rounding_comes_last(referee):
-    found = [referee.Difference("rounding: size", "a", "x")]
-    found += [referee.Difference("verdict changed", f"b{n}", "y") for n in range(5)]
-    lines = referee.report(found, every=False).splitlines()
-    assert lines[0] == "verdict changed: 5"
-    assert lines[4] == "    ... and 2 more (ALL=1 lists them)"
-    assert lines[5] == "rounding: size: 1"
-    assert len(referee.report(found, every=True).splitlines()) == 8

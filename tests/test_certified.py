@@ -11,7 +11,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
-from test_axis_accuracy import PROMISE, accuracy
+from test_axis_accuracy import accuracy
 
 import rodgen
 from rodgen import tricept
@@ -286,13 +286,3 @@ def test_signs_of_components_change_no_error() -> None:
         rotations.matrix_from_quaternion(quaternion * [1, -1, -1, -1])[0],
         rotations.matrix_from_quaternion(quaternion)[0].swapaxes(1, 2),
     )
-
-
-def test_what_is_sampled_and_what_is_certified_of_an_axis() -> None:
-    """The documentation says both: 4 cond eps hold for all samples, what is certified for all inputs is more."""
-    certified = {c.bound for c in CLAIMS if c.kernel == "solve_axis"}
-    assert certified == {12}
-    assert PROMISE == 4
-    said = " ".join((rodgen.solve_axis.__doc__ or "").split())
-    assert "at most 12 ε times :func:`axis_condition`" in said
-    assert f"at most {PROMISE} ε times it" in said

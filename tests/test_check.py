@@ -25,7 +25,7 @@ from rodgen.machines.files.edit import text_with_geometry
 from rodgen.machines.machine import Machine
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "study"))
-from wrong_files import WRONG, Files, one, summary
+from wrong_files import WRONG, Files, one
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "machines"
 
@@ -295,13 +295,6 @@ def test_a_file_that_cannot_be_edited_is_written_anew(tmp_path: Path) -> None:
     meant = replace(machine, targets=(replace(machine.targets[0], point=(1.0, 2.0, 3.0)),))
     (tmp_path / "new.toml").write_text(text_with_geometry(path, meant))
     assert Machine.load(tmp_path / "new.toml") == meant
-
-
-def test_the_study_names_the_right_files_that_were_accused() -> None:
-    record = {"number": 13, "kind": "", "machine": "mount", "told": True, "seconds": 0.1}
-    assert "right files accused: 1 of 1 right 13 (mount)" in summary([record])
-    slight = record | {"kind": "targets_exchanged", "skipped": "slight", "first": True}
-    assert "right files accused: 0 of 0" in summary([slight])
 
 
 @pytest.mark.slow

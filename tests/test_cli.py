@@ -8,7 +8,6 @@ import subprocess
 import sys
 import textwrap
 import time
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -82,20 +81,6 @@ def test_only_the_command_that_is_called_is_imported():
     subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
 
 
-@pytest.mark.thorough
-def test_a_fit_imports_no_library_of_other_tables():
-    """Arrow imports pandas for some of its conversions, where it is installed."""
-    folder = Path(__file__).parent.parent / "examples/machines/rotary_table"
-    code = (
-        "import sys, rodgen.cli.main\n"
-        "assert rodgen.cli.main.main(sys.argv[1:]) == 0\n"
-        "found = {'pandas', 'polars', 'xarray', 'sympy'} & set(sys.modules)\n"
-        "assert not found, found\n"
-    )
-    words = ["fit", str(folder / "machine.toml"), str(folder / "data.csv")]
-    subprocess.run([sys.executable, "-c", code, *words], capture_output=True, check=True)
-
-
 def commands_by_group(text):
     """Read the groups of commands from the help of rodgen: their names, and those of their commands."""
     sections = re.findall(r"^(\w[^\n]*):\n((?:  .*\n)+)", text, re.MULTILINE)
@@ -113,35 +98,6 @@ def test_help_lists_every_command_once(capsys):
     choices = re.findall(r"[a-z-]+", capsys.readouterr().err.partition("choose from")[2].partition(")")[0])
     assert sorted(listed) == sorted(choices)
     assert len(listed) > 20
-
-
-def test_help_begins_with_the_commands_of_the_demo(capsys):
-    assert cli.main(["--help"]) == 0
-    first = next(iter(commands_by_group(capsys.readouterr().out).values()))
-    demo = Path(__file__).parent.parent / "examples/demo.py"
-    run_there = re.findall(r'^    run\("([a-z]+)"', demo.read_text(encoding="utf-8"), re.MULTILINE)
-    assert first == list(dict.fromkeys(run_there))
-
-
-def test_help_has_the_order_of_its_page(capsys):
-    assert cli.main(["--help"]) == 0
-    page = Path(__file__).parent.parent / "docs/command_line.md"
-    tables = re.findall(
-        r"^\| ([^|]+) \| does \| prints \|\n((?:\|.*\n)+)", page.read_text(encoding="utf-8"), re.MULTILINE
-    )
-    on_the_page = {
-        title.lower(): list(dict.fromkeys(re.findall(r"^\| `rodgen ([a-z-]+)", rows, re.MULTILINE)))
-        for title, rows in tables
-    }
-    assert list(commands_by_group(capsys.readouterr().out).items()) == list(on_the_page.items())
-
-
-@pytest.mark.parametrize("command", ["apply", "fit-axis", "derive", "kernels"])
-def test_every_command_has_help(command, capsys):
-    assert cli.main([command, "--help"]) == 0
-    text = capsys.readouterr().out
-    assert "exit codes:" in text
-    assert max(map(len, text.splitlines())) <= 120
 
 
 @pytest.mark.thorough
@@ -353,12 +309,6 @@ def test_interrupt_is_one_line_and_leaves_no_file(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_progress_shows_where_somebody_looks(pairs, capfd, monkeypatch, tmp_path):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    assert cli.main(["apply", "solve_axis", str(pairs), "-o", str(tmp_path / "out.csv")]) == 0
-    assert capfd.readouterr().err.startswith("\rreading")
-
-
 # fit-axis ----------------------------------------------------------------------------------------------
 
 
@@ -465,25 +415,6 @@ def test_plot_survives_degenerate_pairs(rows, tmp_path, capsys):
     assert err == ""
     assert "Axis fitted to 1 pair (" in out
     assert " of 1 pair counts\n" in out
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        (
-            "plot.jpg",
-            "file: a name that does not say what to draw; expected a name that ends in .html, .png, .svg or .pdf",
-        ),
-        (
-            "nowhere/plot.html",
-            "file: cannot be written (No such file or directory); expected a writable place",
-        ),
-    ],
-)
-def test_plot_that_cannot_be_written_is_one_line(name, message, measured_file, tmp_path, capsys):
-    assert cli.main(["fit-axis", str(measured_file), "--plot", str(tmp_path / name)]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err) == ("", f"{tmp_path / name}: {message}{' with room' if 'nowhere' in name else ''}\n")
 
 
 # derive, kernels ---------------------------------------------------------------------------------------
@@ -606,26 +537,6 @@ def test_notebook_needs_a_name_and_a_folder(lens, tmp_path, capsys):
     )
     assert cli.main(["derive", str(lens), "--notebook", str(tmp_path / "nowhere" / "lens.ipynb")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_derivations_show_their_progress_where_somebody_looks(lens, capfd, monkeypatch):
-    assert cli.main(["derive", str(lens)]) == 0
-    quiet = capfd.readouterr()
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    assert cli.main(["derive", str(lens)]) == 0
-    shown = capfd.readouterr()
-    assert quiet.err == ""
-    assert shown.err.startswith("\rderiving")
-    assert shown.out.splitlines()[0] == quiet.out.splitlines()[0]
-
-
-@pytest.mark.thorough
-@pytest.mark.xdist_group("rodrigues")
-def test_derivation_of_the_paper_is_closed_and_finds_its_misprints(capsys):
-    assert cli.main(["derive", "rodrigues"]) == 0
-    out, err = capsys.readouterr()
-    assert ", 0 open;" in out
-    assert err == ""
 
 
 # warnings ----------------------------------------------------------------------------------------------

@@ -10,15 +10,12 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from commands import run, run_process
 
 import rodgen
-from rodgen.calibration.diagnose.summary import headline
 from rodgen.calibration.ladder import ladder
-from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.words import three_digits
 from rodgen.cli import main as cli
 
@@ -181,18 +178,6 @@ def test_cannot_tell_is_an_answer(folder, rodgen_command):
 
 
 @pytest.mark.thorough
-def test_a_fit_that_does_not_converge_ends_with_3(folder, rodgen_command, monkeypatch):
-    monkeypatch.setattr(
-        "rodgen.calibration.solve.least_squares.minimise.__kwdefaults__",
-        {**minimise.__kwdefaults__, "max_iterations": 1},
-    )
-    code, out, err = rodgen_command("diagnose", "mount.toml", "stars.csv", "--json")
-    assert (code, err.count("\n")) == (3, 1)
-    assert "did not converge" in err
-    assert parsed(out)["rows"] == 80
-
-
-@pytest.mark.thorough
 def test_progress_shows_where_somebody_looks_and_nowhere_else(folder, capfd, monkeypatch):
     command = ["diagnose", "mount.toml", "stars.csv", "--json"]
     assert cli.main(command) == 0
@@ -274,18 +259,6 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(with_diagnoses, rodgen_co
     assert err.count("\n") == 1
     assert "; expected " in err
     assert {path.name: path.read_bytes() for path in with_diagnoses.iterdir()} == before
-
-
-def test_both_commands_have_help(rodgen_command):
-    for command, words in (("diagnose", ("--test", "--json", "--only")), ("add", ("--formula", "--hold"))):
-        code, out, _ = rodgen_command(command, "--help")
-        assert code == 0
-        assert "exit codes:" in out
-        assert max(map(len, out.splitlines())) <= 120
-        for word in words:
-            assert word in out
-    text = (EXAMPLES.parent.parent / "docs" / "command_line.md").read_text(encoding="utf-8")
-    assert "`rodgen diagnose MACHINE DATA`" in text
 
 
 # diagnose -o --------------------------------------------------------------------------------------------
@@ -398,24 +371,6 @@ def test_without_plotly_and_what_else_is_not_needed(with_diagnoses):
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert "encoder_eccentricity at C" in done.stdout
-
-
-@pytest.mark.parametrize(
-    ("drivers", "said"),
-    [
-        (["C"], "follows C"),
-        (["t and Y", "Y"], "follows t and Y"),
-        (["A", "C and t"], "follows A, C and t"),
-    ],
-)
-def test_headline_of_a_form_names_each_driver_once_and_a_fall_that_can_be_seen(drivers, said):
-    forms = [SimpleNamespace(driver=driver) for driver in drivers]
-    rms = SimpleNamespace(before=0.0029312, after=0.0028992, unit="mm")
-    found = SimpleNamespace(verdict="unknown_effect", unexplained=forms, steps=(), rms=rms, wrong_bounds="")
-    found.base = SimpleNamespace(weighted=False)
-    assert headline(found) == (
-        f"Something outside the catalogue {said}; the error falls by 1.1 %, from 2.931 to 2.899 um."
-    )
 
 
 def test_sizes_have_the_digits_that_their_uncertainty_leaves(with_diagnoses, rodgen_command):

@@ -520,35 +520,6 @@ def test_many_rows_are_looked_at_in_bounded_memory(bench: Bench) -> None:
 # What comes out
 
 
-def test_dictionary_is_plain_documented_and_agrees_with_the_text(
-    examples: Callable[[str], Comparison],
-) -> None:
-    comparison = examples("gantry_rotary")
-    plain = json.loads(json.dumps(comparison.to_dict(), allow_nan=False))
-    documented = set(re.findall(r"``(\w+)``", str(Comparison.to_dict.__doc__)))
-
-    def keys(value: Any) -> set[str]:
-        if isinstance(value, dict):
-            own = set() if set(value) <= set(comparison.components) else set(value)
-            return own | set().union(*map(keys, value.values()), set())
-        return set().union(*map(keys, value), set()) if isinstance(value, list) else set()
-
-    assert keys(plain) <= documented
-    assert plain["sentences"] == comparison.sentences
-    text = str(comparison)
-    assert text.startswith("\n".join(comparison.sentences))
-    first = plain["depends_on"][0]
-    assert first["covariate"] == "C"
-    assert first["components"] == ["along C"]
-    assert f"C: {100 * first['explained']:.0f} %" in text
-    assert max(plain["worst"]["rows"], key=lambda row: sum(r**2 for r in row["residual"].values()))[
-        "row"
-    ] == int(np.argmax(np.linalg.norm(comparison.fit.residuals, axis=1)))
-    assert not re.search(
-        r"(?<![\w.\-+])[-+]?\d+\.\d+(?! ?(%|mm|deg|arcsec|e-|,| \())(?=[ ;.]+[a-z])", comparison.sentences[0]
-    )
-
-
 @pytest.mark.thorough
 def test_names_of_a_user_s_file_are_drawn_as_they_are(tmp_path: Path) -> None:
     random = np.random.default_rng(1)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -560,20 +559,3 @@ def test_it_is_said_in_a_sentence() -> None:
     how, _ = stars.estimate(stars.white(random) + 2 * stars.wander(random, 0.05))
     assert " arcsec" in how.text
     assert "poses" in how.text
-
-
-@pytest.mark.parametrize(
-    ("time", "timed", "within"),
-    [
-        (118.0, True, "within some 120 seconds"),
-        (7080.0, True, "within some 120 minutes"),
-        (240.0, True, "within some 4.0 minutes"),
-        (118.0, False, "within some 120 poses"),
-        (19.4, False, "within some 19 poses"),
-    ],
-)
-def test_its_numbers_have_two_digits_and_no_exponent(time, timed, within) -> None:
-    poses = SimpleNamespace(duration=1e5, timed=timed)
-    assert correlation._text((151.0, 0.0, 0.0, 0.3, 0.0), "arcsec", time, poses) == (
-        f"The set-up wanders by 0.30 arcsec {within}, in addition to an independent error of 150 arcsec per reading."
-    )

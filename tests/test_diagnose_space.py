@@ -19,7 +19,6 @@ from scipy import stats
 
 from rodgen.calibration.checks.gross import are_neighbours, gross_errors
 from rodgen.calibration.checks.held_out import folds_of_rows
-from rodgen.calibration.diagnose import aliases as _aliases
 from rodgen.calibration.diagnose import search
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
@@ -700,32 +699,6 @@ def test_direct_effects_are_those_that_are_no_products():
 
 
 # what does the same ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("parts", "text"),
-    [
-        ((0, 0, 0), "rival does the same to these readings, exactly."),
-        ((1, 0, 0), "rival, with another X.a, does the same to these readings, exactly."),
-        ((1, -2, 0), "rival, with another X.b and X.a, does the same to these readings, exactly."),
-        (
-            (0, 0, 1),
-            "rival, with another form outside the catalogue, does the same to these readings, exactly.",
-        ),
-    ],
-)
-def test_why_names_the_parameters_and_the_forms_that_the_model_has_by_now(parts, text):
-    model, rival = np.split(np.random.default_rng(0).normal(size=(30, 2, 4)), [3], axis=2)
-    own = rival + (model @ np.array(parts))[:, :, None]  # the third column of the model is that of a form
-    one, other = (
-        SimpleNamespace(columns=c, effect=SimpleNamespace(title=k))
-        for c, k in ((own, "own"), (rival, "rival"))
-    )
-    parameters = [SimpleNamespace(key="X.a"), SimpleNamespace(key="X.b")]
-    sensitivities = SimpleNamespace(fit=SimpleNamespace(parameters=parameters, free=(0, 1)))
-    space = CandidateSpace(model, [one, other], lambda columns: columns)
-    selection = SimpleNamespace(space=space, residual=space.residual(-own[:, :, 0])[0])
-    assert _aliases.why_alike(selection, sensitivities, one, [], [other])[0] == text
 
 
 @pytest.mark.thorough

@@ -5,7 +5,6 @@ The RMS come from the plain simulator with the fitted numbers, and effects that 
 
 from __future__ import annotations
 
-import copy
 import json
 import tomllib
 from functools import cache
@@ -63,78 +62,6 @@ def file_of(name: str) -> dict:
 
 def rows_of(data: Path) -> int:
     return len(data.read_text().splitlines()) - 1
-
-
-# the checks themselves ------------------------------------------------------------------------------------------
-
-FINE = {
-    "verdict": "effects_missing",
-    "rows": 10,
-    "copies": 0,
-    "set_aside": {"rows": 0, "entries": []},
-    "outliers": [2, 7],
-    "exclude": [{"rows": "4, 9", "file": "data.csv", "check": "0123456789ab", "why": "outlier of the diagnosis"}],
-    "rms": {
-        "before": 2.0, "after": 1.0, "before_held_out": 2.1, "after_held_out": None, "noise": None, "unit": "mm",
-    },
-    "steps": [
-        {
-            "effect": "encoder_eccentricity", "joint": "C", "p_value": 1e-300, "p_value_of_all": 1e-299,
-            "rms": 1.0, "rms_held_out": 1.1,
-            "parameters": {"a": {"value": 1.0, "std": 0.1, "unit": "arcsec"}},
-            "indistinguishable_from": [
-                {"effect": "axis_offset", "joint": "C", "chi_square": 3.1, "odds": 0.2, "odds_with_data": 0.1},
-            ],
-            "indistinguishable_pairs": [
-                {"effects": [{"effect": "axis_offset", "joint": "C"}, {"effect": "scale", "joint": "C"}],
-                 "chi_square": 3.1, "odds": 0.2, "odds_with_data": 0.1},
-            ], "meaning": "The disc ...",
-        }
-    ],
-    "unexplained": [],
-    "indistinguishable_sets": [
-        {"steps": [{"effect": "encoder_eccentricity", "joint": "C"}],
-         "effects": [{"effect": "scale", "joint": "C"}], "odds_with_data": 0.1},
-    ],
-    "dependence": {"independent": False, "factor": 1.5, "text": "Successive poses share errors ..."},
-}  # fmt: skip
-MACHINE = {
-    "joint": [{"name": "C"}],
-    "target": [{"name": "b1"}],
-    "measured": {"kind": "point"},
-    "units": {"length": "mm"},
-}
-SPOILT = {
-    "a key too many": lambda d: d.update(note="x"),
-    "verdict": lambda d: d.update(verdict="fine"),
-    "a set of what is no step": lambda d: d["indistinguishable_sets"][0]["steps"][0].update(effect="scale"),
-    "steps with nothing_missing": lambda d: d.update(verdict="nothing_missing"),
-    "a row that is none": lambda d: d["outliers"].append(10),
-    "a name that is none": lambda d: d["steps"][0].update(effect="eccentricity"),
-    "a joint that is none": lambda d: d["steps"][0].update(joint="B"),
-    "a target's effect at a joint": lambda d: d["steps"][0].update(effect="target_offset"),
-    "p of zero": lambda d: d["steps"][0].update(p_value=0.0),
-    "no number": lambda d: d["rms"].update(before=float("nan")),
-    "unit": lambda d: d["rms"].update(unit="arcsec"),
-    "independent readings with larger deviations": lambda d: d["dependence"].update(independent=True),
-    "a step that is not in after": lambda d: d["rms"].update(after=0.5),
-    "its own alias": lambda d: d["steps"][0]["indistinguishable_from"].append(
-        {"effect": "encoder_eccentricity", "joint": "C"}
-    ),
-    "no form": lambda d: d.update(verdict="unknown_effect"),
-    "no reason": lambda d: d.update(verdict="cannot_tell"),
-}
-
-
-def test_the_check_finds_nothing_in_what_is_fine():
-    assert format_errors(FINE, MACHINE, 10, NAMES) == []
-
-
-@pytest.mark.parametrize("what", SPOILT)
-def test_the_check_finds_what_is_spoilt(what):
-    found = copy.deepcopy(FINE)
-    SPOILT[what](found)
-    assert format_errors(found, MACHINE, 10, NAMES)
 
 
 # diagnoses ------------------------------------------------------------------------------------------------------

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
-from made_diagnoses import mount, table
+from made_diagnoses import mount
 
-from rodgen.calibration.diagnose.assemble import _sharper_than_estimates
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
-from rodgen.calibration.diagnose.summary import at_reach, far_from_usual, odds
+from rodgen.calibration.diagnose.summary import at_reach, far_from_usual
 from rodgen.calibration.fitted import Estimate
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.output.report import report_page
@@ -98,34 +96,3 @@ def test_of_many_effects_that_do_the_same_the_likeliest_are_explained_and_the_ot
     assert lines[0].startswith("- gravity_windup at EL does the same.")
     assert [line.split()[1] for line in lines[:4]] == list(names[:1:-1])
     assert lines[4] == "- nor from scale at EL and backlash at EL."
-
-
-def test_odds_that_the_data_do_not_change_are_said_once():
-    effect = arm().effect("scale", "J1")
-    assert (
-        odds(Alias((effect,), "", 0.0, 1.0, 0.9))
-        == "It is as likely, before these data as well as with them."
-    )
-    assert odds(Alias((effect,), "", 0.0, 1 / 9, 0.5)).endswith(
-        "less likely by 9 to 1, with them less likely by 2 to 1."
-    )
-
-
-def test_the_columns_of_errors_are_below_their_titles_where_names_are_short():
-    lines = replace(table(hidden=()), verdict="nothing_missing").summary().splitlines()
-    at = next(i for i, line in enumerate(lines) if line.startswith("rms in "))
-    assert lines[at + 1].startswith("as it is")
-    assert lines[at].index("held out") + len("held out") == len(lines[at + 1])
-
-
-@pytest.mark.parametrize(
-    ("p", "by_estimates", "said"),
-    [(1e-9, 8e-4, True), (1e-4, 8e-4, False), (1e-15, 1e-9, False)],  # both are beyond doubt
-)
-def test_a_p_that_is_smaller_than_an_estimate_and_its_standard_deviation_say_is_explained(
-    p, by_estimates, said
-):
-    step = replace(found(arm(), "scale", k=(1.4e-5, 4.3e-6, "")), p_value=p)
-    note = _sharper_than_estimates([step], SimpleNamespace(significance=lambda effect: by_estimates))
-    assert note.startswith("p of scale at J1 is far smaller than the standard deviations say") == said
-    assert bool(note) == said

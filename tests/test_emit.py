@@ -11,7 +11,6 @@ import contextlib
 import csv
 import ctypes
 import importlib.util
-import inspect
 import itertools
 import os
 import re
@@ -32,17 +31,16 @@ import numpy as np
 import pytest
 from code_tokens import ANY_NAME, code_of, python_code
 from hypothesis import strategies as st
-from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file, unit
-from machine_simulator import Simulated, rotation
+from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file
+from machine_simulator import Simulated
 from scipy.io import loadmat, savemat
 
 from conftest import C_WARNINGS, CPP_WARNINGS
 from rodgen.calibration.fit import fit
-from rodgen.cli import main as cli
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import write_files
-from rodgen.machines.emit import FORMS, emit
+from rodgen.machines.emit import emit
 from rodgen.machines.emit._content import Content, _even, content_of
 from rodgen.machines.emit._render import render
 from rodgen.machines.emit._scope import scope_of
@@ -540,19 +538,6 @@ def test_header_serves_cxx(every, compiler, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_sanitizers_find_nothing(every, compiler, tmp_path):
-    flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
-    (tmp_path / "probe.c").write_text("int main(void) { return 0; }\n")
-    probe = [compiler, *flags, str(tmp_path / "probe.c"), "-o", str(tmp_path / "probe")]
-    if subprocess.run(probe, capture_output=True, check=False).returncode:
-        pytest.skip(f"{compiler} has no sanitizers")
-    sources = [str(every("arm").folder / f"device{x}.c") for x in ("", "_test")]
-    subprocess.run([compiler, *C_WARNINGS, *flags, *sources, "-o", str(tmp_path / "run"), "-lm"], check=True)
-    environment = {**os.environ, "ASAN_OPTIONS": "detect_leaks=0"}
-    done = subprocess.run([tmp_path / "run"], capture_output=True, text=True, env=environment, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
 # what they compute ----------------------------------------------------------------------------------------------
 
 
@@ -729,32 +714,6 @@ def test_where_targets_are_mounted_is_not_corrected(tmp_path):
     assert (status == device.CONVERGED).all()
     assert np.abs(corrected - (o.q + 40 * ARCSEC * o.s)).max() < 1e-9
     assert distance.max() < 1e-6
-
-
-def test_effect_that_was_added_to_a_rotary_table_is_corrected(compiler, tmp_path):
-    """From the file that `rodgen add` writes to the C: a table reaches what its axis allows, and says so."""
-    folder = Path(__file__).parent.parent / "examples" / "machines" / "rotary_table"
-    machine, data, better = folder / "machine.toml", str(folder / "data.csv"), tmp_path / "better.toml"
-    assert cli.main(["add", str(machine), "backlash", "--joint", "C", "-o", str(better)]) == 0
-    assert cli.main(["emit", str(better), data, "--lang", "c", "-o", str(tmp_path)]) == 0
-    fitted = fit(Machine.load(better), Measurements.load(data))
-    o, c = fitted.observations, Compiled(compiler, tmp_path, "rotary_table_with_a_ring_of_balls")
-    ideal = np.empty((o.n, 3))
-    for q, target, place in zip(o.q.copy(), o.target, ideal, strict=True):
-        c.function("ideal")(c.at(q), int(target), c.at(place))
-    side = {"s": o.s.astype(float)}
-    _, status, distance = c.compensate(ideal, o.q, o.target, side)
-    assert set(status.tolist()) <= {0, 1}  # CONVERGED, NEAREST
-    assert (distance <= np.linalg.norm(c.forward(o.q, o.target, side) - ideal, axis=1)).all()
-    # a ball stays on its circle about the fitted axis: what differs in radius and height is left
-    model, theta = fitted.problem.model, fitted.solution.theta
-    axis, point = model.axis(theta, 0)[0], model.point(theta, 0)
-
-    def circle(places: np.ndarray) -> np.ndarray:
-        return np.stack([np.linalg.norm(np.cross(places - point, axis), axis=1), (places - point) @ axis])
-
-    at_zero = c.forward(0 * o.q, o.target, {"s": 0 * o.s})
-    assert np.abs(distance - np.linalg.norm(circle(ideal) - circle(at_zero), axis=0)).max() < 1e-5
 
 
 def test_travel_is_never_left_and_its_end_is_reported(tmp_path):
@@ -1293,14 +1252,6 @@ def test_other_languages_are_an_error(tmp_path):
         emit(table(), "rust", tmp_path)
 
 
-def test_docstrings_list_the_forms_and_options_that_there_are():
-    listed = re.search(r"lang : \{(.*?)\}", Machine.emit.__doc__)[1]
-    assert re.findall(r'"(\w+)"', listed) == list(FORMS)
-    assert set(re.findall(r'``"(\w+)"``', emit.__doc__)) == set(FORMS)
-    options = [name for name, p in inspect.signature(emit).parameters.items() if p.kind is p.KEYWORD_ONLY]
-    assert re.findall(r"``(\w+)``", Machine.emit.__doc__) == options
-
-
 def test_nothing_is_left_of_files_that_cannot_all_be_written(tmp_path):
     """One of the two MATLAB files is in a folder of its own."""
     (tmp_path / "t1_test.m").mkdir()
@@ -1344,41 +1295,3 @@ def test_weights_at_later_joints_that_the_data_did_not_call_for_are_none(tmp_pat
     assert "effect0_k = " in text
     assert "effect0_k2 = " not in text
     assert "effect0_p" not in text
-
-
-def test_folder_is_complete_or_not_there(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputFileError, match="no folder can be made"):
-        emit(table(), "c", tmp_path / "file" / "below")
-    (tmp_path / "half" / "rotary_table.h").mkdir(parents=True)
-    (tmp_path / "half" / "rotary_table.c").write_text("mine")
-    with pytest.raises(InputFileError, match=r"rotary_table\.h"):
-        emit(table(), "c", tmp_path / "half", force=True)
-    assert (tmp_path / "half" / "rotary_table.c").read_text() == "mine"
-    assert sorted(p.name for p in (tmp_path / "half").iterdir()) == ["rotary_table.c", "rotary_table.h"]
-
-    def full(self: Path, *_: Any, **__: Any) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("rodgen.files.os.replace", full)
-    with pytest.raises(InputFileError, match="No space left"):
-        emit(table(), "c", tmp_path / "deep" / "new")
-    assert not (tmp_path / "deep").exists()
-
-
-def test_rotation_of_the_simulator_is_meant(every):
-    """The references of the emitted tests are the machine's, not a copy of the code under test: one by hand."""
-    values = every("table").values
-    q = 0.8
-    angle = (
-        q
-        + values["C.encoder_ellipticity.a"] * np.cos(2 * q)
-        + values["C.encoder_ellipticity.b"] * np.sin(2 * q)
-    )
-    up = sum(
-        values[f"C.axial_error_motion.{n}"] * f(k * q)
-        for n, f, k in (("c1", np.cos, 1), ("s1", np.sin, 1), ("c2", np.cos, 2), ("s2", np.sin, 2))
-    )
-    place = loaded(every("table").folder).forward([q])
-    assert np.allclose(place, rotation([0, 0, angle]) @ [100, 0, 0] + [0, 0, up], atol=1e-12)
-    assert np.allclose(unit(place), place / np.linalg.norm(place))

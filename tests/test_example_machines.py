@@ -74,12 +74,6 @@ def test_files_are_small_fit_together_and_do_not_tell(name: str) -> None:
     } & {*text.lower().split()}
 
 
-def test_telescope_s_figures_come_with_their_licence() -> None:
-    licence = (EXAMPLES / "mount" / "SOURCE.txt").read_text(encoding="utf-8")
-    assert "BSD-3-Clause" in licence
-    assert "Copyright 2021 T. E. Pickering" in licence
-
-
 FOUND_BY: dict[
     str, dict[str, float]
 ] = {  # start values of what ANSWERS.md names, in units of the machine file

@@ -48,39 +48,6 @@ def groups(found) -> list[set[tuple[str, str | None]]]:
     ]
 
 
-# the seal -------------------------------------------------------------------------------------------------------
-
-
-def test_the_truth_opens_only_for_a_finished_diagnosis():
-    case = hidden("mount", 1, [("refraction", None)])
-    for early in ({}, {"verdict": None}, {"verdict": "soon"}):
-        with pytest.raises((KeyError, ValueError)):
-            case.sealed.open(early)
-    assert not case.sealed.opened
-    assert "refraction" not in repr(case) + repr(case.sealed)
-    assert case.sealed.open({"verdict": "nothing_missing"}).effects == (("refraction", None),)
-    assert case.sealed.opened
-
-
-def test_what_the_base_fit_absorbs_cannot_hide():
-    with pytest.raises(UnhiddenError):
-        hidden("rotary_table", 1, [("axis_tilt", "C")])
-
-
-@pytest.mark.parametrize("bench", ["rotary_table", "mount", "ballbar"])
-def test_an_effect_raises_the_error_by_what_was_asked_for(bench, tmp_path):
-    title = {"rotary_table": ("backlash", "C"), "mount": ("refraction", None), "ballbar": ("scale", "Y")}[
-        bench
-    ]
-    rms = []
-    for n, effects in enumerate(([], [title])):
-        # the same seed: the same plan, machine and noise
-        machine, data = hidden(bench, 5, effects, raises=2.0).write(tmp_path / str(n))
-        rms.append(fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).rms)
-    # noise and effect are not quite orthogonal in a hundred readings
-    assert rms[1] / rms[0] == pytest.approx(2.0, rel=0.2)
-
-
 # effects of the catalogue -----------------------------------------------------------------------------------------
 
 QUICK = [
@@ -307,90 +274,7 @@ def test_the_command_tells_people_the_same(tmp_path, capsys):
     assert truth.effects[0][0] in text
 
 
-# the study ----------------------------------------------------------------------------------------------------------
-
-
-@slow
-def test_the_study_goes_on_where_it_was_and_prints_its_table(tmp_path, capsys, monkeypatch):
-    import run
-
-    monkeypatch.setattr(run, "digest", lambda: "test")  # somebody may be editing
-    monkeypatch.setattr(sys, "stderr", sys.__stderr__)
-    arguments = ["-n", "1", "--no-peers", "--only", "outside: RMS x 2", "--out", str(tmp_path)]
-    assert run.main(arguments) == 0
-    first = capsys.readouterr().out
-    assert "RMS x 2: recognised as such" in first
-    records = json.loads((tmp_path / "results.json").read_text())
-    assert len(records) == 1
-    assert run.main(arguments) == 0
-    assert json.loads((tmp_path / "results.json").read_text()) == records
-
-
-@slow
-def test_machines_as_they_are_met_are_judged_by_what_their_readings_show(tmp_path, capsys, monkeypatch):
-    import run
-
-    monkeypatch.setattr(run, "digest", lambda: "test")
-    monkeypatch.setattr(sys, "stderr", sys.__stderr__)
-    for kind in ("altaz", "trunnion"):
-        assert run.main(["-n", "1", "--no-peers", "--only", f"real {kind}", "--out", str(tmp_path)]) == 0
-    assert "Machines as they are met" in capsys.readouterr().out
-    (record,) = json.loads((tmp_path / "results.json").read_text())
-    assert {"false", "missed", "plausible", "further", "impossible"} <= set(record)
-
-
-def test_a_step_answers_for_one_true_effect_and_one_only():
-    from judge_real import matched
-
-    a, b, c = ("scale", "X"), ("scale", "Y"), ("scale", "Z")
-    equal = {t: {t} for t in (a, b, c)}
-    assert matched([{a}, {b}], equal) == {0: a, 1: b}
-    assert matched([{a, b}], {a: {a}, b: {b}}) == {0: a}
-    # an alias gives way to an effect that has no other step
-    assert matched([{a, b}, {a}], {a: {a}, b: {b}}) == {0: b, 1: a}
-
-
-def test_what_shows_is_what_a_test_at_one_percent_finds_99_times_of_100():
-    from real_machines import KINDS, _seen
-    from scipy import stats
-
-    kind, random = KINDS["altaz"], np.random.default_rng(1)
-    b, title = kind.bench(random), ("encoder_eccentricity", "AZ")
-
-    def keys(size: float) -> dict[str, float]:
-        return {"AZ.encoder_eccentricity.a": size, "AZ.encoder_eccentricity.b": -0.5 * size}
-
-    def shows(size: float) -> bool:
-        return bool(_seen(b, kind, {title: keys(size)}, {title: (title,)}, "", {3})[0])
-
-    low, high = 1e-5, 1e-3
-    assert not shows(low)
-    for _ in range(8):
-        middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if shows(middle) else (middle, high)
-    change = b.difference(b.measure(keys(high)), b.measure({}))
-    base, own = b.derivatives(b.base), b.derivatives(list(keys(0)))
-    noise = b.sigma * random.normal(size=(500, len(change)))  # across and along a direction: as large
-    good = np.repeat(np.arange(len(b.q)) != 3, 3)
-
-    def left(columns):
-        u = np.linalg.svd(columns[good], full_matrices=False)[0]
-        y = (noise + change)[:, good]
-        return ((y - y @ u @ u.T) ** 2).sum(1) / b.sigma**2
-
-    fall = left(base) - left(np.concatenate([base, own], 1))
-    assert shows(high)
-    found = (fall > stats.chi2.isf(0.01 / len(kind.usual), 2)).mean()
-    assert 0.97 < found < 1.0
-
-
-def test_intervals_of_the_study_are_those_of_clopper_and_pearson():
-    from table import interval
-
-    # exact values, as R's binom.test gives them
-    assert interval(3, 100) == pytest.approx((0.006229972, 0.085176053), abs=1e-8)
-    assert interval(0, 60) == pytest.approx((0.0, 0.05962949), abs=1e-7)
-    assert interval(60, 60)[1] == 1.0
+# machines as they are met -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.thorough

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -32,15 +31,6 @@ def error_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     assert out == ""
     assert err.count("\n") == 1
     return err
-
-
-def test_a_larger_file_is_not_read(tmp_path: Path) -> None:
-    file = tmp_path / "large.toml"
-    file.write_text("#" * 1_000_001)
-    with pytest.raises(InputFileError, match="more than 1 MB"):
-        toml.read_text(str(file))
-    file.write_text("#" * 1_000_000)
-    assert len(toml.read_text(str(file))) == 1_000_000
 
 
 def test_more_cells_than_the_limit_are_not_kept(
@@ -84,15 +74,6 @@ def test_dots_in_texts_are_no_key() -> None:
 def test_texts_that_are_nearly_keys_are_read_soon(text: str) -> None:
     with pytest.raises(InputFileError):
         toml.parse(text * (900_000 // len(text)), "m.toml")
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [("a = " + "[" * 5000, "nested too deep"), ("a = " + "9" * 5000, "a number of thousands of digits")],
-)
-def test_a_text_that_harms_a_reader_of_toml_is_refused(text: str, expected: str) -> None:
-    with pytest.raises(InputFileError, match=expected):
-        toml.parse(text, "m.toml")
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no endless device")
@@ -158,21 +139,6 @@ def test_a_truth_with_missing_keys_is_refused(
     assert "no whole truth of a simulation" in error_of(capsys, "simulate", "--open", str(file), *how)
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full device")
-@pytest.mark.parametrize("option", ["--version", "--help"])
-def test_a_full_device_is_one_line(option: str) -> None:
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "rodgen", option],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
-    assert done.returncode == 2
-    assert re.fullmatch(r"standard output: file: cannot be written \(.*\); expected .*\n", done.stderr)
-
-
 @pytest.mark.thorough
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full device")
 def test_a_full_device_tells_which_files_are_complete(tmp_path: Path) -> None:
@@ -201,21 +167,6 @@ def test_characters_that_a_terminal_obeys_are_written_out(capsys: pytest.Capture
     show("run a\x1b[2J\r\u202e\tb\nα")
     notify("run \x9b2J")
     assert capsys.readouterr() == ("run a\\x1b[2J\\r\\u202e\tb\nα\n", "run \\x9b2J\n")
-
-
-def test_emitted_code_replaces_no_file_of_others(tmp_path: Path) -> None:
-    machine = Machine(
-        "Rotary table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
-        (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"),
-    )  # fmt: skip
-    first = machine.emit("c", tmp_path, name="main")
-    assert machine.emit("c", tmp_path, name="main") == first
-    (tmp_path / "main.c").write_text("int main(void) { return 0; }\n")
-    (tmp_path / "main.h").unlink()
-    with pytest.raises(InputFileError, match=r"main\.c: file: stands there, and rodgen did not write it"):
-        machine.emit("c", tmp_path, name="main")
-    assert not (tmp_path / "main.h").exists()
-    assert machine.emit("c", tmp_path, name="main", force=True) == first
 
 
 # compilers ---------------------------------------------------------------------------------------------

@@ -105,26 +105,6 @@ def path_through(library, machine):
     return [np.linalg.norm(places(machine, design(at)) - wanted, axis=1) for at in (q, joints[:, :5])]
 
 
-@pytest.mark.thorough("m")
-@pytest.mark.skipif(not shutil.which("gcc"), reason="no gcc")
-@pytest.mark.parametrize("length", ["mm", "m"])
-def test_kinematics_for_linuxcnc_correct_a_path(tmp_path, length):
-    (path,) = five_axes(length).emit("linuxcnc", tmp_path)
-    assert path.name == "gantrykins.comp"
-    for name, text in HEADERS.items():
-        (tmp_path / name).write_text(text)
-    head, _, code = path.read_text().partition("\n;;\n")
-    assert "Joints 0 to 4 are X, Y, Z, A, C." in head
-    assert "  COORDINATES = XYZAC\n  LINEAR_UNITS = mm\n  ANGULAR_UNITS = degree\n" in head
-    assert "trivkins coordinates=XYZAC" in head
-    (tmp_path / "kins.c").write_text(code)
-    flags = ["-std=gnu11", "-O1", "-Wall", "-Werror", "-fPIC", "-shared", f"-I{tmp_path}"]
-    subprocess.run(["gcc", *flags, tmp_path / "kins.c", "-o", tmp_path / "kins.so", "-lm"], check=True)
-    before, after = path_through(ctypes.CDLL(str(tmp_path / "kins.so")), five_axes(length))
-    assert before.max() > 0.1
-    assert after.max() < 1e-8
-
-
 @pytest.mark.skipif(
     not shutil.which("halcompile"), reason="no halcompile: linuxcnc-uspace-dev is not installed"
 )

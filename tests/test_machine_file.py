@@ -328,28 +328,6 @@ def test_zenith_angle_and_azimuth_are_words_where_directions_are_measured() -> N
         load(GANTRY + SKY.format("", "arcsec"))
 
 
-def test_description_is_short() -> None:
-    text = GANTRY + "".join(f'[[target]]\nname = "extra {i}"\npoint = [{i}, 0, 0.5]\n' for i in range(3))
-    assert load(text).describe().splitlines() == [
-        "Gantry with a rotary C axis (mm, deg)",
-        "  X  prismatic along [1, 0, 0], travel 0 to 800 mm",
-        "  C  revolute about [0, 0, 1] through [1.5, 0, 0], travel -180 to 180 deg",
-        "targets: ball_1 [120, 0, 40], ball_2 [-40, 85, 10], extra 0 [0, 0, 0.5], extra 1 [1, 0, 0.5], and 1 more",
-        "measured: point in machine axes, noise 0.002 mm",
-        "estimated: C.axis, C.point, X.axis",
-        "effects: encoder_eccentricity at C (b = 1800 arcsec held), coupling_windup at C",
-    ]
-    assert load(MOUNT).describe().splitlines()[1:] == [
-        "  AZ     revolute about [0, 0, -1], travel 0 to 1.296e+06 arcsec",
-        "  EL     revolute about [1, 0, 0]",
-        "  focus  prismatic along [0, 1, 0]",
-        "targets: boresight [0, 0.6, 0.8]",
-        "measured: direction in a free frame, noise 2 arcsec",
-        "estimated: nothing but the effects",
-        "effects: none",
-    ]
-
-
 # what is wrong with a file -------------------------------------------------------------------------------------------
 
 TAIL = 'meaning    = "The coupling winds up under load."\n'
@@ -1016,56 +994,6 @@ def test_effect_is_added_after_the_others_and_taken_away_again() -> None:
     smaller = larger.without_effect("backlash", "C")
     assert smaller.effects == machine.effects
     assert smaller.values == {"C.axis.a": 2.0}
-
-
-@pytest.mark.parametrize(
-    ("name", "place", "hold", "message"),
-    [
-        (
-            "backlsh",
-            "C",
-            {},
-            "machine.toml: backlsh at C: no effect 'backlsh' in the catalogue; expected 'backlash', ",
-        ),
-        (
-            "backlash",
-            "Q",
-            {},
-            "machine.toml: backlash at Q: no joint or target 'Q'; expected 'X', 'C', 'ball_1' or ",
-        ),
-        (
-            "backlash",
-            None,
-            {},
-            "machine.toml: backlash: missing; expected a prismatic or revolute joint: 'X' or 'C'",
-        ),
-        (
-            "backlash",
-            "C",
-            {"c": 1},
-            "machine.toml: backlash at C, hold.c: no parameter of backlash; expected 'b'",
-        ),
-        (
-            "backlash",
-            "ball_1",
-            {},
-            "machine.toml: backlash at ball_1: 'ball_1', but backlash acts on a joint; ",
-        ),
-        (
-            "axis_tilt",
-            "C",
-            {},
-            "machine.toml: axis_tilt at C: axis_tilt at C, the same freedom as 'C.axis' in ",
-        ),
-    ],
-)
-def test_effect_that_cannot_be_added_says_why(
-    name: str, place: str | None, hold: dict[str, float], message: str
-) -> None:
-    machine = load(GANTRY)
-    with pytest.raises(InputFileError) as caught:
-        machine.with_effect(machine.effect(name, place, hold=hold))
-    assert str(caught.value).startswith(message)
 
 
 def test_unknown_names_are_an_error() -> None:

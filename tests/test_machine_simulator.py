@@ -24,8 +24,6 @@ from machine_simulator import (
     lagged,
     loaded_bridge,
     play,
-    random_set_ups,
-    random_walk,
     rotation,
     true_angle,
 )
@@ -141,23 +139,6 @@ def test_distance_is_from_its_point() -> None:
     of = table(measured={"kind": "distance", "from": [100, 3, 4]})
     assert close(Simulated(of).measure([[0]]), [[5]])
     assert close(Simulated(of, {"instrument_scale.k": 0.01}).measure([[0]]), [[5.05]])
-
-
-def test_keys_that_mean_nothing_are_errors() -> None:
-    for key in (
-        "C.squareness.a",
-        "p1.target_offset.x",
-        "gravity_windup.k",
-        "C",
-        "C.qx.a",
-        "warm_up_drift[2].x",
-    ):
-        with pytest.raises(KeyError):
-            Simulated(table(), {key: 1.0})
-    with pytest.raises(TypeError):
-        Simulated(table(), {"C.scale.a": 1.0}).measure([[0]])
-    with pytest.raises(ValueError, match="needs T"):
-        Simulated(table(), {"C.thermal_offset.k": 1.0}).measure([[0]])
 
 
 # Axes and points
@@ -699,68 +680,6 @@ def test_lag_of_a_temperature_step_and_ramp() -> None:
 
 
 # Noise, set-ups, files
-
-
-def test_noise_and_outliers_have_their_size(rng: np.random.Generator) -> None:
-    rows = np.zeros((20000, 2))
-    telescope = Simulated(mount())
-    clean = telescope.measure(rows)
-    noisy = telescope.with_noise(clean, arcsec(10), rng)
-    assert close(np.linalg.norm(noisy, axis=1), 1)
-    # standard deviation of a standard deviation: 1 / sqrt(2 n) = 0.5 %
-    assert np.allclose(noisy.std(axis=0)[[0, 2]], np.radians(arcsec(10)), rtol=0.03)
-    point = Simulated(table())
-    clean = point.measure(np.zeros((20000, 1)))
-    assert np.allclose(
-        (point.with_noise(clean, [0.1, 0.2, 0.3], rng) - clean).std(axis=0), [0.1, 0.2, 0.3], rtol=0.03
-    )
-    wrong = point.with_outliers(clean, [3, 7], 0.5, rng) - clean
-    assert close(np.linalg.norm(wrong[[3, 7]], axis=1), 0.5)
-    assert np.count_nonzero(wrong.any(axis=1)) == 2
-    wrong = telescope.with_outliers(telescope.measure(rows), [0], 1.0, rng)[0]
-    assert wrong @ [0, 1, 0] == pytest.approx(np.cos(np.radians(1)))
-
-
-def test_random_set_ups_and_walks_are_effects(rng: np.random.Generator) -> None:
-    shifts = random_set_ups([1, 2, 3], 0.1, 0.01, rng)
-    assert {key.split(".")[0] for key in shifts} == {"frame_shift[2]", "frame_shift[3]"}
-    change = moved(table(), shifts, [[0]] * 3, run=[1, 2, 3])
-    assert close(change[0], 0)
-    assert change[1:].any()
-    t = np.arange(2000.0)
-    walk = moved(table(), random_walk(t, 0.5, rng), np.zeros((2000, 1)), t=t)
-    assert np.allclose(np.diff(walk, axis=0).std(axis=0), 0.5, rtol=0.1)  # 1 / sqrt(2 n) = 1.6 %
-
-
-def test_measurement_file_has_the_format(tmp_path: Path) -> None:
-    of = machine(joint("X", "prismatic", X), joint("C", "revolute", Z))
-    simulated = Simulated(of)
-    q = np.array([[1.5, 90], [2, 45]])
-    conditions: dict[str, Any] = {
-        "target": ["p0", "p0"],
-        "s": [[1, -1], [1, -1]],
-        "v": [[0, 2.5], [0, 2.5]],
-        "t": [0, 1],
-        "temperature": {"C": [20.5, 21.0]},
-        "load": [0, 10],
-        "run": [1, 2],
-        "covariates": {"flow [l/min]": [1.0, 2.0]},
-    }
-    path = tmp_path / "data.csv"
-    reading = simulated.measure(q, **conditions)
-    simulated.write_csv(path, q, reading, uncertainty=0.002, decimals={"dir": 0, "q": 2}, **conditions)
-    with path.open(encoding="utf-8", newline="") as file:
-        header, first, _ = csv.reader(file)
-    assert header == (
-        "X [mm],C [deg],target,x [mm],y [mm],z [mm],u_x [mm],u_y [mm],u_z [mm],dir_X,dir_C,v_X [mm/s],v_C [deg/s],"
-        "t [s],T_C [degC],load [N],run,flow [l/min]"
-    ).split(",")
-    assert first[:3] == ["1.50", "90.00", "p0"]
-    assert [float(x) for x in first[3:6]] == reading[0].tolist()
-    assert first[9:13] == ["1", "-1", "0", "2.5"]
-    telescope = Simulated(mount())
-    telescope.write_csv(path, q, telescope.measure(q), decimals={"reading": 11})
-    assert path.read_text(encoding="utf-8").startswith("AZ [deg],EL [deg],ux,uy,uz\n1.5,90,0.0")
 
 
 # Real data, fitted by SciPy

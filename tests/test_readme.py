@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 import textwrap
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -58,16 +57,10 @@ def test_examples_print_what_the_page_says(page: str, emitted: bool, mount: Path
     examples = re.findall(r"```python\n(.*?)```\s+prints\s+```text\n(.*?)```", text, re.DOTALL)
     assert len(examples) == text.count("```python") == 1
     for code, output in examples:
-        assert len([line for line in code.splitlines() if line]) <= 12  # ten lines of use, and imports
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         assert done.stdout == output
     assert len(list(mount.glob("build/*"))) == (3 if emitted else 0)
-
-
-def test_machine_of_the_readme_is_that_of_the_demo() -> None:
-    machine = re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1]
-    assert tomllib.loads(machine) == tomllib.loads((MOUNT / "machine.toml").read_text(encoding="utf-8"))
 
 
 @pytest.mark.thorough
@@ -81,10 +74,6 @@ def test_diagnosis_of_the_readme_is_what_the_command_prints(
     places = [shown.find(part) for part in parts]
     assert len(parts) == 2
     assert -1 < places[0] < places[1]
-
-
-def test_readme_is_short() -> None:
-    assert len(README.splitlines()) <= 95
 
 
 @pytest.mark.slow

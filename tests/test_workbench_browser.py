@@ -312,22 +312,6 @@ def test_everything_is_reached_and_done_by_keyboard(files, serve, opened):
     assert Session.load(files[0].with_name("machine.rodgen")).at == 0
 
 
-def test_a_wrong_sign_is_told_at_once_and_mended_by_one_click(files, serve, opened):
-    text = files[0].read_text()
-    files[0].write_text(text.replace("axis = [0, 0, -1]", "axis = [0, 0, 1]"))
-    page = opened(serve(*files).address)
-    page.get_by_text("This looks like a wrong file").wait_for()
-    picture(page, "wrong")
-    page.get_by_role("button", name=re.compile("^Mend: ")).first.click()
-    page.get_by_text("Error 2.71 arcsec").wait_for()
-    page.get_by_role("region", name="A wrong file").wait_for(state="hidden")
-    page.get_by_label("Keep").click()
-    page.get_by_label("Machine file", exact=True).fill("right.toml")
-    page.get_by_label("Write: Machine file").click()
-    page.get_by_text("right.toml is written").wait_for()
-    assert files[0].with_name("right.toml").read_text() == text
-
-
 def test_names_with_markup_and_quotes_are_text(files, serve, opened):
     evil = """<img src=x onerror="document.title='owned'"> "q" 'r' </h1><script>document.title='owned'</script>"""
     text = files[0].read_text().replace('"Alt-azimuth mount of a telescope"', f"'''{evil}'''")
@@ -386,15 +370,6 @@ def test_the_server_ends_as_other_commands_do(files, serve):
         assert server.process.returncode == code
 
 
-def test_two_windows_show_one_session(files, serve, opened):
-    address = serve(*files).address
-    one, two = opened(address), opened(address)
-    one.get_by_label("Add tube_flexure").click()
-    two.get_by_text("Error 0.969").wait_for()
-    two.get_by_label("Undo").click()
-    one.get_by_text("Error 2.711").wait_for()
-
-
 def test_without_files_examples_and_dropped_files_are_opened(files, serve, opened):
     server = serve()
     page = opened(server.address)
@@ -415,26 +390,6 @@ def test_without_files_examples_and_dropped_files_are_opened(files, serve, opene
     again = opened(serve().address)
     again.get_by_label("Open the example trunnion").click()
     again.get_by_text("on poses held out").wait_for()
-
-
-def test_templates_and_imports_are_opened(files, serve, opened):
-    page = opened(serve().address)
-    page.get_by_label("Begin with the machine file").click()
-    text = page.get_by_label("Machine file alt-azimuth.toml")
-    text.wait_for()
-    picture(page, "template")
-    text.fill(files[0].read_text().replace("[0, 0, -1]", "[0, 0]"))
-    page.get_by_text("expected 3 numbers").or_(page.get_by_text("expected three numbers")).wait_for()
-    text.fill(files[0].read_text())
-    page.get_by_text("AZ revolute about [0, 0, -1]").wait_for()
-    strange = files[1].read_bytes().replace(b"AZ [deg]", b"Rotation [deg]", 1)
-    drop = page.locator("input[type=file]")
-    drop.set_input_files([{"name": "stars.csv", "mimeType": "text/csv", "buffer": strange}])
-    page.get_by_text("no column of joint AZ").wait_for()
-    page.get_by_text("What the files leave open").click()
-    page.get_by_label("Columns of a table").fill("AZ=Rotation")
-    page.get_by_label("Open the dropped files").click()
-    page.get_by_text("Error 2.71 arcsec").wait_for()
 
 
 def test_what_is_kept_is_written_and_downloaded(files, serve, opened, tmp_path):
@@ -465,32 +420,3 @@ def test_what_is_kept_is_written_and_downloaded(files, serve, opened, tmp_path):
     page.get_by_text("a name without a folder").wait_for()
     picture(page, "keep")
     assert not (tmp_path.parent / "elsewhere").exists()
-
-
-def test_plots_of_further_kinds_and_the_plan(files, serve, opened):
-    page = opened(serve(*files).address)
-    page.get_by_label("Add refraction").wait_for()
-    for tab in ("In space", "Polar"):
-        page.get_by_role("tab", name=tab).click()
-        page.wait_for_timeout(1500)
-        picture(page, tab.lower().replace(" ", "_"))
-    page.get_by_role("tab", name="Map").click()
-    page.get_by_text("20,000 times as long").or_(page.get_by_text("10,000 times as long")).wait_for()
-    slider = page.get_by_role("slider")
-    slider.focus()
-    for _ in range(4):
-        slider.press("PageUp")
-    page.get_by_text("10,000 times as long").wait_for()
-    page.get_by_role("button", name="Plan", exact=True).click()
-    page.get_by_label("Constraints, or empty").fill("[limits]\nEL = [30, 60]")
-    page.get_by_label("Make the plan").click()
-    page.get_by_text("Planned readings, which have no residual yet").wait_for()
-    page.get_by_label("Discard the plan").wait_for()
-    with page.expect_download() as started:
-        page.get_by_label("Download the plan as a table").click()
-    assert started.value.path().read_text().startswith("AZ [deg],EL [deg]")
-    page.evaluate("scrollTo(0, 0)")
-    page.wait_for_timeout(500)
-    picture(page, "plan")
-    page.get_by_label("Discard the plan").click()
-    page.get_by_text("Planned readings, which have no residual yet").wait_for(state="hidden")
