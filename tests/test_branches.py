@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnosis_checks import in_file_units
+from emitted_code import COMPILERS, REACHED, Compiled, loaded, passes_in_octave
 from hidden_effects import Hidden, hidden
 from hidden_effects import five_axis as bench_of_five_axes
 from machine_cases import ROWS, TARGETS, Case, data_for, effect, frame, joint, machine_file, possible, toml
 from machine_simulator import rigid
-from test_emit import COMPILERS, REACHED, Compiled, emitted, loaded, passes_its_own_test_in_octave
+from test_emit import emitted
 from test_machine_jacobians import columns_off, near
 
 from rodgen.calibration.file_check import check
@@ -178,7 +179,7 @@ def test_emitted_code_brings_the_tool_to_its_place_in_the_workpiece(compiler, tm
     file = five_axis()
     case = Case(file, data_for(file, ROWS, np.random.default_rng(3)))
     device = emitted(case, tmp_path, case.sizeable(case.model.keys))
-    passes_its_own_test_in_octave(device.content, tmp_path)
+    passes_in_octave(device.content, tmp_path)
     assert "in machine axes that move with the workpiece" in (tmp_path / "device.h").read_text()
     o, module, compiled = case.observations, loaded(tmp_path), Compiled(compiler, tmp_path)
     wanted = case.simulated()

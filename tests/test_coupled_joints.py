@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from emitted_code import COMPILERS, REACHED, Compiled, loaded, passes_in_octave
 from machine_cases import ROWS, Case, data_for, effect, frame, joint, machine_file, possible
-from test_emit import COMPILERS, REACHED, Compiled, emitted, loaded, passes_its_own_test_in_octave
+from test_emit import emitted
 from test_machine_jacobians import same_numbers
 
 from rodgen.calibration.file_check import check
@@ -247,7 +248,7 @@ def test_emitted_code_commands_the_motors(compiler, tmp_path):
     values = case.sizeable(case.model.keys)
     device = emitted(case, tmp_path, values)
     module, compiled, o = loaded(tmp_path), Compiled(compiler, tmp_path), case.observations
-    passes_its_own_test_in_octave(device.content, tmp_path)
+    passes_in_octave(device.content, tmp_path)
     assert "not used, as it follows: revolute joint 'C'" in (tmp_path / "device.h").read_text()
     wanted = bare_places(plain, coordinates(m))
     assert np.abs(module.ideal(o.q, target=o.target) - wanted).max() < 1e-9

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import csv
 import ctypes
-import importlib.util
 import itertools
 import os
 import re
@@ -30,12 +29,25 @@ import hypothesis
 import numpy as np
 import pytest
 from code_tokens import ANY_NAME, code_of, python_code
+from emitted_code import (
+    COMPILERS,
+    REACHED,
+    Compiled,
+    emit_both,
+    in_octave,
+    loaded,
+    passes_in_c,
+    passes_in_cpp,
+    passes_in_octave,
+    passes_in_python,
+    succeeds,
+)
 from hypothesis import strategies as st
 from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file
 from machine_simulator import Simulated
 from scipy.io import loadmat, savemat
 
-from conftest import C_WARNINGS, CPP_WARNINGS
+from conftest import CPP_WARNINGS
 from rodgen.calibration.fit import fit
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
@@ -50,8 +62,6 @@ from rodgen.machines.imports.mounts import ALTAZ
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
 WITHIN = 1e-10
-REACHED = 5e-9
-COMPILERS = [c for c in ("gcc", "clang") if shutil.which(c)]
 X, Y, Z = np.eye(3)
 needs_octave = pytest.mark.skipif(shutil.which("octave-cli") is None, reason="no octave-cli")
 
@@ -161,120 +171,6 @@ def emitted(case: Case, folder: Path, values: Mapping[str, float]) -> Emitted:
     return Emitted(case, values, machine, folder, emit_both(machine, folder, case.observations.travel))
 
 
-def emit_both(machine: Machine, folder: Path, travel: Any = None) -> Content:
-    """Do what `emit` does for C and NumPy, but derive the machine's kernels once; return what the files are made of."""
-    content = content_of(machine, "device", travel)
-    write_files(folder, render(content, "c") | render(replace(content, name="device_np"), "numpy"))
-    return content
-
-
-def passes_its_own_test_in_cpp(
-    content: Content, cpp_compiler: str, folder: Path, optimisation: str = "-O0", *more: str
-) -> None:
-    """Write a header and its test into a folder; compile and run it, with other sources there."""
-    write_files(folder, render(content, "cpp"))
-    sources = [str(folder / name) for name in (f"{content.name}_test.cpp", *more)]
-    command = [cpp_compiler, *CPP_WARNINGS, optimisation, *sources, "-o", str(folder / "run_cpp")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    done = subprocess.run([folder / "run_cpp"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
-    held, checks = map(int, re.findall(r"(\d+) of (\d+) checks hold", done.stdout)[0])
-    assert held == checks >= 150
-
-
-def passes_its_own_test_in_octave(content: Content, folder: Path) -> None:
-    """Write the MATLAB class and its test into a folder, and run it where there is GNU Octave."""
-    write_files(folder, render(content, "matlab"))
-    if shutil.which("octave-cli"):
-        done = in_octave(folder, f"{content.name}_test")
-        assert (done.returncode, done.stdout) == (0, f"{content.name}: all tests hold\n"), done.stderr
-
-
-def in_octave(folder: Path, code: str) -> subprocess.CompletedProcess[str]:
-    """Run statements in a folder, in a process of their own: Octave reads a class once."""
-    command = ["octave-cli", "--norc", "--quiet", "--eval", code]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-
-
-def loaded(folder: Path, name: str = "device_np") -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"{name}_{abs(hash(folder))}", folder / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-class Compiled:
-    """The emitted C, called row by row."""
-
-    def __init__(self, compiler: str, folder: Path, name: str = "device") -> None:
-        library = folder / f"{name}.so"
-        command = [
-            compiler,
-            *C_WARNINGS,
-            "-O1",
-            "-fPIC",
-            "-shared",
-            str(folder / f"{name}.c"),
-            "-o",
-            str(library),
-            "-lm",
-        ]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert (done.returncode, done.stderr) == (0, "")
-        library_ = ctypes.CDLL(str(library))
-        self.function = lambda what: getattr(library_, f"{name}_{what}")
-
-    def rows(self, q: Any, conditions: Mapping[str, np.ndarray]) -> np.ndarray:
-        q = np.atleast_2d(q)
-        columns = [np.asarray(c, float).reshape(len(q), -1) for c in conditions.values()]
-        return np.ascontiguousarray(np.hstack([q, *columns]))
-
-    @staticmethod
-    def at(array: np.ndarray | None) -> Any:
-        return None if array is None else array.ctypes.data_as(ctypes.c_void_p)
-
-    def forward(self, q: Any, target: Any, conditions: Mapping[str, np.ndarray]) -> np.ndarray:
-        rows = self.rows(q, conditions)
-        places = np.empty((len(rows), 3))
-        for row, t, place in zip(rows, np.broadcast_to(target, len(rows)), places, strict=True):
-            self.function("forward")(self.at(row), int(t), self.at(place))
-        return places
-
-    def jacobian(
-        self, q: Any, target: Any, conditions: Mapping[str, np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        rows, joints = self.rows(q, conditions), np.atleast_2d(q).shape[1]
-        places, slopes = np.empty((len(rows), 3)), np.empty((len(rows), 3, joints))
-        for row, t, place, slope in zip(
-            rows, np.broadcast_to(target, len(rows)), places, slopes, strict=True
-        ):
-            self.function("jacobian")(self.at(row), int(t), self.at(place), self.at(slope))
-        return places, slopes
-
-    def compensate(
-        self, wanted: Any, q: Any, target: Any, conditions: Mapping[str, np.ndarray], weight: Any = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        rows, q = self.rows(q, conditions), np.atleast_2d(q)
-        wanted = np.ascontiguousarray(np.broadcast_to(np.asarray(wanted, float), (len(rows), 3)))
-        weight = None if weight is None else np.ascontiguousarray(weight, float)
-        corrected, status, distance = np.empty(q.shape), np.empty(len(rows), int), np.empty(len(rows))
-        for i, (row, t) in enumerate(zip(rows, np.broadcast_to(target, len(rows)), strict=True)):
-            left = ctypes.c_double()
-            status[i] = self.function("compensate")(
-                self.at(row),
-                int(t),
-                self.at(wanted[i]),
-                self.at(weight),
-                self.at(corrected[i]),
-                ctypes.byref(left),
-            )
-            distance[i] = left.value
-        return corrected, status, distance
-
-
 @pytest.fixture(scope="module")
 def every(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Emitted]:
     """Return a machine of MACHINES with all its effects, emitted once."""
@@ -333,16 +229,8 @@ def test_samples_are_taken_all_over_the_travel(dimensions):
     ],
 )
 @pytest.mark.parametrize("compiler_name", COMPILERS)
-def test_own_test_of_the_c_passes_with_strict_flags(every, compiler_name, name, optimisation, tmp_path):
-    folder = every(name).folder
-    sources = [str(folder / "device.c"), str(folder / "device_test.c")]
-    command = [compiler_name, *C_WARNINGS, optimisation, *sources, "-o", str(tmp_path / "run"), "-lm"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    done = subprocess.run([tmp_path / "run"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
-    held, checks = map(int, re.findall(r"(\d+) of (\d+) checks hold", done.stdout)[0])
-    assert held == checks >= 150
+def test_own_test_of_the_c_passes_with_strict_flags(every, compiler_name, name, optimisation):
+    passes_in_c("device", every(name).folder, compiler_name, optimisation)
 
 
 @pytest.mark.thorough
@@ -363,13 +251,13 @@ def test_own_test_of_the_cpp_passes_with_strict_flags(every, cpp_compiler, name,
         "return jacobian[0].size() == corrected.size() && distance >= 0\n"
         "  && status == rodgen::device::Status::CONVERGED; }\n"
     )
-    passes_its_own_test_in_cpp(every(name).content, cpp_compiler, tmp_path, optimisation, "other.cpp")
+    passes_in_cpp(every(name).content, cpp_compiler, tmp_path, optimisation, "other.cpp")
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", ["gantry", *(pytest.param(n, marks=pytest.mark.slow) for n in MACHINES)])
 def test_own_test_of_the_matlab_passes_in_octave(every, name, tmp_path):
-    passes_its_own_test_in_octave(every(name).content, tmp_path)
+    passes_in_octave(every(name).content, tmp_path)
 
 
 @needs_octave
@@ -407,13 +295,7 @@ def test_matlab_code_does_what_the_numpy_code_does(every, name, tmp_path):
 @pytest.mark.thorough("table", "gantry")
 @pytest.mark.parametrize("name", MACHINES)
 def test_own_test_of_the_numpy_passes_with_nothing_but_numpy(every, name):
-    folder = every(name).folder
-    code = "import sys; sys.modules['rodgen'] = sys.modules['sympy'] = None; import runpy, warnings\n"
-    code += f"warnings.simplefilter('error'); sys.path.insert(0, {str(folder)!r})\n"
-    code += f"runpy.run_path({str(folder / 'test_device_np.py')!r}, run_name='__main__')"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, ""), done.stdout
-    assert "all tests hold" in done.stdout
+    passes_in_python("device_np", every(name).folder)
 
 
 @pytest.mark.slow
@@ -424,9 +306,7 @@ def test_jax_code_does_what_the_numpy_code_does(every, name, tmp_path):
     found = every(name)
     o = found.case.observations
     emit(found.machine, "jax", tmp_path, name="device_jax", travel=o.travel)
-    command = [sys.executable, str(tmp_path / "test_device_jax.py")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, "device_jax: all tests hold\n"), done.stderr
+    passes_in_python("device_jax", tmp_path)
     numpy, jax, conditions = loaded(found.folder), loaded(tmp_path, "device_jax"), found.conditions()
     wanted, target = numpy.ideal(o.q, o.target), np.array(o.target)
     wanted[::5] *= -3.0
@@ -1011,12 +891,7 @@ HOSTILE = [
 
 def tokens(folder: Path, compiler: str) -> list[str]:
     """Return the code of both languages without what only people read: comments, docstrings and names in texts."""
-    c = [
-        subprocess.run(
-            [compiler, "-E", "-P", str(folder / name)], capture_output=True, text=True, check=True
-        ).stdout
-        for name in ("device.c", "device_test.c")
-    ]
+    c = [succeeds(compiler, "-E", "-P", folder / name) for name in ("device.c", "device_test.c")]
     return [*c, python_code((folder / "device_np.py").read_text(encoding="utf-8"))]
 
 
@@ -1037,35 +912,13 @@ def test_no_text_of_the_user_becomes_code(first, compiler, cpp_compiler, tmp_pat
     names = iter((HOSTILE * 2)[first:])
     machine = hostile_machine(names)
     for joint_name in (machine.joints[0].name, machine.joints[1].name):
-        kind = machine.joint(joint_name).type
-        definition = next(
-            e.definition
-            for e in [Machine.effect(machine, "zero_offset", joint_name)]
-            if kind in e.definition.at
-        )
-        machine = replace(
-            machine, effects=(*machine.effects, machine.effect(definition.name, joint_name, hold={"a": 0.1}))
-        )
+        machine = machine.with_effect(machine.effect("zero_offset", joint_name, hold={"a": 0.1}))
     content = emit_both(machine, tmp_path)
-    sources = [str(tmp_path / "device.c"), str(tmp_path / "device_test.c")]
-    done = subprocess.run(
-        [compiler, *C_WARNINGS, "-Wno-unused-command-line-argument", *sources, "-o", str(tmp_path / "run"), "-lm"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
-    assert subprocess.run([tmp_path / "run"], capture_output=True, check=False).returncode == 0
-    passes_its_own_test_in_octave(content, tmp_path)
+    passes_in_c("device", tmp_path, compiler)
+    passes_in_python("device_np", tmp_path)
+    passes_in_octave(content, tmp_path)
     write_files(tmp_path, render(content, "cpp"))
-    command = [cpp_compiler, *CPP_WARNINGS, "-fsyntax-only", str(tmp_path / "device_test.cpp")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    done = subprocess.run(
-        [sys.executable, "-W", "error", tmp_path / "test_device_np.py"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    succeeds(cpp_compiler, *CPP_WARNINGS, "-fsyntax-only", tmp_path / "device_test.cpp")
 
 
 @pytest.mark.thorough

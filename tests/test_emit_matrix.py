@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
-import sys
 from functools import cache
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from emitted_cells import EXAMPLES, Cell, cells, measuring
-from test_emit import passes_its_own_test_in_cpp, passes_its_own_test_in_octave
+from emitted_code import Functions, passes_in_c, passes_in_cpp, passes_in_octave, passes_in_python
 from test_linuxcnc import HEADERS, Pose
 
-from conftest import C_WARNINGS
 from rodgen.errors import InputFileError
 from rodgen.files import write_files
 from rodgen.machines.emit._content import Content, content_of
@@ -102,37 +99,6 @@ def within(name: str, *, whole: bool = False) -> float:
     return GIVES_WAY if soft else WITHIN
 
 
-class Compiled:
-    """The functions of a machine in a library of many."""
-
-    def __init__(self, library: ctypes.CDLL, name: str, numbers: int) -> None:
-        self.function = lambda what: getattr(library, f"{name}_{what}")
-        self.numbers = numbers
-
-    def forward(self, q: np.ndarray, target: Any, given: dict[str, np.ndarray]) -> np.ndarray:
-        rows = np.ascontiguousarray(np.hstack([q, *(x.reshape(len(q), -1) for x in given.values())]))
-        places = np.empty((len(q), self.numbers))
-        for row, t, place in zip(rows, target, places, strict=True):
-            self.function("forward")(at(row), int(t), at(place))
-        return places
-
-    def compensate(
-        self, wanted: np.ndarray, q: np.ndarray, target: Any, given: dict[str, np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        rows = np.ascontiguousarray(np.hstack([q, *(x.reshape(len(q), -1) for x in given.values())]))
-        wanted, corrected, status = np.ascontiguousarray(wanted), np.empty(q.shape), np.empty(len(q), int)
-        for i, (row, t) in enumerate(zip(rows, target, strict=True)):
-            left = ctypes.byref(ctypes.c_double())
-            status[i] = self.function("compensate")(
-                at(row), int(t), at(wanted[i]), None, at(corrected[i]), left
-            )
-        return corrected, status
-
-
-def at(array: np.ndarray) -> Any:
-    return array.ctypes.data_as(ctypes.c_void_p)
-
-
 @pytest.fixture(scope="module")
 def library(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     """The C of all fast cells, compiled at once."""
@@ -184,9 +150,9 @@ def test_emitted_code_moves_the_machine_that_was_fitted(name, library):
     assert left[status == code.CONVERGED].max(initial=0.0) <= REACHED + 10 * within(name)
     assert (left <= np.linalg.norm(real - nominal, axis=1) + REACHED).all()
 
-    c = Compiled(library, content(name).name, content(name).numbers)
+    c = Functions(library, content(name).name, content(name).numbers)
     assert np.abs(c.forward(q, target, given) - places).max() <= WITHIN
-    by_c, status_c = c.compensate(wanted, q, target, given)
+    by_c, status_c, _ = c.compensate(wanted, q, target, given)
     assert (status_c == status).all()
     assert np.abs(by_c - corrected)[status == code.CONVERGED].max(initial=0.0) <= 1e-6
 
@@ -242,7 +208,7 @@ def test_linuxcnc_brings_the_machine_where_the_nominal_one_is(name, kinematics):
     for given, row in zip(q / units, corrected, strict=True):
         pose = Pose(**dict(zip(axes, given.tolist(), strict=True)))
         found = np.zeros(16)
-        assert inverse(ctypes.byref(pose), at(found), None, None) == 0
+        assert inverse(ctypes.byref(pose), Functions.at(found), None, None) == 0
         row[sorted(range(len(axes)), key=lambda j: "xyzabcuvw".index(axes[j]))] = found[: len(axes)]
     corrected *= units
     nominal = case.ideal(q)
@@ -264,21 +230,6 @@ def test_machines_without_axes_of_linuxcnc_are_refused():
 # the whole product ---------------------------------------------------------------------------------------------------
 
 
-def in_python(made: Content, language: str, folder: Path) -> None:
-    write_files(folder, render(made, language))
-    command = [sys.executable, "-W", "error", str(folder / f"test_{made.name}.py")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, f"{made.name}: all tests hold\n"), done.stderr
-
-
-def in_c(made: Content, compiler: str, folder: Path) -> None:
-    write_files(folder, render(made, "c"))
-    sources = [str(folder / f"{made.name}{x}.c") for x in ("", "_test")]
-    subprocess.run([compiler, *C_WARNINGS, "-O0", *sources, "-o", str(folder / "run"), "-lm"], check=True)
-    done = subprocess.run([folder / "run"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("name", CELLS)
@@ -286,15 +237,17 @@ def test_own_test_holds_in_every_language(name, language, compiler, cpp_compiler
     """Its places are those of the prediction, and the commands bring the machine there."""
     made = content(name)
     if language == "c":
-        in_c(made, compiler, tmp_path)
+        write_files(tmp_path, render(made, "c"))
+        passes_in_c(made.name, tmp_path, compiler)
     elif language == "cpp":
-        passes_its_own_test_in_cpp(made, cpp_compiler, tmp_path)
+        passes_in_cpp(made, cpp_compiler, tmp_path)
     elif language == "matlab":
-        passes_its_own_test_in_octave(made, tmp_path)
+        passes_in_octave(made, tmp_path)
     else:
         if language == "jax":
             pytest.importorskip("jax")
-        in_python(made, language, tmp_path)
+        write_files(tmp_path, render(made, language))
+        passes_in_python(made.name, tmp_path)
 
 
 def moves_as_simulated(name: str, *, whole: bool = False) -> None:
@@ -338,4 +291,5 @@ def test_whatever_is_measured_the_code_moves_the_machine(name, tmp_path):
     moves_as_simulated(name)
     if name.startswith("example_palletiser") and name.endswith("direction"):
         pytest.skip("two joints turn a direction about one axis: another way is left to errors alone")
-    in_python(content(name), "numpy", tmp_path)
+    write_files(tmp_path, render(content(name), "numpy"))
+    passes_in_python(content(name).name, tmp_path)

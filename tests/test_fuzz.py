@@ -20,19 +20,6 @@ def test_what_once_failed_is_answered(folder: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", fuzz.originals(), ids=lambda case: " ".join(case.arguments)[:60])
-def test_what_is_changed_is_right_before(case: fuzz.Case, tmp_path: Path, monkeypatch, capsys) -> None:
-    """Else every change would end at the same error."""
-    for name, content in case.files.items():
-        (tmp_path / name).write_bytes(content)
-    monkeypatch.chdir(tmp_path)
-    code, said = fuzz.main(case.arguments), capsys.readouterr().err
-    assert code in (0, 1) or "nothing is wrong with the files" in said, (
-        said
-    )  # check, where there is nothing to mend
-
-
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize(
     "part", [pytest.param(n, marks=pytest.mark.xdist_group(f"fuzz {n}")) for n in range(PARTS)]

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from emitted_code import Compiled, emit_both, loaded
 from hexapod_cases import BASE, HOME, LEGS, PLATFORM, TARGETS, drawn_poses, hexapod_file, lengths, table
 from machine_cases import toml
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
-from test_emit import Compiled, emit_both, loaded
 
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.fit import fit

@@ -7,9 +7,7 @@ of the small angle, which stands beside it.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,20 +16,12 @@ from machine_simulator import (
     Simulated,
     approach,
     arcsec,
-    cantilever,
-    clamped_bridge,
     complete,
-    lagged,
-    loaded_bridge,
-    play,
     rotation,
-    true_angle,
 )
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 X, Y, Z = np.eye(3)
-HERE = Path(__file__).parent
 TINY = 1e-12
 
 
@@ -421,51 +411,6 @@ def test_sag_follows_gravity_and_leaves_an_upright_ram_straight() -> None:
     assert close(moved(sideways, {"X.gravity_sag.tip": 0.1}, [[400]]), [[0, 0.1, 0]])
 
 
-def test_beams_by_integration_are_those_of_the_catalogue() -> None:
-    # F l^3 / 3 E I and w l^4 / 8 E I at full travel; clamped at both ends w L^4 / 384 E I in the middle.
-    # 2000 trapezoids: (1/2000)^2 of the value.
-    length, stiffness, force, weight = 400.0, 2e9, 300.0, 0.5
-    tip, own, mid = (
-        force * length**3 / 3 / stiffness,
-        weight * length**4 / 8 / stiffness,
-        weight * length**4 / 384 / stiffness,
-    )
-    q = np.linspace(0, 400, 9)[:, None]
-    ends = slide(targets=[(0, 0, 0), (100, 0, 0)])
-    for physics, catalogue in (
-        (
-            {"beam.stiffness": stiffness, "beam.tip_force": force, "beam.weight": weight},
-            {"tip": tip, "own": own},
-        ),
-        ({"bridge.stiffness": stiffness, "bridge.weight": weight}, {"mid": mid}),
-    ):
-        for target in ("p0", "p1"):
-            one = moved(ends, {f"X.{key}": value for key, value in physics.items()}, q, target=target)
-            other = moved(
-                ends, {f"X.gravity_sag.{key}": value for key, value in catalogue.items()}, q, target=target
-            )
-            assert np.abs(one - other).max() < 1e-6 * np.abs(other).max()
-    assert cantilever(length, stiffness, force, 0)[1] == pytest.approx(
-        force * length**2 / 2 / stiffness, rel=1e-6
-    )
-    x, drop, slope = clamped_bridge(length, stiffness, weight)
-    assert close([drop[-1], slope[-1]], 0, within=1e-12)
-    assert drop.argmax() == len(x) // 2
-
-
-def test_a_carriage_drops_as_a_bridge_does_and_tilts_half_as_much() -> None:
-    # F a^2 b^2 / (3 E I L), in the middle F L^3 / 48 E I; the beam's slope under the load is half the path's.
-    length, stiffness, force = 400.0, 2e9, 300.0
-    mid = force * length**3 / 48 / stiffness
-    for z in (0.0, 0.25, 0.6, 1.0):
-        drop, slope = loaded_bridge(length, stiffness, force, z * length)
-        assert drop == pytest.approx(16 * mid * z**2 * (1 - z) ** 2, abs=1e-6 * mid)
-        assert slope == pytest.approx(16 * mid * z * (1 - z) * (1 - 2 * z) / length, abs=1e-6 * mid / length)
-    q = np.array([[40.0], [300.0]])
-    change = moved(slide(), {"X.carriage.stiffness": stiffness, "X.carriage.force": force}, q)
-    assert close(change, moved(slide(), {"X.gravity_sag.mid": mid}, q), within=1e-6 * mid)
-
-
 # The whole machine
 
 
@@ -507,70 +452,6 @@ def test_refraction_lifts_by_a_times_the_tangent_of_the_zenith_angle() -> None:
     q = np.array([[0, 45], [70, 30], [120, 90.0]])
     expected = Simulated(mount()).measure(q + a * np.array([[0, 1], [0, np.sqrt(3)], [0, 0]]))
     assert close(Simulated(mount(), {"refraction.a": a}).measure(q), expected)
-
-
-def test_a_tube_droops_towards_the_horizon_in_every_mount() -> None:
-    a = arcsec(20)
-    q = np.array([[20.0, 60.0], [200.0, 30.0]])
-    drooped = Simulated(mount()).measure(q - a * np.cos(np.radians(q)) * [0, 1])
-    assert close(Simulated(mount(), {"tube_flexure.a": a}).measure(q), drooped, within=1e-12)
-    # an equatorial mount on the equator: six hours from the meridian a star on the equator is at the horizon
-    of = machine(
-        joint("HA", "revolute", -Y), joint("DEC", "revolute", -X),
-        targets=[(0, 0, 1)], measured={"kind": "direction"},
-    )  # fmt: skip
-    change = moved(of, {"tube_flexure.a": a}, [[-60, 0]])
-    low = Simulated(of).measure([[-60, 0]])[0]
-    assert change[0] @ Z == pytest.approx(-np.radians(a) * np.sin(np.radians(60)) ** 2, rel=1e-3)
-    assert change[0] @ low == pytest.approx(0, abs=1e-7)
-
-
-LATITUDE = np.radians(35.0)
-
-
-def equatorial() -> dict[str, Any]:
-    """An equatorial mount in local axes, x east, y north, z up: hour angle westward, declination from the equator."""
-    pole = np.array([0, np.cos(LATITUDE), np.sin(LATITUDE)])
-    file = mount()
-    file["joint"] = [
-        {"name": "HA", "type": "revolute", "axis": list(-pole)},
-        {"name": "DEC", "type": "revolute", "axis": [-1, 0, 0]},
-    ]
-    file["target"] = [{"name": "p0", "point": list(np.cross([-1, 0, 0], -pole))}]
-    return file
-
-
-def test_flexures_of_an_equatorial_mount_are_tpoint_s() -> None:
-    """What TPOINT writes in hour angle and declination, to the second order of the coefficient."""
-    h, d = np.radians(np.array([[-60, -10], [-20, 50], [0, 20], [35, -25], [70, 65.0]])).T
-    q, a = np.degrees(np.stack([h, d], -1)), 1e-4
-    cos, sin, tan = np.cos, np.sin, np.tan
-    c_phi, s_phi = cos(LATITUDE), sin(LATITUDE)
-    expected = {  # changes of hour angle and declination
-        "tube_flexure.a": (c_phi * sin(h) / cos(d), c_phi * cos(h) * sin(d) - s_phi * cos(d)),  # TF
-        "DEC.fork_flexure.a": (0 * h, c_phi * cos(h)),  # FO = a cos(latitude)
-        "DEC.axis_flexure.a": (c_phi * cos(h) + s_phi * tan(d), 0 * h),  # DAF = -a
-        "DEC.encoder_eccentricity.a": (0 * h, cos(d)),  # DCEC
-        "HA.encoder_eccentricity.b": (sin(h), 0 * h),  # HCES
-    }
-    plain = Simulated(equatorial()).measure(q)
-    assert close(plain[2], [0, -sin(LATITUDE - np.radians(20)), cos(LATITUDE - np.radians(20))])
-    for key, (of_h, of_d) in expected.items():
-        seen = Simulated(equatorial(), {key: np.degrees(a)}).measure(q)
-        same = Simulated(equatorial()).measure(q + np.degrees(a) * np.stack([of_h, of_d], -1))
-        assert np.abs(seen - same).max() < 10 * a**2, key
-        assert np.abs(seen - plain).max() > 0.3 * a, key
-
-
-def test_air_lifts_by_the_tangent_to_85_degrees_and_by_a_finite_angle_at_the_horizon() -> None:
-    a, z = 1e-4, np.radians([30, 80, 84.9, 86, 89, 90, 91])
-    q = np.stack([0 * z, 90 - np.degrees(z)], -1)
-    seen = Simulated(mount(), {"refraction.a": np.degrees(a)}).measure(q)
-    lift = (z - np.arccos(seen[:, 2])) / a
-    assert lift[:3] == pytest.approx(np.tan(z[:3]), rel=1e-9)
-    assert (np.diff(lift[:6]) > 0).all()
-    assert lift[5] == pytest.approx(2 / 0.087, rel=1e-9)
-    assert lift[6] == pytest.approx(lift[4], rel=1e-9)
 
 
 def test_signs_of_the_telescope_s_terms() -> None:
@@ -618,137 +499,3 @@ def test_effects_of_the_file_are_taken_with_what_it_holds() -> None:
     with pytest.raises(ValueError, match=r"'C\.tx'"):
         Simulated(of)
     assert close(Simulated(of, {"C.tx": lambda columns: 1.0}).measure([[0]]), [[1, 100, 0]])
-
-
-# Physics outside the catalogue
-
-
-def test_eccentric_scale_is_a_first_harmonic_and_a_small_second() -> None:
-    q = np.linspace(-np.pi, 3 * np.pi, 721)
-    e, phi, radius = 0.05, 0.7, 50.0
-    error = true_angle(q, e, phi, radius) - q
-    ratio = e / radius
-    # theta - q = -(e/R) (sin(q + phi) - sin(phi)), up to the square
-    assert np.abs(error + ratio * (np.sin(q + phi) - np.sin(phi))).max() < 2 * ratio**2
-    assert true_angle(np.zeros(1), e, phi, radius)[0] == pytest.approx(0, abs=1e-16)
-    # Forward, from the shaft's angle: the mark under the head, which stays where it is.
-    theta = true_angle(q, e, phi, radius)
-    centre = e * np.exp(1j * (theta + phi))
-    mark = np.angle((radius - centre) * np.exp(-1j * theta))
-    start = np.angle(radius - e * np.exp(1j * phi))
-    assert close(np.exp(1j * (start - mark)), np.exp(1j * q), within=1e-14)
-    effects = {
-        "C.eccentric_scale.offset": e,
-        "C.eccentric_scale.direction": np.degrees(phi),
-        "C.eccentric_scale.radius": radius,
-    }
-    harmonic = {
-        "C.encoder_eccentricity.a": -np.degrees(ratio) * np.sin(phi),
-        "C.encoder_eccentricity.b": -np.degrees(ratio) * np.cos(phi),
-        "C.zero_offset.a": np.degrees(ratio) * np.sin(phi),
-    }
-    rows = np.arange(0.0, 360, 15)[:, None]
-    difference = Simulated(table(), effects).measure(rows) - Simulated(table(), harmonic).measure(rows)
-    assert np.abs(difference).max() < 100 * 2 * ratio**2
-
-
-def test_play_is_backlash_after_long_moves_and_remembers_short_ones() -> None:
-    path = np.array([0, 10, 20, 15, 5, 8.0])
-    s = approach(path[:, None])
-    assert close(play(path, 0.2) - path, -0.1 * s[:, 0])
-    assert close(play(np.array([0, 10, 9.9, 9.85, 9.75, 9.9]), 0.2), [-0.1, 9.9, 9.9, 9.9, 9.85, 9.85])
-    rows = path[:, None]
-    assert close(
-        Simulated(slide(), {"X.play.b": 0.2}).measure(rows),
-        Simulated(slide(), {"X.backlash.b": 0.2}).measure(rows),
-    )
-
-
-def test_lag_of_a_temperature_step_and_ramp() -> None:
-    t = np.array([0, 1e-9, 50, 100, 300.0])
-    step = np.array([20, 30, 30, 30, 30.0])
-    assert close(lagged(t, step, 100.0)[1:], 30 - 10 * np.exp(-t[1:] / 100), within=1e-8)
-    ramp = lagged(t, 20 + 0.1 * t, 10.0)
-    assert close(ramp, 20 + 0.1 * (t - 10 * (1 - np.exp(-t / 10))), within=1e-10)
-    late = {"X.thermal_lag.alpha": 1e-5, "X.thermal_lag.tau": 1e-9, "X.thermal_lag.k": 1e-3}
-    at_once = {"X.thermal_expansion.alpha": 1e-5, "X.thermal_offset.k": 1e-3}
-    conditions = {"t": t, "temperature": {"X": step}}
-    rows = np.linspace(0, 400, 5)[:, None]
-    assert close(
-        moved(slide(), late, rows, **conditions)[2:], moved(slide(), at_once, rows, **conditions)[2:]
-    )
-
-
-# Noise, set-ups, files
-
-
-# Real data, fitted by SciPy
-
-
-def real(path: Path) -> list[list[str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.reader(file))[1:]
-
-
-@pytest.mark.thorough
-def test_telescope_gives_the_published_coefficients() -> None:
-    # Source of the expected values: SOURCE.txt next to the data (TPOINT's fit of the same 80 stars).
-    data = np.array(real(HERE.parent / "examples" / "machines" / "mount" / "mmt_2021.csv"), dtype=float)
-    q, true = data[:, :2], data[:, 2:] / np.linalg.norm(data[:, 2:], axis=1, keepdims=True)
-    level = np.cross(Z, true)
-    level /= np.linalg.norm(level, axis=1, keepdims=True)
-    upward = np.cross(true, level)
-    keys = ["AZ.axis.a", "AZ.axis.b", "EL.axis.a", "EL.axis.b", "target.p0.a", "target.p0.b"]
-
-    def fit(keys: list[str]) -> tuple[float, dict[str, float]]:
-        """Give the angle's root mean square over sqrt(2), and the parameters, in arcsec."""
-
-        def seen(x: np.ndarray) -> np.ndarray:
-            return Simulated(
-                mount(), {key: arcsec(value) for key, value in zip(keys, x, strict=True)}
-            ).measure(q)
-
-        def residual(x: np.ndarray) -> np.ndarray:
-            y = seen(x)
-            return np.concatenate([np.sum(level * y, axis=1), np.sum(upward * y, axis=1)]) / np.radians(
-                arcsec(1)
-            )
-
-        x = least_squares(residual, np.zeros(len(keys))).x
-        angle = 2 * np.arcsin(np.linalg.norm(seen(x) - true, axis=1) / 2)
-        return float(np.sqrt(np.mean(angle**2) / 2) / np.radians(arcsec(1))), dict(zip(keys, x, strict=True))
-
-    assert fit(keys)[0] == pytest.approx(2.711, abs=5e-4)
-    assert fit([*keys, "EL.gravity_windup.k"])[0] == pytest.approx(0.969, abs=5e-4)
-    rms, values = fit([*keys, "EL.gravity_windup.k", "refraction.a"])
-    assert rms == pytest.approx(0.659, abs=5e-4)
-    assert values["EL.gravity_windup.k"] == pytest.approx(21.4118, abs=0.02)
-    assert values["refraction.a"] == pytest.approx(2.7165, abs=0.02)
-
-
-@pytest.mark.thorough
-def test_positioner_leaves_a_quarter_of_a_millimetre() -> None:
-    rows = real(HERE / "data" / "positioner" / "data.csv")
-    q = np.degrees(np.array([row[:2] for row in rows], dtype=float))
-    names = [row[2] for row in rows]
-    seen = np.array([row[3:6] for row in rows], dtype=float)
-    of = HERE / "data" / "positioner" / "machine.toml"
-    # The free frame starts where it brings the rough model's points onto the readings.
-    rough = Simulated(of).measure(q, target=names)
-    turn, _ = Rotation.align_vectors(seen - seen.mean(axis=0), rough - rough.mean(axis=0))
-    shift = seen.mean(axis=0) - turn.apply(rough.mean(axis=0))
-    frame = {f"frame.{x}": value for x, value in zip("xyz", shift, strict=True)}
-    frame |= {f"frame.r{x}": value for x, value in zip("xyz", np.degrees(turn.as_rotvec()), strict=True)}
-    keys = [*frame, *(f"{j}.{what}.{x}" for j in ("P1", "P2") for what in ("axis", "point") for x in "ab")]
-    keys += [f"target.{name}.{x}" for name in "abc" for x in "xyz"]
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        effects = dict(zip(keys, x, strict=True))
-        return (seen - Simulated(of, effects).measure(q, target=names)).ravel()
-
-    # 23 parameters, 6 of them gauge: the trust region takes the shortest step along them, which is none.
-    start = np.array([frame.get(key, 0.0) for key in keys])
-    found = least_squares(
-        residual, start, x_scale=np.where(["axis" in k or ".r" in k for k in keys], 0.1, 1.0)
-    )
-    assert np.sqrt(np.mean(found.fun**2)) == pytest.approx(0.2355, abs=5e-4)

@@ -9,8 +9,6 @@ known before; one step of Newton's leaves the square of the way to it, (0.2 mm /
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -19,21 +17,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from emitted_code import (
+    Compiled,
+    emit_both,
+    loaded,
+    passes_in_c,
+    passes_in_cpp,
+    passes_in_octave,
+    passes_in_python,
+)
 from legged_cases import GEOMETRY, LEGS, TARGETS, Legged, every, legged, legged_file
 from machine_cases import effect, frame, toml
 from machine_simulator import rotation
 from parallel_simulator import Parallel
 from scipy import stats
-from test_emit import (
-    Compiled,
-    emit_both,
-    loaded,
-    passes_its_own_test_in_cpp,
-    passes_its_own_test_in_octave,
-)
 from test_machine_jacobians import columns_off, near
 
-from conftest import C_WARNINGS
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem.binding import bind
 from rodgen.cli import main as cli
@@ -552,23 +551,11 @@ def conditions(case: Legged, folder: Path) -> dict[str, np.ndarray]:
 @quickly_tricept
 def test_emitted_code_passes_its_own_tests_alone(family, device, compiler, cpp_compiler, tmp_path):
     case, values, folder = device(family)
-    sources = [str(folder / "device.c"), str(folder / "device_test.c")]
-    command = [compiler, *C_WARNINGS, "-O2", *sources, "-o", str(tmp_path / "run"), "-lm"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    done = subprocess.run([tmp_path / "run"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
-    held, checks = map(int, re.findall(r"(\d+) of (\d+) checks hold", done.stdout)[0])
-    assert held == checks >= 150
+    passes_in_c("device", folder, compiler, "-O2")
     content = content_of(replace(case.machine, values=values), "device", case.observations.travel)
-    passes_its_own_test_in_cpp(content, cpp_compiler, tmp_path)
-    passes_its_own_test_in_octave(content, tmp_path)
-    code = "import sys; sys.modules['rodgen'] = sys.modules['sympy'] = None; import runpy, warnings\n"
-    code += f"warnings.simplefilter('error'); sys.path.insert(0, {str(folder)!r})\n"
-    code += f"runpy.run_path({str(folder / 'test_device_np.py')!r}, run_name='__main__')"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, ""), done.stdout
-    assert "all tests hold" in done.stdout
+    passes_in_cpp(content, cpp_compiler, tmp_path)
+    passes_in_octave(content, tmp_path)
+    passes_in_python("device_np", folder)
 
 
 @pytest.mark.thorough

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from machine_simulator import rotation
-from parallel_simulator import LEGS, OpenError, Parallel, about_y_then_x
+from parallel_simulator import LEGS, Parallel, about_y_then_x
 from scipy.optimize import root
 
 FILES: dict[str, dict[str, Any]] = {
@@ -79,26 +79,3 @@ def test_forces_do_the_work_that_the_load_does(family):
     for k, e in enumerate(np.eye(3)):
         sinks = (seen(q + step * e) - seen(q - step * e)) @ machine.gravity / (2 * step)
         assert tension[:, k] == pytest.approx(sinks, abs=1e-7)
-
-
-def test_a_soft_leg_lets_the_target_sink():
-    machine = Parallel(FILES["tricept"], {"A1.leg_compliance.c": 1e-4, "A1.spring.c": 1e-4})
-    q = machine.legs(poses("tricept", 20))
-    sunk = (
-        machine.measure(q, load=np.full(20, 100.0)) - machine.measure(q, load=np.zeros(20))
-    ) @ machine.gravity
-    assert (sunk > 0).all()
-
-
-def test_legs_that_do_not_close_are_an_error():
-    machine = Parallel(FILES["tricept"])
-    with pytest.raises(OpenError, match=r"\[1\]"):
-        machine.measure([[700, 700, 700], [300, 300, 1500]])
-
-
-def test_all_modes_are_found_where_they_are_known():
-    """Equal legs of this machine have eight: see ../derivation/three_sps_s.py, R = 2, r = 1, h = 3/2."""
-    file = FILES["3-sps-s"] | {"geometry": {"R": 2.0, "r": 1.0, "h": 1.5}}
-    modes = Parallel(file).modes([2.578759391645525] * 3, np.random.default_rng(2))
-    assert len(modes) == 8
-    assert np.abs(modes @ modes.transpose(0, 2, 1) - np.eye(3)).max() < 1e-12

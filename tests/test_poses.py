@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import runpy
-import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from emitted_code import passes_in_c, passes_in_cpp, passes_in_octave, passes_in_python
 from hidden_effects import Hidden, board, hidden
 from machine_cases import (
     FRAME_TURNS,
@@ -27,7 +26,6 @@ from machine_cases import (
 )
 from machine_simulator import Simulated
 from scipy.spatial.transform import Rotation
-from test_emit import passes_its_own_test_in_cpp, passes_its_own_test_in_octave
 from test_machine_jacobians import STENCILS, moved, step
 
 from rodgen.calibration.fit import Fit
@@ -517,16 +515,12 @@ def test_emitted_code_corrects_place_and_attitude_of_the_tool(tmp_path):
 def test_emitted_tests_of_poses_hold(tmp_path, compiler, cpp_compiler):
     _, fit = fitted_with_errors()
     content = content_of(fit.machine, "device")
-    passes_its_own_test_in_cpp(content, cpp_compiler, tmp_path)
-    passes_its_own_test_in_octave(content, tmp_path)
+    passes_in_cpp(content, cpp_compiler, tmp_path)
+    passes_in_octave(content, tmp_path)
     emit(fit.machine, "numpy", tmp_path, name="arm")
     emit(fit.machine, "c", tmp_path, name="arm")
-    program, files = str(tmp_path / "t"), [str(tmp_path / name) for name in ("arm.c", "arm_test.c")]
-    strict = ["-std=c99", "-O0", "-Wall", "-Wextra", "-Werror"]
-    subprocess.run([compiler, *strict, *files, "-o", program, "-lm"], check=True)
-    for command in ([program], [sys.executable, "test_arm.py"]):
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout
+    passes_in_c("arm", tmp_path, compiler)
+    passes_in_python("arm", tmp_path)
 
 
 # attitudes alone ---------------------------------------------------------------------------------------------------
