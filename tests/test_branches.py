@@ -13,7 +13,6 @@ from emitted_code import COMPILERS, REACHED, Compiled, loaded, passes_in_octave
 from hidden_effects import Hidden, hidden
 from hidden_effects import five_axis as bench_of_five_axes
 from machine_cases import ROWS, TARGETS, Case, data_for, effect, frame, joint, machine_file, possible, toml
-from machine_simulator import rigid
 from test_emit import emitted
 from test_machine_jacobians import columns_off, near
 
@@ -91,38 +90,6 @@ def test_every_effect_in_a_branch_is_that_of_the_simulator_and_its_column_the_de
     assert {key for key in off if key != "Z.load_sag.k0"} == set()
 
 
-def test_a_table_as_built_is_the_product_of_plain_matrices():
-    """[w C A b X Y Z t]: the errors of A and C are those of the table against its bed, in the axes of the machine."""
-    joints = [
-        joint("A", "revolute", [1, 0, 0], [0, 20, -60]),
-        joint("C", "revolute", [0, 0, 1], [5, 0, 0]),
-        *(joint(name, "prismatic", axis) for name, axis in zip("XYZ", np.eye(3), strict=True)),
-    ]
-    names = ["squareness", "axis_offset", "backlash", "tilt_error_motion", "scale"]
-    places = ["Y", "A", "C", "C", "X"]
-    effects = [{"name": name, "joint": place} for name, place in zip(names, places, strict=True)]
-    file = branched(machine_file(joints, [(0, 0, 150)], effects=effects), "A C", "X Y Z")
-    case = Case(file, data_for(file, ROWS, np.random.default_rng(1)))
-    values = {"Y.squareness.a": 1e-3, "A.axis_offset.a": 0.3, "C.backlash.b": 2e-3, "X.scale.k": 1e-4}
-    values["C.tilt_error_motion.u_c1"] = 5e-4
-    at = {name.partition(" ")[0]: x for name, x in case.data.items()}
-    expected = []
-    for i in range(ROWS):
-        a, x, y, z = (float(at[name][i]) for name in "AXYZ")
-        c = at["C"][i]
-        table = rigid([a, 0, 0], [0, 20.3, -60])  # u of x is y
-        table = table @ rigid([5e-4 * np.cos(c), 0, 0], [5, 0, 0])  # u of z is x
-        table = table @ rigid([0, 0, c - 1e-3 * at["dir_C"][i]], [5, 0, 0])
-        tilted = rigid([0, 0, 1e-3])[:3, :3] @ [0, 1, 0]  # about u of y, which is z
-        head = rigid([0, 0, 0], shift=[x * (1 + 1e-4), 0, 0] + y * tilted + [0, 0, z])
-        expected.append((np.linalg.inv(table) @ head @ [0, 0, 150, 1])[:3])
-    assert np.abs(case.predicted(values) - expected).max() < 1e-10
-    # the sign that people get wrong: the tool stands still, the table turns by +90 degrees about z
-    still = dict.fromkeys(("X [mm]", "Y [mm]", "Z [mm]", "A [rad]"), np.zeros(ROWS))
-    case = case.changed(data=case.data | still | {"C [rad]": np.full(ROWS, np.pi / 2)})
-    assert case.predicted()[0] == pytest.approx([5, 5, 150])
-
-
 # the chains that they are --------------------------------------------------------------------------------------
 
 
@@ -134,25 +101,6 @@ def test_a_machine_whose_joints_are_all_in_one_branch_is_the_chain():
         other = Case(branched(chain, workpiece, tool, instrument), {}).machine
         assert other.structure == one.structure
         assert [j.name for j in other.joints] == [j.name for j in one.joints]
-
-
-def test_joints_that_carry_the_instrument_are_those_of_a_chain_with_negative_axes():
-    """What people had to write: the table's joints first, the last one first, and their axes turned round."""
-    table, head = SKEW[:3], SKEW[3:]
-    effects = [
-        {"name": name, "joint": place}
-        for name, place in [("backlash", "B"), ("encoder_eccentricity", "A"), ("scale", "Z"), ("scale", "D")]
-    ]
-    built = branched(machine_file(SKEW, TARGETS, effects=effects), "B A Z", "C Y D")
-    turned = [j | {"axis": [-x for x in j["axis"]]} for j in reversed(table)]
-    chain = machine_file([*turned, *head], TARGETS, effects=effects)
-    data = data_for(built, ROWS, np.random.default_rng(2))
-    one, other = Case(built, data), Case(chain, data)
-    values = one.sizeable(one.model.keys)
-    assert np.abs(one.predicted(values) - other.predicted(values)).max() < 1e-10
-    bare = (Case(file | {"effect": []}, data) for file in (built, chain))
-    first, second = (to_mechanism(case.machine).forward(np.ones((1, 6))) for case in bare)
-    assert np.abs(first - second).max() < 1e-10
 
 
 # emitted -------------------------------------------------------------------------------------------------------

@@ -161,19 +161,6 @@ def test_residuals_of_directions_are_angles(folder, rodgen_command):
     assert table["residual_vertical [arcsec]"] == pytest.approx(up, abs=0.01)
 
 
-def test_outliers_are_named_and_marked(folder, rodgen_command):
-    header, body = rows("balls.csv")
-    body[17][2] = str(float(body[17][2]) + 3.0)
-    (folder / "bad.csv").write_text("\n".join(map(",".join, [header, *body])) + "\n")
-    code, out, _ = rodgen_command(
-        "fit", "table.toml", "bad.csv", "--loss", "huber", "--residuals", "left.csv"
-    )
-    assert code == 0
-    assert "1 outlier" in out
-    assert "line 19" in out
-    assert [number for number, row in enumerate(rows("left.csv")[1]) if row[-1] == "1"] == [17]
-
-
 def test_fit_reads_standard_input(folder):
     done = run("fit", "mount.toml", "-", stdin=Path("stars.csv").read_text(encoding="utf-8"))
     assert (done.returncode, done.stderr) == (0, "")
@@ -264,27 +251,6 @@ def test_compare_draws_images_into_a_folder(folder, rodgen_command):
 # add and remove ----------------------------------------------------------------------------------------
 
 
-def test_adding_what_is_missing_makes_the_error_fall(folder, rodgen_command):
-    code, out, err = rodgen_command(
-        "add", "mount.toml", "gravity_windup", "stars.csv", "--joint", "EL", "--hold", "k2=0"
-    )
-    assert (code, err) == (0, "")
-    lines = out.splitlines()
-    assert lines[0] == "mount_gravity_windup_EL.toml: mount.toml with gravity_windup at EL"
-    assert [line.split()[-4] for line in lines[4:6]] != []
-    assert lines[4].split() == ["base", "2.711", "2.791", "6"]
-    assert lines[5].split()[:7] == ["+", "gravity_windup", "at", "EL", "0.969", "1.013", "7"]
-    assert "gravity_windup at EL explains more than chance does" in out
-    assert "  Remedy       Balance the axis" in out
-    code, out, _ = rodgen_command("add", "mount_gravity_windup_EL.toml", "refraction", "stars.csv")
-    assert code == 0
-    assert out.splitlines()[4].split()[:3] == ["before", "0.969", "1.013"]
-    assert out.splitlines()[5].split()[:4] == ["+", "refraction", "0.659", "0.698"]
-    # TPOINT's coefficients of this run: TF 21.41", TX 2.72"
-    assert "EL.gravity_windup.k  21.41 ± " in out
-    assert "refraction.a         2.72 ± " in out
-
-
 def test_a_new_file_is_the_old_one_with_a_block_more(folder, rodgen_command):
     before = (folder / "mount.toml").read_text()
     assert rodgen_command("add", "mount.toml", "gravity_windup", "--joint", "EL", "--hold", "k2=0")[0] == 0
@@ -373,20 +339,6 @@ def test_held_values_are_in_the_units_of_the_file_or_their_own(folder, rodgen_co
 # emit --------------------------------------------------------------------------------------------------
 
 
-def test_emit_writes_what_was_fitted(folder, rodgen_command):
-    code, out, err = rodgen_command("emit", "mount.toml", "stars.csv", "--lang", "numpy", "-o", "code")
-    assert (code, err) == (0, "")
-    files = out.split()
-    assert files == sorted(str(path.relative_to(folder)) for path in (folder / "code").iterdir())
-    test = next(name for name in files if Path(name).name.startswith("test_"))
-    done = subprocess.run(
-        [sys.executable, Path(test).name], cwd=folder / "code", capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    code, out, _ = rodgen_command("emit", "mount.toml", "stars.csv", "--lang", "c", "-o", "code", "--json")
-    assert (code, len(json.loads(out)["files"])) == (0, 3)
-
-
 def test_emit_wants_values(folder, rodgen_command):
     code, out, err = rodgen_command("emit", "mount.toml", "--lang", "c")
     assert (code, out) == (2, "")
@@ -411,20 +363,6 @@ def test_effects_lists_every_effect_of_the_catalogue(rodgen_command):
     assert max(map(len, out.splitlines())) <= 120
     code, out, _ = rodgen_command("effects", "--json")
     assert [effect["name"] for effect in json.loads(out)] == [definition.name for definition in CATALOGUE]
-
-
-def test_effects_tells_all_about_one(rodgen_command):
-    code, out, _ = rodgen_command("effects", "backlash")
-    assert code == 0
-    assert out.count("Remedy") == 2  # at revolute and at prismatic joints
-    for word in ("at a revolute joint", "ISO 230", "Meaning", "Usual size", "Source", "b [arcsec]"):
-        assert word in out
-    code, out, err = rodgen_command("effects", "backlsh")
-    assert (code, out) == (2, "")
-    assert (
-        err
-        == "command line: NAME: no effect 'backlsh'; expected 'backlash', perhaps; 'rodgen effects' lists all\n"
-    )
 
 
 def test_words_are_printed_where_there_are_no_greek_letters():

@@ -236,19 +236,6 @@ def test_examples_say_what_the_missing_effect_depends_on(
     assert comparison.claims == [s for s in comparison.sentences if s in comparison.claims]
 
 
-def test_telescope_is_worst_high_up(examples: Callable[[str], Comparison]) -> None:
-    comparison = examples("mount")
-    found = re.match(
-        r"The model is worst where EL is above ([\d.]+) deg: ([\d.]+) arcsec there, 2\.71 arcsec overall\.",
-        comparison.sentences[0],
-    )
-    assert found
-    f = comparison.fit
-    inside = np.degrees(f.observations.q[:, 1]) > float(found[1])
-    # as printed, to three digits
-    assert np.sqrt(np.mean(f.residuals[inside] ** 2)) == pytest.approx(float(found[2]), rel=2e-3)
-
-
 def test_what_is_explained_is_what_a_fit_with_the_effect_explains(bench: Bench) -> None:
     f = bench.fit(
         noise(bench.clean.shape, 1),

@@ -17,10 +17,10 @@ from rodgen.calibration.file_check import check
 from rodgen.calibration.plan import plan_for
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.errors import InputFileError
 from rodgen.machines.emit._geometry import geometry_of
 from rodgen.machines.files.read import machine_of
-from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
 
 pytestmark = pytest.mark.xdist_group("coupled")
@@ -409,37 +409,3 @@ def test_a_missing_column_of_a_motor_is_said_by_its_name():
     columns = {c.text.replace("J3m", "J3"): c.values for c in data.columns.values()}
     with pytest.raises(InputFileError, match=r"no column 'J3m'; did you mean 'J3 \[deg\]'\?|no column 'J3m'"):
         machine.fit(columns)
-
-
-def test_machine_built_in_python_has_the_same_checks():
-    def built(rule: str) -> Machine:
-        joints = (
-            Joint("J2", "revolute", (0, 1, 0), reading="J2m"),
-            Joint("J3", "revolute", (0, 1, 0), (0, 0, 500), reading="J3m", coordinate=rule),
-        )
-        return Machine(
-            "Arm",
-            "mm",
-            "deg",
-            (0, 0, -1),
-            20.0,
-            joints,
-            (Target("ball", (400, 0, 500)),),
-            Measured("point", "machine"),
-        )
-
-    assert built("J3m - J2m").coordinates(np.array([0.1, 0.3])) == pytest.approx([0.1, 0.2])
-    for rule, message in (
-        ("J3m - J2M", "no joint or reading 'J2M'; expected 'J2m'"),
-        ("J3m*J3m", "is not linear"),
-    ):
-        with pytest.raises(RodgenError, match=message):
-            built(rule).validate()
-    data = {
-        "J2m [deg]": [0, 90],
-        "J3m [deg]": [0, 90],
-        "x [mm]": [400, 500],
-        "y [mm]": [0, 0],
-        "z [mm]": [500, -400],
-    }
-    assert np.abs(built("J3m - J2m").add("zero_offset", joint="J2").fit(data).residuals).max() < 1e-6

@@ -14,14 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from diagnosis_checks import allowed, far_aliases, format_errors, refitted
+from diagnosis_checks import allowed, far_aliases, refitted
 from urdf import chain_of
 
 import rodgen
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.fit import fit
 from rodgen.calibration.ladder import ladder
-from rodgen.cli import main as cli
 from rodgen.machines.effects.catalogue import CATALOGUE
 
 ROOT = Path(__file__).parent.parent
@@ -99,21 +98,6 @@ def test_every_other_effect_of_the_elevation_is_told_apart():
             assert (cost - own) / variance > allowed(found.rows, many - few), title
             told.append(title)
     assert len(told) >= 2
-
-
-def test_the_command_names_the_same_effects_from_the_files_of_a_user(capsys):
-    assert cli.main(["diagnose", str(MOUNT / "machine.toml"), str(STARS), "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    machine = {
-        "joint": [{"name": "AZ"}, {"name": "EL"}],
-        "target": [{"name": "boresight"}],
-        "measured": {"kind": "direction"},
-        "units": {"length": "mm"},
-    }
-    assert format_errors(printed, machine, 80, NAMES) == []
-    steps = [(step["effect"], step["joint"]) for step in printed["steps"]]
-    assert steps == [(step.effect.name, step.effect.place) for step in telescope().steps]
-    assert printed["rms"]["after"] == pytest.approx(telescope().rms.after, rel=1e-6)
 
 
 def test_the_telescope_s_tube_droops_and_the_air_refracts_as_published():

@@ -138,26 +138,6 @@ def test_columns_are_those_of_a_model_that_has_the_effect(name):
                 assert off(column, expected[key]) < 1e-9, (key, candidate.searched)
 
 
-@pytest.mark.parametrize(
-    ("name", "effect", "place"),
-    [
-        ("rotary_table", "encoder_eccentricity", "C"),
-        ("rotary_table", "warm_up_drift", None),
-        ("mount", "gravity_windup", "EL"),
-        ("mount", "tilt_error_motion", "AZ"),
-    ],
-)
-def test_columns_are_those_of_a_model_that_has_this_effect_alone(name, effect, place):
-    base = fitted(name)
-    _, found = carried(name)
-    candidate = next(c for c in found if c.key == (effect, place))
-    problem = problem_with(base, base.machine.with_effect(base.machine.effect(effect, place)))
-    values = {candidate.effect.key(k): v for k, v in candidate.searched.items()}
-    expected = jacobian_at(base, problem, values)
-    for key, column in zip(candidate.names, candidate.columns.transpose(2, 0, 1), strict=True):
-        assert off(column, expected[key]) < 1e-9
-
-
 @pytest.mark.parametrize("name", [*QUICK, *SLOW])
 def test_every_effect_that_can_stand_is_a_candidate_once(name):
     base = fitted(name)

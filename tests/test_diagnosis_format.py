@@ -6,22 +6,19 @@ The RMS come from the plain simulator with the fitted numbers, and effects that 
 from __future__ import annotations
 
 import json
-import tomllib
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
 import numpy as np
 import pytest
-from diagnosis_checks import far_aliases, format_errors, rms_of
+from diagnosis_checks import check_numbers, far_aliases, rms_of
 from hidden_effects import hidden
 
 import rodgen
 from rodgen.calibration.fit import fit
 from rodgen.cli import main as cli
-from rodgen.machines.effects.catalogue import CATALOGUE
 
-NAMES = {definition.name for definition in CATALOGUE}
 CASES = {
     "one effect": ("rotary_table", 1, {"effects": [("encoder_eccentricity", "C")], "raises": 2.0}),
     "two effects": (
@@ -56,31 +53,15 @@ def diagnosed(name: str) -> rodgen.calibration.diagnose.Diagnosis:
     return fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()
 
 
-def file_of(name: str) -> dict:
-    return tomllib.loads(files(name)[0].read_text())
-
-
 def rows_of(data: Path) -> int:
     return len(data.read_text().splitlines()) - 1
-
-
-# diagnoses ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.thorough("directions")
 @every_case
 def test_a_diagnosis_is_written_as_the_formats_say(name):
     found = diagnosed(name).to_dict()
-    assert format_errors(found, file_of(name), rows_of(files(name)[1]), NAMES) == []
-
-
-@pytest.mark.thorough("directions")
-@pytest.mark.parametrize("name", ["one effect", "directions"])
-def test_the_command_prints_the_same_and_nothing_else(name, capsys):
-    machine, data = files(name)
-    assert cli.main(["diagnose", str(machine), str(data), "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert printed == json.loads(json.dumps(diagnosed(name).to_dict()))
+    check_numbers(found, rows_of(files(name)[1]))
 
 
 def test_further_measurements_are_predicted(tmp_path, capsys):
@@ -89,7 +70,8 @@ def test_further_measurements_are_predicted(tmp_path, capsys):
     # the other data are of the same machine without the effect and with other errors: only the format is looked at
     assert cli.main(["diagnose", str(machine), str(data), "--json", "--test", str(other)]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert format_errors(printed, file_of("one effect"), rows_of(data), NAMES, test=True) == []
+    check_numbers(printed, rows_of(data))
+    assert min(printed["rms"][f"{when}_test"] for when in ("before", "after")) > 0
 
 
 @pytest.mark.thorough("directions")

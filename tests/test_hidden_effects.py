@@ -6,7 +6,6 @@ of each kind; how often a diagnosis is right, of hundreds, is measured by `make 
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 from pathlib import Path
@@ -19,7 +18,6 @@ from hidden_effects import BENCHES, OUTSIDE, Hidden, Truth, UnhiddenError, hidde
 import rodgen
 from rodgen.calibration.checks.effect_test import worth_of
 from rodgen.calibration.fit import fit
-from rodgen.cli import main as cli
 from rodgen.machines.effects.plausibility import plausibility
 
 sys.path.append(str(Path(__file__).parent.parent / "study"))
@@ -258,20 +256,6 @@ def test_a_proposed_effect_can_be_pasted_into_the_machine_file(tmp_path):
     machine.write_text(machine.read_text() + "\n" + found.unexplained[0].block)
     again = fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
     assert again.rms == pytest.approx(found.rms.before / 2, rel=0.1)
-
-
-# the command --------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.thorough
-def test_the_command_tells_people_the_same(tmp_path, capsys):
-    case = hidden("mount", 51, [("refraction", None)], raises=1.5)
-    machine, data = case.write(tmp_path)
-    assert cli.main(["diagnose", str(machine), str(data)]) == 0
-    text = capsys.readouterr().out
-    assert cli.main(["diagnose", str(machine), str(data), "--json"]) == 0
-    truth = case.sealed.open(json.loads(capsys.readouterr().out))
-    assert truth.effects[0][0] in text
 
 
 # machines as they are met -----------------------------------------------------------------------------------------

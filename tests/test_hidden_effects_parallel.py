@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import csv
 import json
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from diagnosis_checks import format_errors
+from diagnosis_checks import check_numbers
 from hidden_effects import Hidden, Truth, UnhiddenError, hidden
 from hidden_parallel import BENCHES, FAMILY, at
 from parallel_simulator import LEGS
@@ -22,7 +21,6 @@ from parallel_simulator import LEGS
 import rodgen
 from rodgen.calibration.fit import fit
 from rodgen.cli import main as cli
-from rodgen.machines.effects.catalogue import CATALOGUE
 
 T, S = "tricept", "three_sps_s"
 slow = pytest.mark.slow
@@ -167,11 +165,8 @@ def test_the_way_of_a_user(bench, title, tmp_path, capsys):
         )
     first, other = (str(tmp_path / name) for name in files)
     assert cli.main(["diagnose", str(machine), first, "--test", other, "--json"]) == 0
-    said = capsys.readouterr().out
-    (tmp_path / "diagnosis.json").write_text(said, encoding="utf-8")
-    found = json.loads(said)
-    file = rodgen_file(machine)
-    assert format_errors(found, file, 126, [d.name for d in CATALOGUE], test=True) == []
+    found = json.loads(capsys.readouterr().out)
+    check_numbers(found, 126)
     truth = case.sealed.open(found)
     (step,) = found["steps"]
     assert (step["effect"], step["joint"]) == truth.effects[0]
@@ -189,10 +184,3 @@ def test_the_way_of_a_user(bench, title, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["rms"] == pytest.approx(truth.sigma, rel=0.2)
     assert cli.main(["diagnose", better, first, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["verdict"] == "nothing_missing"
-
-
-def rodgen_file(machine: Path) -> dict[str, Any]:
-    """Read a machine file, the legs as joints."""
-
-    file = tomllib.loads(machine.read_text(encoding="utf-8"))
-    return file | {"joint": [{"name": leg} for leg in LEGS[file["family"]]]}

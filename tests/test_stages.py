@@ -45,20 +45,6 @@ def test_the_time_that_is_left_is_shown_where_the_steps_are_counted(shown):
     assert shown.line() == "trying effects 12 of 40, about 48 min left"
 
 
-def test_no_time_that_is_left_is_made_up(shown):
-    shown.begin("fitting", None)
-    shown._clock.time = 1.9
-    assert shown.line() == "fitting"
-    shown._clock.time = 3.4
-    assert shown.line() == "fitting, 3 s"
-    shown.step(7)
-    assert shown.line() == "fitting, step 7, 3 s"
-    shown.end()
-    shown.begin("trying effects", 40)  # none is done yet
-    shown._clock.time = 8.4
-    assert shown.line() == "trying effects 1 of 40, 5 s"
-
-
 def test_bytes_are_a_percentage(shown):
     shown.begin("reading", 2_000_000)
     shown._clock.time = 4

@@ -198,18 +198,6 @@ def test_an_inequality_and_a_logical_claim_are_refuted(derivation):
     assert entry.refutation.values == ((claim, sp.false),)
 
 
-def test_errata_list_printed_counterexample_and_correction_in_both_forms(derivation, slip):
-    slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E10")
-    other = derivation.state("sum", equal(x + x, x), place="nowhere")
-    other.refute({x: 1}, equal(x + x, 2 * x), because="It is twice x.", label="E2")
-    text, markdown = errata(derivation), errata(derivation, form="markdown")
-    assert text.index("E2  sum (nowhere)") < text.index("E10 hypotenuse (I.47)")
-    for part in ("c = x + y", "5 is not 7", "Sides do not add.", "c**2 = x**2 + y**2"):
-        assert part in text
-    for part in ("## E10. hypotenuse", "$$ c = x + y $$", r"5 \neq 7", "$$ c^{2} = x^{2} + y^{2} $$"):
-        assert part in markdown
-
-
 def test_errata_tell_what_is_printed_said_and_tacit(derivation, slip):
     """Words are quoted and what they mean is not a formula of the source; a tacit one has no words."""
     slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")

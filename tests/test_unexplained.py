@@ -27,7 +27,6 @@ from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 from rodgen.statistics.columns import unchanged
-from rodgen.statistics.f_tests import log10_p_of_fall
 
 ARCSEC = np.pi / 648000
 NOISE = {"point": 0.004, "distance": 0.004, "direction": 2 * ARCSEC}
@@ -429,22 +428,6 @@ def test_a_form_knows_whether_it_is_in_the_catalogue() -> None:
 
 
 # the parts -------------------------------------------------------------------------------------------------------
-
-
-def test_tail_of_f_far_beyond_a_double() -> None:
-    """Compare with the incomplete beta function at 60 digits."""
-    mpmath = pytest.importorskip("mpmath")
-    mpmath.mp.dps = 60
-    for fall, left, a, b in [
-        (3.0, 50.0, 2, 47),
-        (900.0, 100.0, 2, 800),
-        (5e4, 2e4, 7, 30000),
-        (1.0, 1.0, 1, 3),
-    ]:
-        x = mpmath.mpf(left) / (mpmath.mpf(left) + mpmath.mpf(fall))
-        exact = mpmath.log10(mpmath.betainc(mpmath.mpf(b) / 2, mpmath.mpf(a) / 2, 0, x, regularized=True))
-        assert log10_p_of_fall(fall, left, a, b) == pytest.approx(float(exact), rel=1e-9)
-    assert log10_p_of_fall(0.0, 1.0, 2, 10) == 0.0
 
 
 def _sensitivities() -> Sensitivities:
