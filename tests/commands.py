@@ -40,3 +40,16 @@ def run_process(
         [sys.executable, "-m", "rodgen", *map(str, arguments)],
         capture_output=True, text=True, timeout=120, check=False, cwd=folder, **given, **options,
     )  # fmt: skip
+
+
+def words(command: str, machine: str, data: str, folder: str | Path) -> list[str]:
+    """Return a call of a command that reads measurements, with what else it wants; outputs go into a folder."""
+    further = {
+        "predict": [data, "-o", f"{folder}/p.csv"],
+        "plan": ["-n", "1", "--for", "C.axis.a"],
+        "add": ["-o", f"{folder}/more.toml", "--joint", "C"],
+        "emit": ["--lang", "numpy", "-o", str(folder)],
+        "report": ["-o", f"{folder}/page.html"],
+    }
+    effect = ["backlash"] if command == "add" else []
+    return [command, machine, *effect, data, *further.get(command, [])]

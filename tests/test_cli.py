@@ -121,52 +121,24 @@ def test_version_is_that_of_the_package():
 
 
 USAGE = {
-    (): "command line: rodgen: the following arguments are required: COMMAND; expected what 'rodgen --help'",
-    ("frobnicate",): "command line: rodgen: argument COMMAND: invalid choice: 'frobnicate'",
-    (
-        "fit-axis",
-    ): "command line: rodgen fit-axis: the following arguments are required: PAIRS; expected what",
-    (
-        "fit-axis",
-        "x.csv",
-        "--fast",
-    ): "rodgen fit-axis: unrecognized arguments: --fast; expected what 'rodgen fit",
-    ("apply", "f", "x.csv", "--sett"): "unrecognized arguments: --sett (the nearest is '--set'); expected",
-    (
-        "fit-axis",
-        "x.csv",
-        "--point",
-        "1,2",
-    ): "--point: '1,2' is neither free, origin nor three numbers such as",
-    (
-        "fit-axis",
-        "x.csv",
-        "--point",
-        "1,2,inf",
-    ): "--point: '1,2,inf' is neither free, origin nor three numbers",
-    (
-        "fit-axis",
-        "x.csv",
-        "--sigma",
-        "0.01",
-    ): "--sigma: '0.01' is not a positive length with its unit, such as 0.01mm",
-    (
-        "fit-axis",
-        "x.csv",
-        "--sigma",
-        "0mm",
-    ): "--sigma: '0mm' is not a positive length with its unit, such as 0.01mm",
-    ("fit-axis", "x.csv", "--loss", "l1"): "argument --loss: invalid choice: 'l1'",
+    "": "the following arguments are required: COMMAND",
+    "frobnicate": "argument COMMAND: invalid choice: 'frobnicate'",
+    "fit-axis": "the following arguments are required: PAIRS",
+    "fit-axis x.csv --fast": "unrecognized arguments: --fast",
+    "apply f x.csv --sett": "unrecognized arguments: --sett (the nearest is '--set')",
+    "fit-axis x.csv --point 1,2": "--point: '1,2' is neither free, origin nor three numbers",
+    "fit-axis x.csv --point 1,2,inf": "--point: '1,2,inf' is neither free, origin nor three numbers",
+    "fit-axis x.csv --sigma 0.01": "--sigma: '0.01' is not a positive length with its unit",
+    "fit-axis x.csv --sigma 0mm": "--sigma: '0mm' is not a positive length with its unit",
+    "fit-axis x.csv --loss l1": "argument --loss: invalid choice: 'l1'",
 }
 
 
-@pytest.mark.parametrize("arguments", USAGE, ids=" ".join)
-def test_wrong_usage_is_one_line_and_code_2(arguments, capsys):
-    assert cli.main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert USAGE[arguments] in err
-    assert err.count("\n") == 1
+@pytest.mark.parametrize("words", USAGE)
+def test_wrong_usage_is_one_line_and_code_2(words, rodgen_command):
+    code, out, err = rodgen_command(*words.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert USAGE[words] in err
 
 
 # tables ------------------------------------------------------------------------------------------------
@@ -461,27 +433,11 @@ def test_derive_fails_while_an_entry_is_open(lens, capsys):
 
 SCRIPTS = {
     "no proof": (f'{LENS}\nd.state("x", sp.Eq(a, b)).prove()\n', 1, ": line 17: x is not proved: "),
-    "raises": (
-        "x = 1\ny = x / 0\n",
-        2,
-        ": line 2: ZeroDivisionError: division by zero; expected a script that",
-    ),
-    "no Python": (
-        "x = (1,\n",
-        2,
-        ": line 1: SyntaxError: '(' was never closed; expected a script that runs to",
-    ),
-    "ends itself": (
-        "import sys\nsys.exit('enough')\n",
-        2,
-        ": line 2: SystemExit: enough; expected a script that",
-    ),
-    "no derivation": (
-        "x = 1\n",
-        2,
-        ": 'derivation': no such name; expected a module-level name 'derivation'",
-    ),
-    "wrong type": ("derivation = 3\n", 2, ": 'derivation': 'int'; expected a module-level name 'derivation'"),
+    "raises": ("x = 1\ny = x / 0\n", 2, ": line 2: ZeroDivisionError: division by zero; "),
+    "no Python": ("x = (1,\n", 2, ": line 1: SyntaxError: '(' was never closed; "),
+    "ends itself": ("import sys\nsys.exit('enough')\n", 2, ": line 2: SystemExit: enough; "),
+    "no derivation": ("x = 1\n", 2, ": 'derivation': no such name; "),
+    "wrong type": ("derivation = 3\n", 2, ": 'derivation': 'int'; "),
     "not UTF-8": (b"x = '\xff'\n", 2, ": line 1: SyntaxError: (unicode error) "),
 }
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import words
 from machine_cases import joint, machine_file, toml
 from simulated_fits import measure
 
@@ -53,15 +54,7 @@ def test_every_command_says_that_rows_are_copies(
     machine, data = str(tmp_path / "table.toml"), str(tmp_path / "data.csv")
     Path(machine).write_text(toml(file))
     Path(data).write_text("\n".join([",".join(columns), *lines, *lines]) + "\n")
-    further = {
-        "predict": [data, "-o", str(tmp_path / "p.csv")],
-        "plan": ["-n", "1", "--for", "C.axis.a"],
-        "add": ["-o", str(tmp_path / "more.toml"), "--joint", "C"],
-        "emit": ["--lang", "numpy", "-o", str(tmp_path)],
-        "report": ["-o", str(tmp_path / "page.html")],
-    }
-    first = ["backlash"] if command == "add" else []
-    assert main([command, machine, *first, data, *further.get(command, [])]) == 0
+    assert main(words(command, machine, data, tmp_path)) == 0
     said = capsys.readouterr()
     shown = said.out if command in {"check", "fit", "compare", "diagnose"} else said.err
     assert " ".join(shown.split()).count(SAID) == 1

@@ -5,7 +5,6 @@ matrix exponentials, SciPy's rotations, a numeric beam and differences, none of 
 """
 
 import os
-import random
 import subprocess
 import sys
 
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from lazy import LazyDerivation
+from random_numbers import DIGITS, check_at_random_numbers
 from scipy.integrate import solve_bvp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
@@ -24,8 +24,6 @@ from rodgen.symbolic import errata
 pytestmark = [pytest.mark.xdist_group("machine_model"), pytest.mark.thorough]
 model = LazyDerivation("machine_model")
 
-DIGITS = 40
-TOLERANCE = mpmath.mpf(10) ** -25  # 40 digits, less those that cancel in formulas of at most 1e10
 EPS = np.finfo(float).eps
 
 
@@ -69,49 +67,13 @@ def test_pages_have_the_same_bytes_in_every_run():
     assert first == second
 
 
-def sample(symbols, modulo, insert, generator):
-    """Random values of the symbols that satisfy the side conditions, the last condition first."""
-    point = {symbol: mpmath.mpf(generator.uniform(0.2, 1.2)) for symbol in symbols}
-    for symbol, condition in reversed(modulo):
-        polynomial = sp.Poly(sp.numer(sp.together(insert(condition))), symbol)
-        values = {s: v for s, v in point.items() if s != symbol}
-        coefficients = [
-            mpmath.mpc(sp.lambdify(list(values), c, "mpmath")(*values.values()))
-            for c in polynomial.all_coeffs()
-        ]
-        point[symbol] = mpmath.polyroots(coefficients, maxsteps=200, extraprec=200)[-1]
-    return point
-
-
 @pytest.mark.slow
 def test_what_is_proved_holds_at_random_numbers():
     for entry in model.derivation:
         # the claims of kernel-coefficients hold where the kernel's steps have the kernel's values: it is tested as such
         if entry.verdict == "proved" and entry.id != "kernel-coefficients":
-            check_at_random_numbers(entry)
-
-
-def check_at_random_numbers(entry):
-    """Evaluate both sides at 40 digits; random inputs between 0.2 and 1.2 satisfy the sign assumptions."""
-    # what a proof left open has its definition here
-    insert = model.derivation.insert({key: value for key, value in entry.given if key != value})
-    generator = random.Random(entry.id)
-    with mpmath.workdps(DIGITS):
-        for claim in entry.claims:
-            left, right = (sp.Matrix([insert(side)]) for side in claim.args)
-            symbols = left.free_symbols | right.free_symbols
-            for symbol, condition in entry.modulo:
-                symbols |= insert(condition).free_symbols | {symbol}
-            point = sample(sorted(symbols, key=str), entry.modulo, insert, generator)
-            for a, b in zip(left, right, strict=True):
-                a, b = (
-                    mpmath.mpmathify(sp.lambdify(list(point), side, "mpmath")(*point.values()))
-                    for side in (a, b)
-                )
-                if isinstance(claim, sp.Eq):
-                    assert abs(a - b) <= TOLERANCE * (1 + abs(a) + abs(b)), entry.id
-                else:
-                    assert claim.func(a, b), entry.id
+            # what a proof left open has its definition here
+            check_at_random_numbers(entry, {key: value for key, value in entry.given if key != value})
 
 
 # The chain, by matrix exponentials of twists

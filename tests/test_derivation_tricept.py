@@ -12,7 +12,6 @@ from lazy import LazyDerivation
 from scipy.spatial.transform import Rotation
 
 from rodgen.kinematics import tricept as public
-from rodgen.symbolic import errata
 
 pytestmark = [pytest.mark.xdist_group("tricept"), pytest.mark.thorough]
 paper = LazyDerivation("tricept")
@@ -53,16 +52,6 @@ def test_nothing_is_open_and_all_kernels_carry_the_prefix():
     assert paper.derivation.open == []
     assert len(paper.derivation.kernels) == 9
     assert all(name.startswith("tricept_") for name in paper.derivation.kernels)
-
-
-def test_errata_list_every_slip_with_its_correction():
-    labels = {entry.refutation.label for entry in paper.derivation if entry.refutation}
-    assert labels == {f"T{n}" for n in range(1, 11)}
-    text = errata(paper.derivation)
-    for id in (*SAID, *TACIT, "eq-8", "table-1"):
-        assert f" {id} (" in text
-    assert text.count("right:") >= text.count("wrong:") == 10
-    assert "29/10000 is not sqrt(3)/600" in text
 
 
 def numbers(seed):

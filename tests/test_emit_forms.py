@@ -95,31 +95,33 @@ def test_a_urdf_is_read_again(tmp_path):
     assert again.joints[1].travel == pytest.approx((-3, 3))
 
 
+def product(path, q, convention):
+    """Return where a table has the tool at coordinates (n, joints), by SciPy's rotations."""
+    table, lines = tomllib.loads(path.read_text()), path.read_text().splitlines()
+    base = np.array([[float(x) for x in line[1:].split()] for line in lines if line.startswith("#   ")])
+    found = []
+    for values in q:
+        T = base
+        for value, row in zip(values, table["joint"], strict=True):
+            slides, joint, link = row["type"] == "P", np.eye(4), np.eye(4)
+            angle = np.radians(row["theta"]) + (0.0 if slides else value)
+            joint[:3, :3] = Rotation.from_euler("z", angle).as_matrix()
+            joint[2, 3] = row["d"] + (value if slides else 0.0)
+            turns = [row["alpha"], row.get("beta", 0.0)]
+            link[:3, :3] = Rotation.from_euler("XY", turns, degrees=True).as_matrix()
+            link[0, 3] = row["a"]
+            T = T @ (joint @ link if convention == "standard" else link @ joint)
+        found.append((T @ [*table["tool"], 1])[:3])
+    return np.array(found), base
+
+
 @pytest.mark.parametrize("convention", ["standard", "modified"])
 def test_a_denavit_hartenberg_table_has_the_poses_of_the_model(tmp_path, convention):
     arm().emit("dh", tmp_path)
     path = tmp_path / f"arm_{convention}_dh.toml"
-    table = tomllib.loads(path.read_text())
-    base = np.array([[float(x) for x in line[1:].split()] for line in path.read_text().splitlines()
-                     if line.startswith("#   ")])  # fmt: skip
     q, design = commands()
-    expected = places(arm(), design)[::2]
-    for row, place in zip(q[::2], expected, strict=True):
-        T = base
-        for value, joint in zip(row, table["joint"], strict=True):
-            theta = np.radians(joint["theta"]) + (value if joint["type"] == "R" else 0.0)
-            d = joint["d"] + (value if joint["type"] == "P" else 0.0)
-            turn, link = np.eye(4), np.eye(4)
-            turn[:3, :3], turn[2, 3] = Rotation.from_euler("z", theta).as_matrix(), d
-            link[:3, :3], link[0, 3] = (
-                Rotation.from_euler("x", joint["alpha"], degrees=True).as_matrix(),
-                joint["a"],
-            )
-            link[:3, :3] = (
-                link[:3, :3] @ Rotation.from_euler("y", joint.get("beta", 0), degrees=True).as_matrix()
-            )
-            T = T @ (turn @ link if convention == "standard" else link @ turn)
-        np.testing.assert_allclose((T @ [*table["tool"], 1])[:3], place, atol=1e-6)
+    found, _ = product(path, q[::2], convention)
+    np.testing.assert_allclose(found, places(arm(), design)[::2], atol=1e-6)
     again = machine_from_table(path).machine
     assert [joint.name for joint in again.joints] == ["X", "A1", "A2", "A3"]
     assert again.joints[1].travel == pytest.approx((-3, 3))
@@ -446,27 +448,11 @@ def test_a_table_has_the_rows_of_the_imported_one_and_the_poses_of_the_fit(tmp_p
     assert max(map(float, stated)) < 0.02  # of 10 um, and 2 arcsec over 640 mm, k = 2
     q = random.uniform(-2, 2, (8, 6))
     design = {f"J{k + 1} [deg]": np.degrees(x) for k, x in enumerate(q.T)}
-    base = [
-        [float(x) for x in line[1:].split()]
-        for line in path.read_text().splitlines()
-        if line.startswith("#   ")
-    ]
     seen = places(fitted, design)
-    tool = tomllib.loads(path.read_text())["tool"]
-    for angles, place in zip(q, seen, strict=True):
-        T = np.array(base)
-        for angle, row in zip(angles, rows, strict=True):
-            joint, link = np.eye(4), np.eye(4)
-            joint[:3, :3], joint[2, 3] = (
-                Rotation.from_euler("z", np.radians(row["theta"]) + angle).as_matrix(),
-                row["d"],
-            )
-            turns = [row["alpha"], row.get("beta", 0.0)]
-            link[:3, :3], link[0, 3] = Rotation.from_euler("XY", turns, degrees=True).as_matrix(), row["a"]
-            T = T @ (joint @ link if convention == "standard" else link @ joint)
-        np.testing.assert_allclose((T @ [*tool, 1])[:3], place, atol=1e-6)
+    found, base = product(path, q, convention)
+    np.testing.assert_allclose(found, seen, atol=1e-6)
     again = replace(machine_from_table(path).machine, measured=Measured("point", "machine"))
-    turn, shift = np.array(base)[:3, :3], np.array(base)[:3, 3]
+    turn, shift = base[:3, :3], base[:3, 3]
     np.testing.assert_allclose(places(again, design) @ turn.T + shift, seen, atol=1e-6)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import words
 from hidden_effects import BENCHES
 
 from rodgen.calibration.fit import Fit, fit
@@ -47,13 +48,7 @@ def test_every_command_names_the_reading(
 ) -> None:
     """Neither `fit` nor `compare` named it."""
     machine, data = spoiled("rotary_table", tmp_path, (20, "x", 1e6))
-    further = {
-        "predict": [data, "-o", str(tmp_path / "p.csv")],
-        "plan": ["-n", "1", "--for", "C.axis.a"],
-        "add": ["-o", str(tmp_path / "more.toml"), "--joint", "C"],
-    }
-    first = ["backlash"] if command == "add" else []
-    main([command, machine, *first, data, *further.get(command, [])])
+    main(words(command, machine, data, tmp_path))
     said = capsys.readouterr()
     assert SAID in (said.out if command in {"fit", "compare"} else said.err)
 

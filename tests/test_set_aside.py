@@ -6,6 +6,7 @@ import csv
 import json
 from pathlib import Path
 
+import commands
 import numpy as np
 import pytest
 from machine_cases import joint, machine_file, toml
@@ -63,15 +64,7 @@ def read() -> tuple[Machine, Measurements]:
 def test_every_command_leaves_them_out_and_says_so(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     set_aside()
     assert SAID in capsys.readouterr().out
-    further = {
-        "predict": ["data.csv", "-o", "p.csv"],
-        "plan": ["-n", "1", "--for", "C.axis.a"],
-        "add": ["-o", "more.toml", "--joint", "C"],
-        "emit": ["--lang", "numpy", "-o", "."],
-        "report": ["-o", "page.html"],
-    }
-    first = ["backlash"] if command == "add" else []
-    run(command, "m.toml", *first, "data.csv", *further.get(command, []))
+    run(*commands.words(command, "m.toml", "data.csv", "."))
     said = capsys.readouterr()
     text = " ".join((said.out if command in {"check", "fit", "compare", "diagnose"} else said.err).split())
     assert text.count(SAID) == 1
@@ -84,8 +77,7 @@ def test_every_command_leaves_them_out_and_says_so(command: str, capsys: pytest.
 def test_json_says_which_and_why(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     set_aside()
     capsys.readouterr()
-    run(command, "m.toml", *(["backlash"] if command == "add" else []), "data.csv", "--json",
-        *(["--joint", "C"] if command == "add" else []))  # fmt: skip
+    run(*commands.words(command, "m.toml", "data.csv", "."), "--json")
     found = json.loads(capsys.readouterr().out)
     found = (found["ladder"] if command == "add" else found)["set_aside"]
     assert found["rows"] == 4
