@@ -16,11 +16,40 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from hidden_effects import Hidden, Truth
 from machine_simulator import RADIANS, Simulated
 
 import rodgen
+from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.calibration.fit import Fit, fit
 from rodgen.machines.machine import Machine
+
+
+def loaded(case: Hidden, folder: str | Path) -> tuple[Machine, rodgen.Measurements]:
+    """Write the files of a machine with hidden effects, and read them as a user does."""
+    machine, data = case.write(folder)
+    return rodgen.Machine.load(machine), rodgen.Measurements.load(data)
+
+
+def diagnosis_of(case: Hidden, folder: str | Path) -> Diagnosis:
+    machine, data = loaded(case, folder)
+    return fit(machine, data).diagnose()
+
+
+def diagnosed(case: Hidden, folder: str | Path) -> tuple[Diagnosis, Truth]:
+    """Go the way of a user; give the diagnosis, and then the truth."""
+    found = diagnosis_of(case, folder)
+    assert not case.sealed.opened
+    return found, case.sealed.open(found)
+
+
+def groups(found: Diagnosis) -> list[set[tuple[str, str | None]]]:
+    """Return each step with the effects indistinguishable from it."""
+    return [
+        {step.effect.identity, *(alias.effect.identity for alias in step.indistinguishable_from)}
+        for step in found.steps
+    ]
+
 
 VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
 

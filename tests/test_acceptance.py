@@ -9,7 +9,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from diagnosis_checks import diagnosis_of, loaded
 from hidden_effects import hidden
+from real_machines import real
 
 import rodgen
 from rodgen.calibration.checks.effect_test import worth_of
@@ -26,11 +28,8 @@ from rodgen.machines.model import Model
 
 def test_a_pair_is_judged_together(tmp_path):
     """A sagging tube all but undoes refraction: the first of them alone raised the error on poses left out."""
-    from real_machines import real
-
     case = real("altaz", 50)
-    machine, data = case.write(tmp_path)
-    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    found = diagnosis_of(case, tmp_path)
     assert [step.effect.title for step in found.steps] == ["tube_flexure", "refraction"]
     before, first, second = found.rms.before_held_out, *(step.rms_held_out for step in found.steps)
     assert second < before < first
@@ -40,10 +39,7 @@ def test_a_pair_is_judged_together(tmp_path):
 @pytest.mark.thorough
 def test_six_positions_show_the_kind_of_a_motion(tmp_path):
     """Four waves along the axis of A go through any six errors; that they all are along the axis is no chance."""
-    from real_machines import real
-
-    machine, data = real("trunnion", 11).write(tmp_path)
-    base, readings = rodgen.Machine.load(machine), rodgen.Measurements.load(data)
+    base, readings = loaded(real("trunnion", 11), tmp_path)
     found = diagnose(base, readings)
     assert [step.effect.title for step in found.steps] == ["axial_error_motion at A"]
     assert found.steps[0].p_value < 1e-6
@@ -55,10 +51,7 @@ def test_six_positions_show_the_kind_of_a_motion(tmp_path):
 @pytest.mark.slow
 def test_a_scale_of_a_robots_joint_is_not_claimed_where_its_eccentricity_may_be_there(tmp_path):
     """Few positions of J7 hide its eccentricity; its scale, next to impossible, does nearly the same."""
-    from real_machines import real
-
-    machine, data = real("7R", 8).write(tmp_path)
-    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    found = diagnosis_of(real("7R", 8), tmp_path)
     assert found.steps == ()
     named = [note for note in found.notes if note.startswith("encoder_eccentricity at J7 ")]
     assert any("may be there" in note for note in named)
@@ -70,10 +63,7 @@ def test_nothing_is_outside_the_catalogue_that_an_undecided_effect_leaves_nothin
 
     Nor are the readings at 30 degrees of A displaced, where all 32 of them were taken one after the other.
     """
-    from real_machines import real
-
-    machine, data = real("trunnion", 20).write(tmp_path)
-    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    found = diagnosis_of(real("trunnion", 20), tmp_path)
     assert {"axial_error_motion at C", "thermal_axis_drift at C"} <= {s.effect.title for s in found.steps}
     assert found.unexplained == ()
     assert any(n.startswith("axial_error_motion at A is not reported") for n in found.notes)
@@ -101,8 +91,6 @@ def test_what_may_only_imitate_an_undecided_effect_is_not_claimed():
 @pytest.mark.parametrize("name", ["axial_error_motion", "radial_error_motion", "encoder_eccentricity"])
 def test_what_a_joint_does_in_all_directions_at_six_positions_is_no_kind_of_motion(name, tmp_path):
     """Each position of A shifts and turns the table otherwise: along the axis as across it."""
-    from real_machines import real
-
     machine, data = (Path(x) for x in real("trunnion", 11).write(tmp_path))
     machine = rodgen.Machine.load(machine)
     fitted = fit(machine, rodgen.Measurements.load(data))
@@ -122,10 +110,7 @@ def test_what_a_joint_does_in_all_directions_at_six_positions_is_no_kind_of_moti
 @pytest.mark.slow
 def test_an_effect_that_stands_against_a_walk_is_kept_though_the_walk_spoils_its_estimate(tmp_path):
     """Of nine effects and a walk: the estimate of the first alone has p = 0.015, differences of neighbours 1e-7."""
-    from real_machines import real
-
-    machine, data = real("trunnion", 19).write(tmp_path)
-    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    found = diagnosis_of(real("trunnion", 19), tmp_path)
     steps = {step.effect.title: step for step in found.steps}
     assert steps.keys() == {"thermal_axis_drift at A", "backlash at C"}
     assert steps["thermal_axis_drift at A"].p_value < 1e-5
@@ -155,8 +140,7 @@ def test_a_time_constant_or_a_period_at_which_an_effect_says_nothing(effect, pla
 
 @pytest.mark.thorough
 def test_the_search_goes_on_without_an_effect_that_full_fits_do_not_confirm(tmp_path, monkeypatch):
-    machine, data = hidden("rotary_table", 11, [("backlash", "C")], raises=1.5).write(tmp_path)
-    machine, data = rodgen.Machine.load(machine), rodgen.Measurements.load(data)
+    machine, data = loaded(hidden("rotary_table", 11, [("backlash", "C")], raises=1.5), tmp_path)
     first = diagnose(machine, data)
     assert [step.effect.title for step in first.steps] == ["backlash at C"]
 
@@ -289,10 +273,7 @@ def test_an_effect_that_a_larger_one_hides_is_judged_when_the_larger_one_is_ther
 
 @pytest.mark.thorough
 def test_an_effect_that_chance_does_in_one_of_twenty_data_sets_is_mentioned(tmp_path):
-    from real_machines import real
-
-    machine, data = real("equatorial", 9).write(tmp_path)
-    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    found = diagnosis_of(real("equatorial", 9), tmp_path)
     assert "refraction" not in [step.effect.title for step in found.steps]
     (note,) = [note for note in found.notes if "may be there" in note]
     sentence = (

@@ -1,9 +1,6 @@
 """The catalogue of effects, against formulas and units that are written here a second time, by hand."""
 
-import dataclasses
-import json
 import math
-import pickle
 import re
 
 import numpy as np
@@ -261,52 +258,6 @@ def test_where_directions_are_measured_a_frame_turns_and_a_target_has_two_freedo
     assert row("revolute", "load_windup").units("mm", DIRECTION) == {"k": "arcsec/N"}
 
 
-def test_what_is_searched_and_what_later_joints_add():
-    searched = {(*d.at, d.name): tuple(d.searched) for d in CATALOGUE if d.searched}
-    assert searched == {
-        ("revolute", "periodic_drive_error"): ("P",),
-        ("prismatic", "periodic_drive_error"): ("P",),
-        ("machine", "warm_up_drift"): ("tau",),
-    }
-    assert [d.name for d in CATALOGUE if d.later_joints] == ["gravity_windup"]
-    assert [d.name for d in CATALOGUE if d.slope] == ["gravity_sag", "load_sag", "frame_shift"]
-    assert not any(d.own for d in CATALOGUE)
-
-
-@pytest.mark.parametrize("definition", CATALOGUE, ids=lambda d: f"{d.name}-{'-'.join(d.at)}")
-def test_an_effect_is_explained(definition):
-    sentences = re.findall(r"[^.!?]+[.!?](?:\s|$)", definition.meaning)
-    assert 2 <= len(sentences) <= 4
-    assert re.search(r"\d", definition.usual_size)
-    assert definition.remedy.endswith(".")
-    assert re.search(r"ISO 230-\d|(19|20)\d\d|brochure", definition.source)
-    text = definition.describe()
-    assert "{" not in text and "}" not in text  # noqa: PT018
-    assert all(len(line) <= 100 for line in text.splitlines())
-    flat = " ".join(text.split())
-    for part in (
-        definition.name,
-        definition.meaning,
-        definition.usual_size,
-        definition.remedy,
-        definition.source,
-    ):
-        assert " ".join(part.split()) in flat
-    data = json.loads(json.dumps(definition.as_dict()))
-    assert data["name"] == definition.name
-    assert data["parameters"] == definition.units()
-
-
-def test_iso_symbols_are_given_for_the_motions_that_the_standard_names():
-    symbols = {(*d.at, d.name): d.iso for d in CATALOGUE}
-    assert symbols["revolute", "radial_error_motion"] == "EXC, EYC"
-    assert symbols["revolute", "axial_error_motion"] == "EZC"
-    assert symbols["revolute", "tilt_error_motion"] == "EAC, EBC"
-    assert symbols["prismatic", "straightness"] == "EYX, EZX"
-    assert symbols["prismatic", "angular_error_motion"] == "EAX, EBX, ECX"
-    assert symbols["prismatic", "scale"].startswith("EXX")
-
-
 def test_the_table_has_a_row_for_each_effect():
     rows = as_table()
     assert [(at, name) for at, name, *_ in rows] == [(*d.at, d.name) for d in CATALOGUE]
@@ -330,13 +281,6 @@ def test_error_for_an_unknown_name_gives_the_nearest():
         RodgenError, match="squareness at a place of type 'revolute'; expected prismatic, where it"
     ):
         definitions("squareness", "revolute")
-
-
-def test_definitions_do_not_change_and_cross_processes():
-    assert pickle.loads(pickle.dumps(CATALOGUE)) == CATALOGUE
-    assert len(set(CATALOGUE)) == len(CATALOGUE)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        CATALOGUE[0].name = "another"
 
 
 # effects of users ----------------------------------------------------------------------------------------------

@@ -397,23 +397,6 @@ def test_simulate_hides_an_effect_and_keeps_the_design(folder, rodgen_command):
     assert json.loads(out)["noise"] == {"rms": 0.0015, "unit": "mm"}
 
 
-def test_simulate_and_add_find_each_other(folder, rodgen_command):
-    files = ["--truth", "truth.json", "-o", "made.parquet"]
-    code, out, _ = rodgen_command(
-        "simulate", "table.toml", "balls.csv", "--hidden", *files, "--seed", 4, "--json"
-    )
-    noise = {"rms": pytest.approx(0.0015), "unit": "mm"}
-    assert code == 0
-    assert json.loads(out) == {"data": "made.parquet", "truth": "truth.json", "rows": 432, "noise": noise}
-    (hidden,) = json.loads(rodgen_command("simulate", "--open", "truth.json", "--json")[1])["effects"]
-    place = ["--joint", hidden["place"]] if hidden["place"] else []
-    code, out, _ = rodgen_command("add", "table.toml", hidden["effect"], "made.parquet", *place, "--json")
-    last = json.loads(out)["ladder"]["rungs"][1]
-    assert code == 0
-    assert last["step"]["significant"]
-    assert last["rms"] == pytest.approx(0.0015, rel=0.1)
-
-
 def test_simulate_writes_to_standard_output(folder):
     one, other = (
         run("simulate", "table.toml", "balls.csv", "--seed", "1", "--noise", "4um") for _ in range(2)

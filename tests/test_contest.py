@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from diagnosis_checks import diagnosis_of
 from hidden_effects import hidden
 
-import rodgen
 from rodgen.calibration.diagnose.uncatalogued import Contest, Explanation
 
 DROOP = {("tube_flexure", None), ("gravity_windup", "EL")}
@@ -24,11 +24,6 @@ def offered(monkeypatch):
 
     monkeypatch.setattr(Contest, "by_columns", forms_first)
     return found
-
-
-def diagnosed(case, folder):
-    machine, data = case.write(folder)
-    return rodgen.Machine.load(machine).fit(rodgen.Measurements.load(data)).diagnose()
 
 
 @pytest.mark.thorough
@@ -56,7 +51,7 @@ def diagnosed(case, folder):
 def test_a_form_gives_way_to_effects_that_explain_as_much(
     offered, tmp_path, bench, seed, effects, raises, outliers, named
 ):
-    found = diagnosed(hidden(bench, seed, effects, raises=raises, outliers=outliers), tmp_path)
+    found = diagnosis_of(hidden(bench, seed, effects, raises=raises, outliers=outliers), tmp_path)
     assert offered
     assert found.unexplained == ()
     assert len(found.steps) == len(named)
@@ -69,7 +64,7 @@ def test_a_form_gives_way_to_effects_that_explain_as_much(
     ("bench", "outside"), [("rotary_table", "fifth_harmonic"), ("mount", "azimuth_wave")]
 )
 def test_a_form_stays_where_no_effects_explain_as_much(offered, tmp_path, bench, outside):
-    found = diagnosed(hidden(bench, 3, outside=outside, raises=1.5), tmp_path)
+    found = diagnosis_of(hidden(bench, 3, outside=outside, raises=1.5), tmp_path)
     assert offered
     assert found.verdict == "unknown_effect"
     assert found.steps == ()

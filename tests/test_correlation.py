@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from machine_simulator import arcsec
+from real_machines import real
 from scipy import stats
 from simulated_fits import fit_to, joint, machine_file, measure
 from work import calls_in
@@ -440,8 +441,6 @@ def test_an_effect_scanned_once_round_is_not_taken_for_a_drift(name: str, poses:
 
 def test_a_wander_does_not_take_what_two_effects_do_together(tmp_path) -> None:
     """An eccentricity and a backlash at a joint in four positions passed for turns of the set-up, which only moves."""
-    from real_machines import real
-
     machine, data = real("trunnion", 37).write(tmp_path)
     fitted = rodgen.Machine.load(machine).fit(rodgen.Measurements.load(data))
     effects = catalogue_effects(fitted.machine, fitted.observations)

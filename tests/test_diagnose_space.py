@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import mpmath
 import numpy as np
 import pytest
+from real_machines import real
 from scipy import stats
 
 from rodgen.calibration.checks.gross import are_neighbours, gross_errors
@@ -702,8 +703,6 @@ def test_good_rows_that_looked_wrong_at_first_change_nothing(monkeypatch):
 def leg_machine():
     """Return the evidence on a Tricept with four effects, two of which hide behind a third, and what was chosen."""
     from tempfile import TemporaryDirectory
-
-    from real_machines import real
 
     with TemporaryDirectory() as folder:
         machine, data = real("tricept", 15).write(Path(folder))

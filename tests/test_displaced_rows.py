@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnosis_checks import diagnosis_of
 from hidden_effects import hidden
 
 import rodgen
@@ -138,8 +139,7 @@ def test_heavy_noise_loses_few_stars(tmp_path):
 
 @pytest.mark.parametrize("wanders", ["walk", "day"])
 def test_a_set_up_that_wanders_is_not_displaced(wanders, tmp_path):
-    machine, data = hidden("mount", 2, [], wanders=wanders).write(tmp_path)
-    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    found = diagnosis_of(hidden("mount", 2, [], wanders=wanders), tmp_path)
     assert "displaced" not in " ".join(found.notes)
     assert "wanders" in " ".join(found.notes)
 
@@ -148,15 +148,13 @@ def test_a_set_up_that_wanders_is_not_displaced(wanders, tmp_path):
 @pytest.mark.parametrize("seed", [3, 6])
 def test_a_row_far_out_on_a_walk_is_no_outlier(seed, tmp_path):
     """It lies where those before and after it do; line 153 or 159 was left out."""
-    machine, data = hidden("gantry", seed, [], wanders="walk").write(tmp_path)
-    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    found = diagnosis_of(hidden("gantry", seed, [], wanders="walk"), tmp_path)
     assert found.outliers == ()
     assert found.steps == ()
 
 
 def test_gross_errors_on_a_walk_are_outliers(tmp_path):
     case = hidden("gantry", 1, [], wanders="walk", outliers=0.03)
-    machine, data = case.write(tmp_path)
-    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    found = diagnosis_of(case, tmp_path)
     truth = case.sealed.open(found)
     assert set(found.outliers) == set(truth.outliers) != set()

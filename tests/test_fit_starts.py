@@ -372,24 +372,3 @@ def test_a_larger_model_never_fits_worse(kind, draws):
 @pytest.mark.parametrize("kind", ["point", "direction", "distance"])
 def test_of_many_larger_models_none_fits_worse(kind):
     assert climbs(kind, range(6, 100)) == []
-
-
-def test_effects_that_are_added_one_by_one_lower_the_cost_each_time(monkeypatch):
-    monkeypatch.setenv("RODGEN_CPU", "numpy")
-    file = all_estimated(table("point"))
-    case = Case(file, data_for(file, 60, np.random.default_rng(3)))
-    full = case.changed(file=file | {"effect": [effect("backlash", "C"), effect("radial_error_motion", "C")]})
-    keys = [key for block in full.file["effect"] for key in full.keys_of(block)]
-    reading = noisy("point", full.simulated(full.sizeable(keys)), 0.002, np.random.default_rng(4))
-    observations = replace(case.observations, reading=reading)
-    machine, costs = case.machine, []
-    found = fit(machine, observations)
-    for name in ("encoder_ellipticity", "backlash", "radial_error_motion"):
-        costs.append(found.chi_square)
-        found = fit(found.machine.with_effect(found.machine.effect(name, "C")), observations)
-    costs.append(found.chi_square)
-    assert (np.diff(costs) <= 0).all()
-    cold = machine
-    for name in ("radial_error_motion", "backlash", "encoder_ellipticity"):
-        cold = cold.with_effect(cold.effect(name, "C"))
-    assert fit(cold, observations).chi_square == pytest.approx(found.chi_square, rel=1e-7)

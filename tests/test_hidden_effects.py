@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hidden_effects import BENCHES, OUTSIDE, Hidden, Truth, UnhiddenError, hidden, still
+from diagnosis_checks import diagnosed, groups
+from hidden_effects import BENCHES, OUTSIDE, UnhiddenError, hidden, still
+from real_machines import real
 
 import rodgen
 from rodgen.calibration.checks.effect_test import worth_of
@@ -25,25 +27,8 @@ sys.path.append(str(Path(__file__).parent.parent / "study"))
 slow = pytest.mark.slow
 
 
-def diagnosed(case: Hidden, folder: Path) -> tuple[rodgen.calibration.diagnose.Diagnosis, Truth]:
-    """Go the way of a user; give the diagnosis, and then the truth."""
-    machine, data = case.write(folder)
-    found = fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()
-    assert not case.sealed.opened
-    return found, case.sealed.open(found)
-
-
 def titles(found) -> list[tuple[str, str | None]]:
     return [(step.effect.name, step.effect.place) for step in found.steps]
-
-
-def groups(found) -> list[set[tuple[str, str | None]]]:
-    """Return each step with the effects indistinguishable from it."""
-    return [
-        {(step.effect.name, step.effect.place)}
-        | {(alias.effect.name, alias.effect.place) for alias in step.indistinguishable_from}
-        for step in found.steps
-    ]
 
 
 # effects of the catalogue -----------------------------------------------------------------------------------------
@@ -281,8 +266,6 @@ def test_what_only_the_effects_hint_at_is_no_reason_to_turn_the_machine(tmp_path
 
 def test_a_later_joint_whose_axis_meets_this_one_has_no_weight_there(tmp_path):
     """C's axis meets A's but for 0.03 mm: a weight on such an arm would have to be some tons to follow a wave of A."""
-    from real_machines import real
-
     machine, data = real("trunnion", 1).write(tmp_path)
     machine = rodgen.Machine.load(machine)
     found = fit(machine.with_effect(machine.effect("gravity_windup", "A")), rodgen.Measurements.load(data))
@@ -292,8 +275,6 @@ def test_a_later_joint_whose_axis_meets_this_one_has_no_weight_there(tmp_path):
 
 
 def test_what_is_said_of_the_geometry_allows_for_a_set_up_that_wanders(tmp_path):
-    from real_machines import real
-
     found, truth = diagnosed(real("trunnion", 0), tmp_path)
     assert truth.wanders == "walk"
     assert found.steps == ()
@@ -313,8 +294,6 @@ def test_what_is_said_of_the_geometry_allows_for_a_set_up_that_wanders(tmp_path)
 @pytest.mark.thorough
 def test_a_tilt_that_the_geometry_all_but_imitates_hides_no_eccentricity(tmp_path):
     """A tilt by 2600 arcsec, taken back by the next axis, imitated an eccentricity of 7: by what the two leave."""
-    from real_machines import real
-
     found, truth = diagnosed(real("altaz", 10), tmp_path)
     assert ("encoder_eccentricity", "AZ") in truth.seen
     assert {(s.effect.name, s.effect.place) for s in found.steps} == set(truth.effects)
@@ -330,8 +309,6 @@ def test_a_tilt_that_the_geometry_all_but_imitates_hides_no_eccentricity(tmp_pat
 @pytest.mark.thorough
 def test_a_bearing_moves_by_no_more_than_it_may_where_targets_do_the_same(tmp_path):
     """A motion by 65 mm, with the targets moved by as much, fits no better than one of micrometres."""
-    from real_machines import real
-
     found, truth = diagnosed(real("trunnion", 22), tmp_path)
     assert ("radial_error_motion", "C") in truth.effects
     (motion,) = (s for s in found.steps if s.effect.name == "radial_error_motion")
@@ -345,8 +322,6 @@ def test_a_bearing_moves_by_no_more_than_it_may_where_targets_do_the_same(tmp_pa
 @pytest.mark.slow
 def test_targets_that_were_mixed_up_in_two_poses_are_outliers(tmp_path):
     """Both readings of a pose have its coordinates, and are no neighbours by that."""
-    from real_machines import real
-
     found, truth = diagnosed(real("fork", 7), tmp_path)
     assert len(truth.outliers) == 4
     assert set(found.outliers) == truth.outliers
@@ -356,8 +331,6 @@ def test_targets_that_were_mixed_up_in_two_poses_are_outliers(tmp_path):
 @pytest.mark.slow
 def test_no_effect_of_a_leg_is_found_twice(tmp_path):
     """One at A1 stood for two, though it was found beside them."""
-    from real_machines import real
-
     found, truth = diagnosed(real("tricept", 10), tmp_path)
     assert {(s.effect.name, s.effect.place) for s in found.steps} == set(truth.effects)
 
@@ -365,8 +338,6 @@ def test_no_effect_of_a_leg_is_found_twice(tmp_path):
 @pytest.mark.slow
 def test_a_large_effect_does_not_hide_that_the_set_up_wanders(tmp_path):
     """Three effects raise the error from 3 to 14 arcsec; a wander by 3 looked like a form of the time."""
-    from real_machines import real
-
     found, truth = diagnosed(real("equatorial", 57), tmp_path)
     assert truth.wanders == "ou"
     assert found.correlation.wanders

@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import csv
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from diagnosis_checks import check_numbers
-from hidden_effects import Hidden, Truth, UnhiddenError, hidden
+from diagnosis_checks import check_numbers, diagnosed, groups
+from hidden_effects import Hidden, UnhiddenError, hidden
 from hidden_parallel import BENCHES, FAMILY, at
 from parallel_simulator import LEGS
 
-import rodgen
-from rodgen.calibration.fit import fit
 from rodgen.cli import main as cli
 
 T, S = "tricept", "three_sps_s"
@@ -34,22 +31,6 @@ def made(bench: str, seed: int, effects: Any = (), **more: Any) -> Hidden:
         effects,
         **{"raises": 1.5, **more},
     )
-
-
-def diagnosed(case: Hidden, folder: Path) -> tuple[Any, Truth]:
-    machine, data = case.write(folder)
-    found = fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()
-    assert not case.sealed.opened
-    return found, case.sealed.open(found)
-
-
-def groups(found: Any) -> list[set[tuple[str, str | None]]]:
-    """Return each step with the effects indistinguishable from it."""
-    return [
-        {(step.effect.name, step.effect.place)}
-        | {(alias.effect.name, alias.effect.place) for alias in step.indistinguishable_from}
-        for step in found.steps
-    ]
 
 
 EFFECTS = [

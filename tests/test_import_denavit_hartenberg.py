@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.imports.denavit_hartenberg import machine_from_table
 from rodgen.machines.machine import Machine
@@ -151,50 +150,3 @@ def test_what_is_wrong_in_toml_is_said_in_one_sentence(old, new, expected, tmp_p
     with pytest.raises(InputFileError) as error:
         machine_from_table(tmp_path / "t.toml")
     assert expected in str(error.value)
-
-
-def test_a_rough_table_is_enough_for_a_fit(tmp_path, rodgen_command: Run):
-    """Joint angles, a tracker's points, and a table that is off by millimetres and tenths of a degree: no editor."""
-    rough, data = tmp_path / "rough.csv", tmp_path / "d.csv"
-    off = np.random.default_rng(6)
-    lines = [line.split(",") for line in KUKA.strip().splitlines()]
-    for line in lines[1:]:
-        line[2:6] = [
-            repr(float(cell) + off.uniform(-1, 1) * size)
-            for cell, size in zip(line[2:6], (0.4, 3, 3, 0.4), strict=True)
-        ]
-    rough.write_text("\n".join(",".join(line) for line in lines) + "\n")
-    q = off.uniform(-1.5, 1.5, (60, 6))
-    seen = np.array(
-        [
-            product(rows_of(KUKA), row, False)[:3, :3] @ [10, 20, 80]
-            + product(rows_of(KUKA), row, False)[:3, 3]
-            for row in q
-        ]
-    )
-    noisy = (seen + off.normal(0, 0.02, seen.shape)) @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]] + [900, -300, 50]
-    table = np.hstack([np.degrees(q), noisy])
-    header = ",".join([*(f"A{j} [deg]" for j in range(1, 7)), "x [mm]", "y [mm]", "z [mm]"])
-    np.savetxt(tmp_path / "tracker.csv", table, delimiter=",", header=header, comments="")
-    rms = {}
-    for what in ("target", "geometry"):
-        machine = tmp_path / f"{what}.toml"
-        code, out, err = rodgen_command(
-            "import", rough, tmp_path / "tracker.csv", "--convention", "standard", "--estimate", what,
-            "-o", machine, "-d", data,
-        )  # fmt: skip
-        assert (code, err) == (0, "")
-        rms[what] = Machine.load(machine).fit(Measurements.load(data)).rms
-    assert "Axes and points of all joints but the first, A1, are estimated" in out
-    estimated = Machine.load(machine)
-    assert not [entry for entry in estimated.estimate if entry.startswith("A1.")]  # the base stays level
-    estimated.fit(Measurements.load(data)).emit("urdf", tmp_path / "urdf")
-    (urdf,) = (tmp_path / "urdf").iterdir()
-    assert '<axis xyz="0 0 -1"' in urdf.read_text().partition('joint name="A2"')[0]
-    assert rms["target"] > 0.5
-    assert 0.015 < rms["geometry"] < 0.02  # 30 of 180 readings are used up
-    code, _, err = rodgen_command(
-        "import", machine, tmp_path / "tracker.csv", "--estimate", "geometry", "-d", data
-    )
-    assert (code, err.count("\n")) == (2, 1)
-    assert "expected [estimate] in the machine file" in err

@@ -211,26 +211,6 @@ def test_a_mimic_joint_of_a_joint_elsewhere_is_one_of_its_own(tmp_path):
     assert "the other joint is not of this chain: it is a joint of its own" in " ".join(found.notes)
 
 
-def test_one_limb_of_a_humanoid_of_300_links_is_a_machine(tmp_path):
-    links, joints = ['<link name="pelvis"/>'], []
-    for limb in range(10):
-        for number in range(30):
-            child, parent = f"limb{limb}_{number}", f"limb{limb}_{number - 1}" if number else "pelvis"
-            links.append(
-                f'<link name="{child}"><visual><geometry><box size="1 1 1"/></geometry></visual></link>'
-            )
-            joints.append(
-                f'<joint name="j_{child}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-                f'<origin xyz="0 0 0.1" rpy="0.1 0.2 {number}"/><limit lower="-1" upper="1"/></joint>'
-            )
-    path = tmp_path / "humanoid.urdf"
-    path.write_text(f'<robot name="h">{"".join(links + joints)}</robot>')
-    machine = machine_from_urdf(path, tip="limb7_29").machine
-    assert len(machine.joints) == 30
-    q = RNG.uniform(-1, 1, 30)
-    assert positions(machine, q) == pytest.approx(1000 * seen(path, "pelvis", "limb7_29", q), abs=1e-7)
-
-
 def test_what_a_file_says_ends_no_comment_of_the_machine_file(robot):
     """A line feed in an attribute, after which text of the machine file would follow."""
     robot.write_text(

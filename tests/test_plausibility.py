@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnosis_checks import diagnosis_of
 from hidden_effects import Hidden, Sealed, Truth, trunnion
 
 import rodgen
@@ -218,8 +219,7 @@ def balanced(folder, key=""):
         text,
         Sealed(Truth("none")),
     )
-    machine, data = case.write(folder)
-    return rodgen.Machine.load(machine).fit(rodgen.Measurements.load(data)).diagnose()
+    return diagnosis_of(case, folder)
 
 
 @pytest.mark.slow

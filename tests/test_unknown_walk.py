@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from diagnosis_checks import diagnosis_of
 from real_machines import KINDS, real
 
 import rodgen
@@ -68,8 +69,7 @@ def test_readings_of_a_pose_do_not_make_a_walk_a_drift() -> None:
 @pytest.mark.slow
 def test_a_warm_up_that_a_walk_may_do_is_said_to_be(tmp_path):
     """Walks within two thirds of the noise explain as much; independent readings would have p = 1e-13."""
-    machine, data = real("trunnion", 8).write(tmp_path)
-    found = rodgen.Machine.load(machine).fit(rodgen.Measurements.load(data)).diagnose()
+    found = diagnosis_of(real("trunnion", 8), tmp_path)
     note = "warm_up_drift is not reported: a set-up that wanders may do the same (p = 0.04"
     assert any(n.startswith(note) and "more readings in the same time" in n for n in found.notes)
 

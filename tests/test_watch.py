@@ -218,17 +218,6 @@ def test_a_set_up_that_wanders_as_it_did_is_no_change() -> None:
     assert careless.update(rows)[0].is_alarm
 
 
-@pytest.mark.slow
-def test_rows_may_come_in_any_parts() -> None:
-    rows = readings(90, 6, **{"C.zero_offset.a": 0.002})
-    at_once = Watch(reference()).update(rows)
-    watch, found = Watch(reference()), []
-    for start, stop in ((0, 1), (1, 2), (2, 40), (40, 90)):
-        found += watch.update({name: column[start:stop] for name, column in rows.items()})
-    assert [event.at for event in found] == [event.at for event in at_once]
-    assert found[0].likely[0].title == at_once[0].likely[0].title
-
-
 def test_directions_of_approach_follow_from_the_rows_before() -> None:
     rows = readings(40, 6)
     watch = Watch(reference())
