@@ -24,12 +24,6 @@ DIAGNOSIS = {
     "held out": [0.011, 0.0021],
     "outliers": [3],
 }
-COMMAND = {
-    "exit code": 0,
-    "out": ["The error is 0.0123 mm.", "7 rows"],
-    "err": [],
-    "files": {"a.toml": ["x = 1"]},
-}
 
 
 @pytest.fixture(scope="module")

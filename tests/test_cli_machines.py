@@ -218,18 +218,6 @@ def test_an_error_in_rodgen_itself_is_one_line_and_debug_shows_where(folder, rod
 # compare -----------------------------------------------------------------------------------------------
 
 
-def test_compare_says_what_the_error_depends_on(folder, rodgen_command):
-    code, out, err = rodgen_command("compare", "mount.toml", "stars.csv")
-    assert (code, err) == (0, "")
-    # What is missing hangs with the tube: it follows the elevation, and shows towards the zenith.
-    assert "The residuals depend on EL" in out
-    assert "towards the zenith" in out
-    code, out, _ = rodgen_command("compare", "mount.toml", "stars.csv", "--json", "--loss", "huber")
-    found = json.loads(out, parse_constant=pytest.fail)
-    assert code == 0
-    assert (found["data"], found["rows"], found["plots"]) == ("stars.csv", 80, [])
-
-
 @pytest.mark.thorough
 def test_compare_draws(folder, rodgen_command):
     code, out, _ = rodgen_command("compare", "mount.toml", "stars.csv", "--plot", "residuals.html", "--json")
@@ -249,15 +237,6 @@ def test_compare_draws_images_into_a_folder(folder, rodgen_command):
 
 
 # add and remove ----------------------------------------------------------------------------------------
-
-
-def test_a_new_file_is_the_old_one_with_a_block_more(folder, rodgen_command):
-    before = (folder / "mount.toml").read_text()
-    assert rodgen_command("add", "mount.toml", "gravity_windup", "--joint", "EL", "--hold", "k2=0")[0] == 0
-    after = (folder / "mount_gravity_windup_EL.toml").read_text()
-    assert after.startswith(before)
-    assert tomllib.loads(after)["effect"] == [{"name": "gravity_windup", "joint": "EL", "hold": {"k2": 0}}]
-    assert (folder / "mount.toml").read_text() == before
 
 
 def test_without_measurements_only_the_file_is_written(folder, rodgen_command):
@@ -350,19 +329,6 @@ def test_emit_wants_values(folder, rodgen_command):
 
 
 # effects -----------------------------------------------------------------------------------------------
-
-
-def test_effects_lists_every_effect_of_the_catalogue(rodgen_command):
-    from rodgen.machines.effects.catalogue import CATALOGUE
-
-    code, out, err = rodgen_command("effects")
-    assert (code, err) == (0, "")
-    for definition in CATALOGUE:
-        assert f"\n  {definition.name} " in f"\n{out}"
-        assert definition.iso in out
-    assert max(map(len, out.splitlines())) <= 120
-    code, out, _ = rodgen_command("effects", "--json")
-    assert [effect["name"] for effect in json.loads(out)] == [definition.name for definition in CATALOGUE]
 
 
 def test_words_are_printed_where_there_are_no_greek_letters():

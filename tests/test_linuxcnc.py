@@ -51,19 +51,18 @@ class Pose(ctypes.Structure):
 FORMS = ("u_2", "u_3", "u_4", "v_2", "v_3", "v_4")
 
 
-def five_axes(length="mm"):
+def five_axes():
     """Return a machine whose joints follow each other in another order than LinuxCNC's axes."""
-    mm = {"mm": 1.0, "m": 1e-3}[length]
-    travel = (-600 * mm, 600 * mm)
+    travel = (-600, 600)
     slides = {x: Joint(x, "prismatic", tuple(np.eye(3)[k]), travel=travel) for k, x in enumerate("XYZ")}
     machine = Machine(
-        "Gantry", length, "deg", (0.0, 0.0, -1.0), 20.0,
+        "Gantry", "mm", "deg", (0.0, 0.0, -1.0), 20.0,
         (
             slides["Z"], slides["Y"], slides["X"],
             Joint("C", "revolute", (0.0, 0.0, 1.0), travel=(-7.0, 7.0)),
-            Joint("A", "revolute", (1.0, 0.0, 0.0), (0.0, 0.0, 20 * mm), travel=(-2.0, 2.0)),
+            Joint("A", "revolute", (1.0, 0.0, 0.0), (0.0, 0.0, 20.0), travel=(-2.0, 2.0)),
         ),
-        (Target("tool", (60 * mm, 10 * mm, 40 * mm)),), Measured("point", "machine"),
+        (Target("tool", (60.0, 10.0, 40.0)),), Measured("point", "machine"),
     )  # fmt: skip
     for name, place, hold in (
         ("scale", "X", {"k": 6e-5}),
@@ -71,7 +70,7 @@ def five_axes(length="mm"):
         ("encoder_eccentricity", "C", {"a": 0.005, "b": 0.002}),
         ("axis_tilt", "C", {"a": 0.01, "b": 0.01}),
         ("zero_offset", "A", {"a": 0.01}),
-        ("straightness", "Z", {x: a * mm for x, a in zip(FORMS, (0.01, 0.004, 0, 0.003, 0, 0), strict=True)}),
+        ("straightness", "Z", dict(zip(FORMS, (0.01, 0.004, 0, 0.003, 0, 0), strict=True))),
     ):
         machine = machine.add(machine.effect(name, place, hold=hold))
     return machine
@@ -80,8 +79,7 @@ def five_axes(length="mm"):
 def places(machine, design):
     """Return places in mm."""
     made = simulate(machine, design, noise=0.0, seed=1).columns
-    unit = machine.length_unit
-    return np.stack([made[f"{x} [{unit}]"] for x in "xyz"], axis=1) * {"mm": 1.0, "m": 1e3}[unit]
+    return np.stack([made[f"{x} [mm]"] for x in "xyz"], axis=1)
 
 
 def path_through(library, machine):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError
 from rodgen.machines.emit.own_errors import LocationError, location_errors
 from rodgen.machines.machine import Joint, Measured, Target
-from rodgen.output.report.hardware import own_errors
 
 MACHINES = Path(__file__).parent.parent / "examples/machines"
 NOISE = 0.001
@@ -152,18 +150,6 @@ def test_volumetric_error_is_at_positions_that_coupled_joints_can_reach() -> Non
     assert low <= machine.coordinates(found.at)[j3] <= high
     assert found.at[j4] == pytest.approx(-found.at[j3])  # J4 is level by rods: -(J2 + J3), J3 = J3m - J2m
     np.testing.assert_allclose(found.ranges[j4], -found.ranges[j3][::-1])
-
-
-def test_report_has_the_digits_that_an_uncertainty_leaves() -> None:
-    fit = gantry(noise=2)
-    said, found = own_errors(fit), locations(fit)["EC0Y"]
-    assert said is not None
-    row = next(row for row in said["locations"] if row["symbol"] == "EC0Y")
-    assert (row["value"], row["u"]) == (f"{found.value:.2f}", f"{found.u:.2f}")
-    assert re.fullmatch(r"9[67]\.\d\d ± 0\.\d\d", said["volume"]["largest"])
-    assert said["volume"]["unit"] == "µm"
-    assert said["volume"]["at"].endswith("Y 200 mm")
-    assert "at 1089 positions over X 0 to 400 mm, Y 0 to 200 mm" in said["volume"]["how"]
 
 
 def test_machine_file_notes_date_instrument_and_conditions(tmp_path: Path) -> None:

@@ -14,8 +14,6 @@ import pytest
 ROOT = Path(__file__).parents[1]
 CHECK = ROOT / "supply" / "check_extension.py"
 HARMFUL = "-ffast-math -funsafe-math-optimizations -fno-signed-zeros"
-OBJECT = "CMakeFiles/loops_baseline_f64.dir/generated/gufunc/rotations_loops.c.o"
-
 needs_gcc = pytest.mark.skipif(
     not all(map(shutil.which, ("gcc", "cmake", "ninja"))), reason="needs gcc, cmake and ninja"
 )

@@ -234,18 +234,6 @@ def test_errata_say_where_nothing_is_refuted(derivation):
         assert errata(derivation, form=form).endswith("\n\nNothing is refuted.\n")
 
 
-def test_report_and_markdown_show_the_verdicts(derivation, slip):
-    derivation.check("later", sp.Eq(x, y))
-    slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")
-    report = derivation.report()
-    assert "0 proved, 1 refuted, 1 open" in report
-    page = slip._repr_markdown_()
-    assert "**hypotenuse**, printed, I.47." in page
-    assert "Refuted (E1)" in page
-    assert "s in proofs" not in page
-    assert "| `c` | $c$ | hypotenuse | m |" in derivation._repr_markdown_()
-
-
 # The steps of a proof
 
 
@@ -298,20 +286,6 @@ def test_a_proof_does_not_show_that_zero_is_zero(derivation):
     page = entry._repr_markdown_()
     assert "Row by row. So computed, the difference of both sides is 0 (2 in all)." in page
     assert "0 = 0" not in page
-
-
-def test_a_refutation_shows_both_sides_and_proves_what_is_right(slip):
-    slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")
-    page = slip._repr_markdown_()
-    order = [
-        "$$ c = x + y $$",
-        "*Refuted (E1).*",
-        r"$$ c = 5 \neq 7 = x + y $$",
-        "Right is",
-        "c^{2} =",
-        "*Proof.*",
-    ]
-    assert sorted(order, key=page.index) == order
 
 
 def test_symbols_without_a_row_are_found(derivation):
