@@ -184,23 +184,6 @@ def test_a_table_without_lengths_takes_the_unit_that_is_set(
     np.testing.assert_allclose(numbers([row], "L1 [mm],L2 [mm],L3 [mm]"), np.hypot(80, 260))
 
 
-def test_commands_read_what_others_write(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = write(tmp_path / "a.csv", "alpha [deg],beta [deg],gamma [deg]", [[10, 20, 30], [0, 0, 0]])
-    matrices, legs = str(tmp_path / "m.parquet"), str(tmp_path / "l.csv")
-    rates = ["--set", "angle_rates=0,0,0deg/s"]
-    assert main(["apply", "instantaneous_euler.motion_from_euler", file, *rates, "-o", matrices]) == 0
-    assert main(["apply", "three_sps_s.legs", matrices, *PLATFORM, "-o", legs]) == 0
-    capsys.readouterr()
-    rows, _ = applied(capsys, "three_sps_s.direct_all", legs, *PLATFORM)
-    R = numbers(rows, ",".join(f"r{i}{j}" for i in "123" for j in "123")).reshape(-1, 3, 3)
-    np.testing.assert_allclose(
-        three_sps_s.legs(R, three_sps_s.Geometry(200, 120, 260)),
-        numbers(rows, "L1 [mm],L2 [mm],L3 [mm]"),
-        rtol=1e-9,
-    )
-    assert any(name.startswith("given r11") for name in rows[0])
-
-
 def test_the_page_does_the_same_with_pandas(
     points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -216,16 +216,6 @@ def test_every_result_shows_itself_in_a_notebook(table, fit, diagnosis, results)
     )
     for one in parts:
         assert one._repr_html_().startswith("<")
-    geometry = tricept.Geometry(300.0, 200.0, (0.0, 0.0, -100.0))
-    shown = [
-        geometry,
-        tricept.matrices([0.1, 0.2, 700.0], geometry),
-        instantaneous_euler.rotations([1.0, 1.0, 1.0]),
-        spatial.vector_and_angle(np.eye(3)),
-        screws.screw_axis(np.eye(6)[0]),
-    ]
-    for one in shown:
-        assert one._repr_html_().startswith("<table>")
 
 
 class Counted(list):
