@@ -20,6 +20,7 @@ from commands import run, run_process
 
 import rodgen
 from rodgen.calibration.solve.least_squares import minimise
+from rodgen.cli import main as cli
 from rodgen.machines.templates import machine_template
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
@@ -239,6 +240,18 @@ def test_compare_draws_images_into_a_folder(folder, rodgen_command):
 # add and remove ----------------------------------------------------------------------------------------
 
 
+def test_adding_what_is_missing_makes_the_error_fall(folder, rodgen_command):
+    words = ["mount.toml", "gravity_windup", "stars.csv", "--joint", "EL", "--hold", "k2=0"]
+    code, out, err = rodgen_command("add", *words)
+    assert (code, err) == (0, "")
+    assert "Remedy       Balance the axis" in out
+    # TPOINT's coefficients of this run: TF 21.41", TX 2.72"
+    code, out, _ = rodgen_command("add", "mount_gravity_windup_EL.toml", "refraction", "stars.csv")
+    assert code == 0
+    assert "EL.gravity_windup.k  21.41 ± " in out
+    assert "refraction.a         2.72 ± " in out
+
+
 def test_without_measurements_only_the_file_is_written(folder, rodgen_command):
     code, out, err = rodgen_command("add", "table.toml", "backlash", "--joint", "C", "-o", "new.toml")
     assert (code, err) == (0, "")
@@ -356,6 +369,12 @@ def test_simulate_hides_an_effect_and_keeps_the_design(folder, rodgen_command):
         ["180", "c", "ball_3"],
     ]
     assert "eccentricity" in (folder / "truth.json").read_text()
+    words = ["--seed", "4", "-o", "other.parquet", "--json"]
+    code, out, _ = rodgen_command(
+        "simulate", "table.toml", "balls.csv", "--hidden", "--truth", "t.json", *words
+    )
+    noise = {"rms": pytest.approx(0.0015), "unit": "mm"}
+    assert json.loads(out) == {"data": "other.parquet", "truth": "t.json", "rows": 432, "noise": noise}
     code, out, err = rodgen_command("simulate", "--open", "truth.json")
     assert (code, err) == (0, "")
     assert "C.encoder_eccentricity.a  12 arcsec" in out
@@ -471,3 +490,12 @@ def test_a_message_names_a_few_of_many(command, header, row, more, tmp_path, mon
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert f" {more} more" in err
     assert len(err) < 300
+
+
+def test_a_progress_bar_shows_where_somebody_looks(folder, capfd, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    assert cli.main(["fit", "mount.toml", "stars.csv"]) == 0
+    shown = capfd.readouterr()
+    assert "fitting" in shown.err
+    assert shown.err.rstrip("\n").endswith("\r")  # and is taken away again
+    assert shown.out.startswith("Alt-azimuth mount")

@@ -245,6 +245,13 @@ def test_name_that_asks_for_nothing_is_refused(tmp_path: Path) -> None:
         figures.save_figure(axis()[0], tmp_path / "a.bmp")
 
 
+def test_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputFileError, match="no folder can be made") as error:
+        figures.save_figures(axis(), tmp_path / "file" / "plots")
+    assert "\n" not in str(error.value)
+
+
 def test_plotly_is_imported_only_when_something_is_drawn() -> None:
     code = "import sys, rodgen; rodgen.figures; assert not {'plotly', 'kaleido', 'matplotlib'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -116,6 +116,18 @@ def test_the_command_says_what_was_taken_for_what(tmp_path, rodgen_command: Run)
     assert "--convention: not given for a Denavit-Hartenberg table; expected standard, Rz(theta)" in err
 
 
+def test_a_rough_geometry_is_estimated_but_for_the_first_joint(tmp_path, rodgen_command: Run):
+    (tmp_path / "kuka.csv").write_text(KUKA)
+    output = tmp_path / "m.toml"
+    options = ("--convention", "standard", "--estimate", "geometry", "-o", output)
+    code, out, _ = rodgen_command("import", tmp_path / "kuka.csv", *options)
+    assert code == 0
+    assert "all joints but the first, A1, are estimated" in out
+    estimate = Machine.load(output).estimate
+    assert {f"A{n}.{part}" for n in range(2, 7) for part in ("axis", "point")} <= set(estimate)
+    assert not any(name.startswith("A1.") for name in estimate)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -325,6 +326,25 @@ def test_the_other_way_costs_what_the_effect_was_worth():
     assert down.rungs[1].fit.rms == pytest.approx(up.rungs[0].fit.rms, rel=1e-9)
     assert down.rungs[1].step.statistic == pytest.approx(up.rungs[1].step.statistic, rel=1e-6)
     assert down.rungs[1].parameters == {}
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["rotary_table", "ballbar_gantry", pytest.param("trunnion", marks=pytest.mark.slow)],
+)
+def test_a_larger_model_never_fits_worse(name):
+    """Also where it starts from values that lead it astray."""
+    machine, data = example(name)
+    joint = machine.joints[0].name
+    steps = [
+        machine.effect("zero_offset", joint),
+        machine.effect("instrument_scale"),
+        machine.effect("scale", joint),
+    ]
+    astray = replace(machine, values={"instrument_scale.k": 0.5, f"{joint}.scale.k": -0.3})
+    found = ladder(astray, data, steps)
+    costs = [rung.fit.chi_square for rung in found.rungs]
+    assert all(after <= before * (1 + 1e-12) for before, after in pairwise(costs))
 
 
 def test_the_noise_is_shown_with_the_error():

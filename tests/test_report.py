@@ -28,6 +28,7 @@ from rodgen.calibration.fit import Estimate
 from rodgen.calibration.plan import Gain, Goal, Plan
 from rodgen.calibration.volumetric import volumetric_error
 from rodgen.cli import main as cli
+from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Effect
@@ -196,6 +197,20 @@ def test_errors_of_the_machine_stand_above_the_ladder() -> None:
     assert f"{2 * tilt.std:.2f}" in table
     assert "squareness of Y about z" in table
     assert "held" in table
+
+
+def test_date_instrument_and_conditions_are_noted() -> None:
+    plain_table = made_diagnoses.table(hidden=())
+    machine = replace(
+        plain_table.base.machine, record={"date": "2026-05-17", "conditions": "20.3 °C", "instrument": "old"}
+    )
+    columns = {c.text: c.values for c in plain_table.base.observations.data.columns.values()}
+    data = Measurements.from_frame(columns | {"instrument": ["CMM 7"] * 72})
+    found = made_diagnoses.diagnosis_of(machine, data)
+    whole = Page(report_page(found))
+    _, facts = whole.one("table", **{"class": "facts"})
+    assert re.search(r"Date\s*2026-05-17\s*Instrument\s*CMM 7\s*Conditions\s*20.3 °C", facts)
+    assert any(text == "data, 2026-05-17, CMM 7" for _, text in whole.all("p"))
 
 
 @pytest.mark.thorough

@@ -234,6 +234,18 @@ def test_errata_say_where_nothing_is_refuted(derivation):
         assert errata(derivation, form=form).endswith("\n\nNothing is refuted.\n")
 
 
+def test_report_and_markdown_show_the_verdicts(derivation, slip):
+    derivation.check("later", sp.Eq(x, y))
+    slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")
+    report = derivation.report()
+    assert "0 proved, 1 refuted, 1 open" in report
+    page = slip._repr_markdown_()
+    assert "**hypotenuse**, printed, I.47." in page
+    assert "Refuted (E1)" in page
+    assert "s in proofs" not in page
+    assert "| `c` | $c$ | hypotenuse | m |" in derivation._repr_markdown_()
+
+
 # The steps of a proof
 
 
