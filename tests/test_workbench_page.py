@@ -13,6 +13,8 @@ from nicegui import ElementFilter, events, ui
 from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
 
+from rodgen.calibration.plan import plan as make_plan
+from rodgen.calibration.plan.constraints import constraints_of
 from rodgen.workbench.actions import Add
 from rodgen.workbench.desk import Desk
 from rodgen.workbench.page import Page
