@@ -107,10 +107,7 @@ class Trial:
 
     def after(self, plan: Plan) -> tuple[Mapping[str, Any], Columns]:
         """Return the machine file and all commands once the planned rows are measured."""
-        file = dict(self.loop.file)
-        new = [{"name": t.name, "point": list(t.point)} for t in plan.new_targets]
-        file["target"] = [*file["target"], *new]
-        return file, joined(self.loop.columns, plan.rows)
+        return self.loop.file, joined(self.loop.columns, plan.rows)
 
     def continued(self, file: Mapping[str, Any], columns: Columns) -> Columns:
         """Measure all of it, the old rows as they were."""
@@ -168,7 +165,7 @@ def one_radius() -> Loop:
     """A table with one ball measured: an eccentric encoder, or a bearing that moves by as much at this radius."""
     file = machine_file(
         [joint("C", "revolute", (0, 0, 1), travel=[-TURN, TURN])],
-        [(120, 0, 40), (60, 0, 40)],
+        [(120, 0, 40), (-84, 0, 40)],
         estimate=["C.point", "target"],
         noise=0.002,
     )
@@ -187,22 +184,6 @@ def one_radius() -> Loop:
     return Loop(
         "one radius", file, {"C [rad]": _evenly(-3, 3, n), "target": ["p"] * n}, effects, truth, grid, 0.002
     )
-
-
-def bearing() -> Loop:
-    """The same, and it is the bearing; no second ball is in the machine file."""
-    same = one_radius()
-    file = dict(same.file)
-    file["target"] = file["target"][:1]
-
-    def truth(random: np.random.Generator) -> dict[str, float]:
-        a = _size(random, 0.0025, 0.0035)
-        return {"C.radial_error_motion.u_s2": -a, "C.radial_error_motion.v_c2": a}
-
-    def grid(n: int) -> Columns:
-        return {"C [rad]": _evenly(-3, 3, n), "target": ["p"] * n}
-
-    return Loop("bearing", file, same.columns, same.effects, truth, grid, 0.002)
 
 
 def one_side() -> Loop:
@@ -365,4 +346,4 @@ def low_stars() -> Loop:
     return Loop("low stars", file, columns, effects, truth, grid, 1.0 * ARCSEC)
 
 
-LOOPS = (one_radius, bearing, one_side, one_load, short_arc, one_scan, never_moved, low_stars)
+LOOPS = (one_radius, one_side, one_load, short_arc, one_scan, never_moved, low_stars)

@@ -446,7 +446,7 @@ def test_planned_readings_are_marked_where_they_are_to_be_taken() -> None:
         return next(trace for trace in figure.data if trace.name == "planned")
 
     mount = fitted("mount")
-    ahead = Plan({"AZ [deg]": [10.0, 200.0], "EL [deg]": [80.0, 30.0]}, (), (), (), None)
+    ahead = Plan({"AZ [deg]": [10.0, 200.0], "EL [deg]": [80.0, 30.0]}, (), (), None)
     against = figures.residual_plot(mount, "EL", planned=ahead)
     np.testing.assert_allclose(planned(against).x, ahead.rows["EL [deg]"])
     assert np.all(np.asarray(planned(against).y) < -0.9 * np.abs(against.layout.yaxis.range[0]))
@@ -462,14 +462,14 @@ def test_planned_readings_are_marked_where_they_are_to_be_taken() -> None:
     # in space, at a place that no reading was taken at
     table = fitted("gantry_rotary")
     rows = {"X [mm]": [900.0], "Y [mm]": [10.0], "Z [mm]": [-200.0], "C [deg]": [0.0], "target": ["ball_1"]}
-    beyond = Plan(rows, (), (), (), None)
+    beyond = Plan(rows, (), (), None)
     there = planned(figures.residual_vectors(table, planned=beyond))
     flat = planned(figures.residual_map(table, planned=beyond))
     assert there.x[0] == pytest.approx(900 + table.machine.targets[0].point[0], abs=1)
     assert (flat.x[0], flat.y[0]) == pytest.approx((there.x[0], there.y[0]))
     low, high = figures.residual_map(table, planned=beyond).layout.xaxis.range
     assert low < 900 < high
-    other = Plan({"A [deg]": [1.0]}, (), (), (), None)  # of another machine
+    other = Plan({"A [deg]": [1.0]}, (), (), None)  # of another machine
     assert "planned" not in {trace.name for trace in figures.residual_plot(table, planned=other).data}
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,9 @@ import pytest
 from closed_loop import (
     LOOPS,
     Trial,
-    bearing,
-    joined,
     low_stars,
     machine_of,
     never_moved,
-    one_load,
     one_scan,
     one_side,
     short_arc,
@@ -30,7 +28,7 @@ from simulated_fits import fit_to, measure
 
 from rodgen.calibration.diagnose import Diagnosis, diagnose
 from rodgen.calibration.plan import Plan, PlanError, plan, plan_for
-from rodgen.calibration.plan.table import as_text
+from rodgen.calibration.plan.rows import as_text
 from rodgen.calibration.problem.binding import bind
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
@@ -47,7 +45,7 @@ def trials() -> dict[str, Trial]:
 
 
 def words(found: Plan) -> str:
-    return " ".join([*found.words, *found.notes, *(goal.sentence for goal in found.goals)])
+    return " ".join([*found.notes, *(goal.sentence for goal in found.goals)])
 
 
 # the closed loop -------------------------------------------------------------------------------------------------
@@ -64,17 +62,7 @@ def test_planned_readings_tell_apart_effects_that_looked_the_same(make, seed, tr
     assert trial.resolved(*trial.after(found))
 
 
-@pytest.mark.thorough
-def test_data_from_one_side_are_continued_from_that_side():
-    # else what the new target shows could as well be due to the other side: a diagnosis said so
-    trial = Trial(bearing(), 0)
-    old, new = trial.loop.columns["C [rad]"], trial.fit.diagnose().plan(60).rows["C [rad]"]
-    sides = approach(np.concatenate([old, new]))
-    assert (sides[: len(old)] == 1).all()
-    assert np.sum(sides[len(old) :] < 0) <= 1  # the way back
-
-
-QUICK = ("one_radius", "bearing", "one_side", "one_load")
+QUICK = ("one_radius", "one_side", "one_load")
 
 
 @pytest.mark.thorough
@@ -96,9 +84,8 @@ def test_plan_of_a_diagnosis_lets_the_next_one_say_what_is_there(make, seed, tri
     trial = trials[make.__name__] if seed == 1 else Trial(make(), seed)
     first = trial.fit.diagnose()
     assert not trial.settled(first)
-    most = {low_stars: 60, never_moved: 24}.get(
-        make, 12
-    )  # a droop and a gain differ little above the horizon
+    # a droop and a gain differ little above the horizon, and a scale and a drift soon after one scan
+    most = {low_stars: 60, never_moved: 24, one_scan: 36}.get(make, 12)
     found = first.plan(most)
     assert trial.settled(trial.diagnosed(*trial.after(found)))
 
@@ -119,19 +106,6 @@ def test_target_in_no_row_keeps_no_diagnosis_from_an_answer(trials):
     found = trials["one_radius"].fit.diagnose()
     assert [step.effect.title for step in found.steps] == ["encoder_eccentricity at C"]
     assert "No row has the target r." in found.notes
-
-
-@pytest.mark.slow
-def test_even_plan_of_the_same_size_settles_less():
-    ours, even = [], []
-    for make in (one_load, one_side):
-        loop = make()
-        for seed in range(4):
-            trial = Trial(loop, 100 + seed)
-            found = trial.plan(30)
-            ours.append(trial.resolved(*trial.after(found)))
-            even.append(trial.resolved(loop.file, joined(loop.columns, loop.grid(found.count))))
-    assert sum(ours) >= sum(even) + 2
 
 
 @pytest.mark.thorough
@@ -165,47 +139,18 @@ def test_people_read_no_more_digits_than_they_can_set():
 
 
 @pytest.mark.thorough
-def test_second_radius_is_asked_for(trials):
-    found = trials["one_radius"].plan(30)
-    assert "second radius about C" in words(found)
-    assert {"r"} <= set(found.rows["target"]) or found.new_targets
-
-
-def test_target_that_is_not_there_yet_comes_with_its_block(trials):
-    found = trials["bearing"].plan(24)
-    assert [t.name for t in found.new_targets] == ["p_2"]
-    assert 'name = "p_2"' in found.target_blocks()
-    assert 'name = "p_2"' in found.summary()
-
-
-@pytest.mark.thorough
 def test_other_side_is_asked_for_and_the_order_of_the_rows_brings_it(trials):
     found = trials["one_side"].plan(30)
-    assert "Approach C from the other side" in words(found)
     assert (approach(np.array(found.rows["C [rad]"])) < 0).all()
 
 
 def test_another_load_is_asked_for(trials):
     found = trials["one_load"].plan(24)
     assert 0.0 in found.rows["load [N]"]
-    assert "load" in words(found)
-
-
-def test_joint_that_went_with_time_is_measured_again(trials):
-    found = trials["one_scan"].plan(24)
-    assert "X only went up while time went on: measure again" in words(found)
-    assert min(found.rows["t [s]"]) > 796.0
-
-
-@pytest.mark.thorough
-def test_joint_that_stood_still_is_moved(trials):
-    found = trials["never_moved"].plan(24)
-    assert "Move X, which never moved" in words(found)
 
 
 def test_travel_is_used_where_there_is_more_of_it(trials):
     found = trials["short_arc"].plan(40)
-    assert "Go beyond the -0.52 to 0.52 rad of C" in words(found)
     assert max(np.abs(found.rows["C [rad]"])) > 1.5
 
 
@@ -217,6 +162,15 @@ def without_travel(trial: Trial) -> tuple[Machine, list]:
     return fit, [fit.machine.effect(name, place, hold=hold) for name, place, hold in trial.loop.effects]
 
 
+def test_one_ball_tells_no_bearing_from_an_encoder_and_a_second_one_in_the_file_does(trials):
+    loop = trials["one_radius"].loop
+    one = replace(loop, file={**loop.file, "target": loop.file["target"][:1]})
+    found = Trial(one, 1).plan(30)
+    assert not found.resolvable
+    assert not found.count
+    assert "No 500 readings within reach would distinguish encoder_eccentricity at C and" in words(found)
+
+
 def test_gain_eccentricity_and_second_harmonic_cannot_be_told_apart_within_thirty_degrees(trials):
     fit, effects = without_travel(trials["short_arc"])
     found = plan_for(fit, [effects], 12)
@@ -224,7 +178,6 @@ def test_gain_eccentricity_and_second_harmonic_cannot_be_told_apart_within_thirt
     assert not goal.resolvable
     assert not goal.reached
     assert found.count == 0
-    assert not found.words
     assert "The machine file gives no travel of C" in words(found)
 
 
@@ -235,7 +188,10 @@ def test_droop_and_eccentricity_of_elevation_are_the_same_whatever_is_observed()
         fit, [[machine.effect(name, "EL") for name in ("gravity_windup", "encoder_eccentricity")]]
     )
     assert not found.resolvable
-    assert "as they change every reading within the travel in the same way: " in found.goals[0].sentence
+    assert not found.count
+    assert found.goals[0].sentence == (
+        "No 500 readings within reach would distinguish gravity_windup at EL and encoder_eccentricity at EL."
+    )
 
 
 def test_effect_that_the_data_refute_is_left_out():
@@ -354,7 +310,6 @@ def test_undetermined_parameters_are_what_is_planned_for_when_nothing_else_is_as
     assert [(g.now, g.of) for g in found.gain] == [(None, "X.axis.a"), (None, "X.axis.b")]
     # four readings at the end of the travel: 2 µm / (500 mm sqrt(4)), and what the rounding of positions takes
     assert found.gain[0].after == pytest.approx(0.002 / 500 / 2 / ARCSEC, rel=0.1)
-    assert "Move X, which never moved" in words(found)
 
 
 def test_expansion_is_measured_far_out_and_warm_also_where_the_data_end_at_the_warmest():
@@ -402,7 +357,7 @@ def diagnosed(name: str) -> Diagnosis:
 def test_where_the_effect_is_clear_its_parameters_are_sharpened_and_no_coordinates():
     found = diagnosed("positioner").plan(60)  # with a free frame, and two choices of coordinates
     (goal,) = found.goals
-    assert (goal.kind, goal.sentence, goal.reached) == ("sharpen", "Sharpen phi.backlash.b.", True)
+    assert (goal.kind, goal.sentences[0], goal.reached) == ("sharpen", "Sharpen phi.backlash.b.", True)
     assert found.count == 60
     assert "frame" not in found.summary()
 
@@ -424,7 +379,6 @@ def test_parameters_that_look_like_a_choice_of_coordinates_are_left_out_and_name
     assert "Determine" not in found.summary()
     (note,) = [note for note in found.notes if "left out" in note]
     assert note.startswith("C.tilt_error_motion.u_c1, ")
-    assert "Not visible" not in found.summary()
     # twelve readings beside 432
     assert not found.count
     assert not goal.resolvable
@@ -440,7 +394,7 @@ def test_same_effect_with_other_sign_does_the_same_to_every_reading_and_is_sharp
     first = diagnosed("ballbar_gantry")
     found = first.plan()
     apart, sharper = found.goals
-    assert ": squareness at X and squareness at Y." in apart.sentence
+    assert "would distinguish squareness at X, squareness at Y" in apart.sentence
     assert not apart.resolvable
     (named,) = [step.effect.place for step in first.steps]  # which of the two the diagnosis names
     assert named in {"X", "Y"}
@@ -450,46 +404,23 @@ def test_same_effect_with_other_sign_does_the_same_to_every_reading_and_is_sharp
 
 
 def check_text(text: str) -> None:
-    told, table = text.split("By how much the wrong effect fits worse, in chi-square", 1)
-    sentences = [line for line in told.replace(". ", ".\n").splitlines() if line.endswith(".")]
+    sentences = [line for line in text.replace(". ", ".\n").splitlines() if line.endswith(".")]
     assert max(len(line.split()) for line in sentences) <= 35
-    assert "chi-square" not in told
+    assert max(map(len, text.splitlines())) <= 100
+    assert "chi-square" not in text
     assert " 0 %" not in text
-    assert "chance" in table
+    assert "Probability that these readings suffice" in text
 
 
 @pytest.mark.thorough("one_side")
 @pytest.mark.parametrize("name", ["one_side", "one_radius"])
-def test_text_is_short_sentences_and_then_a_table(trials, name):
+def test_text_is_a_table_and_short_sentences(trials, name):
     check_text(trials[name].plan(12).summary())
 
 
 @slow
-def test_text_of_a_plan_after_a_diagnosis_is_short_and_no_coordinates_are_not_visible():
-    text = diagnosed("mount").plan().summary()
-    check_text(text)
-    assert "Not visible" not in text  # the frame and the zeros are a choice of coordinates
-
-
-def test_effects_that_the_data_could_not_show_are_named():
-    file = machine_file(
-        [
-            joint("X", "prismatic", (1, 0, 0), travel=[0, 500]),
-            joint("C", "revolute", (0, 0, 1), travel=[-3, 3]),
-        ],
-        [(120, 0, 40), (30, -80, 10)],
-        estimate=["C.axis"],
-        noise=0.002,
-    )
-    C, target = np.repeat(np.linspace(-3, 3, 20), 2), ["p", "r"] * 20
-    columns = {"X [mm]": np.zeros(40), "C [rad]": C, "target": target}
-    random = np.random.default_rng(0)
-    fit = fit_to(file, measure(file, columns, noise=0.002, random=random))
-    found = fit.diagnose().plan()
-    (note,) = [note for note in found.notes if "Not visible in these data" in note]
-    key = note.partition("--for ")[2].split()[0]
-    assert key.startswith("X.")
-    assert plan(fit, 6, wanted=[key]).count == 6
+def test_text_of_a_plan_after_a_diagnosis_is_short():
+    check_text(diagnosed("mount").plan().summary())
 
 
 # the rows --------------------------------------------------------------------------------------------------------
@@ -615,14 +546,12 @@ def test_travel_is_asked_for_where_a_joint_never_turned_and_has_none(moved, esti
 
     found = planned()
     assert found.count == 0  # not 96 readings that show nothing of it
-    assert found.travel_missing == (still,)
-    assert f"before the machine file states how far {still} can go" in found.summary()
+    assert "Nothing to measure" in found.summary()
     assert f"gives no travel of {still}" in words(found)
     then = planned(travel=[-1, 1])
     assert then.count
-    assert f"Move {still}, which never moved" in words(then)
+    assert np.ptp([*then.rows[f"{still} [rad]"], 0.0]) > 0.5
     assert then.reached
-    assert not then.travel_missing
 
 
 def test_joints_that_cannot_move_still_get_a_plan():
@@ -630,8 +559,7 @@ def test_joints_that_cannot_move_still_get_a_plan():
         [joint("C", "revolute", (0, 0, 1))], [(120, 10, 40)], estimate=["target"], noise=0.002
     )
     fit = fit_to(file, measure(file, {"C [rad]": np.zeros(9)}, noise=0.002, random=np.random.default_rng(0)))
-    found = plan(fit, 4)
-    assert found.words == ("Readings as before.",)
+    assert plan(fit, 4).count == 1
 
 
 def test_plan_as_plain_data_and_as_text(trials):
@@ -657,12 +585,6 @@ def test_more_readings_are_asked_for_where_these_are_not_enough():
         assert found.needed is None or found.needed > 3
         assert re.search("(may not be|are probably not) enough", words(found))
     assert found.count <= 3
-
-
-def test_directions_are_planned_too():
-    found = Trial(low_stars(), 0).plan(20)
-    assert "Go beyond" in words(found)
-    assert {"AZ [rad]", "EL [rad]"} <= set(found.rows)
 
 
 # the command -----------------------------------------------------------------------------------------------------

@@ -113,11 +113,9 @@ def test_boxes_are_kept_out_of(table, planned):
     assert (z > 250).any()
 
 
-def test_way_through_a_box_is_named(table, planned):
+def test_ways_through_boxes_are_left_to_the_user_and_that_is_noted(table, planned):
     around = planned(table, "[[keep_out]]\nx = [240, 260]\n")
-    assert any("of the plan leads through a box to keep out of: go round it" in note for note in around.notes)
-    beyond = planned(table, "[[keep_out]]\nx = [9000, 9100]\n")
-    assert not any("keep out" in note for note in beyond.notes)
+    assert any("not on the ways between them" in note for note in around.notes)
 
 
 @pytest.mark.thorough
@@ -140,7 +138,6 @@ def test_balls_of_an_artefact_are_the_only_places(table, planned):
     assert set(np.argmin(off, axis=1)) <= {0, 1, 2, 3}  # the last is out of reach
     assert len(set(np.argmin(off, axis=1))) >= 3
     assert np.ptp(found.rows["A [rad]"]) > 0.5  # a ball is reached with A anywhere
-    assert not found.new_targets
     assert "Out of reach within the travel and the limits: ball 5 of the artefact." in found.notes
 
 
@@ -166,21 +163,6 @@ def test_poses_come_from_the_list(table, planned):
 
 def test_readings_of_a_session_are_the_most_that_are_planned(table, planned):
     assert planned(table, "[session]\nreadings = 5", n=20).count == 5
-
-
-def test_moves_that_cost_time_are_kept_short(table, planned):
-    text = "[move]\nsettle = 2\nreading = 1\nspeed = { X = 10, Y = 10, Z = 10, A = 0.1 }"
-    cheap, free = planned(table, text), planned(table)
-
-    def seconds(found: Plan) -> float:
-        q = np.array([values for name, values in found.rows.items() if name[0] in "XYZA"]).T
-        way = np.abs(np.diff(q, axis=0)) / [10, 10, 10, 0.1]
-        return float(way.max(axis=1).sum())
-
-    assert seconds(cheap) < 0.8 * seconds(free)
-    stds = [sum(np.log(gain.after) for gain in found.gain) / len(found.gain) for found in (cheap, free)]
-    assert stds[0] - stds[1] < np.log(1.25)  # at a small cost
-    assert "Moves and readings take about" in cheap.summary()
 
 
 # what contradicts itself ---------------------------------------------------------------------------------------------
@@ -210,7 +192,7 @@ def test_moves_that_cost_time_are_kept_short(table, planned):
         ('allowed = ["V < 3"]', "the name 'V'; expected"),
         ('allowed = ["X + A < 3"]', "'X + A' of length and angle"),
         ("[session]\nreadings = 0", "[session], readings: 0; expected a whole number from 1 up"),
-        ("[move]\nspeed = { X = -1 }", "[move], speed, X: -1; expected a positive number"),
+        ("[move]\nsettle = 2", "move: unknown key"),
         ("[[keep_out]]\n", "keep_out 1: empty"),
     ],
 )

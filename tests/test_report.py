@@ -88,9 +88,10 @@ class Page(html.parser.HTMLParser):
 
 def plan() -> Plan:
     gain = Gain("chi_square", "if backlash at C is there and not scale at C", 3.0, 60.0, 16.3, 0.99)
-    goal = Goal("separate", ("a", "b"), (), "Tell a and b apart. It goes.", True, True, (gain,))
+    sentences = ("Tell a and b apart.", "Probability that these readings suffice: 99 %.")
+    goal = Goal("separate", ("a", "b"), (), sentences, True, True, (gain,))
     rows = {"C [deg]": [10.0, 170.0, 350.0], "target": [HOSTILE] * 3}
-    return Plan(rows, (goal,), ("Scan C back, too.",), ("The old data need a column.",), None, ())
+    return Plan(rows, (goal,), ("The file gives no travel of C.",), None)
 
 
 @cache

@@ -325,7 +325,7 @@ class FittedModel:
     @property
     def open_questions(self) -> OpenQuestions:
         """What the data leave open about the model, for a plan of measurements."""
-        return OpenQuestions(self, self)
+        return OpenQuestions(self)
 
     def refit(
         self,

@@ -14,15 +14,12 @@ if TYPE_CHECKING:
 class OpenQuestions:
     """What a fit or a diagnosis leaves open."""
 
-    base: FittedModel
     final: FittedModel
-    """Of the model as it was, and of the model with all effects and forms that were found."""
+    """With all effects and forms that were found."""
     found: tuple[Effect, ...] | None = None
     """Effects and forms that were found; None where none were looked for."""
     alternatives: tuple[tuple[Effect, ...], ...] = ()
     """An effect that was found, and those that the data cannot tell from it."""
-    invisible: tuple[Effect, ...] = ()
-    """Effects that the data would not show."""
     dependent: bool = False
     """Whether readings were found to depend on each other."""
     wanders: bool = False

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 _PLAN = f"""\
 Plan what to measure next: readings within the machine's travel that distinguish the effects which the data cannot tell
-apart, or that determine what is undetermined; with --for, those that sharpen chosen parameters. The expected gain of
-each is given, and the reason. The rows are a measurement file that lacks only the readings: measure them in this order,
-and add them to the data.
+apart, or that determine what is undetermined; with --for, those that sharpen chosen parameters. The plan says what they
+decide, how well, what no reading in reach can, and what limits it. The rows are a measurement file that lacks only the
+readings: measure them in this order, and add them to the data.
 
 {FILES}
   rodgen plan mount.toml stars.csv -n 12 -o next.csv
@@ -58,7 +58,7 @@ def add_to(command: Command) -> None:
         "--constraints",
         metavar="LIMITS.toml",
         type=InputFile,
-        help="where readings can be taken, and what moves cost: limits of joints, regions, boxes to keep out of, balls",
+        help="where readings can be taken: limits of joints, regions, boxes to keep out of, balls of an artefact",
     )
     plan.add_argument(
         "--poses",

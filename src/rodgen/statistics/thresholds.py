@@ -530,14 +530,8 @@ class PlanPolicy(NamedTuple):
     confidence as a rule. Half of it would take a sixth more readings."""
     margin: float = 1.8
     """Quantile of the normal distribution for that probability, with one wrong effect (1.64) or two (1.96)."""
-    imitated: float = 1e-3
-    """A model does the same as another whose readings it meets within a thirtieth of the noise (here squared), ..."""
-    likely: float = 9.0
-    """... with parameters that the data leave open: those within three standard deviations of what was fitted."""
-    worth: float = 0.3
-    """A new target, or a wait, is proposed where it brings this much more, relative to what is needed."""
     hopeless: float = 0.5
-    """Readings that rather fail to tell effects apart are not proposed where more travel would do; it is asked for."""
+    """Probability below which readings rather fail to tell effects apart: none are spent on these alone."""
     idle: float = 0.01
     """More readings are not worthwhile that raise the probability of telling effects apart by less."""
     unlikely: float = 0.003
@@ -548,8 +542,6 @@ class PlanPolicy(NamedTuple):
     noticed: float = 0.95
     """Readings that lower every standard deviation to no less than this part sharpen nothing: how large a standard
     deviation is, is known to a twentieth from 200 readings."""
-    few_readings: int = 12
-    """With so few readings that settle the question no other way is looked for; with more, one that takes half."""
     largest_turn: float = 0.1
     """Angle of an effect, in radians, that no machine has: a loose mount is off by a hundredth of it, and a fit that
     ends there has turned an axis round."""

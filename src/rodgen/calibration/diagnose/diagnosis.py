@@ -411,11 +411,9 @@ class Diagnosis:
         if not self.steps and len(self.undecided) > 1:
             alternatives.append(self.undecided)
         return OpenQuestions(
-            base=self.base,
             final=self.final_with_forms,
             found=tuple(one.effect for one in self.found),
             alternatives=tuple(alternatives),
-            invisible=self.unseen,
             dependent=self.correlation is not None and not self.correlation.independent,
             wanders=self.correlation is not None
             and bool(self.correlation.wanders and self.correlation.claimed),

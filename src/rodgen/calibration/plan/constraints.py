@@ -1,4 +1,4 @@
-"""Where readings can be taken, and how: limits, regions, boxes to keep out of, places or poses, sessions, moves."""
+"""Where readings can be taken: limits, regions, boxes to keep out of, places or poses, and how many in a session."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.array_types import Array, Mask
-from rodgen.calibration.plan.pace import Pace
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.units import (
     ANGLE,
@@ -28,8 +27,6 @@ from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula
 from rodgen.machines.files.toml import (
     NUMBER,
     PAIR,
-    POSITIVE,
-    TABLE,
     TEXT,
     VECTOR,
     Kind,
@@ -47,7 +44,7 @@ if TYPE_CHECKING:
 
 MOST_BLOCKS = 100
 """Boxes, regions and places in a file, at most."""
-KEYS = ("allowed", "limits", "keep_out", "artefact", "session", "move")
+KEYS = ("allowed", "limits", "keep_out", "artefact", "session")
 _COMPARISON = re.compile(r"([^<>=]+)([<>])=?([^<>=]+)")
 _NUMPY = {name: getattr(np, name) for name in FUNCTION_NAMES}
 
@@ -86,8 +83,6 @@ class Constraints:
         Where the target can be read: the balls of an artefact.
     session : int or None
         Readings at most.
-    pace : Pace or None
-        How long moves and readings take.
     poses : Observations or None
         The commands that can be given; of these, only those of columns that the list has.
     """
@@ -98,7 +93,6 @@ class Constraints:
     boxes: tuple[Array, ...] = ()
     places: Array | None = None
     session: int | None = None
-    pace: Pace | None = None
     poses: Observations | None = None
 
     def with_poses(self, machine: Machine, poses: Measurements) -> Constraints:
@@ -217,7 +211,6 @@ def constraints_of(text: str, name: str, machine: Machine) -> Constraints:
         boxes=tuple(_box(name, k, block) for k, block in enumerate(top.blocks("keep_out", MOST_BLOCKS), 1)),
         places=_places(machine, artefact.get("balls", _BALLS)) if "artefact" in top else None,
         session=session.get("readings", _COUNT, None),
-        pace=_pace(machine, top) if "move" in top else None,
     )
 
 
@@ -243,12 +236,6 @@ def _whole(value: float) -> int:
     return int(value)
 
 
-def _from_zero(value: float) -> float:
-    if value < 0:
-        raise UnfitError
-    return value
-
-
 _RANGE = PAIR.then(_ordered)
 _TEXTS = Kind(
     'a list of comparisons, such as ["altitude > 20 deg"]', lambda v: [TEXT.read(x) for x in _listed(v)]
@@ -257,8 +244,6 @@ _BALLS = Kind(
     "a list of places, such as [[100, 0, 40], [300, 0, 40]]", lambda v: [VECTOR.read(x) for x in _listed(v)]
 )
 _COUNT = NUMBER.then(_whole, "a whole number from 1 up")
-_SPEEDS: Kind[Mapping[str, Any]] = Kind("a table, such as { X = 20 }", TABLE.read)
-_SECONDS = NUMBER.then(_from_zero, "seconds, from 0 up")
 
 
 def _scaled(kind: Kind[tuple[float, float]], factor: float) -> Kind[Any]:
@@ -275,17 +260,6 @@ def _box(file: str, number: int, block: dict[str, Any]) -> Array:
 def _places(machine: Machine, balls: list[tuple[float, ...]]) -> Array:
     found = np.array(balls)
     return found if machine.measurand.moving else found / np.linalg.norm(found, axis=1, keepdims=True)
-
-
-def _pace(machine: Machine, top: Table) -> Pace:
-    table = top.sub("move", ("settle", "reading", "speed"))
-    names = [joint.name for joint in machine.joints]
-    speeds = Table(table.file, "[move], speed", table.get("speed", _SPEEDS, {}), names)
-    of = [
-        speeds.get(j.name, POSITIVE) * _factor(machine, j.dimension) if j.name in speeds else math.inf
-        for j in machine.joints
-    ]
-    return Pace(table.get("settle", _SECONDS, 0.0), table.get("reading", _SECONDS, 0.0), np.array(of))
 
 
 def _region(machine: Machine, top: Table, text: str) -> Region:

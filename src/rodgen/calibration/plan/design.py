@@ -45,9 +45,6 @@ PARTS, FEWEST_PARTS = 8, 3
 """Parts of a travel, of equal length, and from how many of them readings come that are to show the function of one
 coordinate: a diagnosis leaves positions out, and a line is seen without one of three. With two, as many as differ most,
 scales of slides that had never moved were not found; with four a quarter more readings were needed."""
-LONG_MOVE = 0.3
-"""Where moves are said to cost time: a reading as far from the others as the longest move must bring so much more than
-one that is near, as a part of what the readings that are considered differ by."""
 
 
 @dataclass(frozen=True)
@@ -81,15 +78,13 @@ class Pair:
     """Number of the alternatives that they belong to."""
     possible: bool = True
     """Whether all readings considered together would do, in whichever of the two is true."""
-    tiny: bool = False
-    """Where not: whether the two differ, but by less than the noise."""
-    weight: float = 1.0
-    """How much it counts that the true one is the true one; 0 where that is improbable."""
+    likely: bool = True
+    """Whether the true one may well be the true one."""
 
     @property
     def planned(self) -> bool:
         """Whether readings are planned for it: the two can be distinguished, and the true one is no mere theory."""
-        return self.possible and self.weight > 0
+        return self.possible and self.likely
 
     @property
     def models(self) -> frozenset[int]:
@@ -217,15 +212,25 @@ class Task:
 
 
 @dataclass(frozen=True, eq=False)
-class Moves:
-    """What it costs to take a reading in addition to others."""
+class Considered:
+    """The readings that a plan chooses from.
 
+    Attributes
+    ----------
+    models : sequence of Linearized
+        For all of them.
+    effort : ndarray, shape (N,)
+        What each costs, as a fraction of what is needed: of two equally good ones the easier is taken.
+    poses : ndarray, shape (N,)
+        Equal where readings can be taken in one pose.
+    parts : ndarray, shape (N, K)
+        In which part of the travel joints are whose effects in question are seen at distinct positions only.
+    """
+
+    models: Sequence[Linearized]
+    effort: Array
     poses: NDArray[np.int_]
-    """Equal where readings can be taken in one pose, (N,)."""
-    position: Array | None = None
-    """In longest moves of each joint; None where moves are not said to cost time, (N, J)."""
-    parts: NDArray[np.int_] | None = None
-    """In which part of the travel joints are whose effects in question are seen at distinct positions only, (N, K)."""
+    parts: NDArray[np.int_]
 
     def allowed(self, picked: list[int], n: int) -> NDArray[np.bool_]:
         """Return which readings may follow others, (N,), if n are to come from at least `FEWEST_PARTS` of each travel.
@@ -233,28 +238,18 @@ class Moves:
         Any, where none may: a list of poses may have fewer.
         """
         found = np.ones(len(self.poses), np.bool_)
-        for part in np.empty((0, 0), int) if self.parts is None else self.parts.T:
+        for part in self.parts.T:
             count = np.bincount(part[picked], minlength=int(part.max()) + 1)
             found &= count[part] < max(-(-n // FEWEST_PARTS), 1)
         return found if found.any() else ~found
-
-    def cost(self, picked: list[int], value: Array) -> Array:
-        """Return what is to be subtracted from the value of each reading, (N,); it is negative in the same pose."""
-        cost = -TOGETHER * np.isin(self.poses, self.poses[picked])
-        if self.position is None or not picked:
-            return np.asarray(cost)
-        way = np.full(len(self.poses), np.inf)
-        for k in picked:
-            way = np.minimum(way, np.abs(self.position - self.position[k]).max(axis=1))
-        return np.asarray(cost + LONG_MOVE * np.ptp(value) * way)
 
 
 class _ReadingSearch:
     """Sums over the readings that were chosen, and what each further one would add."""
 
-    def __init__(self, task: Task, models: Sequence[Linearized], moves: Moves, effort: Array) -> None:
-        self.task, self.moves, self.effort = task, moves, effort
-        self.n = len(effort)
+    def __init__(self, task: Task, considered: Considered) -> None:
+        self.task, self.considered = task, considered
+        self.n, models = len(considered.effort), considered.models
         self.j = {k: models[k].jacobian @ task.coordinates[k].root for k in task.models}
         self.every = {k: np.einsum("nmr,nms->rs", j, j, optimize=True) for k, j in self.j.items()}
         # of each wrong model: the numbers of its pairs, and what the true ones predict beyond it, (n, m, pairs)
@@ -293,38 +288,19 @@ class _ReadingSearch:
             fall = np.einsum("nm,nml,nl->n", change, own[s.model], change)
             variances[:, i] = np.maximum(w @ inverse[s.model] @ w - fall, 1e-300)
         value = task.value(gains, variances)
-        shown = value - self.effort - self.moves.cost(picked, value)
+        poses = self.considered.poses
+        shown = value - self.considered.effort + TOGETHER * np.isin(poses, poses[picked])
         if len(picked) < self.n:
             shown[picked] = -np.inf  # the same reading once more would share what was wrong with it
-        if (may := self.moves.allowed(picked, count) & np.isfinite(shown)).any():
+        if (may := self.considered.allowed(picked, count) & np.isfinite(shown)).any():
             shown[~may] = -np.inf
         k = int(np.argmax(shown))
         return k, float(value[k])
 
 
-def chosen(
-    task: Task,
-    models: Sequence[Linearized],
-    moves: Moves,
-    effort: Array,
-    n: int,
-    *,
-    sweeps: int = SWEEPS,
-) -> list[int]:
-    """Return the numbers of n readings of those considered.
-
-    Parameters
-    ----------
-    models : sequence of Linearized
-        For all readings considered.
-    moves : Moves
-        From reading to reading.
-    effort : ndarray, shape (N,)
-        What a reading costs, as a fraction of what is needed: of two equally good ones the easier is taken.
-    sweeps : int
-        How often every reading is exchanged at most.
-    """
-    search = _ReadingSearch(task, models, moves, effort)
+def chosen(task: Task, considered: Considered, n: int, *, sweeps: int = SWEEPS) -> list[int]:
+    """Return the numbers of n readings of those considered; each is exchanged so many times at most."""
+    search = _ReadingSearch(task, considered)
     picked: list[int] = []
     for left in range(n - 1, -1, -1):
         picked.append(search.best(picked, left / search.n, n)[0])

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from rodgen.calibration.plan.campaign import MOST_READINGS, PairGain, Search
 from rodgen.calibration.words import NAMES
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import PLAN
@@ -13,14 +16,13 @@ from rodgen.views import plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
-    from rodgen.calibration.plan.candidate_plan import CandidatePlan
 
-Pairs: TypeAlias = set[frozenset[int]]
-
-MOST_SENTENCES = 2
-"""Sentences on which effects a plan distinguishes; the others are counted."""
+MOST_GROUPS = 2
+"""Groups of effects that a sentence names; the others are counted."""
 KEYS = 6
 """Keys of parameters that a sentence names; the others are counted."""
+HARDLY = 0.005
+"""A smaller probability, or one as near to 1, is given in words."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,8 @@ class Goal:
         Titles of the effects to distinguish.
     parameters : tuple of str
         Keys of the parameters that are to be determined or sharpened.
-    sentence : str
+    sentences : tuple of str
+        What the readings decide, how well, and what they cannot decide.
     resolvable : bool
         Whether any reading within the travel could.
     reached : bool
@@ -83,10 +86,15 @@ class Goal:
     kind: str
     effects: tuple[str, ...]
     parameters: tuple[str, ...]
-    sentence: str
+    sentences: tuple[str, ...]
     resolvable: bool
     reached: bool
     gains: tuple[Gain, ...]
+
+    @property
+    def sentence(self) -> str:
+        """All sentences as one text."""
+        return " ".join(self.sentences)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -94,21 +102,26 @@ class Goal:
         return found | {"gain": [gain.to_dict() for gain in self.gains]}
 
 
-def goals_of(best: CandidatePlan, fit: FittedModel) -> Iterator[Goal]:
+def goals_of(search: Search, fit: FittedModel) -> Iterator[Goal]:
     """Yield the goals of a plan for a fit: one for each group of alternatives, and one for all parameters."""
-    for group, effects in enumerate(best.campaign.question.alternatives):
-        yield _separation(best, group, tuple(e.title for e in effects))
-    if best.parameters:
-        yield _parameters(best, fit)
+    gains = search.gains()
+    for group, effects in enumerate(search.campaign.question.alternatives):
+        yield _separation(search, group, gains, tuple(e.title for e in effects))
+    if search.campaign.key_model is not None:
+        yield _sharpening(search, fit, _parameters(search))
 
 
-def _separation(best: CandidatePlan, group: int, titles: tuple[str, ...]) -> Goal:
+# effects -------------------------------------------------------------------------------------------------------------
+
+
+def _separation(search: Search, group: int, every: Sequence[PairGain], titles: tuple[str, ...]) -> Goal:
     """Return the goal to distinguish alternatives."""
-    title = best.campaign.titles
-    found = [gain for gain in best.gains if gain.pair.group == group]
+    title = search.campaign.titles
+    found = [gain for gain in every if gain.pair.group == group]
     possible = sorted(
         (gain for gain in found if gain.pair.possible), key=lambda gain: (gain.probability, gain.after)
     )
+    reached = all(gain.reached for gain in found)
     gains = tuple(
         Gain(
             "chi_square",
@@ -120,20 +133,111 @@ def _separation(best: CandidatePlan, group: int, titles: tuple[str, ...]) -> Goa
         )
         for gain in possible
     )
-    sentence = " ".join(_alternatives_sentences(best, group, titles))
-    reached = all(gain.reached for gain in found)
-    return Goal("separate", titles, (), sentence, bool(possible), reached, gains)
+    sentences = []
+    if possible:
+        parts = _from_each_other({gain.pair.models for gain in possible}, title)
+        sentences = [f"Tell {_some(parts)}.", _chances([gain.probability for gain in possible], reached)]
+    refuted = [title[a] for of, a in search.campaign.refuted if of == group]
+    if refuted:
+        verb = "fits" if len(refuted) == 1 else "fit"
+        left = [name for name in titles if name not in refuted]
+        only = f"Only {left[0]} remains: " if len(left) == 1 else ""
+        sentences.append(
+            f"{only}{joined(refuted)} {verb} the data worse already, or with sizes that no machine has."
+        )
+    if alike := {gain.pair.models for gain in found if not gain.pair.possible}:
+        groups = sorted(_together(alike), key=len, reverse=True)
+        texts = [joined([title[k] for k in numbers], most=NAMES) for numbers in groups]
+        sentences.append(f"No {MOST_READINGS} readings within reach would distinguish {_some(texts)}.")
+    if not sentences:
+        sentences = [f"Fewer than two of {joined(titles)} can be added to this machine."]
+    return Goal("separate", titles, (), tuple(sentences), bool(possible), reached, gains)
 
 
-def _parameters(best: CandidatePlan, fit: FittedModel) -> Goal:
+def _some(texts: Sequence[str]) -> str:
+    """List the first texts, and count the others."""
+    more = len(texts) - MOST_GROUPS
+    return "; ".join(
+        [*texts[:MOST_GROUPS], *([f"and {more} more group{'s' * (more > 1)}"] if more > 0 else [])]
+    )
+
+
+def _chances(chances: Sequence[float], reached: bool) -> str:
+    low, high = _percent(min(chances)), _percent(max(chances))
+    if reached:
+        return f"Probability that these readings suffice: {low}."
+    if max(chances) < HARDLY:
+        return "These readings alone are unlikely to suffice."
+    said = low if low == high else f"{low} to {high}, depending on which is present"
+    return f"Probability that these readings suffice: {said}."
+
+
+def _percent(probability: float) -> str:
+    if probability > 1 - HARDLY:
+        return "more than 99 %"
+    return "less than 1 %" if probability < HARDLY else f"{100 * probability:.0f} %"
+
+
+def _from_each_other(pairs: set[frozenset[int]], title: Sequence[str]) -> list[str]:
+    """Say which effects are to be distinguished: all from each other, or one after the other from some."""
+    nodes = sorted({k for pair in pairs for k in pair})
+    if 2 * len(pairs) == len(nodes) * (len(nodes) - 1):
+        return [f"{joined([title[k] for k in nodes], most=NAMES)} apart"]
+    left, found = set(pairs), []
+    while left:
+        most = max(nodes, key=lambda k: sum(k in pair for pair in left))
+        others = [k for k in nodes if frozenset((k, most)) in left]
+        left -= {frozenset((k, most)) for k in others}
+        found.append(f"{title[most]} from {joined([title[k] for k in others], most=NAMES)}")
+    return found
+
+
+def _together(pairs: set[frozenset[int]]) -> list[list[int]]:
+    """Return groups of numbers of which all are pairs; every pair is in one."""
+    nodes = sorted({k for pair in pairs for k in pair})
+    groups: list[list[int]] = []
+    for pair in sorted(pairs, key=sorted):
+        if any(pair <= set(group) for group in groups):
+            continue
+        group = sorted(pair)
+        for k in nodes:
+            if k not in group and all(frozenset((k, x)) in pairs for x in group):
+                group.append(k)
+        groups.append(sorted(group))
+    return groups
+
+
+# parameters ----------------------------------------------------------------------------------------------------------
+
+
+def _parameters(search: Search) -> list[Gain]:
+    """Return the standard deviations that a fit states now, and is expected to state with planned readings."""
+    campaign, number = search.campaign, search.campaign.key_model
+    assert number is not None
+    fit = campaign.models[number].fit
+    further = search.linearized[number].jacobian * np.sqrt(
+        campaign.variance
+    )  # of weighted readings, as a fit takes them
+    expected = fit.estimates_with(further.reshape(-1, further.shape[-1]))
+    found = []
+    for key in campaign.question.keys:
+        now, after = fit.estimates.get(key), expected.get(key)
+        if now is None or after is None or key in campaign.unshown:
+            found.append(Gain("std", key, None, None, determined=False))
+            continue
+        found.append(Gain("std", key, now.std, after.std, unit=now.unit, determined=after.determined))
+    return found
+
+
+def _sharpening(search: Search, fit: FittedModel, every: Sequence[Gain]) -> Goal:
     """Return the goal to determine or sharpen parameters."""
-    question, unshown = best.campaign.question, best.campaign.unshown
+    question, unshown = search.campaign.question, search.campaign.unshown
     show = question.kind == "show"
-    if not question.asked and (sentence := no_gain(best)):
-        keys = tuple(gain.of for gain in best.parameters)
-        return Goal(question.kind, (), keys, sentence, False, False, tuple(best.parameters))
+    keys = tuple(gain.of for gain in every)
+    if not question.asked and (sentence := no_gain(search, every)):
+        return Goal(question.kind, (), keys, (sentence,), False, False, tuple(every))
     as_a_whole = question.by_default and not show
-    shown = [gain for gain in best.parameters if gain.of not in unshown]
+    shown = [gain for gain in every if gain.of not in unshown]
     if show:  # what is only weakly determined, and stays so, is not worth a sentence
         shown = [
             gain for gain in shown if gain.now is None or (gain.after or gain.now) < PLAN.sharper * gain.now
@@ -148,121 +252,51 @@ def _parameters(best: CandidatePlan, fit: FittedModel) -> Goal:
     return Goal(
         question.kind,
         (),
-        tuple(gain.of for gain in best.parameters),
-        " ".join(_parameter_sentences(best, [gain.of for gain in shown], undetermined)),
+        keys,
+        tuple(_parameter_sentences(search, shown, undetermined)),
         solved or (not shown and as_a_whole),
         not undetermined and (as_a_whole or not unshown),
         tuple(shown),
     )
 
 
-def no_gain(best: CandidatePlan) -> str:
+def no_gain(search: Search, gains: Sequence[Gain]) -> str:
     """Return a sentence on readings that sharpen no parameter; empty where they do, or determine one."""
-    left = best.sharpest
-    if best.campaign.question.kind == "show" or left is None or left <= PLAN.noticed:
+    unknown = any(gain.now is None or gain.after is None for gain in gains)
+    left = [gain.after / gain.now for gain in gains if gain.now and gain.after]
+    if search.campaign.question.kind == "show" or unknown or not left or min(left) <= PLAN.noticed:
         return ""
-    count, keys = best.rows.n, [gain.of for gain in best.parameters]
+    count, keys = search.rows.n, [gain.of for gain in gains]
     return (
         f"{count} further reading{'s' * (count != 1)} would lower no standard deviation of {joined(keys, most=KEYS)} "
-        f"by more than {100 * (1 - left):.1g} %, beside the {best.campaign.o.n} that there are."
+        f"by more than {100 * (1 - min(left)):.1g} %, beside the {search.campaign.o.n} that there are."
     )
 
 
-def _alternatives_sentences(best: CandidatePlan, group: int, titles: Sequence[str]) -> Iterator[str]:
-    """Yield sentences on alternatives: which can be distinguished, and why the others cannot."""
-    campaign = best.campaign
-    title = campaign.titles
-    pairs = [gain.pair for gain in best.gains if gain.pair.group == group]
-    refuted = [title[a] for of, a in campaign.refuted if of == group]
-    left = [name for name in titles if name not in refuted]
-    texts = _from_each_other({p.models for p in pairs if p.possible}, title)
-    yield from (f"Tell {text}." for text in texts[:MOST_SENTENCES])
-    if len(texts) > MOST_SENTENCES:
-        yield f"And so on, for {len(texts) - MOST_SENTENCES} more of them."
-    if refuted:
-        verb = "fits" if len(refuted) == 1 else "fit"
-        yield f"{joined(refuted)} {verb} the data worse already, or with sizes that no machine has."
-    if len(left) == 1:
-        yield f"Only {left[0]} remains."
-    exact = {p.models for p in pairs if not p.possible and not p.tiny}
-    small = {p.models for p in pairs if not p.possible} - exact
-    if exact:
-        yield (
-            "No measurement can tell these apart, as they change every reading within the travel in the same way: "
-            f"{_groups(exact, title, 2)}."
-        )
-    if small:
-        yield (
-            f"Too similar, as fitted, to be distinguished by a reasonable number of readings: "
-            f"{_groups(small, title, 1)}."
-        )
-    larger = [
-        (less, more)
-        for of, less, more in campaign.included
-        if of == group and frozenset((less, more)) not in exact | small
-    ]
-    if larger:
-        less, more = larger[0]
-        others = f" ({len(larger) - 1} more such)" if len(larger) > 1 else ""
-        yield (
-            f"{title[more]} can reproduce all that {title[less]} does: no reading favours the latter, which is only "
-            f"simpler{others}."
-        )
-
-
-def _parameter_sentences(
-    best: CandidatePlan, keys: Sequence[str], undetermined: Sequence[str]
-) -> Iterator[str]:
+def _parameter_sentences(search: Search, shown: Sequence[Gain], undetermined: Sequence[str]) -> Iterator[str]:
     """Yield sentences on the parameters that are to be determined or sharpened."""
-    question = best.campaign.question
-    if not keys and question.by_default and question.kind == "sharpen":
+    question, unshown = search.campaign.question, search.campaign.unshown
+    keys, show = [gain.of for gain in shown], question.kind == "show"
+    if not keys and question.by_default and not show:
         yield "Sharpen the model as a whole, as each parameter rests on a choice of coordinates."
         return
     if keys:
-        verb = "Determine" if question.kind == "show" else "Sharpen"
-        yield f"{verb} {joined(keys, most=KEYS)}."
-    unshown = [gain.of for gain in best.parameters if gain.of in best.campaign.unshown]
-    if unshown and question.kind == "sharpen" and not question.by_default:
-        yield f"No reading shows {joined(unshown, most=KEYS)}: a choice of coordinates, or without any effect here."
-    if not keys and question.kind == "show":
-        yield f"No reading within the travel determines {joined([gain.of for gain in best.parameters], most=KEYS)}."
+        yield f"{'Determine' if show else 'Sharpen'} {joined(keys, most=KEYS)}."
+    if determined := [gain for gain in shown if gain.determined]:
+        more = f"; and {len(determined) - KEYS} more" if len(determined) > KEYS else ""
+        yield f"Standard deviations: {'; '.join(map(_std, determined[:KEYS]))}{more}."
+    hidden = [key for key in question.keys if key in unshown]
+    if hidden and not show and not question.by_default:
+        yield f"No reading shows {joined(hidden, most=KEYS)}: a choice of coordinates, or without any effect here."
+    if not keys and show:
+        yield f"No reading within the travel determines {joined(question.keys, most=KEYS)}."
     if undetermined:
         names = "them" if len(undetermined) == len(keys) else joined(undetermined, most=KEYS)
         yield f"No reading within the travel determines {names}."
 
 
-def _groups(pairs: Pairs, title: Sequence[str], most: int) -> str:
-    """Name the largest groups of models of which all are pairs, and count the others."""
-    groups = sorted(_together(pairs), key=len, reverse=True)
-    texts = [joined([title[k] for k in group], most=NAMES) for group in groups[:most]]
-    more = len(groups) - len(texts)
-    return "; ".join([*texts, *([f"and {more} more group{'s' * (more > 1)}"] if more else [])])
-
-
-def _from_each_other(pairs: Pairs, title: Sequence[str]) -> list[str]:
-    """Say which effects are to be distinguished: all from each other, or one after the other from some."""
-    nodes = sorted({k for pair in pairs for k in pair})
-    if nodes and 2 * len(pairs) == len(nodes) * (len(nodes) - 1):
-        return [f"{joined([title[k] for k in nodes], most=NAMES)} apart"]
-    left, found = set(pairs), []
-    while left:
-        most = max(nodes, key=lambda k: sum(k in pair for pair in left))
-        others = [k for k in nodes if frozenset((k, most)) in left]
-        left -= {frozenset((k, most)) for k in others}
-        found.append(f"{title[most]} from {joined([title[k] for k in others], most=NAMES)}")
-    return found
-
-
-def _together(pairs: Pairs) -> list[list[int]]:
-    """Return groups of numbers of which all are pairs; every pair is in one."""
-    nodes = sorted({k for pair in pairs for k in pair})
-    groups: list[list[int]] = []
-    for pair in sorted(pairs, key=sorted):
-        if any(pair <= set(group) for group in groups):
-            continue
-        group = sorted(pair)
-        for k in nodes:
-            if k not in group and all(frozenset((k, x)) in pairs for x in group):
-                group.append(k)
-        groups.append(sorted(group))
-    return groups
+def _std(gain: Gain) -> str:
+    unit = "" if gain.unit == "1" else f" {gain.unit}"
+    now = "not determined" if gain.now is None else f"± {gain.now:.3g}{unit}"
+    then = "known from these readings" if gain.after is None else f"± {gain.after:.3g}{unit}"
+    return f"{gain.of} now {now}, then {then}"

@@ -1,21 +1,19 @@
-"""What to measure next, from a fit or a diagnosis: fit the rivals, design the readings, put the result in words."""
+"""What to measure next, from a fit or a diagnosis: fit the rivals, choose the readings, say what they decide."""
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.calibration.plan.campaign import MOST_READINGS, Campaign
-from rodgen.calibration.plan.chosen_places import gone_back
+from rodgen.calibration.plan.campaign import MOST_READINGS, Campaign, Search
 from rodgen.calibration.plan.constraints import Constraints
-from rodgen.calibration.plan.differences import differences
 from rodgen.calibration.plan.goals import Gain, Goal, goals_of, no_gain
-from rodgen.calibration.plan.invisible import invisible_effects
-from rodgen.calibration.plan.notes import about_rows, about_target_column, about_travel, not_enough
 from rodgen.calibration.plan.question import (
     PlanError,
     Question,
@@ -24,22 +22,25 @@ from rodgen.calibration.plan.question import (
     parameters_to_sharpen,
     undetermined_sentences,
 )
-from rodgen.calibration.plan.summary import lines_of
-from rodgen.calibration.plan.table import as_csv, table
-from rodgen.calibration.plan.variations import best_plan, joints_without_travel, plan_over_more_travel
-from rodgen.calibration.plan.words import number
+from rodgen.calibration.plan.rows import as_csv, as_text, table
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.poses import moved_one_way
 from rodgen.errors import joined, shown
-from rodgen.machines.machine import Target
+from rodgen.statistics.thresholds import PLAN
 from rodgen.views import brief, html_of, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.open_questions import HasOpenQuestions, OpenQuestions
+    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect
 
 __all__ = ["Plan", "PlanError", "plan", "plan_for"]
+
+WIDTH = 100
+"""Of a line of text."""
+WHOLE_TURN = 0.9
+"""Part of a turn from which data of a revolute joint cover all there is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,25 +54,16 @@ class Plan:
         be taken; without readings.
     goals : tuple of Goal
         What is to be settled, and whether these readings are expected to.
-    words : tuple of str
-        What these measurements have that the old ones lack, in sentences.
     notes : tuple of str
-        What cannot be settled, and what else is to be known.
+        What limits the plan, and what else is to be known.
     needed : int or None
         How many readings would settle what these do not; None where these do, or no number would.
-    new_targets : tuple of Target
-        Targets that are to be mounted, and put into the machine file.
-    travel_missing : tuple of str
-        Joints whose travel the machine file is to state first, where readings within more of it would do.
     """
 
     rows: Mapping[str, list[Any]]
     goals: tuple[Goal, ...]
-    words: tuple[str, ...]
     notes: tuple[str, ...]
     needed: int | None
-    new_targets: tuple[Target, ...] = ()
-    travel_missing: tuple[str, ...] = ()
 
     __repr__ = brief
     _repr_html_ = html_of
@@ -116,13 +108,6 @@ class Plan:
             raise PlanError("no rows to write", "a plan with something to measure, see its notes")
         write_file(path, self.csv().encode())
 
-    def target_blocks(self) -> str:
-        """Return the ``[[target]]`` blocks to put into the machine file; empty where no new target is proposed."""
-        return "\n".join(
-            f'[[target]]\nname = "{t.name}"\npoint = [{", ".join(number(x) for x in t.point)}]\n'
-            for t in self.new_targets
-        )
-
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain data, as `rodgen plan --json` prints it."""
         return {
@@ -130,17 +115,46 @@ class Plan:
             **plain(self, "needed resolvable reached"),
             "rows": {name: list(values) for name, values in self.rows.items()},
             "goals": [goal.to_dict() for goal in self.goals],
-            **plain(self, "words notes"),
-            "new_targets": [{"name": t.name, "point": list(t.point)} for t in self.new_targets],
-            "travel_missing": list(self.travel_missing),
+            **plain(self, "notes"),
         }
 
     def summary(self) -> str:
         """Return the plan as text."""
-        return "\n".join(lines_of(self))
+        return "\n".join(self._lines())
 
     def __str__(self) -> str:
         return self.summary()
+
+    def _lines(self) -> Iterator[str]:
+        if not self.goals:
+            yield from self.notes
+            return
+        if self.count:
+            yield f"What to measure: {self.count} reading{'s' * (self.count != 1)}"
+            yield from (f"    {line}" for line in as_text(self.rows))
+            yield "What it settles"
+        else:
+            sharpens = all(goal.kind == "sharpen" for goal in self.goals)
+            why = " would tell more." if sharpens else ": no reading within the travel settles what is open."
+            yield f"Nothing to measure{why}"
+            yield "What is open"
+        yield from _wrapped(sentence for goal in self.goals for sentence in goal.sentences)
+        if self.notes:
+            yield "Notes"
+        yield from _wrapped(self.notes)
+
+
+def _wrapped(sentences: Iterable[str]) -> Iterator[str]:
+    """Yield sentences as indented lines, each from a line of its own on."""
+    for sentence in sentences:
+        yield from wrap(
+            sentence,
+            WIDTH,
+            initial_indent="  ",
+            subsequent_indent="    ",
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
 
 
 def plan(
@@ -180,7 +194,7 @@ def plan(
     Examples
     --------
     >>> from rodgen.data.measurements import Measurements
-    >>> from rodgen.machines.machine import Joint, Machine, Measured
+    >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
     >>> table = Machine(
     ...     "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0,
     ...     (Joint("C", "revolute", (0.0, 0.0, 1.0), travel=(0.0, 3.0)),), (Target("ball", (100.0, 0.0, 0.0)),),
@@ -203,13 +217,14 @@ def plan(
         )
     if found is None or not any(goal.resolvable for goal in found.goals):
         found = _there_and_back(questions, n, constraints) or _sharper(questions, n, found, constraints)
-    return replace(found, notes=(*found.notes, *invisible_effects(questions)))
+    return found
 
 
 def _there_and_back(questions: OpenQuestions, n: int, constraints: Constraints | None) -> Plan | None:
     """Return a plan that goes back where joints went one way only while the set-up wandered; else None."""
     o = questions.final.observations
-    one_way = np.flatnonzero(moved_one_way(np.asarray(o.q)))
+    q = np.asarray(o.q)
+    one_way = np.flatnonzero(moved_one_way(q))
     if questions.found or not questions.wanders or not len(one_way):
         return None
     names = joined([o.machine.joints[j].name for j in one_way])
@@ -217,21 +232,18 @@ def _there_and_back(questions: OpenQuestions, n: int, constraints: Constraints |
     if not question.keys:
         return None
     with one_thread_in_blas():
-        campaign = Campaign(question, question.machine, o)
-    rows = gone_back(campaign.pool, np.asarray(o.q), campaign.way, min(n, question.constraints.session or n))
-    them = "it" if len(one_way) == 1 else "them"
+        campaign = Campaign(question, o)
+    span = np.ptp(campaign.travel, axis=1)
+    scale = np.where(span > 0, span, 1.0)
+    places = q[np.linspace(o.n - 1, 0, min(n, question.constraints.session or n, o.n)).astype(int)]
+    nearest = [int(np.argmin(np.abs((campaign.rows.q - place) / scale).max(axis=1))) for place in places]
+    rows = campaign.rows.take(np.array(list(dict.fromkeys(nearest)))).as_moved(q[-1])
     sentence = (
-        f"Tell errors that follow {names} from a set-up that wanders: {names} went one way only meanwhile."
+        f"Tell errors that follow {names} from a set-up that wanders: {names} went one way only meanwhile, and goes "
+        f"back through its positions."
     )
-    return Plan(
-        rows=table(campaign.machine, campaign.surroundings, rows),
-        goals=(Goal("order", (), (), sentence, True, False, ()),),
-        words=(
-            f"Go back through the positions of {names}, so that what follows {them} comes apart from the wander.",
-        ),
-        notes=(),
-        needed=None,
-    )
+    goal = Goal("order", (), (), (sentence,), True, False, ())
+    return Plan(table(campaign.machine, campaign.surroundings, rows), (goal,), (), None)
 
 
 def _sharper(questions: OpenQuestions, n: int, before: Plan | None, constraints: Constraints | None) -> Plan:
@@ -240,7 +252,7 @@ def _sharper(questions: OpenQuestions, n: int, before: Plan | None, constraints:
     if before is not None and not keys:
         return before
     sharper = plan_for(questions.final, (), n, wanted=keys, asked=False, constraints=constraints)
-    before = before or Plan({}, (), (), (), None)
+    before = before or Plan({}, (), (), None)
     every = dict.fromkeys((*before.notes, *sharper.notes, *notes))
     return replace(sharper, goals=(*before.goals, *sharper.goals), notes=tuple(every))
 
@@ -284,10 +296,10 @@ def plan_for(
     question = replace(question, constraints=constraints or Constraints())
     most = min(int(n), question.constraints.session or int(n))
     if not question.alternatives and not question.keys:
-        return Plan({}, (), (), ("Nothing is estimated that measurements could sharpen.",), None)
+        return Plan({}, (), ("Nothing is estimated that measurements could sharpen.",), None)
     with one_thread_in_blas():
         found = _planned(fit, question, most)
-        if question.kind == "show" and not found.count and not found.travel_missing:
+        if question.kind == "show" and not found.count and not _without_travel(question, fit.observations):
             keys = parameters_to_sharpen(fit, question.keys)
             notes = undetermined_sentences(fit)
             question = replace(question, kind="sharpen", keys=tuple(keys), notes=notes)
@@ -296,32 +308,87 @@ def plan_for(
 
 
 def _planned(fit: FittedModel, question: Question, n: int) -> Plan:
-    """Return the plan for a question, in words."""
+    """Return the plan for a question."""
     o = fit.observations.take(~fit.outliers) if fit.outliers.any() else fit.observations
-    best = best_plan(question, o, n)
-    campaign, rows = best.campaign, best.rows
-    goals = tuple(goals_of(best, fit))
-    useful = any(goal.resolvable for goal in goals)
+    campaign = Campaign(question, o)
+    search = Search(campaign, n)
+    goals = tuple(goals_of(search, fit))
     notes = [*question.notes, *campaign.rivals.refused]
     if question.keys and not fit.dependence.independent:
         notes.append(fit.dependence.text)
-    joints = [] if all(goal.reached for goal in goals) else joints_without_travel(best)
-    wider = plan_over_more_travel(best, joints, n) if joints else None
+    if not all(goal.reached for goal in goals):
+        notes += _about_travel(campaign)
+    if not any(goal.resolvable for goal in goals):
+        return Plan({}, goals, tuple(dict.fromkeys(notes)), None)
+    notes += _about_constraints(campaign)
+    notes += _not_enough(search, goals)
+    rows = table(campaign.machine, campaign.surroundings, search.rows)
+    return Plan(rows, goals, tuple(dict.fromkeys(notes)), search.needed)
+
+
+# what limits it ------------------------------------------------------------------------------------------------------
+
+
+def _without_travel(question: Question, o: Observations) -> list[int]:
+    """Return joints in question without a travel in the machine file, of which there may be more than in the data."""
+    machine = question.machine
+    # the file of a closed chain states no travel of its legs; a list of poses has all that there are
+    if machine.kinematics.is_closed or question.constraints.poses is not None:
+        return []
+    places = {e.place for each in question.alternatives for e in each}
+    places |= {key.split(".")[0] for key in question.keys}
+    of_joints = bool(places & {joint.name for joint in machine.joints})
+    turned = np.ptp(o.q, axis=0) > 2 * math.pi * WHOLE_TURN
+    return [
+        j
+        for j, joint in enumerate(machine.joints)
+        if machine.limits[j] is None
+        and joint.is_read
+        and joint.column not in question.constraints.limits
+        and not (joint.revolute and turned[j])
+        and (joint.name in places or not of_joints)
+    ]
+
+
+def _about_travel(campaign: Campaign) -> Iterator[str]:
+    """Yield a sentence on joints without a travel in the machine file."""
+    joints = _without_travel(campaign.question, campaign.o)
     if joints:
-        notes.append(about_travel(best, joints, wider))
-    if not useful or (wider is not None and best.hopeless):
-        missing = tuple(campaign.machine.joints[j].name for j in joints) if wider is not None else ()
-        return Plan({}, goals, (), tuple(dict.fromkeys(notes)), None, travel_missing=missing)
-    notes += filter(None, [no_gain(best)])
-    notes += about_rows(best)
-    notes += not_enough(best)
-    new = tuple(campaign.machine.targets[k] for k in np.unique(rows.target) if k >= len(o.machine.targets))
-    notes += about_target_column(o, new)
-    return Plan(
-        rows=table(campaign.machine, campaign.surroundings, rows),
-        goals=goals,
-        words=tuple(dict.fromkeys(differences(campaign, rows))),
-        notes=tuple(dict.fromkeys(notes)),
-        needed=best.needed,
-        new_targets=new,
-    )
+        names = [campaign.machine.joints[j].name for j in joints]
+        ranges = []
+        for j, name in zip(joints, names, strict=True):
+            unit, factor = campaign.o.unit_of(campaign.machine.joints[j].column)
+            low, high = (f"{x / factor + 0.0:.4g}" for x in campaign.travel[j])
+            ranges.append(f"{name} {low} {unit}" if low == high else f"{name} {low} to {high} {unit}")
+        yield (
+            f"The machine file gives no travel of {joined(names)}, so that of the data was used: {joined(ranges)}. If "
+            f"there is more, state it there (travel = [low, high]) and plan again."
+        )
+
+
+def _about_constraints(campaign: Campaign) -> Iterator[str]:
+    """Yield sentences on what the constraints exclude, and what they do not."""
+    if far := campaign.out_of_reach:
+        balls = f"ball{'s' * (len(far) > 1)} {joined(map(str, far))}"
+        yield f"Out of reach within the travel and the limits: {balls} of the artefact."
+    if campaign.question.constraints.boxes:
+        yield "The target keeps out of the boxes in the planned readings, not on the ways between them."
+
+
+def _not_enough(search: Search, goals: Sequence[Goal]) -> Iterator[str]:
+    """Yield how many readings would be enough, where these are not."""
+    question, count = search.campaign.question, search.rows.n
+    sharpening = [goal.gains for goal in goals if goal.kind in ("show", "sharpen")]
+    if sharpening and question.asked and (sentence := no_gain(search, sharpening[0])):
+        yield sentence
+    planned = [gain for gain in search.gains() if gain.pair.planned]
+    if all(gain.reached for gain in planned):
+        return
+    least = min(gain.probability for gain in planned)
+    said = "are probably not enough" if least < PLAN.hopeless else "may not be enough"
+    if search.needed:
+        session = question.constraints.session
+        sessions = f", in {math.ceil(search.needed / session)} sessions" if session else ""
+        yield f"{count} readings {said}; about {search.needed} would be{sessions}."
+    else:
+        yield f"{count} readings {said}, and neither may {MOST_READINGS}."

@@ -1,19 +1,31 @@
-"""Readings that may be taken: what is commanded, with which load, when; and as observations for a model."""
+"""Readings that may be taken: as observations for a model, in the order in which they are taken, and as a table."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Ints
-from rodgen.calibration.plan.pace import Pace
 from rodgen.calibration.problem.assembly_modes import with_commands
-from rodgen.data.observations import Observations
 from rodgen.data.poses import approach
+from rodgen.data.units import parse_unit
+
+if TYPE_CHECKING:
+    from rodgen.data.observations import Observations
+    from rodgen.machines.machine import Machine
+
+WRONG = 100.0
+"""What a wrong direction of approach counts, in ways through the whole travel."""
+DIGITS = 9
+TO_BE_SET, TO_BE_MET = 4, 2
+"""Digits of the range of a column that people read, as of positions, and of temperatures, which can hardly be set."""
 
 
 @dataclass(frozen=True)
@@ -68,21 +80,11 @@ class Surroundings:
     ----------
     observations : Observations
         What was measured.
-    targets : int
-        How many targets there may be; at least those of the machine.
-    wait : float
-        For how many times the duration of the data the machine waits before; negative: it begins anew, as after a
-        night.
-    pace : Pace, optional
-        How long moves and readings take; left out: as in the data.
     """
 
-    def __init__(
-        self, observations: Observations, targets: int, *, wait: float = 0.0, pace: Pace | None = None
-    ) -> None:
+    def __init__(self, observations: Observations) -> None:
         self.o = o = observations
-        self.pace = pace
-        self.sigma = None if o.sigma is None else usual_by_target(o, o.sigma, targets)
+        self.sigma = None if o.sigma is None else usual_by_target(o, o.sigma, len(o.machine.targets))
         t, pose = o.t, o.pose
         self.step = 0.0
         if t is not None:
@@ -90,9 +92,7 @@ class Surroundings:
             steps = np.diff(t[starts])
             steps = steps[steps > 0]
             self.step = float(np.median(steps)) if len(steps) else 0.0
-            later = float(t.max()) + self.step + wait * float(np.ptp(t))
-            self.begin = float(t.min()) if wait < 0 else later
-            self.first = int(np.argmin(t) if wait < 0 else np.argmax(t))
+            self.begin = float(t.max()) + self.step
 
     def times(self, rows: Rows) -> Array | None:
         """Return when each is taken, one pose after the other.
@@ -101,20 +101,18 @@ class Surroundings:
         """
         if self.o.t is None:
             return None
-        if self.pace is not None:
-            steps = self.pace.intervals(self.o.q[-1], rows.q)
-        else:
-            steps = self.step * np.any(np.diff(rows.q, axis=0, prepend=rows.q[:1]) != 0, axis=1)
-        waited = np.abs(np.diff(self.o.t[rows.state], prepend=self.o.t[self.first]))
+        steps = self.step * np.any(np.diff(rows.q, axis=0, prepend=rows.q[:1]) != 0, axis=1)
+        waited = np.abs(np.diff(self.o.t[rows.state], prepend=self.o.t.max()))
         return np.asarray(self.begin + np.cumsum(steps + waited))
 
-    def observations(self, rows: Rows, t: Any = None) -> Observations:
-        """Return the rows as observations without readings; at times `t`, or one pose after the other."""
+    def observations(self, rows: Rows, *, at_once: bool = False) -> Observations:
+        """Return the rows as observations without readings: one pose after the other, or all soon after the data."""
         o, n = self.o, rows.n
-        base = o.take(rows.state)
-        times = self.times(rows) if t is None or o.t is None else np.broadcast_to(np.asarray(t, float), n)
+        times = self.times(rows)
+        if times is not None and at_once:
+            times = np.full(n, self.begin + 6 * self.step)
         made = replace(
-            base,
+            o.take(rows.state),
             q=rows.q,
             s=rows.s,
             v=rows.v,
@@ -127,3 +125,143 @@ class Surroundings:
             reading=np.ones((n, o.reading.shape[1])),
         )
         return with_commands(made, o)
+
+
+# the order -------------------------------------------------------------------------------------------------------
+
+
+def ordered(rows: Rows, sides: tuple[int, ...], span: Array, start: Array) -> Rows:
+    """Return readings in an order with a short way in which joints come from the sides that were planned.
+
+    What cannot be changed in passing comes first: the temperature, the load. Where the sides cannot be had for all,
+    `Rows.as_moved` says what the order makes of them.
+
+    Parameters
+    ----------
+    sides : tuple of int
+        Joints whose direction of approach counts: that of the first reading, too, on the way from the start.
+    span : ndarray, shape (J,)
+        Travel of each joint.
+    start : ndarray, shape (J,)
+        Where the machine stands.
+    """
+    scale = np.where(span > 0, span, 1.0)
+    block = np.stack([rows.state, rows.load], axis=1)
+    found: list[int] = []
+    for kind in np.unique(block, axis=0)[::-1]:  # the temperature of the last rows is met first
+        inside = np.flatnonzero(np.all(block == kind, axis=1))
+        some = rows.take(inside)
+        key = np.concatenate([some.q, some.s[:, sides], some.v], axis=1)
+        _, first, pose = np.unique(key, axis=0, return_index=True, return_inverse=True)
+        rank = np.argsort(_poses(some.q[first] / scale, some.s[first][:, sides], sides, start / scale))
+        found += inside[np.lexsort((some.target, rank[pose.ravel()]))].tolist()
+        start = rows.q[found[-1]]
+    return rows.take(np.array(found))
+
+
+def _poses(q: Array, s: NDArray[np.int8], sides: tuple[int, ...], start: Array) -> Ints:
+    """Return the order of poses: to the nearest each time, or up and down one joint whose side counts."""
+
+    def cost(order: Ints) -> float:
+        way = np.concatenate([start[None], q[order]])
+        total = float(np.abs(np.diff(way, axis=0)).max(axis=1).sum())
+        for i, j in enumerate(sides):
+            made = approach(np.append(start[j], q[order, j]))[1:]
+            total += WRONG * float(np.sum((made != 0) & (made != s[order, i])))
+        return total
+
+    left, nearest, at = list(range(len(q))), [], start
+    while left:
+        k = min(left, key=lambda i: float(np.abs(q[i] - at).max()))
+        left.remove(k)
+        nearest.append(k)
+        at = q[k]
+    orders = [np.array(nearest)]
+    for i, j in enumerate(sides):
+        up, down = np.flatnonzero(s[:, i] > 0), np.flatnonzero(s[:, i] < 0)
+        rising, falling = up[np.argsort(q[up, j])], down[np.argsort(-q[down, j])]
+        orders += [np.concatenate([rising, falling]), np.concatenate([falling, rising])]
+    return min(orders, key=cost)
+
+
+# the table -------------------------------------------------------------------------------------------------------
+
+
+def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str, list[Any]]:
+    """Return columns by their names with units, in the order of the data's, without readings; rows are in order."""
+    o = surroundings.o
+    columns = o.data.columns
+    names = [joint.column for joint in machine.joints]
+    follow = {joint.name for joint in machine.joints if joint.coordinate} - {
+        joint.name for joint in machine.joints if joint.reading == joint.name
+    }
+    readings = machine.measurand.read_columns
+    targets = [target.name for target in machine.targets]
+    found: dict[str, list[Any]] = {}
+
+    def numbers(values: Any, unit: str | None) -> list[float]:
+        factor = parse_unit(unit).factor(machine.length_unit) if unit else 1.0
+        return [float(f"{x:.{DIGITS}g}") + 0.0 for x in np.asarray(values, float) / factor]
+
+    for name, column in columns.items():
+        prefix, _, rest = name.partition("_")
+        if name in readings or name in follow:
+            continue
+        if name in names:
+            found[column.text] = numbers(rows.q[:, names.index(name)], column.unit)
+        elif name == "target":
+            found[column.text] = [targets[k] for k in rows.target]
+        elif name == "run":
+            found[column.text] = [str(o.run_names[o.run[-1]])] * rows.n
+        elif name == "t":
+            found[column.text] = numbers(surroundings.times(rows), column.unit)
+        elif name == "load":
+            found[column.text] = numbers(rows.load, column.unit)
+        elif prefix == "dir" and rest in names:
+            found[column.text] = [int(x) or 1 for x in rows.s[:, names.index(rest)]]
+        elif prefix == "v" and rest in names:
+            found[column.text] = numbers(rows.v[:, names.index(rest)], column.unit)
+        elif prefix == "u" and rest in readings:
+            usual = usual_by_target(o, np.asarray(column.values), len(targets))
+            found[column.text] = usual[rows.target].tolist()
+        elif not hasattr(column, "codes"):  # temperatures and covariates, as they were
+            values = np.asarray(column.values)
+            found[column.text] = np.round(values[rows.state], _decimals(values, TO_BE_MET)).tolist()
+    if "target" not in columns and len(targets) > 1:
+        found["target"] = [targets[k] for k in rows.target]
+    return found
+
+
+def as_csv(columns: Mapping[str, Sequence[Any]]) -> str:
+    """Return a table as the text of a CSV file."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*(map(_cell, values) for values in columns.values()), strict=True))
+    return stream.getvalue()
+
+
+def as_text(columns: Mapping[str, Sequence[Any]]) -> list[str]:
+    """Return a table as lines for people."""
+    cells = [[name, *map(_cell, _for_people(values))] for name, values in columns.items()]
+    widths = [max(map(len, column)) for column in cells]
+    return [
+        "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+        for line in zip(*cells, strict=True)
+    ]
+
+
+def _decimals(values: Any, digits: int) -> int:
+    """Return the decimals that tell so many digits of the range of values, or of themselves where all are alike."""
+    size = float(np.ptp(values)) or float(np.abs(values).max(initial=0.0))
+    return digits - 1 - math.floor(math.log10(size)) if size > 0 else 0
+
+
+def _for_people(values: Sequence[Any]) -> Sequence[Any]:
+    if not all(isinstance(value, float) for value in values):
+        return values
+    return [float(x) + 0.0 for x in np.round(values, _decimals(values, TO_BE_SET))]
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)

@@ -258,8 +258,7 @@ class PlannedRows:
 
     def __init__(self, fit: FittedModel, plan: Plan) -> None:
         self.fit = fit
-        machine = replace(fit.machine, targets=(*fit.machine.targets, *plan.new_targets))
-        self.o = bind(machine, plan.rows, allow_missing_readings=True)
+        self.o = bind(fit.machine, plan.rows, allow_missing_readings=True)
         self.tips = [f"planned, no. {i + 1}" for i in range(self.o.n)]
 
     def mark(self, figure: go.Figure, number: int, x: Array, y: Array) -> None:
@@ -270,17 +269,8 @@ class PlannedRows:
 
     @cached_property
     def places(self) -> Array:
-        """Where the model puts them, (n, 3), in machine axes; NaN at targets that the fit does not know."""
-        known = self.o.target < len(self.fit.machine.targets)
-        found = np.full((self.o.n, 3), np.nan)
-        rows = replace(self.o.take(known), machine=self.fit.machine)
-        found[known] = self.fit.places(rows)
-        return found
-
-    @property
-    def known_places(self) -> Array:
-        """Those of `places` that are known."""
-        return self.places[np.isfinite(self.places).all(axis=1)]
+        """Where the model puts them, (n, 3), in machine axes."""
+        return self.fit.places(self.o)
 
     def along(self, driver: Driver) -> Array | None:
         """Return where they stand on an axis that shows a driver of measured rows, (n,); None if that is not known."""

@@ -107,7 +107,7 @@ def residual_vectors(
     found = [(name, _vectors(rows, of)[some]) for name, of in rows.sides]
     start = rows.places[some]
     ahead = planned_rows(fit, planned)
-    figure, size = _bones(machine, start if ahead is None else np.concatenate([start, ahead.known_places]))
+    figure, size = _bones(machine, start if ahead is None else np.concatenate([start, ahead.places]))
     rms = float(np.sqrt(np.mean(np.sum(found[0][1] ** 2, axis=1)))) or 1.0
     times = exaggeration or round_size(SHARE * size / rms)[1]
     for name, vectors in found:

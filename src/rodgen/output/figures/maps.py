@@ -177,7 +177,7 @@ def _in_space(
     if spread[order[2]] > FLAT_SPACE * spread[order[0]] or points:
         planes.append((first[0], int(order[2])))
     size = _rms(residuals[0][1])
-    seen = places if planned is None else np.concatenate([places, planned.known_places])
+    seen = places if planned is None else np.concatenate([places, planned.places])
     frames = [_frame(seen[:, a], seen[:, b]) for a, b in planes]
     wide = [xlim[1] - xlim[0] for xlim, _ in frames]
     panels = [

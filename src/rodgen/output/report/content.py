@@ -42,7 +42,7 @@ from rodgen.output.numbers import Shown, minus, noise_name, percent
 from rodgen.output.report.hardware import eccentricity, in_hardware, own_errors
 
 if TYPE_CHECKING:
-    from rodgen.calibration.plan import Gain, Goal, Plan
+    from rodgen.calibration.plan import Goal, Plan
 
 Content: TypeAlias = dict[str, Any]
 
@@ -53,8 +53,6 @@ AT_NOISE = 1.15
 NAMED = 12
 """Most targets that are listed; the others are only counted."""
 LONG = 300
-GAINS = 4
-"""Most gains of a goal that are shown without being unfolded."""
 
 _VERDICTS = {
     "nothing_missing": "Nothing is missing that these data could show",
@@ -232,12 +230,10 @@ def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
                 "emitted model then has it.",
             }
         )
-    words = _words(plan)
-    asked = (
-        diagnosis.verdict == "cannot_tell" or any(g.kind != "sharpen" for g in plan.goals) if plan else False
-    )
-    if words and asked:
-        found.append({"what": "Measure next", "text": words[0]})
+    goals = plan.goals if plan is not None and plan.count else ()
+    asked = [g for g in goals if g.resolvable and (g.kind != "sharpen" or diagnosis.verdict == "cannot_tell")]
+    if asked:
+        found.append({"what": "Measure next", "text": plain(asked[0].sentences[0], LONG)})
     return found
 
 
@@ -568,20 +564,14 @@ def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
 # what to measure next ----------------------------------------------------------------------------------------------
 
 
-def _words(plan: Plan | None) -> list[str]:
-    return [] if plan is None else [plain(sentence, LONG * 2) for sentence in plan.words]
-
-
 def _plan(plan: Plan) -> Content:
     rows = [[_cell(value) for value in row] for row in zip(*plan.rows.values(), strict=True)]
     return {
-        "words": _words(plan),
         "notes": [plain(note, LONG * 2) for note in plan.notes],
         "goals": [_goal(goal) for goal in plan.goals],
         "columns": [plain(name) for name in plan.rows],
         "rows": rows,
         "csv": plan.csv() if rows else "",
-        "targets": plan.target_blocks().strip(),
     }
 
 
@@ -595,27 +585,5 @@ def _goal(goal: Goal) -> Content:
         state = "expected to be reached" if goal.reached else "expected to be reached in part"
         if goal.kind == "sharpen":
             state = ""
-    first, stop, more = goal.sentence.partition(". ")
-    return {
-        "sentence": plain(first + ("." if stop else ""), LONG),
-        "more": plain(more, LONG * 4),
-        "state": state,
-        "gains": [_gain(gain) for gain in goal.gains],
-        "open": len(goal.gains) <= GAINS,
-    }
-
-
-def _gain(gain: Gain) -> Content:
-    unit = f" {_pretty(gain.unit)}" if gain.unit else ""
-
-    def said(value: float | None) -> str:
-        return "not determined" if value is None else minus(f"{three_digits(value)}{unit}")
-
-    return {
-        "what": "distance in χ²" if gain.what == "chi_square" else "standard deviation",
-        "of": plain(gain.of, 120),
-        "now": said(gain.now),
-        "after": said(gain.after),
-        "needed": "" if gain.needed is None else three_digits(gain.needed),
-        "probability": "" if gain.probability is None else percent(gain.probability),
-    }
+    first, *more = goal.sentences
+    return {"sentence": plain(first, LONG), "more": [plain(x, LONG * 4) for x in more], "state": state}
