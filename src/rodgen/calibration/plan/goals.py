@@ -133,10 +133,14 @@ def _separation(search: Search, group: int, every: Sequence[PairGain], titles: t
         )
         for gain in possible
     )
+    alike = {gain.pair.models for gain in found if not gain.pair.possible}
     sentences = []
     if possible:
-        parts = _from_each_other({gain.pair.models for gain in possible}, title)
-        sentences = [f"Tell {_some(parts)}.", _chances([gain.probability for gain in possible], reached)]
+        names = joined([title[k] for k in sorted({k for gain in possible for k in gain.pair.models})])
+        sentences = [
+            f"Tell {names} apart{', except within the groups below' if alike else ''}.",
+            _chances([gain.probability for gain in possible], reached),
+        ]
     refuted = [title[a] for of, a in search.campaign.refuted if of == group]
     if refuted:
         verb = "fits" if len(refuted) == 1 else "fit"
@@ -145,21 +149,15 @@ def _separation(search: Search, group: int, every: Sequence[PairGain], titles: t
         sentences.append(
             f"{only}{joined(refuted)} {verb} the data worse already, or with sizes that no machine has."
         )
-    if alike := {gain.pair.models for gain in found if not gain.pair.possible}:
+    if alike:
         groups = sorted(_together(alike), key=len, reverse=True)
-        texts = [joined([title[k] for k in numbers], most=NAMES) for numbers in groups]
-        sentences.append(f"No {MOST_READINGS} readings within reach would distinguish {_some(texts)}.")
+        texts = [joined([title[k] for k in numbers], most=NAMES) for numbers in groups[:MOST_GROUPS]]
+        if more := len(groups) - len(texts):
+            texts.append(f"and {more} more group{'s' * (more > 1)}")
+        sentences.append(f"No {MOST_READINGS} readings within reach would distinguish {'; '.join(texts)}.")
     if not sentences:
         sentences = [f"Fewer than two of {joined(titles)} can be added to this machine."]
     return Goal("separate", titles, (), tuple(sentences), bool(possible), reached, gains)
-
-
-def _some(texts: Sequence[str]) -> str:
-    """List the first texts, and count the others."""
-    more = len(texts) - MOST_GROUPS
-    return "; ".join(
-        [*texts[:MOST_GROUPS], *([f"and {more} more group{'s' * (more > 1)}"] if more > 0 else [])]
-    )
 
 
 def _chances(chances: Sequence[float], reached: bool) -> str:
@@ -176,20 +174,6 @@ def _percent(probability: float) -> str:
     if probability > 1 - HARDLY:
         return "more than 99 %"
     return "less than 1 %" if probability < HARDLY else f"{100 * probability:.0f} %"
-
-
-def _from_each_other(pairs: set[frozenset[int]], title: Sequence[str]) -> list[str]:
-    """Say which effects are to be distinguished: all from each other, or one after the other from some."""
-    nodes = sorted({k for pair in pairs for k in pair})
-    if 2 * len(pairs) == len(nodes) * (len(nodes) - 1):
-        return [f"{joined([title[k] for k in nodes], most=NAMES)} apart"]
-    left, found = set(pairs), []
-    while left:
-        most = max(nodes, key=lambda k: sum(k in pair for pair in left))
-        others = [k for k in nodes if frozenset((k, most)) in left]
-        left -= {frozenset((k, most)) for k in others}
-        found.append(f"{title[most]} from {joined([title[k] for k in others], most=NAMES)}")
-    return found
 
 
 def _together(pairs: set[frozenset[int]]) -> list[list[int]]:
@@ -234,8 +218,9 @@ def _sharpening(search: Search, fit: FittedModel, every: Sequence[Gain]) -> Goal
     question, unshown = search.campaign.question, search.campaign.unshown
     show = question.kind == "show"
     keys = tuple(gain.of for gain in every)
-    if not question.asked and (sentence := no_gain(search, every)):
-        return Goal(question.kind, (), keys, (sentence,), False, False, tuple(every))
+    idle = tuple(_no_gain(search, every))
+    if idle and not question.asked:
+        return Goal(question.kind, (), keys, idle, False, False, tuple(every))
     as_a_whole = question.by_default and not show
     shown = [gain for gain in every if gain.of not in unshown]
     if show:  # what is only weakly determined, and stays so, is not worth a sentence
@@ -253,21 +238,21 @@ def _sharpening(search: Search, fit: FittedModel, every: Sequence[Gain]) -> Goal
         question.kind,
         (),
         keys,
-        tuple(_parameter_sentences(search, shown, undetermined)),
+        (*_parameter_sentences(search, shown, undetermined), *idle),
         solved or (not shown and as_a_whole),
         not undetermined and (as_a_whole or not unshown),
         tuple(shown),
     )
 
 
-def no_gain(search: Search, gains: Sequence[Gain]) -> str:
-    """Return a sentence on readings that sharpen no parameter; empty where they do, or determine one."""
+def _no_gain(search: Search, gains: Sequence[Gain]) -> Iterator[str]:
+    """Yield a sentence on readings that sharpen no parameter; none where they do, or determine one."""
     unknown = any(gain.now is None or gain.after is None for gain in gains)
     left = [gain.after / gain.now for gain in gains if gain.now and gain.after]
     if search.campaign.question.kind == "show" or unknown or not left or min(left) <= PLAN.noticed:
-        return ""
+        return
     count, keys = search.rows.n, [gain.of for gain in gains]
-    return (
+    yield (
         f"{count} further reading{'s' * (count != 1)} would lower no standard deviation of {joined(keys, most=KEYS)} "
         f"by more than {100 * (1 - min(left)):.1g} %, beside the {search.campaign.o.n} that there are."
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from rodgen.calibration.plan.campaign import MOST_READINGS, Campaign, Search
 from rodgen.calibration.plan.constraints import Constraints
-from rodgen.calibration.plan.goals import Gain, Goal, goals_of, no_gain
+from rodgen.calibration.plan.goals import Gain, Goal, goals_of
 from rodgen.calibration.plan.question import (
     PlanError,
     Question,
@@ -321,7 +321,7 @@ def _planned(fit: FittedModel, question: Question, n: int) -> Plan:
     if not any(goal.resolvable for goal in goals):
         return Plan({}, goals, tuple(dict.fromkeys(notes)), None)
     notes += _about_constraints(campaign)
-    notes += _not_enough(search, goals)
+    notes += _not_enough(search)
     rows = table(campaign.machine, campaign.surroundings, search.rows)
     return Plan(rows, goals, tuple(dict.fromkeys(notes)), search.needed)
 
@@ -375,12 +375,9 @@ def _about_constraints(campaign: Campaign) -> Iterator[str]:
         yield "The target keeps out of the boxes in the planned readings, not on the ways between them."
 
 
-def _not_enough(search: Search, goals: Sequence[Goal]) -> Iterator[str]:
+def _not_enough(search: Search) -> Iterator[str]:
     """Yield how many readings would be enough, where these are not."""
     question, count = search.campaign.question, search.rows.n
-    sharpening = [goal.gains for goal in goals if goal.kind in ("show", "sharpen")]
-    if sharpening and question.asked and (sentence := no_gain(search, sharpening[0])):
-        yield sentence
     planned = [gain for gain in search.gains() if gain.pair.planned]
     if all(gain.reached for gain in planned):
         return

@@ -11,7 +11,6 @@ from rodgen.calibration.words import NAMES
 from rodgen.errors import RodgenError, UnexpectedError, joined, listed, shown
 
 if TYPE_CHECKING:
-    from rodgen.calibration.determinacy.undetermined import Direction
     from rodgen.calibration.fitted import FittedModel
     from rodgen.machines.machine import Effect, Machine
     from rodgen.machines.parts import EffectIdentity
@@ -88,7 +87,8 @@ def ask(
             further[effect.identity] = effect
     kind, by_default = "sharpen", not keys
     if not keys and not members:
-        keys = [key for x in _lacking(fit) for key, _ in x.parts]
+        d = fit.determinacy
+        keys = [key for x in (*d.directions, *d.weak) if not x.gauge for key, _ in x.parts]
         kind = "show" if keys else "sharpen"
         keys = keys or parameters_to_sharpen(fit)
     return Question(
@@ -102,12 +102,6 @@ def ask(
         trusted=trusted,
         notes=notes,
     )
-
-
-def _lacking(fit: FittedModel) -> list[Direction]:
-    """Return the directions that the data do not determine; choices of coordinates are not among them."""
-    d = fit.determinacy
-    return [direction for direction in (*d.directions, *d.weak) if not direction.gauge]
 
 
 def parameters_to_sharpen(fit: FittedModel, without: Sequence[str] = ()) -> list[str]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.plan.design import Linearized
-from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.problem import Problem
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.model import Model
@@ -67,8 +67,7 @@ class Rival:
     def information(self) -> Array:
         """JᵀJ of the data, (p, p)."""
         solution = self.fit.solution
-        with one_thread_in_blas():
-            _, square, _ = self.fit.problem.normal_equations(solution.theta, solution.frame)
+        _, square, _ = self.fit.problem.normal_equations(solution.theta, solution.frame)
         return np.asarray(square[np.ix_(self.index, self.index)])
 
 
