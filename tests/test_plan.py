@@ -20,7 +20,6 @@ from closed_loop import (
     machine_of,
     never_moved,
     one_scan,
-    one_side,
     short_arc,
 )
 from machine_cases import ARCSEC, joint, machine_file, toml
@@ -75,8 +74,7 @@ QUICK = ("one_radius", "one_side", "one_load")
             marks=[] if seed == 1 and make.__name__ in QUICK else slow,
         )
         for make in LOOPS
-        for seed in range(4)
-        if make is not low_stars or seed < 2  # 400 even readings do not settle the others
+        for seed in range(2)
     ],
     ids=lambda x: getattr(x, "__name__", x),
 )
@@ -114,16 +112,6 @@ def test_positions_that_are_to_show_a_function_of_one_joint_are_not_those_of_two
     parts = np.bincount((np.array(found.rows["X [mm]"]) / 100).astype(int), minlength=8)
     assert np.count_nonzero(parts) >= 3
     assert parts.max() <= -(-found.count // 3)
-
-
-@pytest.mark.slow
-def test_what_more_positions_would_tell_is_planned_for(trials):
-    found = trials["never_moved"].fit.diagnose()
-    assert found.verdict == "cannot_tell"
-    assert found.reason.startswith(
-        "More positions of a joint would tell whether scale at X, zero_offset at X,"
-    )
-    assert found.plan(24).count
 
 
 def test_people_read_no_more_digits_than_they_can_set():
@@ -570,12 +558,6 @@ def test_plan_as_plain_data_and_as_text(trials):
     text = found.summary()
     assert text == str(found)
     assert "Tell backlash at C and zero_offset at C apart." in text
-
-
-@pytest.mark.thorough
-def test_same_question_has_the_same_answer():
-    first, second = (Trial(one_side(), 0).plan(12) for _ in range(2))
-    assert first.to_dict() == second.to_dict()
 
 
 def test_more_readings_are_asked_for_where_these_are_not_enough():
