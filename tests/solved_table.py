@@ -13,7 +13,7 @@ RESULTS = [
 ]
 
 
-def solve_table(path, output=None, *, progress=None, **options):
+def solve_table(path, output=None, **options):
     """Write the table with both axes, their status, and what `length_mismatch` and `axis_condition` say."""
 
     def solve(values):
@@ -22,4 +22,4 @@ def solve_table(path, output=None, *, progress=None, **options):
         numbers = length_mismatch(rho, rho_prime), axis_condition(rho, rho_prime, angle)
         return [*axes.reshape(-1, 6).T, status, *numbers], None
 
-    return map_table(path, output, PAIR_COLUMNS, lambda unit: (RESULTS, solve), progress=progress)
+    return map_table(path, output, PAIR_COLUMNS, lambda unit: (RESULTS, solve))

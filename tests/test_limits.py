@@ -36,13 +36,13 @@ def error_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 def test_more_cells_than_the_limit_are_not_kept(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("rodgen.limits.CELLS", 5)
+    monkeypatch.setattr("rodgen.data.tables.table.CELLS", 5)
     with pytest.raises(InputFileError, match="more than 5 cells; expected at most 5 cells"):
         Measurements.from_frame({"C [deg]": [0, 90, 180], "d [mm]": [1, 2, 3]})
     pairs = str(Path(__file__).parent.parent / "examples" / "pairs.csv")  # 30 rows of 7 cells
-    monkeypatch.setattr("rodgen.limits.CELLS", 209)
+    monkeypatch.setattr("rodgen.data.tables.table.CELLS", 209)
     assert "more than 209 cells" in error_of(capsys, "fit-axis", pairs)
-    monkeypatch.setattr("rodgen.limits.CELLS", 210)
+    monkeypatch.setattr("rodgen.data.tables.table.CELLS", 210)
     assert main(["fit-axis", pairs]) == 0
 
 

@@ -2,20 +2,14 @@
 
 import csv
 import decimal
-import functools
-import gc
 import gzip
 import io
 import itertools
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pint
 import pyarrow as pa
-import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -23,9 +17,7 @@ from hypothesis import strategies as st
 
 from rodgen.calibration.problem.binding import bind
 from rodgen.data import poses as _poses
-from rodgen.data import spool as _spool
 from rodgen.data.measurements import Measurements
-from rodgen.data.tables import _csv
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
@@ -669,30 +661,12 @@ def test_table_without_rows_is_read(content, tmp_path):
     assert observations.take([]).n == 0
 
 
-def test_progress_adds_up(tmp_path):
-    path = tmp_path / "data.csv"
-    path.write_text(GOOD + f"{ROW}\n" * 200_000)
-    seen = []
-
-    def progress(total, unit):
-        seen.append((total, unit))
-        return seen.append
-
-    Measurements.load(path, progress=progress)
-    (total, unit), *amounts = seen
-    assert (total, unit) == (path.stat().st_size, "B")
-    assert sum(amounts) == total
-    assert len(amounts) > 1
-
-
 # places --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [1, 7, 64, 500, 1 << 20])
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(blanks=st.lists(st.integers(0, 2), min_size=1, max_size=60))
-def test_row_knows_its_line(size, blanks, monkeypatch, tmp_path):
-    monkeypatch.setattr(_csv, "BLOCK_BYTES", size)
+def test_row_knows_its_line(blanks, tmp_path):
     lines = ["C [deg],d [mm]"]
     expected = []
     for number, blank in enumerate(blanks):
@@ -1001,100 +975,6 @@ def test_same_value_in_all_rows_takes_no_memory():
     for every in (observations, observations.take(np.arange(0, 1000, 2)), observations.take(slice(5, 500))):
         for name in ("v", "sigma", "target", "run"):
             assert not any(getattr(every, name).strides), name
-
-
-# more than memory ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("size", [0, 1, 100, 1 << 30])
-def test_arrays_in_files_hold_what_arrays_in_memory_hold(size, monkeypatch, tmp_path):
-    rng = np.random.default_rng(7)
-    n = 5000
-    table = {
-        "X [mm]": rng.integers(0, 5, n) * 1.0,
-        "C [deg]": rng.integers(0, 5, n) * 1.0,
-        "target": rng.choice(["ball_1", "ball_2"], n),
-        "run": rng.integers(0, 3, n),
-        "x [um]": rng.normal(size=n),
-        "y [mm]": rng.normal(size=n),
-        "z [mm]": rng.normal(size=n),
-        "T_C [degC]": rng.normal(size=n),
-        "v_C [deg/s]": rng.normal(size=n),
-    }
-    expected = bind(machine(), Measurements.from_frame(table))
-    path = tmp_path / "data.csv"
-    path.write_text(csv_text(table))
-    monkeypatch.setattr(_spool, "IN_MEMORY", size)
-    monkeypatch.setattr(_csv, "BLOCK_BYTES", 10_000)
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    found = bind(machine(), Measurements.load(path))
-    for a, b in zip(found.arrays(), expected.arrays(), strict=True):
-        np.testing.assert_array_equal(a, b)
-    np.testing.assert_array_equal(found.replicate, expected.replicate)
-    assert [file.name for file in tmp_path.iterdir()] == ["data.csv"]  # the files have no names
-
-
-def test_full_disk_is_reported(monkeypatch):
-    monkeypatch.setattr(_spool, "IN_MEMORY", 0)
-    full = functools.partial(open, "/dev/full", "w+b", buffering=0)
-    monkeypatch.setattr(_spool.tempfile, "TemporaryFile", full)
-    message = r": file: cannot be written \(.*\); expected room for the columns of a large table"
-    with pytest.raises(InputFileError, match=message):
-        Measurements.from_frame({"X [mm]": np.zeros(10), "C [deg]": np.zeros(10)})
-    with pytest.raises(InputFileError, match=message):
-        _spool.empty((10,))
-
-
-def test_fault_after_much_was_read_leaves_no_file_open(monkeypatch, tmp_path, recwarn):
-    monkeypatch.setattr(_spool, "IN_MEMORY", 100)
-    monkeypatch.setattr(_csv, "BLOCK_BYTES", 100)
-    with pytest.raises(InputFileError, match="line 1002"):
-        from_bytes(tmp_path / "data.csv", GOOD + f"{ROW}\n" * 999 + ROW.replace("90", "x"))
-    gc.collect()
-    assert not recwarn
-
-
-@pytest.mark.slow
-def test_memory_does_not_grow_with_the_file(tmp_path):
-    table = pa.table(
-        {name: np.arange(50_000.0) for name in ("X [mm]", "C [deg]", "x [mm]", "y [mm]", "z [mm]")}
-    )
-    peaks = []
-    for repeats in (4, 26):
-        path = tmp_path / f"{repeats}.csv"
-        with pa_csv.CSVWriter(path, table.schema) as writer:
-            for _ in range(repeats):
-                writer.write_table(table)
-        peaks.append(peak_memory(path))
-    # 1 100 000 more rows of 5 doubles are 44 MB as columns, and as much again in internal units; Arrow's allocator was
-    # seen to vary by 30 MB
-    assert peaks[1] - peaks[0] < 60e6
-
-
-def peak_memory(path):
-    """Return the peak of what is not backed by a file, in bytes, seen while a file is read and bound."""
-    code = """
-import sys, threading, time
-from rodgen.data import spool as _spool
-from test_measurements import Measurements, bind, one_target
-_spool.IN_MEMORY = 1 << 20
-peak = 0
-def watch():
-    global peak
-    while True:
-        with open("/proc/self/status") as status:
-            peak = max(peak, next(int(line.split()[1]) for line in status if line.startswith("RssAnon")))
-        time.sleep(0.002)
-threading.Thread(target=watch, daemon=True).start()
-bind(one_target(), Measurements.load(sys.argv[1]))
-time.sleep(0.01)
-print(peak * 1024)
-"""
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
-    run = subprocess.run(
-        [sys.executable, "-c", code, path], capture_output=True, text=True, check=True, env=environment
-    )
-    return int(run.stdout)
 
 
 # any bytes -----------------------------------------------------------------------------------------------

@@ -7,11 +7,11 @@ import contextlib
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NoReturn, Protocol, TypeAlias
+from typing import Any, NoReturn, Protocol
 
 from rodgen.errors import InputFileError, RodgenError, nearest_hint
 from rodgen.files import publish_outputs, unwritable
-from rodgen.stages import stage, step
+from rodgen.stages import stage
 
 DEBUG = "--debug"
 OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERNAL = 0, 1, 2, 3, 70
@@ -50,8 +50,6 @@ EXTRAS = {
     "uvicorn": "app",
 }
 """Modules that only some commands need, and the extra that installs them."""
-
-ReadProgress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
 
 
 def after_fits(converged: bool) -> int:
@@ -228,23 +226,3 @@ def conclude(text: str) -> None:
     """Give outputs their names, and say on standard error what they are."""
     publish_outputs()
     notify(text)
-
-
-# progress ----------------------------------------------------------------------------------------------
-
-
-def reading_progress(stack: contextlib.ExitStack) -> ReadProgress:
-    """Return what a reader of a table calls: once with its size, which begins a stage, then with each advance."""
-
-    def start(total: int | None, unit: str) -> Callable[[int], object]:
-        stack.enter_context(stage("reading", total))
-        done = 0
-
-        def advance(amount: int) -> None:
-            nonlocal done
-            done += amount
-            step(done)
-
-        return advance
-
-    return start

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import notify, reading_progress
+from rodgen.cli._console import notify
 from rodgen.cli._values import InputFile, OutputFile
 from rodgen.errors import RodgenError
 from rodgen.stages import stage
@@ -80,12 +79,8 @@ def load_data(file: str, scheduler: str | None = None) -> Any:
         from rodgen.data.measurements import Measurements
         from rodgen.data.tables.parts import is_many
 
-    if scheduler is not None or is_many(file):
-        with stage("reading"):
-            return Measurements.scan(file)
-
-    with stage("reading"), contextlib.ExitStack() as stack:
-        return Measurements.load(file, progress=reading_progress(stack))
+    with stage("reading"):
+        return Measurements.scan(file) if scheduler is not None or is_many(file) else Measurements.load(file)
 
 
 def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from rodgen.cli._console import OK, conclude, reading_progress
+from rodgen.cli._console import OK, conclude
 from rodgen.cli._values import InputFile, OutputTable
 from rodgen.errors import InputFileError
 
@@ -48,7 +47,8 @@ def map_rows(
     options: argparse.Namespace,
     columns: Columns,
     prepare: Callable[[str], tuple[Columns, Callable[[Any], Answer]]],
-    **how: Any,
+    *,
+    by_order: bool = False,
 ) -> int:
     """Add results to `options.table`, write it to `options.output`, and count the results on standard error.
 
@@ -60,8 +60,8 @@ def map_rows(
         Called once with the unit of length; returns names and quantities of the results, as of
         `rodgen.data.tables.Result`, and the function from the values of `columns`, an array with a column for each, to
         an `Answer`.
-    **how
-        As of `rodgen.data.tables.map_table`.
+    by_order : bool
+        Whether results depend on the rows before, so that the table is one file.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def map_rows(
 
     given = [Column(*column) for column in columns]
     if is_many(options.table):
-        if how:
+        if by_order:
             raise InputFileError(
                 options.table, "file", "many files", "one: results depend on the rows before"
             )
@@ -86,10 +86,7 @@ def map_rows(
         )
         conclude(_counted(options.table, summary))
         return OK
-    with contextlib.ExitStack() as stack:
-        progress = reading_progress(stack)
-        summary = map_table(options.table, options.output, given, prepared, progress=progress, **how)
-    conclude(_counted(options.table, summary))
+    conclude(_counted(options.table, map_table(options.table, options.output, given, prepared)))
     return OK
 
 

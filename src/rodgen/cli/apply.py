@@ -193,9 +193,7 @@ def _run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         call = _Call(name, options.set)
         call.check()
         with located("command line", name, f"what 'rodgen apply {name} --help' shows"):
-            return map_rows(
-                options, call.columns, call.prepare, **({"whole": True} if name in _BY_ORDER else {})
-            )
+            return map_rows(options, call.columns, call.prepare, by_order=name in _BY_ORDER)
     return OK
 
 

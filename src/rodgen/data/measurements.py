@@ -11,7 +11,6 @@ import io
 import os
 import re
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -19,18 +18,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.data.spool import GrowingArray
-from rodgen.data.tables import Progress, open_csv, open_frame, open_table
+from rodgen.data.tables import open_csv, open_frame, open_table
 from rodgen.data.tables.columns import MEASUREMENTS
 from rodgen.data.tables.parts import Part, parts_of
 from rodgen.data.tables.table import places_of, row_place, values_of
 from rodgen.data.units import UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
-from rodgen.limits import check_cells
 from rodgen.views import data_frame, html_of_table
 
 if TYPE_CHECKING:
-    from rodgen.data.tables.reader import Rows, Table
+    from rodgen.data.tables.table import Table
 
 __all__ = ["UNNAMED", "Measurements", "Names", "Numbers", "Places", "Scan", "plain_name"]
 
@@ -138,8 +135,8 @@ class Places:
 class Measurements:
     """A table of measurements: what was commanded, what was read, and what else was noted.
 
-    Made by :meth:`load` or :meth:`from_frame`. Columns of more than 2 million rows are kept in temporary files, so that
-    a table may be larger than memory.
+    Made by :meth:`load` or :meth:`from_frame`, which read a table whole; of more rows than memory holds, see
+    :meth:`scan`.
 
     Attributes
     ----------
@@ -160,7 +157,7 @@ class Measurements:
     _row_in_file: range | NDArray[np.int64]
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], *, progress: Progress | None = None) -> Measurements:
+    def load(cls, path: str | os.PathLike[str]) -> Measurements:
         r"""Return the measurements of a file.
 
         Parameters
@@ -168,8 +165,6 @@ class Measurements:
         path : str or os.PathLike
             CSV (UTF-8, gzip or not) or Parquet, with units in brackets in the columns' names; ``"-"`` is CSV on
             standard input. Empty lines are skipped, columns without a name not read.
-        progress : callable, optional
-            Called once with the total (or None) and its unit, returns what is called with every advance.
 
         Returns
         -------
@@ -192,8 +187,8 @@ class Measurements:
         >>> data.columns["C"].unit, data.columns["C"].values, data.place(1)
         ('deg', array([ 0., 90.]), 'line 3')
         """
-        with open_table(path, MEASUREMENTS) as table, ExitStack() as stack:
-            return cls._read(table, stack, progress)
+        with open_table(path, MEASUREMENTS) as table:
+            return cls._read(table)
 
     @classmethod
     def scan(cls, pattern: str | os.PathLike[str]) -> Scan:
@@ -238,8 +233,8 @@ class Measurements:
         """
         stream = io.BytesIO(header.rstrip(b"\r\n") + b"\n" + lines)
         try:
-            with open_csv(name, stream, MEASUREMENTS) as table, ExitStack() as stack:
-                found = cls._read(table, stack, None)
+            with open_csv(name, stream, MEASUREMENTS) as table:
+                found = cls._read(table)
         except InputFileError as error:
             line = re.match(r"line (\d+)", error.place)
             if not line or line[1] == "1":
@@ -284,39 +279,29 @@ class Measurements:
         >>> data
         Measurements('data', 2 rows: C [deg], d [mm])
         """
-        with open_frame(frame, MEASUREMENTS, name) as table, ExitStack() as stack:
-            return cls._read(table, stack, None)
+        with open_frame(frame, MEASUREMENTS, name) as table:
+            return cls._read(table)
 
     @classmethod
-    def _read(cls, table: Table, stack: ExitStack, progress: Progress | None) -> Measurements:
+    def _read(cls, table: Table) -> Measurements:
         _check_units(table)
-        numbers = [stack.enter_context(GrowingArray(np.float64)) for _ in table.matches]
-        codes = [stack.enter_context(GrowingArray(np.int32)) for _ in table.text]
-        index: list[dict[str, int]] = [{} for _ in table.text]
-        first: list[NDArray[np.int64]] = []
-        number: list[NDArray[np.int64]] = []
-        rows = 0
-        advance = progress(table.total, table.amount_unit) if progress else None
-        for block, amount in table.map(_Block.of, empty=True):
-            for column, values in zip(numbers, block.values, strict=True):
-                column.append(values)
-            for coded, names, (here, there) in zip(codes, index, block.names, strict=True):
-                code = [names.setdefault(name, len(names)) for name in map(plain_name, there)]
-                coded.append(np.array(code, np.int32)[here])
-            first.append(block.first + rows)
-            number.append(block.number)
-            rows += block.rows
-            check_cells(table.file, rows * (len(numbers) + len(codes)))
-            if advance:
-                advance(amount)
+        rows = table.read(empty=True)
         columns: dict[int, Numbers | Names] = {}
-        for match, column in zip(table.matches, numbers, strict=True):
-            columns[match.index] = Numbers(match.name, match.unit or None, column.array())
-        for match, column, names in zip(table.text, codes, index, strict=True):
-            columns[match.index] = Names(match.name, column.array(), tuple(names))
-        places = Places(table.counted, _joined(first), _joined(number))
+        for match, values in zip(table.matches, rows.values, strict=True):
+            columns[match.index] = Numbers(match.name, match.unit or None, _read_only(values))
+        for match, names in zip(table.text, rows.text, strict=True):
+            coded = names.dictionary_encode().combine_chunks()
+            index: dict[str, int] = {}
+            written = map(plain_name, coded.dictionary.to_pylist())
+            codes = np.array([index.setdefault(name, len(index)) for name in written], np.int32)
+            columns[match.index] = Names(
+                match.name, _read_only(codes[values_of(coded.indices)]), tuple(index)
+            )
+        first = np.flatnonzero(np.diff(rows.numbers, prepend=-2) != 1)
+        places = Places(table.counted, first, rows.numbers[first])
         ordered = {columns[i].name: columns[i] for i in sorted(columns)}
-        return cls(table.file, rows, ordered, table.header, places, range(rows))
+        count = len(rows.numbers)
+        return cls(table.file, count, ordered, table.header, places, range(count))
 
     def place(self, row: int) -> str:
         """Return the place of a row in the file: ``"line 17"`` in a CSV file, else ``"row 16 (from 0)"``.
@@ -427,8 +412,8 @@ class Scan:
     @staticmethod
     def load(part: Part, names: Collection[str] | None = None) -> Measurements:
         """Return the rows of a part, of all columns or of those of some names; see `Part.open`."""
-        with part.open(names) as table, ExitStack() as stack:
-            return Measurements._read(table, stack, None)
+        with part.open(names) as table:
+            return Measurements._read(table)
 
     @cached_property
     def empty(self) -> Measurements:
@@ -473,33 +458,9 @@ class Scan:
         return f"Scan({self.file!r}, {files} file{'s' * (files != 1)}: {', '.join(self.columns)})"
 
 
-@dataclass(frozen=True)
-class _Block:
-    """The part of a block of rows that is kept."""
-
-    rows: int
-    values: tuple[NDArray[np.float64], ...]
-    names: list[tuple[NDArray[np.int32], list[str]]]  # of each column of names: indices, and into what
-    first: NDArray[np.int64]
-    number: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, rows: Rows) -> _Block:
-        names = []
-        for column in rows.text:
-            encoded = column.dictionary_encode()
-            names.append((values_of(encoded.indices), encoded.dictionary.to_pylist()))
-        first = np.flatnonzero(np.diff(rows.numbers, prepend=-2) != 1)
-        return cls(len(rows.numbers), rows.values, names, first, rows.numbers[first])
-
-
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
     array.flags.writeable = False
     return array
-
-
-def _joined(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
-    return np.concatenate([np.empty(0, np.int64), *parts])
 
 
 def _check_units(table: Table) -> None:

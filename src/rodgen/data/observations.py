@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from rodgen.data.drivers import Driver, Kind, drivers
 from rodgen.data.poses import groups, originals
-from rodgen.data.spool import empty
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError
 from rodgen.statistics.thresholds import EVIDENCE
@@ -29,8 +28,8 @@ class Observations:
     """Measurements in internal units, checked against a machine; `rodgen.calibration.problem.binding.bind` makes them.
 
     Lengths are in the machine's unit, angles in radians, times in seconds, temperatures in kelvins from the machine's
-    reference, forces in newtons. n is the number of rows, J that of joints. Arrays are read-only; large ones live in
-    temporary files, and what is the same in all rows takes no memory.
+    reference, forces in newtons. n is the number of rows, J that of joints. Arrays are read-only; what is
+    the same in all rows takes no memory.
 
     Attributes
     ----------
@@ -158,7 +157,7 @@ class Observations:
         The first is up × direction, up being against gravity, or any horizontal one where the direction is along it.
         """
         up = -np.asarray(self.machine.gravity)
-        left, above = empty((self.n, 3)), empty((self.n, 3))
+        left, above = np.empty((self.n, 3)), np.empty((self.n, 3))
         left[:] = np.cross(up, self.reading)
         # Nearer than 2" to the pole the product's rounding would tilt it by more than 1e-11 rad.
         pole = np.einsum("ij,ij->i", left, left) < 1e-10

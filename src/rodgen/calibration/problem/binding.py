@@ -18,7 +18,6 @@ from rodgen.calibration.problem.attitudes import ANGULAR, UnfitAttitudeError, ma
 from rodgen.data.measurements import Measurements, Numbers, plain_name
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach, poses
-from rodgen.data.spool import empty
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
 from rodgen.errors import InputFileError, joined, listed, nearest_hint, shown
 from rodgen.machines.measured import MEASURANDS, NOTATIONS, TURNS
@@ -302,7 +301,7 @@ class _Binder:
             raise self._wrong_cell(column, row, found, "a number of a usual size")
         if out is None and factor == 1.0:
             return column.values
-        scaled = empty(column.values.shape) if out is None else out
+        scaled = np.empty(column.values.shape) if out is None else out
         np.multiply(column.values, factor, out=scaled)
         return scaled
 
@@ -316,7 +315,7 @@ class _Binder:
     def coordinates(self) -> NDArray[np.float64]:
         """Return what was commanded, (n, J), with the coordinates of joints that follow; they become columns, too."""
         machine = self.machine
-        q = empty((self.data.rows, len(machine.joints)))
+        q = np.empty((self.data.rows, len(machine.joints)))
         for j, joint in enumerate(machine.joints):
             if joint.is_read:
                 self._scaled(self.columns[joint.column], q[:, j])
@@ -344,7 +343,7 @@ class _Binder:
 
     def approach(self, q: NDArray[np.float64]) -> NDArray[np.int8]:
         """Return the directions of approach, (n, J)."""
-        s = empty(q.shape, np.int8)
+        s = np.empty(q.shape, np.int8)
         for j, joint in enumerate(self.machine.joints):
             column = self.columns.get(f"dir_{joint.column}") if joint.is_read else None
             if column is None:
@@ -367,7 +366,7 @@ class _Binder:
         given = [j for j, x in enumerate(joints) if x.is_read and f"v_{x.column}" in self.columns]
         if not given:
             return np.broadcast_to(0.0, shape)
-        v = empty(shape)
+        v = np.empty(shape)
         v[:] = 0.0
         for j in given:
             dimension, why = self.kind(joints[j])
@@ -424,7 +423,7 @@ class _Binder:
                 found = f"the readings {joined(other.columns)}, of the kind {other.kind!r}"
                 expected = f'{joined(self.readings)}: the machine file says kind = "{measurand.kind}"'
                 raise InputFileError(self.data.file, self.data.header_place, found, expected)
-        reading = empty(shape)
+        reading = np.empty(shape)
         if measurand.has_zero:
             self._scaled(self.column("angle", ANGLE), reading[:, 0], LARGEST_READING)
             return reading
@@ -462,7 +461,7 @@ class _Binder:
             raise InputFileError(self.data.file, self.data.header_place, found, expected)
         (notation,) = used
         names = NOTATIONS[notation]
-        numbers = empty((self.data.rows, len(names)))
+        numbers = np.empty((self.data.rows, len(names)))
         for i, name in enumerate(names):
             if name not in self.columns:
                 raise self._missing(name, f"all of {joined(names)}")
@@ -502,7 +501,7 @@ class _Binder:
                 return None
             # one number for all is kept as one, whatever is taken of the rows
             return np.broadcast_to(np.array(noises if len(set(noises)) > 1 else noises[0], float), shape)
-        sigma = empty(shape)
+        sigma = np.empty(shape)
         for i, (name, noise) in enumerate(zip(self.uncertain, noises, strict=True)):
             column = self.columns.get(f"u_{name}")
             if column is None:
@@ -533,7 +532,7 @@ class _Binder:
         shape = (self.data.rows, len(names), len(names))
         if stated != "columns":
             return np.broadcast_to(np.array(stated, float), shape)
-        found = empty(shape)
+        found = np.empty(shape)
         found[:] = np.eye(len(names))
         of = "cov" if self._has_covariance else "corr"
         wanted = [(i, j, f"{of}_{names[i]}_{names[j]}") for j in range(len(names)) for i in range(j)]
@@ -605,7 +604,7 @@ class _Binder:
         values = self._scaled(column)
         if unit.text.startswith(("delta", "Δ")):
             return values
-        celsius = empty(values.shape)
+        celsius = np.empty(values.shape)
         np.add(values, ABSOLUTE_ZERO if unit.zero is None else float(unit.zero), out=celsius)
         if celsius.min(initial=0.0) < ABSOLUTE_ZERO - 1e-9:
             row = int(np.argmin(celsius))

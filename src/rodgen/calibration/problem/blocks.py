@@ -11,6 +11,9 @@ have been read, and is sent with each question.
 
 from __future__ import annotations
 
+import mmap
+import os
+import tempfile
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,7 +30,6 @@ from rodgen.calibration.problem.problem import BLOCK, Group, Problem, one_thread
 from rodgen.data.measurements import Measurements, Scan
 from rodgen.data.observations import Observations
 from rodgen.data.poses import hashes
-from rodgen.data.spool import empty, release
 from rodgen.data.tables.parts import Part
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
@@ -275,7 +277,7 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
             columns.append(column)
     size = 8 * len(columns) * o.n
     in_file = not in_memory and size > 0
-    room = empty((size + o.s.size,), np.int8, large=0 if in_file else size + o.s.size)
+    room = _in_file(size + o.s.size) if in_file else np.empty(size + o.s.size, np.int8)
     numbers = room[:size].view(float).reshape(len(columns), o.n)
     for row, column in zip(numbers, columns, strict=True):
         np.take(column, order, out=row)
@@ -286,6 +288,28 @@ def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> 
     survey = _survey(o, problem, stretches)
     early = [place[:rows].copy() for rows in survey.motion.before]  # a view would hold all of it
     return _Store(survey, numbers, at, directions, early, groups, in_file)
+
+
+def _in_file(size: int) -> NDArray[np.int8]:
+    """Return so many bytes in a temporary file without a name, which goes with them, even if the process is killed."""
+    try:
+        with tempfile.TemporaryFile() as file:
+            # Writing to a mapped file with holes kills the process when the disk is full: reserve the room first.
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, size)
+            return np.memmap(file, np.int8, "w+", shape=(size,)).view(np.ndarray)
+    except OSError as error:
+        found = f"cannot be written ({error.strerror or error})"
+        expected = "room for the columns of a large table (TMPDIR names another folder)"
+        raise InputFileError(tempfile.gettempdir(), "file", found, expected) from None
+
+
+def _release(array: Any) -> None:
+    """Let the pages of an array in a file leave memory: the file keeps them."""
+    while isinstance(array, np.ndarray):
+        array = array.base
+    if isinstance(array, mmap.mmap) and hasattr(array, "madvise"):
+        array.madvise(mmap.MADV_DONTNEED)
 
 
 def _order(o: Observations) -> NDArray[np.intp]:
@@ -431,13 +455,13 @@ def _asked(rows: PartRows, shared: _Shared, model: Model, method: str, arguments
     with one_thread_in_blas():
         problem = PartProblem(model, rows, shared)
         found = getattr(problem, method)(*arguments)
-    release(problem.store.numbers)
+    _release(problem.store.numbers)
     return found
 
 
 def _surveyed(rows: PartRows) -> Survey:
     store = rows.store()
-    release(store.numbers)
+    _release(store.numbers)
     return store.survey
 
 

@@ -7,21 +7,21 @@ units in brackets::
 
 Any unit that Pint knows and that fits the column is valid, and it may differ from column to column.
 
-- `open_table` reads in blocks, so that a file of any length needs bounded memory; `open_frame` takes a table in memory.
-- `open_sink` writes in blocks, into a temporary file that takes its name only when it is complete.
-- `read_pairs` reads pairs of points; `map_table` adds columns of results to a table, row by row; `copy_with` adds
-  columns that are known already.
+- `open_table` opens a file, and `open_frame` a table in memory; it is read whole.
+- `write_table` writes a file that takes its name only when it is complete.
+- `read_pairs` reads pairs of points; `map_table` adds columns of results to a table; `copy_with` adds columns that are
+  known already.
+- More rows than memory holds are read in parts, from Parquet files: :mod:`rodgen.data.tables.parts`.
 
 Whatever is wrong with a file is an :class:`rodgen.errors.InputFileError`: one sentence with the file, the
 line and column, what was found and what was expected.
 """
 
-from rodgen.data.tables.annotated import check_output, copy_with
 from rodgen.data.tables.columns import Column, EveryColumn
-from rodgen.data.tables.mapped import Answer, MapSummary, Progress, Result, map_table
-from rodgen.data.tables.pairs import PAIR_COLUMNS, Pairs, read_pairs
-from rodgen.data.tables.reader import Rows, Table, open_csv, open_frame, open_table
-from rodgen.data.tables.writer import open_sink, write_columns
+from rodgen.data.tables.mapped import Answer, MapSummary, Result, check_output, copy_with, map_table
+from rodgen.data.tables.reader import PAIR_COLUMNS, Pairs, open_csv, open_frame, open_table, read_pairs
+from rodgen.data.tables.table import Rows, Table
+from rodgen.data.tables.writer import write_columns, write_table
 
 __all__ = [
     "PAIR_COLUMNS",
@@ -30,7 +30,6 @@ __all__ = [
     "EveryColumn",
     "MapSummary",
     "Pairs",
-    "Progress",
     "Result",
     "Rows",
     "Table",
@@ -39,8 +38,8 @@ __all__ = [
     "map_table",
     "open_csv",
     "open_frame",
-    "open_sink",
     "open_table",
     "read_pairs",
     "write_columns",
+    "write_table",
 ]

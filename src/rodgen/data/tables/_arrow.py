@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,18 +12,17 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from rodgen.data.tables.columns import Column, EveryColumn, bare_name
-from rodgen.data.tables.table import READABLE, Block, Rows, Table, plain, values_of
+from rodgen.data.tables.table import READABLE, Rows, Table, in_wanted_unit, row_place, values_of
 from rodgen.errors import InputFileError, shown
 from rodgen.files import unreadable
 
-BLOCK_ROWS = 1 << 15
+BATCH_ROWS = 1 << 15
 _ARROW_ERRORS = (pa.ArrowException, OSError, ValueError, KeyError, MemoryError)
 
 
 class _ArrowTable(Table):
     """A table whose columns have types."""
 
-    amount_unit = " rows"
     counted = "row"
     header = "schema"
 
@@ -48,23 +48,62 @@ class _ArrowTable(Table):
     def _damaged(self, error: BaseException) -> InputFileError:
         """Return the error for data that Arrow cannot read."""
 
-    def _parse(self, block: Block) -> Rows:
-        batch: pa.RecordBatch = block.data
-        numbers = np.arange(block.first, block.first + len(batch))
+    def _rows(self, table: pa.Table, first: int) -> Rows:
+        """Return the rows of a table, the first of which has this number in its file."""
+        numbers = np.arange(first, first + table.num_rows)
         try:
-            values, text = self._convert(batch.columns, numbers)
+            values, text = self._convert(table.columns, numbers)
         except _ARROW_ERRORS as error:
             if isinstance(error, InputFileError):
                 raise
             raise self._damaged(error) from None
-        return Rows(values, text, numbers, batch)
+        return Rows(values, text, numbers, table)
 
-    def _floats(self, column: pa.Array) -> NDArray[np.float64]:
-        return values_of(plain(column).cast(pa.float64(), safe=False))
+    def _convert(
+        self, columns: Sequence[pa.ChunkedArray], numbers: NDArray[np.int64]
+    ) -> tuple[tuple[NDArray[np.float64], ...], tuple[pa.ChunkedArray, ...]]:
+        """Return the wanted columns, those of numbers in the units asked for."""
+        values, text = [], []
+        faults: list[tuple[int, int]] = []
+        for match in self.matches:
+            column = values_of(_plain(columns[match.index]).cast(pa.float64(), safe=False))
+            column = in_wanted_unit(column, match)
+            finite = self._accepted(column)
+            if not finite.all():
+                faults.append((int(np.argmin(finite)), match.index))
+            values.append(column)
+        for match in self.text:
+            import pyarrow.compute as pc  # takes 15 ms, and most tables hold numbers only
 
-    def _fault(self, cell: Any) -> tuple[str, str]:
-        found = "an empty cell" if cell is None or cell == "" else shown(cell)
-        return found, "a finite number (leave out rows without a measurement)"
+            cells = _plain(columns[match.index])
+            names = pc.utf8_trim_whitespace(cells.cast(pa.string())).fill_null("")
+            if match.index in self._needed:
+                missing = values_of(pc.utf8_length(names)) == 0
+                if pa.types.is_floating(cells.type):
+                    missing = missing | ~np.isfinite(values_of(cells))
+                if missing.any():
+                    faults.append((int(np.argmax(missing)), match.index))
+            text.append(names)
+        if faults:
+            row, index = min(faults)
+            cell = columns[index][row].as_py()
+            found = "an empty cell" if cell is None or cell == "" else shown(cell)
+            is_name = index in {match.index for match in self.text}
+            expected = (
+                "a name in every row" if is_name else "a finite number (leave out rows without a measurement)"
+            )
+            place = (
+                f"{row_place(self.counted, [int(numbers[row])])}, column {shown(self.schema.names[index])}"
+            )
+            raise InputFileError(self.file, place, found, expected)
+        return tuple(values), tuple(text)
+
+
+def _plain(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Return a column without a dictionary."""
+    if not pa.types.is_dictionary(column.type):
+        return column
+    return pa.chunked_array([chunk.dictionary_decode() for chunk in column.chunks], column.type.value_type)
 
 
 def _is_number(kind: pa.DataType) -> bool:
@@ -122,34 +161,32 @@ class ParquetTable(_ArrowTable):
             self._columns = self.schema.names
         self.group_rows = sizes
         self._groups = range(len(sizes)) if groups is None else groups
-        self._rows = sum(sizes[: self._groups[0]]) if len(self._groups) else 0
-        self.total = sum(sizes[g] for g in self._groups)
+        self._first = sum(sizes[: self._groups[0]]) if len(self._groups) else 0
+        self._total: int = sum(sizes[g] for g in self._groups)
         self._find_wanted(self.schema.names, columns, self._words())
         self._check_types()
-
-    def close(self) -> None:
-        self._raw.close()
-
-    def _blocks(self) -> Iterator[Block]:
-        try:
-            for group in self._groups:
-                self._group = group
-                for batch in self._parquet.iter_batches(
-                    BLOCK_ROWS, [self._group], self._columns, use_threads=False
-                ):
-                    yield Block(batch, self._rows, len(batch))
-                    self._rows += len(batch)
-        except _ARROW_ERRORS as error:
-            if isinstance(error, InputFileError):
-                raise
-            raise self._damaged(error) from None
 
     def batches(self) -> Iterator[tuple[int, pa.RecordBatch]]:
         """Yield the rows as they stand in the file, some at a time, with the number of the first among those read."""
         start = 0
-        for block in self._blocks():
-            yield start, block.data
-            start += len(block.data)
+        try:
+            for group in self._groups:
+                self._group = group
+                for batch in self._parquet.iter_batches(
+                    BATCH_ROWS, [self._group], self._columns, use_threads=False
+                ):
+                    yield start, batch
+                    start += len(batch)
+        except _ARROW_ERRORS as error:
+            raise self._damaged(error) from None
+        self._group = None
+
+    def _rows_at_most(self) -> int:
+        return self._total
+
+    def _read(self) -> Rows:
+        table = pa.Table.from_batches([batch for _, batch in self.batches()], self.schema)
+        return self._rows(table, self._first)
 
     def _damaged(self, error: BaseException) -> InputFileError:
         if getattr(error, "errno", None) is not None:  # of the disk, not of what it holds
@@ -172,18 +209,15 @@ class FrameTable(_ArrowTable):
         self.file = name
         self._table = _as_arrow(frame, name)
         self.schema = self._table.schema
-        self.total = self._table.num_rows
         self._find_wanted(self.schema.names, columns, self._words())
         self._check_types()
 
-    def close(self) -> None:
-        pass
+    def _rows_at_most(self) -> int:
+        return int(self._table.num_rows)
 
-    def _blocks(self) -> Iterator[Block]:
-        first = 0
-        for batch in self._table.to_batches(max_chunksize=BLOCK_ROWS):
-            yield Block(batch, first, len(batch))
-            first += len(batch)
+    def _read(self) -> Rows:
+        rows = self._rows(self._table, 0)
+        return replace(rows, values=tuple(map(np.array, rows.values)))  # the frame may change
 
     def _damaged(self, error: BaseException) -> InputFileError:
         reason = str(error).partition("\n")[0].rstrip(".")

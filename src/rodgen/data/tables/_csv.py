@@ -1,19 +1,19 @@
-"""A CSV file or pipe, read in bounded memory, with the line and column of every fault.
+"""A CSV file or pipe as a whole, with the line and column of every fault.
 
-The file is cut into blocks of whole lines, and Arrow parses each as *text* columns; those wanted are then cast to
-numbers. That takes no longer than parsing numbers at once (measured: 0.36 s a million rows either way), keeps the
-user's cells unchanged for the output, and keeps the text at hand when a cell is not a number. Only then is the
-block searched line by line. Arrow's own streaming reader is not a substitute: it does not count lines when it uses
-threads or skips empty ones, and does not say where bytes are not UTF-8.
+Arrow parses it, the wanted columns as numbers at once. Where it refuses, or a cell is not a finite number, one slow
+pass over the lines names the first fault. Arrow does not: it does not count lines when it uses threads or skips empty
+ones, and does not say where bytes are not UTF-8.
 """
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import gzip
+import io
+import math
 import os
 import re
+import sys
 import zlib
 from collections.abc import Iterator, Sequence
 from typing import IO, Any
@@ -23,21 +23,20 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 from numpy.typing import NDArray
 
-from rodgen.data.tables.columns import Column, EveryColumn
-from rodgen.data.tables.table import READABLE, Block, NoNumberError, Rows, Table, values_of
+from rodgen.data.tables.columns import Column, EveryColumn, Match
+from rodgen.data.tables.table import READABLE, Rows, Table, in_wanted_unit, values_of
 from rodgen.errors import InputFileError, shown
 from rodgen.files import unreadable
 
-# What `Array.cast` and pyarrow.compute call: that writes 300 functions when it is imported, which takes 15 ms.
+# What pyarrow.compute calls: that writes 300 functions when it is imported, which takes 15 ms.
 try:
     from pyarrow._compute import CastOptions, call_function
 except ImportError:
     from pyarrow.compute import CastOptions, call_function
 
-# Large enough that the fixed cost of a block (about 1 ms) vanishes, small enough that the few blocks in
-# flight, each some six times its text, stay below 100 MB.
-BLOCK_BYTES = 2 << 20
 LONGEST_LINE = 1 << 20
+BLOCK_BYTES = 4 << 20
+"""What Arrow parses at a time: smaller blocks take less memory, and no more time."""
 TAIL_BYTES = 1 << 16
 FEWEST_LINES = 10
 """The last line, without a line end, is compared with those in so many bytes before it, which are so many at least."""
@@ -56,173 +55,125 @@ _NO_VALUE = {"nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "---", "?", 
 _WORD = re.compile(r"[^\W\d_]")  # a letter first
 
 
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
 class CsvTable(Table):
     """A CSV file or pipe."""
 
-    amount_unit = "B"
     counted = "line"
 
     def __init__(
-        self,
-        file: str,
-        raw: IO[bytes],
-        columns: Sequence[Column] | EveryColumn,
-        keep_text: bool,
-        *,
-        closes: bool = True,
+        self, file: str, raw: IO[bytes], columns: Sequence[Column] | EveryColumn, keep_text: bool
     ) -> None:
         self.file = file
-        self._raw = raw
-        self._closes = closes
-        self._stream: Any = raw
-        self._position = 0
-        self.total = None
-        with contextlib.suppress(OSError):  # a pipe has no length
-            if raw.seekable():
-                self.total = os.fstat(raw.fileno()).st_size
-        start = _peek(raw)
-        if start.startswith(b"\x1f\x8b"):
-            self._stream = gzip.GzipFile(fileobj=raw)
-        self._cut = self._cut_blocks()
-        self._next_line = 1
-        texts, self._rest = self._read_header()
+        self._data = self._content(raw)
+        texts = self._read_header()
         self._width = len(texts)
-        self.header = f"line {self._next_line - 1}"
+        self.header = f"line {self._first - 1}"
         self._find_wanted(texts, columns, self._words(), numbered=True)
-        self._keep_text = keep_text
         types = [pa.string()] * self._width
         if not keep_text:
             for match in self.matches:
                 types[match.index] = pa.float64()
         self.schema = pa.schema(list(map(pa.field, texts, types)))
-        self._read_options = [str(i) for i in range(self._width)]
 
-    def close(self) -> None:
-        if self._closes:
-            self._raw.close()
+    def _content(self, raw: IO[bytes]) -> bytes:
+        """Return all bytes, unpacked."""
+        packed = hasattr(raw, "peek") and raw.peek(2)[:2] == b"\x1f\x8b"
+        stream: Any = gzip.GzipFile(fileobj=raw) if packed else raw
+        content = io.BytesIO()
+        most = _most_bytes()
+        try:
+            # By read1, because read() goes back to a stalled pipe without having looked whether Ctrl-C was pressed.
+            while part := stream.read1(1 << 20):
+                content.write(part)
+                if content.tell() > most:
+                    expected = "less than memory holds; many Parquet files are read in parts"
+                    raise InputFileError(self.file, "file", f"more than {most / 1e9:.1f} GB", expected)
+        except (OSError, EOFError, zlib.error) as error:
+            if not packed or getattr(error, "errno", None) is not None:
+                raise unreadable(self.file, error, READABLE) from None
+            found = f"damaged gzip data ({str(error).rstrip('.')})"
+            raise InputFileError(self.file, "file", found, "a complete gzip file") from None
+        data = content.getvalue()
+        if packed and data.startswith(b"PAR1"):
+            found, expected = "gzip around Parquet", "the Parquet file itself, or gzip around CSV"
+            raise InputFileError(self.file, "file", found, expected)
+        if data.startswith(b"PAR1"):
+            raise InputFileError(self.file, "file", "Parquet from a pipe", "CSV, or the name of a file")
+        for magic, found, expected in _MAGIC:
+            if data.startswith(magic):
+                raise InputFileError(self.file, "file", found, expected)
+        return data
 
-    def _read_header(self) -> tuple[list[str], bytes]:
-        while True:
-            data = next(self._cut, None)
-            if data is None:
-                what = "an empty file" if self._next_line == 1 else "only empty lines"
-                raise InputFileError(self.file, "file", what, "a header with units, then one row a line")
-            if self._next_line == 1:
-                self._check_magic(data)
-                data = data.removeprefix(b"\xef\xbb\xbf")
-            while data:
-                blank = data[: len(data) - len(data.lstrip())]
-                empty = blank.rfind(b"\n") + 1  # at once: a block may hold millions of empty lines
-                self._next_line += blank.count(b"\n")
-                line, _, data = data[empty:].partition(b"\n")
-                if not line:
-                    break
-                line = line.removesuffix(b"\r")
-                number = self._next_line
-                self._next_line += 1
-                if line.strip():
-                    self._check_text(line, number)
-                    return [cell.strip() for cell in _cells(line)], data
+    def _read_header(self) -> list[str]:
+        """Return the names of the columns; note the number of the line below them, and where it begins."""
+        data = self._data
+        bom = len(b"\xef\xbb\xbf") * data.startswith(b"\xef\xbb\xbf")
+        word = re.compile(rb"\S").search(data, bom)
+        if not word:
+            what = "only empty lines" if len(data) > bom else "an empty file"
+            raise InputFileError(self.file, "file", what, "a header with units, then one row a line")
+        begin = max(data.rfind(b"\n", 0, word.start()) + 1, bom)
+        self._begin = data.find(b"\n", begin) + 1 or len(data)
+        line = data[begin : self._begin].removesuffix(b"\n").removesuffix(b"\r")
+        self._first = data.count(b"\n", 0, begin) + 2
+        self._check_length(line, "file")
+        self._check_text(line, self._first - 1)
+        return [cell.strip() for cell in _cells(line)]
+
+    def _check_length(self, line: bytes, place: str) -> None:
+        """Refuse what has no line end for long."""
+        if len(line) <= LONGEST_LINE:
+            return
+        if b"\0" in line:
+            raise InputFileError(self.file, place, "binary data", READABLE)
+        if b"\r" in line:
+            found, expected = "lines that end with CR alone", "lines that end with LF or CR LF"
+            raise InputFileError(self.file, place, found, expected)
+        raise InputFileError(
+            self.file, place, f"a line longer than {LONGEST_LINE >> 20} MiB", "one row a line"
+        )
 
     def _words(self) -> set[int]:
         """Return the columns whose first cell is a word: neither a number nor the mark of a missing one."""
-        line = next((line for line in self._rest[:LONGEST_LINE].split(b"\n") if line.strip()), b"")
+        start = self._data[self._begin : self._begin + LONGEST_LINE]
+        line = next((line for line in start.split(b"\n") if line.strip()), b"")
         try:
             cells = [cell.strip() for cell in _cells(line)]
         except UnicodeDecodeError:
             return set()
         return {i for i, cell in enumerate(cells) if _WORD.match(cell) and cell.lower() not in _NO_VALUE}
 
-    def _check_magic(self, data: bytes) -> None:
-        if self._stream is not self._raw and data.startswith(b"PAR1"):
-            raise InputFileError(
-                self.file, "file", "gzip around Parquet", "the Parquet file itself, or gzip around CSV"
-            )
-        if data.startswith(b"PAR1"):
-            raise InputFileError(self.file, "file", "Parquet from a pipe", "CSV, or the name of a file")
-        for magic, found, expected in _MAGIC:
-            if data.startswith(magic):
-                raise InputFileError(self.file, "file", found, expected)
-
-    def _cut_blocks(self) -> Iterator[bytes]:
-        """Read the file as blocks of whole lines."""
-        parts: list[bytes] = []
-        held = 0
-        while True:
-            try:
-                chunk = _read(self._stream, BLOCK_BYTES)
-            except (OSError, EOFError, zlib.error) as error:
-                if self._stream is self._raw or getattr(error, "errno", None) is not None:
-                    raise unreadable(self.file, error, READABLE) from None
-                raise InputFileError(
-                    self.file, "file", f"damaged gzip data ({str(error).rstrip('.')})", "a complete gzip file"
-                ) from None
-            if not chunk:
-                if parts:
-                    yield b"".join(parts)
-                return
-            end = chunk.rfind(b"\n") + 1
-            if end:
-                yield b"".join([*parts, chunk[:end]])
-                parts, held = [], 0
-            if end < len(chunk):
-                parts.append(chunk[end:])
-                held += len(chunk) - end
-                if held > LONGEST_LINE:
-                    start = b"".join(parts)
-                    if b"\0" in start:
-                        raise InputFileError(self.file, "file", "binary data", READABLE)
-                    if b"\r" in start:
-                        raise InputFileError(
-                            self.file,
-                            "file",
-                            "lines that end with CR alone",
-                            "lines that end with LF or CR LF",
-                        )
-                    raise InputFileError(
-                        self.file, "file", f"a line longer than {LONGEST_LINE >> 20} MiB", "one row a line"
-                    )
-
-    def _blocks(self) -> Iterator[Block]:
-        data: bytes | None = self._rest
-        self._rest = tail = b""
-        while data is not None:
-            first = self._next_line
-            self._next_line += int(np.count_nonzero(np.frombuffer(data, np.uint8) == 10))
-            if data and not data.endswith(b"\n"):
-                self._refuse_cut(tail, data)
-                self._next_line += 1
-            tail = data[-TAIL_BYTES:]
-            if data.strip(b"\r\n"):  # Arrow takes seconds for millions of empty lines
-                position = 0 if self.total is None else self._raw.tell()
-                amount, self._position = position - self._position, position
-                yield Block(data, first, amount)
-            data = next(self._cut, None)
-
-    def _refuse_cut(self, before: bytes, last: bytes) -> None:
+    def _refuse_cut(self) -> None:
         """Refuse a last line without a line end whose last number has fewer digits than any other: it may be cut."""
-        lines = [line for line in before.split(b"\n")[1:] if line.strip()]
-        cell = last.rpartition(b",")[2].strip()
+        *lines, last = self._data[max(self._begin, len(self._data) - TAIL_BYTES) :].split(b"\n")
+        lines = [line for line in lines[1:] if line.strip()]
         if len(lines) < FEWEST_LINES or last.count(b",") != self._width - 1:
             return
-        digits = [_last_digits(line.rpartition(b",")[2].strip()) for line in lines]
+        *digits, left = (_last_digits(line.rpartition(b",")[2].strip()) for line in (*lines, last))
         fewest, most = min(digits), max(digits)
-        if fewest < 0 or fewest - _last_digits(cell) <= most - fewest:
+        if fewest < 0 or fewest - left <= most - fewest:
             return
-        if fewest >= _WITH_EXPONENT and re.fullmatch(
-            rb"[+-]?0+\.?0*", cell
-        ):  # 1.2e-5, wherever it is cut, is not 0
-            return
+        cell = last.rpartition(b",")[2].strip()
+        if fewest >= _WITH_EXPONENT and re.fullmatch(rb"[+-]?0+\.?0*", cell):
+            return  # 1.2e-5, wherever it is cut, is not 0
         raise InputFileError(
             self.file,
-            f"line {self._next_line}",
+            f"line {self._first + self._rows_at_most() - 1}",
             f"{shown(cell.decode(errors='replace'))} at the end of the file, with fewer digits than in any other line "
             "and no line end",
             "a file that was not cut; if this line is whole, end it",
         )
 
+    def _rows_at_most(self) -> int:
+        """Return the number of lines below the header."""
+        unended = self._begin < len(self._data) and not self._data.endswith(b"\n")
+        return self._data.count(b"\n", self._begin) + unended
+
     def _end_place(self) -> str:
-        return f"line {self._next_line}"
+        return f"line {self._first + self._rows_at_most()}"
 
     def _check_text(self, data: bytes, first: int) -> None:
         """Refuse what is not lines of UTF-8 text with every quotation closed on its line."""
@@ -247,18 +198,11 @@ class CsvTable(Table):
                     data, first, alone.start(), "a carriage return alone", "lines that end with LF or CR LF"
                 )
         if b'"' in data:
-            # Every line must hold an even number of quotation marks; NumPy finds the first that does not.
-            chars = np.frombuffer(data, np.uint8)
-            quotes = np.flatnonzero(chars == 34)
-            ends = np.append(np.flatnonzero(chars == 10), len(data))
-            odd = np.flatnonzero(np.searchsorted(quotes, ends) % 2)
-            if odd.size:
-                raise InputFileError(
-                    self.file,
-                    f"line {first + int(odd[0])}",
-                    "a quotation mark that is not closed on its line",
-                    'quotation marks in pairs, and "" for one inside a cell',
-                )
+            for number, line in enumerate(data.split(b"\n"), start=first):
+                if line.count(b'"') % 2:
+                    found = "a quotation mark that is not closed on its line"
+                    expected = 'quotation marks in pairs, and "" for one inside a cell'
+                    raise InputFileError(self.file, f"line {number}", found, expected)
 
     def _at_byte(self, data: bytes, first: int, at: int, found: str, expected: str) -> InputFileError:
         start = data.rfind(b"\n", 0, at) + 1
@@ -266,58 +210,104 @@ class CsvTable(Table):
         column = data.count(b",", start, at) + 1
         return InputFileError(self.file, f"line {line}, column {column}", found, expected)
 
-    def _parse(self, block: Block) -> Rows:
-        data: bytes = block.data
-        self._check_text(data, block.first)
+    def _read(self) -> Rows:
+        self._check_text(self._data, 1)
+        if not self._data.endswith(b"\n"):
+            self._refuse_cut()
         try:
-            table = pa_csv.read_csv(
-                pa.BufferReader(data),
-                read_options=pa_csv.ReadOptions(
-                    column_names=self._read_options, use_threads=False, block_size=len(data) + 1
-                ),
-                convert_options=pa_csv.ConvertOptions(
-                    column_types=dict.fromkeys(self._read_options, pa.string()),
-                    check_utf8=False,  # done above, with the place
-                    null_values=[],
-                    strings_can_be_null=False,
-                ),
-            )
+            return self._rows(self.schema.types)
+        except pa.ArrowInvalid:
+            pass
+        try:  # blanks around numbers, which are common in files written by hand and by Fortran, may be of any kind
+            return self._rows([pa.string()] * self._width)
         except pa.ArrowInvalid as error:
-            if not data.strip(b"\r\n"):
-                table = pa.table([pa.array([], pa.string())] * self._width, self._read_options)
-            else:
-                raise self._ragged(data, block.first, str(error)) from None
-        if b'"' in data and table.num_rows != sum(1 for _ in _numbered_lines(data, 0)):
-            raise self._ragged(data, block.first, "quotation marks inside a cell")
-        arrays = [column.combine_chunks() for column in table.columns]
-        numbers = _line_numbers(data, block.first, table.num_rows)
-        values, text = self._convert(arrays, numbers)
-        if not self._keep_text:
-            for match, column in zip(self.matches, values, strict=True):
-                own = column if match.factor == 1.0 else self._floats(arrays[match.index])
-                arrays[match.index] = pa.array(own)
-        batch = pa.RecordBatch.from_arrays(arrays, schema=self.schema)
-        return Rows(values, text, numbers, batch)
+            raise self._first_fault(str(error)) from None
 
-    def _floats(self, column: pa.StringArray) -> NDArray[np.float64]:
-        try:
-            return _numbers(column)
-        except pa.ArrowInvalid:
-            # Blanks around a number are common in files written by hand and by Fortran.
-            column = call_function("utf8_trim_whitespace", [column])
-        try:
-            return _numbers(column)
-        except pa.ArrowInvalid:
-            # A file has one first fault: halving finds it in the time of one more cast.
-            low, high = 0, len(column)
-            while high - low > 1:
-                middle = (low + high) // 2
-                try:
-                    _numbers(column.slice(low, middle - low))
-                    low = middle
-                except pa.ArrowInvalid:
-                    high = middle
-            raise NoNumberError(low) from None
+    def _rows(self, types: Sequence[pa.DataType]) -> Rows:
+        """Return all rows as columns of these types are parsed; raise `ArrowInvalid` where anything is wrong."""
+        columns = self._parse(types)
+        numbers = self._line_numbers(len(columns[0]))
+        values, text = [], []
+        for match in self.matches:
+            own = _floats(columns[match.index])
+            values.append(in_wanted_unit(own, match))
+            if not self._accepted(values[-1]).all():
+                raise pa.ArrowInvalid("a number that is not finite")
+            if self.schema.types[match.index] == pa.float64():
+                columns[match.index] = pa.chunked_array([own])
+        for match in self.text:
+            text.append(call_function("utf8_trim_whitespace", [columns[match.index]]))
+            if match.index in self._needed and not values_of(call_function("utf8_length", text[-1:])).all():
+                raise pa.ArrowInvalid("an empty name")
+        return Rows(tuple(values), tuple(text), numbers, pa.table(columns, schema=self.schema))
+
+    def _parse(self, types: Sequence[pa.DataType]) -> list[pa.ChunkedArray]:
+        """Return the columns."""
+        if not re.compile(rb"[^\r\n]").search(self._data, self._begin):
+            return [pa.chunked_array([], kind) for kind in types]
+        names = [str(i) for i in range(self._width)]
+        table = pa_csv.read_csv(
+            pa.BufferReader(self._data),
+            read_options=pa_csv.ReadOptions(
+                column_names=names, skip_rows=self._first - 1, use_threads=False, block_size=BLOCK_BYTES
+            ),
+            convert_options=pa_csv.ConvertOptions(
+                column_types=dict(zip(names, types, strict=True)),
+                check_utf8=False,  # done above, with the place
+                null_values=[],
+                strings_can_be_null=False,
+            ),
+        )
+        return list(table.columns)
+
+    def _line_numbers(self, rows: int) -> NDArray[np.int64]:
+        """Return the line number of every row."""
+        if self._rows_at_most() == rows and b'"' not in self._data:
+            return np.arange(self._first, self._first + rows)
+        numbers = np.array([number for number, _ in self._numbered_lines()], np.int64)
+        if len(numbers) != rows:
+            raise pa.ArrowInvalid("quotation marks inside a cell")
+        return numbers
+
+    def _numbered_lines(self) -> Iterator[tuple[int, bytes]]:
+        """Yield every line that is a row, with its number; the parser skips empty lines too."""
+        rows = io.BytesIO(self._data)
+        rows.seek(self._begin)
+        for number, line in enumerate(rows, start=self._first):
+            row = line.removesuffix(b"\n").removesuffix(b"\r")
+            if row:
+                yield number, row
+
+    def _first_fault(self, otherwise: str) -> InputFileError:
+        """Return the error for the first line that Arrow refuses."""
+        wanted = sorted((*self.matches, *self.text), key=lambda match: match.index)
+        for number, line in self._numbered_lines():
+            self._check_length(line, f"line {number}")
+            cells = _cells(line)
+            if len(cells) != self._width:
+                expected = f"{self._width}, as in the header"
+                if b";" in line and len(cells) < self._width:
+                    expected += " (commas between the cells, not semicolons)"
+                elif len(cells) == 2 * self._width:
+                    expected += " (decimal points, not decimal commas)"
+                n = "1 cell" if len(cells) == 1 else f"{len(cells)} cells"
+                return InputFileError(self.file, f"line {number}", n, expected)
+            for match in wanted:
+                place = f"line {number}, column {shown(self.schema.names[match.index])}"
+                cell = cells[match.index]
+                if match.holds_text:
+                    if match.index in self._needed and not cell.strip():
+                        return InputFileError(self.file, place, "an empty cell", "a name in every row")
+                elif not self._is_number(cell.strip(), match):
+                    return InputFileError(self.file, place, *self._fault(cell))
+        return InputFileError(
+            self.file, f"lines from {self._first}", f"no table ({otherwise})", "one row a line"
+        )
+
+    def _is_number(self, text: str, match: Match) -> bool:
+        if self.gaps and text.lower().lstrip("+-") == "nan":
+            return True
+        return bool(_NUMBER.fullmatch(text)) and math.isfinite(float(text) * match.factor)
 
     def _fault(self, cell: str) -> tuple[str, str]:
         stripped = cell.strip()
@@ -336,20 +326,6 @@ class CsvTable(Table):
         if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*[^\d\s.,;]+", stripped):
             return shown(stripped), "a number alone (its unit stands in the header)"
         return shown(stripped), "a number"
-
-    def _ragged(self, data: bytes, first: int, otherwise: str) -> InputFileError:
-        """Return the error for the first line whose number of cells is not that of the header."""
-        for number, line in _numbered_lines(data, first):
-            cells = _cells(line)
-            if len(cells) != self._width:
-                expected = f"{self._width}, as in the header"
-                if b";" in line and len(cells) < self._width:
-                    expected += " (commas between the cells, not semicolons)"
-                elif len(cells) == 2 * self._width:
-                    expected += " (decimal points, not decimal commas)"
-                n = "1 cell" if len(cells) == 1 else f"{len(cells)} cells"
-                return InputFileError(self.file, f"line {number}", n, expected)
-        return InputFileError(self.file, f"lines from {first}", f"no table ({otherwise})", "one row a line")
 
 
 def _cells(line: bytes) -> list[str]:
@@ -371,37 +347,18 @@ def _last_digits(cell: bytes) -> int:
     return len(found[1]) if found[2] is None else _WITH_EXPONENT + len(found[2])
 
 
-def _numbered_lines(data: bytes, first: int) -> Iterator[tuple[int, bytes]]:
-    """Yield every line that is a row, with its number; the parser skips empty lines too."""
-    for number, line in enumerate(data.split(b"\n"), start=first):
-        line = line.removesuffix(b"\r")
-        if line:
-            yield number, line
-
-
-def _line_numbers(data: bytes, first: int, rows: int) -> NDArray[np.int64]:
-    """Return the line number of every row."""
-    lines = int(np.count_nonzero(np.frombuffer(data, np.uint8) == 10)) + (not data.endswith(b"\n"))
-    if lines == rows:
-        return np.arange(first, first + rows)
-    return np.array([number for number, _ in _numbered_lines(data, first)], np.int64)
-
-
-def _read(stream: Any, size: int) -> bytes:
-    """Read `size` bytes, fewer only at the end.
-
-    By read1, because read() goes back to a stalled pipe without having looked whether Ctrl-C was pressed.
-    """
-    parts = []
-    while size and (part := stream.read1(size)):
-        parts.append(part)
-        size -= len(part)
-    return b"".join(parts)
-
-
-def _peek(raw: IO[bytes]) -> bytes:
-    return bytes(raw.peek(2)[:2]) if hasattr(raw, "peek") else b""
-
-
-def _numbers(column: pa.StringArray) -> NDArray[np.float64]:
+def _floats(column: pa.ChunkedArray) -> NDArray[np.float64]:
+    if pa.types.is_floating(column.type):
+        return values_of(column)
+    try:
+        return values_of(call_function("cast", [column], CastOptions.safe(pa.float64())))
+    except pa.ArrowInvalid:
+        column = call_function("utf8_trim_whitespace", [column])
     return values_of(call_function("cast", [column], CastOptions.safe(pa.float64())))
+
+
+def _most_bytes() -> int:
+    """Return the size of the largest table that is read: half of the memory of the computer, where it is known."""
+    if not hasattr(os, "sysconf"):
+        return sys.maxsize
+    return int(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")) // 2

@@ -1,14 +1,14 @@
-"""Write a table again with columns of results, row by row: what all table commands do.
+"""Write a table again with columns of results, or with columns that are known.
 
-The rows are processed in blocks, so that a file of any length needs bounded memory. Lengths are computed and written in
-the unit of the table's first length column. Angles are computed in radians and written in the unit of its first angle
-column, or in degrees; so are their rates of change.
+The order of its rows, its columns and their text are kept. Lengths are computed and written in the unit of the table's
+first length column. Angles are computed in radians and written in the unit of its first angle column, or in degrees; so
+are their rates of change.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Literal, TypeAlias
@@ -17,17 +17,15 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from rodgen.data.tables.columns import Column, bare_name
-from rodgen.data.tables.reader import Rows, open_table
-from rodgen.data.tables.writer import open_sink
+from rodgen.data.tables.columns import MEASUREMENTS, Column, bare_name
+from rodgen.data.tables.reader import open_table
+from rodgen.data.tables.writer import check_table_name, write_table
 from rodgen.data.units import conversion_factor
+from rodgen.errors import InputFileError, shown
 from rodgen.files import OutputSet
 
-Progress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
-"""Called once with the total (or None) and its unit; returns a function to be called with every advance."""
-
 Answer: TypeAlias = tuple[Sequence[NDArray[Any]], NDArray[np.int64] | None]
-"""The result columns, and the row of the block that each result belongs to; None where each row has one result."""
+"""The result columns, and the row of the table that each result belongs to; None where each row has one result."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +54,6 @@ def map_table(
     output: str | os.PathLike[str] | None,
     columns: Sequence[Column],
     prepare: Callable[[str], tuple[Sequence[Result], Callable[[Sequence[NDArray[np.float64]]], Answer]]],
-    *,
-    progress: Progress | None = None,
-    whole: bool = False,
 ) -> MapSummary:
     """Write a table again with columns of results.
 
@@ -75,12 +70,7 @@ def map_table(
         may have NaN in rows without a result.
     prepare : callable
         Called once with the unit of length (``""`` where no column has one); returns the result columns, and a function
-        from the values of `columns`, one array each, to their arrays. It is called in threads.
-    progress : callable, optional
-        Called once with the total (or None) and its unit, returns what is called with every advance.
-    whole : bool, optional
-        Whether the function gets all rows at once, because a result depends on the rows before; the table must then fit
-        into memory.
+        from the values of `columns`, one array each, to their arrays.
 
     Returns
     -------
@@ -91,8 +81,7 @@ def map_table(
     InputFileError
         When the input or the output cannot be used. The output is then what it was before.
     """
-    keep_text = output is None or not os.fspath(output).lower().endswith(".parquet")
-    with OutputSet(), open_table(path, columns, keep_text=keep_text) as table:
+    with OutputSet(), open_table(path, columns, keep_text=_keeps_text(output)) as table:
         units = table.units()
         length = next((units[c.name] for c in columns if c.quantity == "length"), "")
         angle = next((units[c.name] for c in columns if c.quantity == "angle"), "deg")
@@ -100,43 +89,19 @@ def map_table(
         results, function = prepare(length)
         writers = [_Writer(result, {"length": length, "angle": angle, "rate": rate}) for result in results]
         table.gaps = any(bare_name(name) == "status" for name in table.schema.names)
+        rows = table.read()
+        arrays, index = function(rows.values)
+        kept = rows.table if index is None else rows.table.take(pa.array(index))
         names = _given(table.schema.names, {bare_name(writer.text) for writer in writers})
-        kept = (field.with_name(name) for field, name in zip(table.schema, names, strict=True))
-        schema = pa.schema([*kept, *(pa.field(writer.text, writer.kind) for writer in writers)])
-        status = next((n for n, writer in enumerate(writers) if writer.names), None)
-        counts = np.zeros(len(writers[status].names) if status is not None else 1, np.int64)
-
-        with open_sink(output, schema) as sink:
-
-            def work(rows: Rows) -> tuple[Any, NDArray[np.int64]]:
-                arrays, index = function(rows.values)
-                batch = rows.batch if index is None else rows.batch.take(pa.array(index))
-                made = [writer.column(array) for writer, array in zip(writers, arrays, strict=True)]
-                batch = pa.RecordBatch.from_arrays([*batch.columns, *made], schema=schema)
-                codes = np.zeros(batch.num_rows, int) if status is None else np.asarray(arrays[status])
-                return sink.encode(batch), np.bincount(codes, minlength=len(counts))
-
-            advance = progress(table.total, table.amount_unit) if progress else None
-
-            def write(block: tuple[Any, NDArray[np.int64]]) -> None:
-                sink.write(block[0])
-                np.add(counts, block[1], out=counts)
-
-            if whole:
-                read = []
-                for rows, amount in table.map(lambda rows: rows):
-                    read.append(rows)
-                    if advance:
-                        advance(amount)
-                write(work(_joined(read)))
-            else:
-                for block, amount in table.map(work):
-                    write(block)
-                    if advance:
-                        advance(amount)
-    names = writers[status].names if status is not None else []
-    found_names = {name: int(count) for name, count in zip(names, counts, strict=False) if count}
-    return MapSummary(int(counts.sum()), found_names)
+        made = [writer.column(array) for writer, array in zip(writers, arrays, strict=True)]
+        columns_of = [*kept.columns, *made]
+        write_table(output, pa.table(columns_of, names=[*names, *(writer.text for writer in writers)]))
+    status = next((n for n, writer in enumerate(writers) if writer.names), None)
+    counts = {}
+    if status is not None:
+        of_code = np.bincount(np.asarray(arrays[status]), minlength=len(writers[status].names)).tolist()
+        counts = {name: n for name, n in zip(writers[status].names, of_code, strict=True) if n}
+    return MapSummary(kept.num_rows, counts)
 
 
 def _given(names: Sequence[str], made: Collection[str]) -> list[str]:
@@ -154,12 +119,6 @@ def _given(names: Sequence[str], made: Collection[str]) -> list[str]:
             renamed.add(name)
             name = f"given {name}"
     return [f"given {name}" if bare_name(name) in renamed else name for name in names]
-
-
-def _joined(parts: Sequence[Rows]) -> Rows:
-    batch = pa.Table.from_batches([part.batch for part in parts]).combine_chunks().to_batches()[0]
-    values = tuple(np.concatenate(columns) for columns in zip(*(part.values for part in parts), strict=True))
-    return Rows(values, (), np.concatenate([part.numbers for part in parts]), batch)
 
 
 class _Writer:
@@ -187,3 +146,75 @@ class _Writer:
         if self.kind == pa.int64():
             return pa.array(np.asarray(values, np.int64))
         return pa.array(np.ascontiguousarray(values, np.float64) * self._factor)
+
+
+# columns that are known -------------------------------------------------------------------------------------
+
+
+def check_output(source: str, output: str | os.PathLike[str] | None) -> None:
+    """Raise early the errors of `copy_with` that follow from the names alone.
+
+    Raises
+    ------
+    InputFileError
+        When the input is not a file, or the output cannot be one.
+    """
+    if source in ("-", "standard input"):
+        expected = "the name of a file: it is read twice"
+        raise InputFileError("standard input", "file", "a pipe, whose rows are to be written again", expected)
+    check_table_name(output)
+
+
+def copy_with(
+    source: str,
+    output: str | os.PathLike[str] | None,
+    columns: Mapping[str, NDArray[Any]],
+    *,
+    replaced: Mapping[str, str] | None = None,
+) -> None:
+    """Copy a table with further columns.
+
+    Parameters
+    ----------
+    source : str
+        A file, not standard input: it is read a second time.
+    output : str, os.PathLike or None
+        ``.csv``, ``.csv.gz`` or ``.parquet``; None or ``"-"`` is CSV on standard output.
+    columns : mapping of str to ndarray, each of shape (rows,)
+        By their names; masked elements become empty cells.
+    replaced : mapping of str to str, optional
+        Names of columns of the file, and which of `columns` stands there instead.
+
+    Raises
+    ------
+    InputFileError
+        When the output cannot be written, the file already has a column of one of the names, or has another number of
+        rows than the columns.
+    """
+    check_output(source, output)
+    instead = dict(replaced or {})
+    with OutputSet(), open_table(source, MEASUREMENTS, keep_text=_keeps_text(output)) as table:
+        for name in columns:
+            if name in table.schema.names and name not in instead:
+                raise InputFileError(
+                    table.file,
+                    f"column {shown(name)}",
+                    "a result of an earlier run",
+                    "a table without results",
+                )
+        whole = table.read(empty=True).table
+        if any(len(values) != whole.num_rows for values in columns.values()):
+            expected = "a file that stays as it is"
+            raise InputFileError(table.file, "file", "another number of rows than before", expected)
+        new = {name: _array(values) for name, values in columns.items()}
+        made = {instead.get(name, name): whole[name] for name in whole.column_names} | new
+        write_table(output, pa.table(made))
+
+
+def _keeps_text(output: str | os.PathLike[str] | None) -> bool:
+    """Return whether cells are written letter for letter: in CSV."""
+    return output is None or not os.fspath(output).lower().endswith(".parquet")
+
+
+def _array(values: NDArray[Any]) -> pa.Array:
+    return pa.array(np.ascontiguousarray(np.ma.getdata(values)), mask=np.ma.getmaskarray(values))

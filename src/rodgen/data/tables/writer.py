@@ -1,21 +1,13 @@
-"""Write a table in blocks without ever leaving an incomplete file.
-
-A file is written under a temporary name in its final folder and renamed when it is complete; standard output gets its
-text when all of it is known to be good. So a reader of the output gets all of it, and an error in row nine million
-leaves the file that was there before.
-"""
+"""Write a table: a file that is complete or not there, or standard output, which gets all of it or nothing."""
 
 from __future__ import annotations
 
-import abc
 import contextlib
 import csv
 import gzip
 import io
 import os
-import shutil
 import sys
-import tempfile
 from collections.abc import Mapping
 from typing import IO, Any
 
@@ -26,104 +18,68 @@ import pyarrow.csv as pa_csv
 from rodgen.errors import InputFileError, shown
 from rodgen.files import AtomicFile, Output, is_device
 
-# Row groups of a few MB per column are read fast; larger ones would only stay in memory longer.
+# Row groups of a few MB per column are read fast; larger ones would only take more memory.
 _ROW_GROUP = 1 << 17
-_SPOOLED_BYTES = 16 << 20
 _KINDS = "a name that ends in .csv, .csv.gz or .parquet"
 
 
-class Sink(abc.ABC):
-    """A table that is being written; `open_sink` makes it.
+def check_table_name(path: str | os.PathLike[str] | None) -> None:
+    """Refuse a name of an output that does not say what to write.
 
-    As a context manager it completes the output when its block ends without an error, and otherwise leaves nothing.
+    Raises
+    ------
+    InputFileError
     """
-
-    def __init__(self, place: AtomicFile | _Stdout, schema: pa.Schema) -> None:
-        self._place = place
-        self._schema = schema
-        self._streams: list[Any] = []  # each writes to the one after it
-
-    @abc.abstractmethod
-    def encode(self, batch: pa.RecordBatch) -> Any:
-        """Return a block in the form that `write` takes; safe to call in threads."""
-
-    @abc.abstractmethod
-    def write(self, encoded: Any) -> None:
-        """Append a block."""
-
-    @abc.abstractmethod
-    def _begin(self) -> None:
-        """Write what stands before the first block."""
-
-    @abc.abstractmethod
-    def _end(self) -> None:
-        """Write what is held back after the last block."""
-
-    def __enter__(self) -> Sink:
-        """Create the temporary file."""
-        self._streams = [self._place.open()]
-        try:
-            with self._place.located():
-                self._begin()
-        except BaseException:
-            self._finish(False)
-            raise
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        """Commit the temporary file, or remove it when there was an error."""
-        complete = False
-        try:
-            if kind is None:
-                with self._place.located():
-                    self._end()
-                complete = True
-        finally:
-            self._finish(complete)
-
-    def _finish(self, complete: bool) -> None:
-        try:
-            with self._place.located() if complete else contextlib.suppress(OSError):
-                with contextlib.ExitStack() as closing:
-                    for stream in reversed(self._streams):
-                        closing.callback(stream.close)
-                if complete:
-                    self._place.commit()
-        finally:
-            self._place.discard()
+    file = "-" if path is None else os.fspath(path)
+    known = file == "-" or file.lower().endswith((".csv", ".csv.gz", ".parquet")) or is_device(file)
+    if not known:
+        raise InputFileError(file, "file", "a name that does not say what to write", _KINDS)
 
 
-def open_sink(path: str | os.PathLike[str] | None, schema: pa.Schema) -> Sink:
-    """Return a file, or standard output, open for writing a table in blocks.
+def write_table(path: str | os.PathLike[str] | None, table: pa.Table) -> None:
+    """Write a table.
 
     Parameters
     ----------
     path : str, os.PathLike or None
         Ends in ``.csv``, ``.csv.gz`` or ``.parquet``; None or ``"-"`` is CSV on standard output.
-    schema : pyarrow.Schema
-        Of the blocks.
-
-    Returns
-    -------
-    Sink
-        A context manager; ``write(encode(batch))`` appends.
+    table : pyarrow.Table
 
     Raises
     ------
     InputFileError
-        When the place cannot be written, here or in `Sink.write`, or its name has no known ending.
+        When the place cannot be written, or its name has no known ending.
     """
-    if path is None or os.fspath(path) == "-":
-        _check_csv_holds("standard output", schema)
-        return _CsvSink(_Stdout(), schema)
-    file = os.fspath(path)
-    name = file.lower()
-    if not name.endswith((".csv", ".csv.gz", ".parquet")) and not is_device(file):
-        raise InputFileError(file, "file", "a name that does not say what to write", _KINDS)
-    if name.endswith(".parquet"):
-        return _ParquetSink(AtomicFile(file), schema)
-    _check_csv_holds(file, schema)
-    return _CsvSink(AtomicFile(file), schema, compress=name.endswith(".gz"))
+    check_table_name(path)
+    place: AtomicFile | _Stdout = (
+        _Stdout() if path is None or os.fspath(path) == "-" else AtomicFile(os.fspath(path))
+    )
+    name = place.file.lower()
+    is_parquet = name.endswith(".parquet")
+    for field in table.schema:
+        if pa.types.is_nested(field.type) and not is_parquet:
+            found = f"the type {shown(str(field.type))}"
+            raise InputFileError(place.file, f"column {shown(field.name)}", found, "Parquet as the output")
+    try:
+        with contextlib.ExitStack() as closing:
+            stream = place.open()
+            closing.enter_context(place.located())
+            closing.enter_context(stream)
+            if is_parquet:
+                import pyarrow.parquet as pq
+
+                pq.write_table(table, stream, row_group_size=_ROW_GROUP, write_page_checksum=True)
+            elif name.endswith(".gz"):
+                # No name and no time in the header: the same input gives the same bytes.
+                with gzip.GzipFile(
+                    filename="", mode="wb", fileobj=stream, compresslevel=5, mtime=0
+                ) as packed:
+                    _write_csv(table, packed)
+            else:
+                _write_csv(table, stream)
+        place.commit()
+    finally:
+        place.discard()
 
 
 def write_columns(path: str | os.PathLike[str] | None, columns: Mapping[str, Any]) -> None:
@@ -132,13 +88,11 @@ def write_columns(path: str | os.PathLike[str] | None, columns: Mapping[str, Any
     Parameters
     ----------
     path : str, os.PathLike or None
-        As for `open_sink`.
+        As for `write_table`.
     columns : mapping of str to array_like
         By name with unit; masked elements become empty cells.
     """
-    batch = pa.RecordBatch.from_pydict({name: _array(values) for name, values in columns.items()})
-    with open_sink(path, batch.schema) as sink:
-        sink.write(sink.encode(batch))
+    write_table(path, pa.table({name: _array(values) for name, values in columns.items()}))
 
 
 def _array(values: Any) -> pa.Array:
@@ -148,15 +102,26 @@ def _array(values: Any) -> pa.Array:
     return pa.array(flat.data, mask=np.ma.getmaskarray(flat))
 
 
-def _check_csv_holds(file: str, schema: pa.Schema) -> None:
-    for field in schema:
-        if pa.types.is_nested(field.type):
-            raise InputFileError(
-                file,
-                f"column {shown(field.name)}",
-                f"the type {shown(str(field.type))}",
-                "Parquet as the output",
-            )
+def _write_csv(table: pa.Table, stream: Any) -> None:
+    header = io.StringIO()
+    csv.writer(header, lineterminator="\n").writerow(table.column_names)
+    stream.write(header.getvalue().encode())
+    for batch in table.to_batches(max_chunksize=_ROW_GROUP):
+        stream.write(_encoded(batch))
+
+
+def _encoded(batch: pa.RecordBatch) -> pa.Buffer:
+    # Arrow quotes all text or none; none is shorter, and correct unless a cell holds a comma or a quotation mark.
+    for style in ("none", "needed"):
+        out = pa.BufferOutputStream()
+        try:
+            pa_csv.write_csv(batch, out, pa_csv.WriteOptions(include_header=False, quoting_style=style))
+        except pa.ArrowInvalid:
+            if style == "needed":
+                raise
+            continue
+        return out.getvalue()
+    raise AssertionError("unreachable")
 
 
 class _Stdout(Output):
@@ -167,93 +132,25 @@ class _Stdout(Output):
     def open(self) -> IO[bytes]:
         if sys.stdout is None:
             raise InputFileError(self.file, "file", "closed", "an open standard output, or -o FILE")
-        self._spool = tempfile.SpooledTemporaryFile(_SPOOLED_BYTES)  # noqa: SIM115
-        # The sink closes what it wrote to; the spool has to outlive that.
-        return _Unclosed(self._spool)  # type: ignore[return-value]
+        self._held = _Held()
+        return self._held
 
     def publish(self) -> None:
         with self.located():
-            self._spool.seek(0)
             sys.stdout.flush()
             binary = getattr(sys.stdout, "buffer", None)
             if binary is None:  # standard output was replaced by a text buffer
-                sys.stdout.write(self._spool.read().decode())
+                sys.stdout.write(self._held.getvalue().decode())
             else:
-                shutil.copyfileobj(self._spool, binary, 1 << 20)
+                binary.write(self._held.getbuffer())
                 binary.flush()
 
     def clean(self) -> None:
-        self._spool.close()
+        self._held = _Held()
 
 
-class _Unclosed:
-    closed = False
-
-    def __init__(self, stream: Any) -> None:
-        self.write, self.tell, self.flush = stream.write, stream.tell, stream.flush
+class _Held(io.BytesIO):
+    """Bytes that outlive the end of writing."""
 
     def close(self) -> None:
         pass
-
-
-class _CsvSink(Sink):
-    def __init__(self, place: AtomicFile | _Stdout, schema: pa.Schema, *, compress: bool = False) -> None:
-        super().__init__(place, schema)
-        self._compress = compress
-
-    def _begin(self) -> None:
-        if self._compress:
-            # No name and no time in the header: the same input gives the same bytes.
-            self._streams.insert(
-                0, gzip.GzipFile(filename="", mode="wb", fileobj=self._streams[0], compresslevel=5, mtime=0)
-            )
-        header = io.StringIO()
-        csv.writer(header, lineterminator="\n").writerow(self._schema.names)
-        self._streams[0].write(header.getvalue().encode())
-
-    def encode(self, batch: pa.RecordBatch) -> pa.Buffer:
-        # Arrow quotes all text or none; none is shorter, and correct unless a cell holds a comma or a quotation mark.
-        for style in ("none", "needed"):
-            out = pa.BufferOutputStream()
-            try:
-                pa_csv.write_csv(batch, out, pa_csv.WriteOptions(include_header=False, quoting_style=style))
-            except pa.ArrowInvalid:
-                if style == "needed":
-                    raise
-                continue
-            return out.getvalue()
-        raise AssertionError("unreachable")
-
-    def write(self, encoded: Any) -> None:
-        with self._place.located():
-            self._streams[0].write(encoded)
-
-    def _end(self) -> None:
-        pass
-
-
-class _ParquetSink(Sink):
-    def __init__(self, place: AtomicFile, schema: pa.Schema) -> None:
-        super().__init__(place, schema)
-        self._held: list[pa.RecordBatch] = []
-        self._held_rows = 0
-
-    def _begin(self) -> None:
-        import pyarrow.parquet as pq
-
-        self._streams.insert(0, pq.ParquetWriter(self._streams[0], self._schema, write_page_checksum=True))
-
-    def encode(self, batch: pa.RecordBatch) -> pa.RecordBatch:
-        return batch
-
-    def write(self, encoded: pa.RecordBatch) -> None:
-        self._held.append(encoded)
-        self._held_rows += len(encoded)
-        if self._held_rows >= _ROW_GROUP:
-            with self._place.located():
-                self._end()
-
-    def _end(self) -> None:
-        if self._held:
-            self._streams[0].write_table(pa.Table.from_batches(self._held, self._schema))
-        self._held, self._held_rows = [], 0
