@@ -62,7 +62,7 @@ def headline(result: dict[str, Any]) -> list[str]:
         most = large[max(large)]
         lines.append(
             f"- {most['rows']:,} rows: {most['fit']:.1f} s of a processor, {most['fit'] / most['rows'] * 1e9:.0f} ns a "
-            f"row, {most['anonymous'] / 2**20:.0f} MiB of memory."
+            f"row, {most['resident'] / 2**20:.0f} MiB of memory."
         )
     cold, cached = result["derive"]["cold"], result["derive"]["cached"]
     lines.append(
@@ -149,7 +149,6 @@ def _large(found: list[dict[str, Any]]) -> str:
         "steps",
         "rms (mm)",
         "memory",
-        "resident",
     ]
     body = [
         [
@@ -160,16 +159,14 @@ def _large(found: list[dict[str, Any]]) -> str:
             f"{item['wall of both']:.2f} s",
             str(item["iterations"]),
             f"{item['rms']:.5f}",
-            f"{item['anonymous'] / 2**20:.0f} MiB",
             f"{item['resident'] / 2**20:.0f} MiB",
         ]
         for item in found
     ]
     words = (
-        "The robot with 30 parameters, rodgen alone, in a process of its own; the readings are in files that are\n"
-        "mapped into the memory. Normal equations are summed up block by block. *Memory* is the largest anonymous\n"
-        "memory of the process, libraries included; *resident* counts the pages of files that the system may drop\n"
-        "at any time, too. Times are of processors, both threads.\n"
+        "The robot with 30 parameters, rodgen alone, in a process of its own. Normal equations are summed up\n"
+        "block by block. *Memory* is the largest size of the process, libraries and the table included. Times are of\n"
+        "processors, both threads.\n"
     )
     return f"### Many rows\n\n{words}\n{table(header, body)}\n"
 

@@ -14,7 +14,6 @@ import json
 import os
 import resource
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -84,13 +83,11 @@ def large(folder: str) -> dict:
 
     few = {name: values[:1000] for name, values in columns.items()}
     fit(machine, cases.Measurements.from_frame(few), compiled=True)  # kernels are loaded, libraries warm
-    peak = _Peak()
     begun, wall = time.process_time(), time.perf_counter()
     observations = cases.bind(machine, cases.Measurements.from_frame(columns))
     bound = time.process_time()
     found = fit(machine, observations)
     fitted, wall = time.process_time(), time.perf_counter() - wall
-    anonymous = peak.stop()
     return {
         "rows": observations.n,
         "bind": bound - begun,
@@ -98,29 +95,8 @@ def large(folder: str) -> dict:
         "wall of both": wall,
         "iterations": found.solution.iterations,
         "rms": found.rms,
-        "anonymous before": peak.before,
-        "anonymous": anonymous,
         "resident": _status("VmHWM"),  # ru_maxrss would be that of the process that started this one
     }
-
-
-class _Peak:
-    """The largest anonymous memory of this process: what is not a file that the system may drop."""
-
-    def __init__(self) -> None:
-        self.before = self.largest = _status("RssAnon")
-        self.ended = threading.Event()
-        self.thread = threading.Thread(target=self._watch, daemon=True)
-        self.thread.start()
-
-    def _watch(self) -> None:
-        while not self.ended.wait(0.01):
-            self.largest = max(self.largest, _status("RssAnon"))
-
-    def stop(self) -> int:
-        self.ended.set()
-        self.thread.join()
-        return self.largest
 
 
 def _status(field: str) -> int:

@@ -197,24 +197,14 @@ def _of_text(file: str, text: str, coding: str) -> ForeignTable:
 
 def _quoted(file: str, text: str, separator: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the cells of each row, in which quoted ones may hold ends of lines, and the number of its first line."""
-    lines = io.StringIO(text, newline="").readlines()
-    reader, first = csv.reader(lines, delimiter=separator), 1
-    while True:
-        try:
-            cells = next(reader, None)
-        except csv.Error as error:
-            raise InputFileError(file, f"line {first}", str(error), _EXPECTED) from None
-        if cells is None:
-            return
-        written = lines[first - 1 : reader.line_num]
-        try:
-            if len(written) > 1:  # a mark of one row may have found that of another one, and text after it
-                next(csv.reader(written, delimiter=separator, strict=True))
-        except csv.Error:
-            found = "a quotation mark without a second"
-            raise InputFileError(file, f"line {first}", found, "both, or neither") from None
-        yield first, cells
-        first = reader.line_num + 1
+    reader, first = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True), 1
+    try:
+        for cells in reader:
+            yield first, cells
+            first = reader.line_num + 1
+    except csv.Error as error:
+        found = "a quotation mark without a second" if '"' in text else str(error)
+        raise InputFileError(file, f"line {first}", found, "both, or neither") from None
 
 
 def _decoded(content: bytes, file: str) -> tuple[str, str]:
