@@ -15,7 +15,7 @@ DRAWN_EVERY, TICK = 0.1, 0.5
 PATIENCE = 2.0
 """Seconds of a stage before its time is shown: a short one is over before it is read."""
 COUNTED = 1000
-"""More steps than this, bytes of a file, say, are shown as a percentage."""
+"""More steps than this are shown as a percentage."""
 
 
 class _Stage:  # no dataclass: every command imports this module, and `dataclasses` takes longer than it all

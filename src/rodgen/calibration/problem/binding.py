@@ -301,9 +301,7 @@ class _Binder:
             raise self._wrong_cell(column, row, found, "a number of a usual size")
         if out is None and factor == 1.0:
             return column.values
-        scaled = np.empty(column.values.shape) if out is None else out
-        np.multiply(column.values, factor, out=scaled)
-        return scaled
+        return np.multiply(column.values, factor, out=out)
 
     def optional(self, name: str, dimension: Dimension) -> NDArray[np.float64] | None:
         """Return a column in internal units; None where there is no such column."""
@@ -604,8 +602,7 @@ class _Binder:
         values = self._scaled(column)
         if unit.text.startswith(("delta", "Δ")):
             return values
-        celsius = np.empty(values.shape)
-        np.add(values, ABSOLUTE_ZERO if unit.zero is None else float(unit.zero), out=celsius)
+        celsius = values + (ABSOLUTE_ZERO if unit.zero is None else float(unit.zero))
         if celsius.min(initial=0.0) < ABSOLUTE_ZERO - 1e-9:
             row = int(np.argmin(celsius))
             found = f"{_number(column, row)} {column.unit}, below absolute zero"

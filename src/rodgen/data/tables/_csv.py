@@ -108,7 +108,7 @@ class CsvTable(Table):
         return data
 
     def _read_header(self) -> list[str]:
-        """Return the names of the columns; note the number of the line below them, and where it begins."""
+        """Return the names of the columns; note where the lines below them begin, and their numbers."""
         data = self._data
         bom = len(b"\xef\xbb\xbf") * data.startswith(b"\xef\xbb\xbf")
         word = re.compile(rb"\S").search(data, bom)
@@ -119,6 +119,8 @@ class CsvTable(Table):
         self._begin = data.find(b"\n", begin) + 1 or len(data)
         line = data[begin : self._begin].removesuffix(b"\n").removesuffix(b"\r")
         self._first = data.count(b"\n", 0, begin) + 2
+        unended = self._begin < len(data) and not data.endswith(b"\n")
+        self._lines = data.count(b"\n", self._begin) + unended
         self._check_length(line, "file")
         self._check_text(line, self._first - 1)
         return [cell.strip() for cell in _cells(line)]
@@ -161,19 +163,17 @@ class CsvTable(Table):
             return  # 1.2e-5, wherever it is cut, is not 0
         raise InputFileError(
             self.file,
-            f"line {self._first + self._rows_at_most() - 1}",
+            f"line {self._first + self._lines - 1}",
             f"{shown(cell.decode(errors='replace'))} at the end of the file, with fewer digits than in any other line "
             "and no line end",
             "a file that was not cut; if this line is whole, end it",
         )
 
     def _rows_at_most(self) -> int:
-        """Return the number of lines below the header."""
-        unended = self._begin < len(self._data) and not self._data.endswith(b"\n")
-        return self._data.count(b"\n", self._begin) + unended
+        return self._lines
 
     def _end_place(self) -> str:
-        return f"line {self._first + self._rows_at_most()}"
+        return f"line {self._first + self._lines}"
 
     def _check_text(self, data: bytes, first: int) -> None:
         """Refuse what is not lines of UTF-8 text with every quotation closed on its line."""
@@ -230,11 +230,11 @@ class CsvTable(Table):
         values, text = [], []
         for match in self.matches:
             own = _floats(columns[match.index])
-            values.append(in_wanted_unit(own, match))
+            values.append(in_wanted_unit(values_of(own), match))
             if not self._accepted(values[-1]).all():
                 raise pa.ArrowInvalid("a number that is not finite")
             if self.schema.types[match.index] == pa.float64():
-                columns[match.index] = pa.chunked_array([own])
+                columns[match.index] = own
         for match in self.text:
             text.append(call_function("utf8_trim_whitespace", [columns[match.index]]))
             if match.index in self._needed and not values_of(call_function("utf8_length", text[-1:])).all():
@@ -262,7 +262,7 @@ class CsvTable(Table):
 
     def _line_numbers(self, rows: int) -> NDArray[np.int64]:
         """Return the line number of every row."""
-        if self._rows_at_most() == rows and b'"' not in self._data:
+        if self._lines == rows and b'"' not in self._data:
             return np.arange(self._first, self._first + rows)
         numbers = np.array([number for number, _ in self._numbered_lines()], np.int64)
         if len(numbers) != rows:
@@ -347,14 +347,15 @@ def _last_digits(cell: bytes) -> int:
     return len(found[1]) if found[2] is None else _WITH_EXPONENT + len(found[2])
 
 
-def _floats(column: pa.ChunkedArray) -> NDArray[np.float64]:
-    if pa.types.is_floating(column.type):
-        return values_of(column)
-    try:
-        return values_of(call_function("cast", [column], CastOptions.safe(pa.float64())))
-    except pa.ArrowInvalid:
-        column = call_function("utf8_trim_whitespace", [column])
-    return values_of(call_function("cast", [column], CastOptions.safe(pa.float64())))
+def _floats(column: pa.ChunkedArray) -> pa.Array:
+    """Return a column of numbers or their texts as numbers."""
+    if not pa.types.is_floating(column.type):
+        try:
+            column = call_function("cast", [column], CastOptions.safe(pa.float64()))
+        except pa.ArrowInvalid:
+            column = call_function("utf8_trim_whitespace", [column])
+            column = call_function("cast", [column], CastOptions.safe(pa.float64()))
+    return column.combine_chunks()
 
 
 def _most_bytes() -> int:

@@ -29,7 +29,7 @@ PAIR_COLUMNS = (
 
 
 def open_table(
-    path: str | os.PathLike[str], columns: Sequence[Column] | EveryColumn, *, keep_text: bool = True
+    path: str | os.PathLike[str], columns: Sequence[Column] | EveryColumn, *, keep_text: bool = False
 ) -> Table:
     """Return a CSV or Parquet file, open for reading; a CSV file is read whole.
 
@@ -77,7 +77,7 @@ def open_table(
 
 def open_csv(name: str, stream: IO[bytes], columns: Sequence[Column] | EveryColumn) -> Table:
     """Return CSV from a stream, as `open_table` does; `name` is that of messages."""
-    return CsvTable(name, stream, columns, keep_text=True)
+    return CsvTable(name, stream, columns, keep_text=False)
 
 
 def open_frame(frame: Any, columns: EveryColumn, name: str) -> Table:
