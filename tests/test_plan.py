@@ -51,7 +51,7 @@ def words(found: Plan) -> str:
 
 
 @pytest.mark.thorough("short_arc-1", "one_load-1")
-@pytest.mark.parametrize("seed", [1, pytest.param(0, marks=slow)])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=slow)])
 @pytest.mark.parametrize("make", LOOPS, ids=lambda make: make.__name__)
 def test_planned_readings_tell_apart_effects_that_looked_the_same(make, seed, trials):
     trial = trials[make.__name__] if seed == 1 else Trial(make(), seed)
