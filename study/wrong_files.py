@@ -132,7 +132,11 @@ class InapplicableError(Exception):
 
 
 def _moving(files: Files, kind: str = "") -> list[str]:
-    names = [j["name"] for j in files.joints if kind in j["type"]] or ([] if files.joints else _legs(files))
+    if not files.joints:
+        return [name for name in _legs(files) if np.ptp(files.numbers(name)) > 0]
+    names = [
+        j["name"] for j in files.joints if kind in j["type"] and not {"reading", "coordinate"} & j.keys()
+    ]
     return [name for name in names if np.ptp(files.numbers(name)) > 0]
 
 
@@ -250,6 +254,8 @@ def unit_of_file(files: Files, random: np.random.Generator) -> None:
 
 
 def base_and_tool(files: Files, random: np.random.Generator) -> None:
+    if any("coordinate" in joint for joint in files.joints):  # of joints before it
+        raise InapplicableError
     if files.joints:
         files.joints.reverse()
         for joint in files.joints:
