@@ -50,15 +50,25 @@ def words(found: Plan) -> str:
 # the closed loop -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough("short_arc-1", "one_load-1")
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=slow)])
+@pytest.mark.thorough("short_arc", "one_load")
 @pytest.mark.parametrize("make", LOOPS, ids=lambda make: make.__name__)
-def test_planned_readings_tell_apart_effects_that_looked_the_same(make, seed, trials):
-    trial = trials[make.__name__] if seed == 1 else Trial(make(), seed)
+def test_planned_readings_tell_apart_effects_that_looked_the_same(make, trials):
+    trial = trials[make.__name__]
     assert not trial.resolved(trial.loop.file, trial.loop.columns)  # by design
     found = trial.plan(30)
     assert found.count
     assert trial.resolved(*trial.after(found))
+
+
+@slow
+@pytest.mark.parametrize("make", LOOPS, ids=lambda make: make.__name__)
+def test_promise_of_a_plan_is_kept_on_machines_drawn_anew(make):
+    """A plan promises 95 %: of ten such promises fewer than eight are kept once in 90 times."""
+    drawn = [Trial(make(), seed) for seed in range(10, 20)]
+    plans = [(trial, trial.plan(60)) for trial in drawn]
+    kept = [trial.resolved(*trial.after(found)) for trial, found in plans if found.reached]
+    assert len(kept) >= 5
+    assert sum(kept) >= len(kept) - 2
 
 
 QUICK = ("one_radius", "one_side", "one_load")
