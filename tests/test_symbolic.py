@@ -249,7 +249,7 @@ def test_report_and_markdown_show_the_verdicts(derivation, slip):
 # The steps of a proof
 
 
-def test_a_proof_shows_what_it_inserted_and_the_common_form(derivation):
+def test_a_proof_shows_what_it_inserted(derivation):
     h = derivation.symbol("h", "h", "height", "m", value=x + y)
     entry = derivation.check("square", equal(h**2, x**2 + 2 * x * y + y**2)).prove()
     assert entry.proof.substituted == (h,)
@@ -258,7 +258,7 @@ def test_a_proof_shows_what_it_inserted_and_the_common_form(derivation):
     assert "- $h = x + y$: height [m]" in statement
     assert "$$ h^{2} = " in statement
     assert "Insert the definition of $h$." in proof
-    assert r"$$ h^{2} = \left(x + y\right)^{2} = x^{2} + 2 x y + y^{2} $$" in proof
+    assert "By computation (polynomial division, `rodgen.symbolic.remainder`)" in proof
     later = derivation.check("later", equal(h - x, y)).prove()
     assert "$$ h = x + y $$" in later._repr_markdown_()
     assert "    h = x + y\n" in later.steps()
@@ -282,7 +282,7 @@ def test_a_proof_shows_its_difference_as_multiples_of_what_is_zero():
     assert found.remainder == 0
     numerator = sum(cofactor * zero for cofactor, zero in found.cofactors())
     assert sp.expand(numerator - (x**3 * y - x * y + (x**2 - 1) * sp.sin(z) ** 2 + y**2 - 4)) == 0
-    assert [division.terms > 0 for division in found.divisions] == [True, True, False]
+    assert len(found.divisions) == 3
 
 
 def test_a_proof_links_the_entries_it_follows_from(derivation):
@@ -296,7 +296,7 @@ def test_a_proof_links_the_entries_it_follows_from(derivation):
 def test_a_proof_does_not_show_that_zero_is_zero(derivation):
     entry = derivation.check("rows", sp.Ge(x, y)).prove(sp.S.Zero, sp.S.Zero, because="Row by row.")
     page = entry._repr_markdown_()
-    assert "Row by row. So computed, the difference of both sides is 0 (2 in all)." in page
+    assert "*Proof.* Row by row.\n\nBy computation (polynomial division, " in page
     assert "0 = 0" not in page
 
 

@@ -10,32 +10,24 @@ import sympy as sp
 
 from rodgen.errors import joined
 from rodgen.symbolic._latex import rendered_width
-from rodgen.symbolic.reduction import Reduction, Relation, factored, reduction
+from rodgen.symbolic.reduction import Reduction, Relation
 from rodgen.symbolic.vectors import Letter
 
 if TYPE_CHECKING:
-    from rodgen.symbolic.derivation import Computation, Derivation, Entry, Proof
+    from rodgen.symbolic.derivation import Derivation, Entry, Proof
 
 WIDTH = 90
 """Characters of a line; a statement that is wider is broken, a step of a proof is shortened."""
-LONG = 1200
-"""Operations above which a statement, made by a program for a program, is shortened."""
 LINES = 10
 """Lines of a side of a statement that are shown."""
 NARROW = 64
-"""Characters up to which a definition, a common form or a cofactor is shown."""
-OPERATIONS = 1000
-"""Operations of a side up to which its normal form is computed for display."""
+"""Characters up to which a definition is shown."""
 SHOWN = 3
-"""Equations of an entry whose computation is shown; for the others a sentence says how they follow."""
-NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+"""Equations of a proof that are shown, and differences of sides whose certificate is."""
 
 
 class _Writer:
     """Writes formulas for a terminal, in SymPy's own notation."""
-
-    dots = "... "
-    """What stands for the terms of a sum that are not shown."""
 
     def typeset(self, formula: sp.Basic) -> str:
         return plain(formula)
@@ -58,9 +50,6 @@ class _Writer:
     def words(self, text: str) -> str:
         return text
 
-    def fraction(self, numerator: str, denominator: str) -> str:
-        return f"({numerator}) / ({denominator})"
-
     def chain(self, first: str, *others: tuple[str, str]) -> str:
         return "\n".join([f"    {first}", *(f"    {sign} {part}" for sign, part in others)])
 
@@ -76,8 +65,6 @@ class _Writer:
 
 class _Markdown(_Writer):
     """LaTeX in Markdown."""
-
-    dots = r"\cdots\;"
 
     def __init__(self, derivation: Derivation) -> None:
         self._derivation = derivation
@@ -97,22 +84,13 @@ class _Markdown(_Writer):
         return self.math(self.typeset(formula))
 
     def display(self, formula: sp.Basic) -> str:
-        count = _operations(formula)
-        if count <= LONG or not isinstance(formula, sp.Eq):
-            return f"$$ {self._derivation.latex_lines(formula, WIDTH, LINES)} $$"
-        sides = [sp.Matrix([side])[0] for side in formula.args]
-        of = "" if isinstance(formula.lhs, sp.Expr) else ", of which the first component is shown"
-        parts = [_short(side, self) or self.words("an expression that is not shown") for side in sides]
-        return f"An equation of {count} operations{of}:\n\n{self.chain(parts[0], ('=', parts[1]))}"
+        return f"$$ {self._derivation.latex_lines(formula, WIDTH, LINES)} $$"
 
     def width(self, text: str) -> int:
         return rendered_width(text)
 
     def words(self, text: str) -> str:
         return rf"\text{{{text}}}"
-
-    def fraction(self, numerator: str, denominator: str) -> str:
-        return rf"\frac{{{numerator}}}{{{denominator}}}"
 
     def chain(self, first: str, *others: tuple[str, str]) -> str:
         parts = [f"{_SIGNS[sign]} {part}" for sign, part in others]
@@ -247,22 +225,14 @@ def _proof(
         yield " ".join(part for part in opening if part)
         return
     computations = [c for c in proof.computations if c.claim != 0]
-    if not computations:
-        opening.append(f"So computed, the difference of both sides is 0 ({len(proof.computations)} in all).")
-        yield " ".join(part for part in opening if part)
-        return
-    own = all(c.claim in claims for c in computations)
-    if because and not own:
+    if because and not all(c.claim in claims for c in computations):
         opening.append("The computation:")
     formulas, names, free = _substitutions(entry, proof, write)
-    insert = []
     if names:
-        insert.append(f"the definition{'s' * (len(names) > 1)} of {joined(names, most=len(names))}")
-    if formulas:
-        insert.append("")
-    if formulas or names:
-        before = f"Insert {insert[0]}" if names else "Insert"
-        opening.append(f"{before}, and" if names and formulas else f"{before}." if names else before)
+        named = f"the definition{'s' * (len(names) > 1)} of {joined(names, most=len(names))}"
+        opening.append(f"Insert {named}{', and' if formulas else '.'}")
+    elif formulas:
+        opening.append("Insert")
     yield " ".join(part for part in opening if part)
     if formulas:
         yield write.equations(formulas)
@@ -274,21 +244,11 @@ def _proof(
         notes.append(f"The computation uses {joined(relations, most=len(relations))}.")
     if notes:
         yield " ".join(notes)
-    for number, computation in enumerate(computations[:SHOWN], start=1):
-        of = f"Equation {number}" if len(computations) > 1 else ""
-        yield from _computation(computation, proof, claims, of, write)
-    if rest := computations[SHOWN:]:
-        components = sum(len(c.reductions) for c in rest)
-        many = f", {components} components in all," if components > len(rest) else ""
-        yield (
-            f"The other {_number(len(rest))} equations{many} follow likewise."
-            if len(rest) > 1
-            else (f"The last equation{many} follows likewise.")
-        )
-
-
-def _number(count: int) -> str:
-    return NUMBERS[count] if count < len(NUMBERS) else str(count)
+    for computation in computations[:SHOWN]:
+        shown = None if computation.claim in claims else _within(computation.claim, write, WIDTH)
+        if shown is not None:
+            yield f"{write.math(shown if isinstance(computation.claim, sp.Eq) else f'{shown} = 0')}."
+    yield _computation(proof, write)
 
 
 def _substitutions(
@@ -305,30 +265,16 @@ def _substitutions(
             free.append(write.inline(key))
         owners.update(dict.fromkeys(_parts(key), (key, value)))
     new = {row.symbol for row in entry.introduced}
-    given = {key for key, _ in entry.given}
     formulas: list[tuple[str, ...]] = []
     names = []
-    for symbol, value in dict.fromkeys(map(_Owner, (owners[s] for s in proof.substituted))):
+    for symbol, value in dict(owners[s] for s in proof.substituted).items():
         whole = sp.ImmutableMatrix(value) if isinstance(value, list | tuple) else sp.sympify(value)
         shown = _within(whole, write, WIDTH - 20)
-        if shown is None and symbol in given and isinstance(whole, sp.MatrixBase):
-            parts = (_short(part, write) for part in (_parts(symbol)[0], whole[0]))
-            formulas.append(tuple(part or write.words("a long expression") for part in parts))
-        elif shown is None or (symbol in new and _within(whole, write, NARROW) is not None):
+        if shown is None or (symbol in new and _within(whole, write, NARROW) is not None):
             names.append(write.inline(symbol))
         else:
             formulas.append((write.typeset(symbol), shown))
     return formulas, names, free
-
-
-class _Owner(tuple):  # type: ignore[type-arg]
-    """A symbol and its value, the same for all its components; values need not be hashable."""
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Owner) and self[0] == other[0]
-
-    def __hash__(self) -> int:
-        return hash(self[0])
 
 
 def _parts(key: Any) -> list[sp.Basic]:
@@ -373,136 +319,23 @@ def _vanishing(zero: sp.Expr, symbol: sp.Symbol, write: _Writer) -> str:
     return write.inline(equation)
 
 
-def _computation(
-    computation: Computation, proof: Proof, claims: Sequence[sp.Basic], of: str, write: _Writer
-) -> Iterator[str]:
-    left, right = computation.left, computation.right
-    count = len(computation.reductions)
-    different = [i for i in range(count) if left[i] != (0 if right is None else right[i])]
-    if computation.claim not in claims:
-        shown = _within(computation.claim, write, WIDTH)
-        if shown is not None:
-            zero = "" if isinstance(computation.claim, sp.Eq) else " = 0"
-            of = f"{of}: " if of else ""
-            yield f"{of}{write.math(shown + zero)}."
-            of = ""
-    if not different:
-        yield f"{of}: both sides are then the same." if of else "Both sides are then the same."
-        return
-    at = different[0]
-    if count > 1:
-        place = "the first component" if at == 0 else f"component {at + 1}"
-        of = (
-            f"{of}, {place} of {_number(count)}"
-            if of
-            else f"{place[0].upper()}{place[1:]} of {_number(count)}"
+def _computation(proof: Proof, write: _Writer) -> str:
+    """Write how both sides came to be the same: their differences as multiples of what is zero, where that is short."""
+    found = [
+        difference
+        for c in proof.computations
+        for difference, left, right in zip(
+            c.reductions, c.left, sp.zeros(*c.left.shape) if c.right is None else c.right, strict=True
         )
-    lead = f"{of}:" if of else ""
-    yield from _reduced(
-        computation.claim if count == 1 else None,
-        left[at],
-        sp.S.Zero if right is None else right[at],
-        computation.reductions[at],
-        proof,
-        lead,
-        write,
-    )
-    if len(different) > 1:
-        others = len(different) - 1
-        yield (
-            "The other component follows likewise."
-            if others == 1
-            else f"The other {_number(others)} components follow likewise."
-        )
-
-
-def _reduced(
-    claim: sp.Basic | None,
-    left: sp.Expr,
-    right: sp.Expr,
-    found: Reduction,
-    proof: Proof,
-    lead: str,
-    write: _Writer,
-) -> Iterator[str]:
-    """Write how two sides became the same: by their common form, or by what their difference is made of."""
-    parts = [_short(left, write), _short(right, write)]
-    normal = _normal_form(left, right, proof)
-    common = None if normal is None else _within(_simplest(normal, left, right), write, WIDTH)
-    if common is not None:
-        shown = claim.args if isinstance(claim, sp.Eq) else (None, None)
-        first, last = (_within(side, write, NARROW) for side in shown)
-        chain = [part for part in (first, parts[0], common, parts[1], last) if part is not None]
-        chain = [part for i, part in enumerate(chain) if i == 0 or part != chain[i - 1]]
-        if len(chain) > 2 or (len(chain) > 1 and None not in parts):
-            if lead:
-                yield lead
-            yield write.chain(chain[0], *(("=", part) for part in chain[1:]))
-            return
-    names = [write.words("left side"), write.words("right side")]
-    if None not in parts:
-        if lead:
-            yield lead
-        yield write.equations(list(zip(names, map(str, parts), strict=True)))
-        lead = ""
-    certificate = _certificate(found, write)
-    if certificate is not None:
-        if lead:
-            yield lead
-        yield write.chain(" - ".join(names), ("=", certificate), ("=", "0"))
-        return
-    counted = _counted(found, normal, proof, write)
-    yield f"{lead} {counted[0].lower()}{counted[1:]}" if lead else counted
-
-
-def _counted(found: Reduction, normal: sp.Expr | None, proof: Proof, write: _Writer) -> str:
-    """Say how many terms there are, and what each relation makes of them."""
-    if normal is not None:
-        if normal == 0:
-            return "Multiplied out over one denominator, all terms cancel."
-        numerator, denominator = sp.fraction(normal)
-        terms = _terms(len(sp.Add.make_args(sp.expand(numerator))))
-        if denominator.is_number:
-            return f"Multiplied out, both sides are the same polynomial of {terms}."
-        return f"Multiplied out{_over(denominator, write)}, both sides have the same numerator of {terms}."
-    if found.terms == 0:
-        return "Multiplied out over one denominator, the terms of both sides cancel."
-    written = {symbol: condition for symbol, condition, _ in proof.conditions}
-    uses = [
-        f"{_relation(found, division.relation, written, write)} "
-        + (f"makes it one of {_terms(division.terms)}" if division.terms else "makes it 0")
-        for division in found.divisions
+        if left != right
     ]
-    over = _over(found.denominator(), write)
-    return f"The difference of both sides{over} is a polynomial of {_terms(found.terms)}; {joined(uses)}."
-
-
-def _over(denominator: sp.Expr, write: _Writer) -> str:
-    if denominator == 1:
-        return ""
-    shown = _within(denominator, write, NARROW)
-    return " over one denominator" if shown is None else f" over the denominator {write.math(shown)}"
-
-
-def _terms(count: int) -> str:
-    return "one term" if count == 1 else f"{_number(count)} terms"
-
-
-def _normal_form(left: sp.Expr, right: sp.Expr, proof: Proof) -> sp.Expr | None:
-    """Return the normal form of both sides, where it is the same and soon computed."""
-    if _operations(left) > OPERATIONS or _operations(right) > OPERATIONS:
-        return None
-    conditions = {symbol: zero for symbol, _, zero in proof.conditions}
-    forms = [reduction(side, conditions).value() for side in (left, right)]
-    return forms[0] if forms[0] == forms[1] else None
-
-
-def _simplest(normal: sp.Expr, left: sp.Expr, right: sp.Expr) -> sp.Expr:
-    """Return the shortest way to write what both sides are."""
-    candidates = [normal, left, right]
-    if len(sp.Add.make_args(sp.fraction(normal)[0])) <= 30:
-        candidates.append(factored(normal))
-    return min(candidates, key=_operations)
+    if not found and any(c.claim != 0 for c in proof.computations):
+        return "Both sides are then the same."
+    certificates = [_certificate(difference, write) for difference in found[: SHOWN + 1]]
+    if found and len(found) <= SHOWN and None not in certificates:
+        sides = " - ".join(write.words(side) for side in ("left side", "right side"))
+        return write.equations([(sides, f"{certificate} = 0") for certificate in certificates])
+    return "By computation (polynomial division, `rodgen.symbolic.remainder`), the difference of both sides is 0."
 
 
 def _certificate(found: Reduction, write: _Writer) -> str | None:
@@ -511,9 +344,7 @@ def _certificate(found: Reduction, write: _Writer) -> str | None:
     if not products or any(zero == 0 for _, zero in products):
         return None
     denominator = found.denominator()
-    total = []
-    for cofactor, zero in products:
-        total.append(sp.Mul(cofactor / denominator, zero, evaluate=False))
+    total = [sp.Mul(cofactor / denominator, zero, evaluate=False) for cofactor, zero in products]
     return _within(sp.Add(*total, evaluate=False) if len(total) > 1 else total[0], write, WIDTH)
 
 
@@ -529,33 +360,6 @@ def _within(formula: Any, write: _Writer, width: int) -> str | None:
         return None
     text = write.typeset(formula)
     return text if write.width(text) <= width else None
-
-
-def _short(formula: sp.Expr, write: _Writer, width: int = WIDTH) -> str | None:
-    """Typeset an expression; of a long sum only the first terms, and how many more there are."""
-    whole = _within(formula, write, width)
-    if whole is not None:
-        return whole
-    numerator, denominator = sp.fraction(formula)
-    if denominator != 1 and not formula.is_Add:
-        parts = [_short(part, write, width) for part in (numerator, denominator)]
-        return None if None in parts else write.fraction(str(parts[0]), str(parts[1]))
-    if not formula.is_Add:
-        return None
-    terms = formula.as_ordered_terms() if len(formula.args) <= 300 else list(formula.args)
-    shown: list[sp.Expr] = []
-    text = ""
-    for term in terms:
-        longer = _within(sp.Add(*shown, term), write, 2 * width // 3)
-        if longer is None:
-            break
-        shown.append(term)
-        text = longer
-    if not shown:
-        return None
-    more = len(terms) - len(shown)
-    words = "(1 more term)" if more == 1 else f"({more} more terms)"
-    return f"{text} + {write.dots}{write.words(words)}"
 
 
 def in_notebook() -> bool:

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import reduce
-from math import prod
 from typing import Any
 
 import sympy as sp
@@ -46,8 +45,6 @@ class Division:
     variable: Any
     degree: int
     """Degree of the dividend in the variable."""
-    terms: int
-    """Number of terms that are left after it."""
 
     def multiplier(self) -> Any:
         """Return the factor by which pseudo-division multiplied the dividend."""
@@ -66,8 +63,6 @@ class Reduction:
 
     remainder: sp.Expr
     """0, or the remainder of the numerator."""
-    terms: int
-    """Number of terms of the numerator, before any relation was used."""
     expanded: bool
     """Whether functions of sums and multiples of angles were expanded."""
     divisions: tuple[Division, ...] = ()
@@ -82,15 +77,6 @@ class Reduction:
     def denominator(self) -> sp.Expr:
         """Return the common denominator."""
         return sp.S.One if self._denominator is None else self.written_out(self._denominator.as_expr())
-
-    def value(self) -> sp.Expr | None:
-        """Return the expression in normal form: the remainder over the common denominator.
-
-        None where a relation was divided by whose leading coefficient is not a number: then the remainder is that
-        of a multiple.
-        """
-        multiplier = prod((division.multiplier().as_expr() for division in self.divisions), start=sp.S.One)
-        return self.remainder / (self.denominator() * multiplier) if multiplier.is_number else None
 
     def cofactors(self) -> list[tuple[sp.Expr, sp.Expr]] | None:
         """Return pairs of a cofactor and an expression that is zero, the sum of whose products is the numerator.
@@ -258,8 +244,8 @@ def reduction(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) 
     >>> import sympy as sp
     >>> x, y = sp.symbols("x y", real=True)
     >>> found = reduction(x**4 - 1, {x: x**2 - 1})
-    >>> found.remainder, found.terms, found.cofactors()
-    (0, 2, [(x**2 + 1, x**2 - 1)])
+    >>> found.remainder, found.cofactors()
+    (0, [(x**2 + 1, x**2 - 1)])
     """
     algebra = _Rational()
     one_angle = _one_angle(expr)
@@ -273,7 +259,7 @@ def reduction(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) 
     expanded = one_angle != expr
     if not symbols:
         number = sp.simplify(left)
-        return Reduction(number, int(number != 0), expanded)
+        return Reduction(number, expanded)
     fractions, *elements = field_of_fractions(sorted(symbols, key=str), sp.ZZ)
     generators = dict(zip(fractions.symbols, elements, strict=True))
     known: dict[sp.Expr, Any] = {}
@@ -289,10 +275,9 @@ def reduction(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) 
             kept = numerator if len(numerator) <= KEPT_TERMS else None
             degree = numerator.degree(variable)
             numerator = numerator.prem(divisor, variable)
-            divisions.append(Division(relation, kept, divisor, variable, degree, len(numerator)))
+            divisions.append(Division(relation, kept, divisor, variable, degree))
     return Reduction(
         algebra.written_out(numerator.as_expr()),
-        len(fraction.numer),
         expanded,
         tuple(divisions),
         algebra,
