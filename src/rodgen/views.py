@@ -6,7 +6,7 @@ import dataclasses
 import html
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -91,16 +91,39 @@ class Records(Tabular, tuple[Item, ...]):
         return {name: [row.get(name) for row in rows] for name in dict.fromkeys(n for r in rows for n in r)}
 
 
-def plain(result: object, names: str) -> dict[str, Any]:
-    """Return attributes of a result as plain data, by their names with spaces in between; tuples become lists.
+def plain(result: Any, names: str = "") -> dict[str, Any]:
+    """Return attributes of a result as plain data, with the results in them; tuples become lists.
+
+    Parameters
+    ----------
+    result : object
+    names : str, optional
+        Of attributes, with spaces in between, or ``key=attribute.of_that``, which is None where the attribute is; by
+        default the fields of a dataclass.
 
     Examples
     --------
-    >>> plain(slice(1, (2, 3)), "start stop")
-    {'start': 1, 'stop': [2, 3]}
+    >>> plain(slice(1, (2, 3)), "start end=stop real=start.real none=step.real")
+    {'start': 1, 'end': [2, 3], 'real': 1, 'none': None}
     """
-    found = {name: getattr(result, name) for name in names.split()}
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in found.items()}
+    found = {}
+    for name in names.split() or [field.name for field in dataclasses.fields(result)]:
+        key, _, path = name.partition("=")
+        value = result
+        for part in (path or key).split("."):
+            value = None if value is None else getattr(value, part)
+        found[key] = _encoded(value)
+    return found
+
+
+def _encoded(value: Any) -> Any:
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if dataclasses.is_dataclass(value):
+        return plain(value)
+    if isinstance(value, Mapping):
+        return {key: _encoded(part) for key, part in value.items()}
+    return [_encoded(part) for part in value] if isinstance(value, tuple | list) else value
 
 
 def finite(data: Any) -> Any:
@@ -199,6 +222,19 @@ def _brief(value: Any) -> str:
         return text if len(text) <= SHORT else f"{text[:SHORT]}…"
     name = getattr(value, "name", None)
     return f"{type(value).__name__}({repr(name) if isinstance(name, str) else '…'})"
+
+
+class Result:
+    """What is shown in a notebook, and is plain data on request."""
+
+    keys: ClassVar[str] = ""
+    """Keys of the data, as :func:`plain` takes them; by default the fields."""
+    __repr__ = brief
+    _repr_html_ = html_of
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, as ``--json`` of the command prints it."""
+        return plain(self, self.keys)
 
 
 def html_of_text(text: str) -> str:

@@ -41,7 +41,7 @@ from rodgen.machines.rigid import rotation_vector
 from rodgen.stages import Progress, reporting, stage
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.digits import measured
-from rodgen.views import Records, html_of, plain
+from rodgen.views import Records, Result, plain
 
 LOSSES = ("linear", "huber")
 
@@ -59,7 +59,7 @@ ask what is in the cache: the same data give the same digits."""
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Result):
     """A parameter as it was fitted, in the unit that it is shown in.
 
     Attributes
@@ -89,8 +89,6 @@ class Estimate:
     convention: bool = False
     at_bound: str | None = None
     tied_to: str = ""
-
-    _repr_html_ = html_of
 
     @property
     def shown(self) -> tuple[str, str, str]:

@@ -28,14 +28,14 @@ from rodgen.errors import RodgenError
 from rodgen.stages import Progress, reporting
 from rodgen.statistics.digits import in_column
 from rodgen.statistics.thresholds import LACK_OF_FIT
-from rodgen.views import brief, html_of
+from rodgen.views import Result, plain
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
 
 
-@dataclass(frozen=True)
-class Rung:
+@dataclass(frozen=True, repr=False)
+class Rung(Result):
     """A model on the ladder.
 
     Attributes
@@ -55,9 +55,6 @@ class Rung:
     fit: Fit
     held_out: HeldOut
     step: EffectTest | None = None
-
-    __repr__ = brief
-    _repr_html_ = html_of
 
     @property
     def verdict(self) -> str:
@@ -91,25 +88,17 @@ class Rung:
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
         return {
-            "title": self.title,
-            "effect": self.effect.name if self.effect else None,
-            "place": self.effect.place if self.effect else None,
+            **plain(self, "title effect=effect.name place=effect.place"),
             "effects": [effect.title for effect in self.fit.machine.effects],
-            "rms": self.fit.rms,
-            "rms_held_out": self.held_out.rms,
-            "held_out": self.held_out.to_dict(),
-            "unit": self.fit.unit,
+            **plain(self, "rms=fit.rms rms_held_out=held_out.rms held_out unit=fit.unit"),
             "parameters_estimated": len(self.fit.free),
-            "outliers": self.fit.outlier_numbers,
-            "converged": self.fit.solution.converged,
-            "dependence": self.fit.dependence.to_dict(),
-            "step": self.step.to_dict() if self.step else None,
-            "parameters": {key: estimate.to_dict() for key, estimate in self.fit.estimates.items()},
+            **plain(self, "outliers=fit.outlier_numbers converged=fit.solution.converged"),
+            **plain(self, "dependence=fit.dependence step parameters=fit.estimates"),
         }
 
 
-@dataclass(frozen=True)
-class Ladder:
+@dataclass(frozen=True, repr=False)
+class Ladder(Result):
     """Models of one machine, each with an effect more or less than the one before.
 
     Attributes
@@ -118,9 +107,6 @@ class Ladder:
     """
 
     rungs: tuple[Rung, ...]
-
-    __repr__ = brief
-    _repr_html_ = html_of
 
     @property
     def noise(self) -> NoiseFloor:
@@ -182,15 +168,9 @@ class Ladder:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        first = self.rungs[0].fit
-        return {
-            "machine": first.machine.name,
-            "data": first.observations.data.file,
-            **self.rungs[-1].fit.used_rows,
-            "unit": first.unit,
-            "noise": self.noise.to_dict(),
-            "rungs": [rung.to_dict() for rung in self.rungs],
-        }
+        first, used = self.rungs[0].fit, self.rungs[-1].fit.used_rows
+        named = plain(first, "machine=machine.name data=observations.data.file")
+        return named | used | plain(first, "unit") | plain(self, "noise rungs")
 
 
 def ladder(

@@ -14,6 +14,7 @@ from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance
 from rodgen.errors import joined
 from rodgen.statistics.decompositions import svd
 from rodgen.statistics.thresholds import DETERMINACY, LACK_OF_FIT
+from rodgen.views import plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate, Fit
@@ -71,23 +72,15 @@ def _correlated(fit: Fit) -> list[tuple[str, str, float]]:
 def as_dict(fit: Fit) -> dict[str, Any]:
     """Return what `rodgen fit --json` prints."""
     return {
-        "machine": fit.machine.name,
-        "data": fit.observations.data.file,
+        **plain(fit, "machine=machine.name data=observations.data.file"),
         **fit.used_rows,
         "readings": fit.problem.count * fit.problem.components,
-        "converged": fit.solution.converged,
-        "rms": fit.rms,
-        "unit": fit.unit,
+        **plain(fit, "converged=solution.converged rms unit"),
         **_of_poses(fit),
-        "chi_square": fit.chi_square,
-        "degrees_of_freedom": fit.degrees_of_freedom,
-        "prior_chi_square": fit.prior_chi_square,
-        "noise": fit.noise.to_dict(),
-        "lack_of_fit": fit.lack_of_fit.to_dict() if fit.lack_of_fit else None,
-        "dependence": fit.dependence.to_dict(),
-        "parameters": {key: estimate.to_dict() for key, estimate in fit.estimates.items()},
+        **plain(fit, "chi_square degrees_of_freedom prior_chi_square noise lack_of_fit dependence"),
+        **plain(fit, "parameters=estimates"),
         "geometry": geometry(fit),
-        "held_out_geometry": fit.held_out_geometry.to_dict() if fit.held_out_geometry else None,
+        **plain(fit, "held_out_geometry"),
         "correlations": [{"pair": [a, b], "value": r} for a, b, r in _correlated(fit)],
         "undetermined": [
             {"parts": dict(d.parts), "gauge": d.gauge, "text": d.text} for d in fit.determinacy.directions

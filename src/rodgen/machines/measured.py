@@ -15,7 +15,7 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.data.set_aside import SetAside
 from rodgen.data.units import ANGLE, LENGTH, Dimension
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 if TYPE_CHECKING:
     from rodgen.machines.derivation import ModelSteps
@@ -366,6 +366,7 @@ READING_COLUMNS = frozenset(column for m in (POINT, DIRECTION, DISTANCE) for col
 """Columns of measurements that are readings of any machine; where poses are read, those of `NOTATIONS` are, too."""
 
 
+@with_html
 @dataclass(frozen=True)
 class Measured:
     """What a reading is, and in which frame.
@@ -402,8 +403,6 @@ class Measured:
     about: Vector | None = None
     instrument: str = "workpiece"
     set_aside: tuple[SetAside, ...] = ()
-
-    _repr_html_ = html_of
 
     @property
     def measurand(self) -> Measurand:

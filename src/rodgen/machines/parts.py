@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension
 from rodgen.errors import RodgenError, shown, suggestion
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 if TYPE_CHECKING:
     from rodgen.machines.effects.definition import EffectDefinition
@@ -77,6 +77,7 @@ def _three(where: str, vector: Iterable[float]) -> Vector:
     return x, y, z
 
 
+@with_html
 @dataclass(frozen=True)
 class Joint:
     """A joint, given with all joints at zero, or a leg of a closed chain.
@@ -128,8 +129,6 @@ class Joint:
     reading: str | None = None
     reading_travel: tuple[float, float] | None = None
 
-    _repr_html_ = html_of
-
     def __post_init__(self) -> None:
         words = {"encoder": ENCODERS, "drive": DRIVES, "branch": BRANCHES, "type": (*JOINT_TYPES, "leg")}
         for key, options in words.items():
@@ -174,6 +173,7 @@ def coordinate_dimension(joint_type: str) -> Dimension:
     return ANGLE if joint_type == "revolute" else LENGTH
 
 
+@with_html
 @dataclass(frozen=True)
 class Target:
     """What is measured: a point of the last body, or a direction fixed to it, with all joints at zero.
@@ -194,13 +194,12 @@ class Target:
     attitude: Vector = (0.0, 0.0, 0.0)
     zero: float = 0.0
 
-    _repr_html_ = html_of
-
     def __post_init__(self) -> None:
         for key in ("point", "attitude"):
             object.__setattr__(self, key, _three(f"target {self.name}, {key}", getattr(self, key)))
 
 
+@with_html
 @dataclass(frozen=True)
 class Effect:
     """An effect in its place.
@@ -218,8 +217,6 @@ class Effect:
     definition: EffectDefinition
     place: str | None = None
     hold: Mapping[str, float] = field(default_factory=dict, hash=False)
-
-    _repr_html_ = html_of
 
     @property
     def name(self) -> str:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ from rodgen.statistics.leave_out import undo_leverage
 from rodgen.statistics.thresholds import EFFECT_TEST, SELECTION
 from rodgen.statistics.unknown_walk import log_p_under_walks
 from rodgen.statistics.whitening import MotionDeviations
-from rodgen.views import html_of, plain
+from rodgen.views import Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -177,7 +177,7 @@ LN10 = float(np.log(10))
 
 
 @dataclass(frozen=True)
-class EffectTest:
+class EffectTest(Result):
     """What the further parameters of a larger model are worth.
 
     Attributes
@@ -205,7 +205,7 @@ class EffectTest:
     only_at: tuple[str, int] | None = None
     as_a_walk: bool = False
 
-    _repr_html_ = html_of
+    keys = "p_value statistic degrees_of_freedom design_effect significant"
 
     @property
     def significant(self) -> bool:
@@ -221,10 +221,6 @@ class EffectTest:
             f"{effect.title} is known at the {positions} positions of {joint}: they show what kind of "
             "motion it is, but not what it does between them. More positions would tell."
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return plain(self, "p_value statistic degrees_of_freedom design_effect significant")
 
 
 def worth_of(fit: FittedModel, effect: Effect, without: FittedModel | None = None) -> EffectTest | None:

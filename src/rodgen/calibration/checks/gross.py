@@ -22,13 +22,14 @@ from rodgen.statistics.columns import inverse_root, project_out, unit_columns
 from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.robust import HUBER, huber_weight, median_factor
 from rodgen.statistics.thresholds import EVIDENCE, GROSS, OUTLIERS, VERDICT
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
 
+@with_html
 @dataclass(frozen=True)
 class GrossReading:
     """A reading that is grossly wrong.
@@ -49,8 +50,6 @@ class GrossReading:
     component: str
     off: float
     others: float
-
-    _repr_html_ = html_of
 
     def to_dict(self, observations: Observations) -> dict[str, Any]:
         """Return it as plain data, with the number of its row in the data as they were given."""

@@ -32,7 +32,7 @@ from rodgen.errors import RodgenError, joined
 from rodgen.stages import each, stage
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
-from rodgen.views import brief, html_of, plain
+from rodgen.views import Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -56,8 +56,8 @@ MOVED = 0.01
 """Standard deviations by which a fit to the readings of the fit before moves a number at most."""
 
 
-@dataclass(frozen=True)
-class HeldOut:
+@dataclass(frozen=True, repr=False)
+class HeldOut(Result):
     """The error on poses that the fit did not see.
 
     Attributes
@@ -85,8 +85,7 @@ class HeldOut:
     because: tuple[str, ...] = ()
     converged: bool = True
 
-    __repr__ = brief
-    _repr_html_ = html_of
+    keys = "rms unit folds poses unpredicted because converged text"
 
     @property
     def text(self) -> str:
@@ -111,17 +110,15 @@ class HeldOut:
         if not self.converged:
             yield "Not all of these fits converged."
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return plain(self, "rms unit folds poses unpredicted because converged text")
-
 
 @dataclass(frozen=True)
-class HeldOutGeometry:
+class HeldOutGeometry(Result):
     """The error on poses that the fit did not see, with the estimated axes and points of joints and without."""
 
     fitted: HeldOut
     nominal: HeldOut
+
+    keys = "fitted=fitted.rms nominal=nominal.rms unit=fitted.unit lowers"
 
     @property
     def lowers(self) -> bool:
@@ -140,15 +137,6 @@ class HeldOutGeometry:
             f"Axes and points of joints are estimated, and the rms on poses that the fit did not see {falls} by that: "
             f"{with_} with it, {without} without."
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return {
-            "fitted": self.fitted.rms,
-            "nominal": self.nominal.rms,
-            "unit": self.fitted.unit,
-            "lowers": self.lowers,
-        }
 
 
 def held_out_geometry(fit: FittedModel) -> HeldOutGeometry | None:

@@ -10,7 +10,7 @@ pose depend on each other, so the degrees of freedom are those of as many indepe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from rodgen.calibration.words import chance
 from rodgen.data.poses import stretches
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
-from rodgen.views import html_of, plain
+from rodgen.views import Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -31,7 +31,7 @@ MOST_COLUMNS = 60
 
 
 @dataclass(frozen=True)
-class LackOfFit:
+class LackOfFit(Result):
     """Whether the residuals are larger than the noise.
 
     Attributes
@@ -56,7 +56,7 @@ class LackOfFit:
     statistic: float
     degrees_of_freedom: tuple[float, ...]
 
-    _repr_html_ = html_of
+    keys = "p_value ratio against statistic degrees_of_freedom text"
 
     @property
     def misses(self) -> bool:
@@ -73,10 +73,6 @@ class LackOfFit:
         if self.against == "stated" and self.p_value > 1 - LACK_OF_FIT.rare / 2:
             return f"The residuals are only {self.ratio:.3g} times {noise}: the noise is less than stated."
         return f"The residuals agree with {noise} ({self.ratio:.3g} times it, {p})."
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return plain(self, "p_value ratio against statistic degrees_of_freedom text")
 
 
 def lack_of_fit(fit: FittedModel) -> LackOfFit | None:

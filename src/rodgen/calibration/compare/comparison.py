@@ -20,7 +20,7 @@ from rodgen.data.drivers import Driver
 from rodgen.data.poses import stretches
 from rodgen.statistics.robust import kurtosis_of, kurtosis_tail
 from rodgen.statistics.thresholds import SMALLEST_P
-from rodgen.views import Records, brief, html_of
+from rodgen.views import Records, Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -32,8 +32,8 @@ ROUNDING = 64 * np.finfo(float).eps
 WORST_ROWS = 5
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, repr=False, eq=False)
+class Comparison(Result):
     """What the residuals of a fit depend on, and where the model is worst; made by :func:`compare`.
 
     ``print(comparison)`` shows sentences, the most important first, and a table. Every claim in the sentences is beyond
@@ -62,9 +62,6 @@ class Comparison:
     drifts: tuple[Drift | None, ...]
     uneven: tuple[Uneven, ...]
     tails: tuple[Tails, ...]
-
-    __repr__ = brief
-    _repr_html_ = html_of
 
     @property
     def exact(self) -> bool:

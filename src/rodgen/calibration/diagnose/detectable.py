@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,14 +20,14 @@ from rodgen.calibration.words import two_digits
 from rodgen.data.units import unit_factor
 from rodgen.machines.machine import Effect
 from rodgen.statistics.thresholds import SELECTION, VERDICT
-from rodgen.views import brief, html_of, plain
+from rodgen.views import Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
 
-@dataclass(frozen=True)
-class Detectable:
+@dataclass(frozen=True, repr=False)
+class Detectable(Result):
     """The least size of an effect that a diagnosis would have found, with `VerdictPolicy.power`.
 
     Attributes
@@ -53,8 +53,7 @@ class Detectable:
     possible: bool
     rare: bool = False
 
-    __repr__ = brief
-    _repr_html_ = html_of
+    keys = "effect=effect.name joint=effect.place parameter size unit rms possible rare"
 
     @property
     def how_rare(self) -> str:
@@ -68,11 +67,6 @@ class Detectable:
         """The size, such as ``"k = 0.12 arcsec/mm"``."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         return f"{self.parameter} = {two_digits(self.size)}{unit}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        effect = {"effect": self.effect.name, "joint": self.effect.place}
-        return effect | plain(self, "parameter size unit rms possible rare")
 
 
 def detectable(base: Fit, sensitivities: Sensitivities, selection: Selection) -> tuple[Detectable, ...]:

@@ -12,7 +12,7 @@ from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.thresholds import PLAN, SELECTION
-from rodgen.views import Records, brief, html_of, plain
+from rodgen.views import Records, Result, plain
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.detectable import Detectable
@@ -27,7 +27,7 @@ VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell
 
 
 @dataclass(frozen=True)
-class Rms:
+class Rms(Result):
     """Errors per scalar reading, in `unit`, without outliers; None where there is none.
 
     Attributes
@@ -52,8 +52,6 @@ class Rms:
     before_test: float | None = None
     after_test: float | None = None
 
-    _repr_html_ = html_of
-
     def to_dict(self) -> dict[str, Any]:
         """Return them as plain data, with the errors on further measurements where there are any."""
         tested = self.before_test is not None or self.after_test is not None
@@ -61,8 +59,8 @@ class Rms:
         return plain(self, f"{names} before_test after_test" if tested else names)
 
 
-@dataclass(frozen=True)
-class Alias:
+@dataclass(frozen=True, repr=False)
+class Alias(Result):
     """An effect, or two together, that the data cannot distinguish from one that was found.
 
     Attributes
@@ -87,9 +85,6 @@ class Alias:
     chi_square: float
     odds: float = 1.0
     odds_with_data: float = 1.0
-
-    __repr__ = brief
-    _repr_html_ = html_of
 
     @property
     def effect(self) -> Effect:
@@ -127,8 +122,8 @@ class SetAlias:
         }
 
 
-@dataclass(frozen=True)
-class DiagnosedEffect:
+@dataclass(frozen=True, repr=False)
+class DiagnosedEffect(Result):
     """An effect that the data show to be missing.
 
     Attributes
@@ -160,9 +155,6 @@ class DiagnosedEffect:
     p_value_of_all: float = 1.0
     indistinguishable_pairs: tuple[Alias, ...] = ()
 
-    __repr__ = brief
-    _repr_html_ = html_of
-
     @property
     def meaning(self) -> str:
         """What is physically there."""
@@ -174,9 +166,7 @@ class DiagnosedEffect:
             **_named(self.effect),
             **plain(self, "p_value p_value_of_all rms rms_held_out"),
             "parameters": _estimates(self.parameters),
-            "indistinguishable_from": [alias.to_dict() for alias in self.indistinguishable_from],
-            "indistinguishable_pairs": [alias.to_dict() for alias in self.indistinguishable_pairs],
-            "meaning": self.meaning,
+            **plain(self, "indistinguishable_from indistinguishable_pairs meaning"),
         }
 
 
@@ -208,8 +198,8 @@ class Ranked:
     explains: float
 
 
-@dataclass(frozen=True)
-class Unexplained:
+@dataclass(frozen=True, repr=False)
+class Unexplained(Result):
     """A form of what no effect of the catalogue explains, as an effect of the user's own.
 
     Attributes
@@ -238,9 +228,6 @@ class Unexplained:
     parameters: Mapping[str, Estimate]
     fit: Fit = field(repr=False, compare=False)
     p_value_of_all: float = 1.0
-
-    __repr__ = brief
-    _repr_html_ = html_of
 
     @property
     def component(self) -> str:
@@ -271,8 +258,8 @@ class Unexplained:
         }
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Result):
     """The effects that a model lacks, and the verdict, found from data alone.
 
     Attributes
@@ -324,9 +311,6 @@ class Diagnosis:
     undecided: tuple[Effect, ...] = ()
     wrong_bounds: str = ""
 
-    __repr__ = brief
-    _repr_html_ = html_of
-
     def __post_init__(self) -> None:
         for name in ("steps", "unexplained"):
             object.__setattr__(self, name, Records(getattr(self, name), _record))
@@ -377,18 +361,14 @@ class Diagnosis:
         found |= {
             "rows": self.rows,
             **self.base.observations.not_here,
-            "outliers": list(self.outliers),
-            "rms": self.rms.to_dict(),
-            "steps": [step.to_dict() for step in self.steps],
-            "unexplained": [form.to_dict() for form in self.unexplained],
-            "dependence": self.final_with_forms.dependence.to_dict(),
+            **plain(self, "outliers rms steps unexplained dependence=final_with_forms.dependence"),
         }
         if self.further_exclusions:
-            found["exclude"] = [entry.to_dict() for entry in self.further_exclusions]
+            found |= plain(self, "exclude=further_exclusions")
         if self.indistinguishable_sets:
-            found["indistinguishable_sets"] = [one.to_dict() for one in self.indistinguishable_sets]
+            found |= plain(self, "indistinguishable_sets")
         if self.verdict == "nothing_missing":
-            found["could_hide"] = [one.to_dict() for one in self.could_hide]
+            found |= plain(self, "could_hide")
         return found
 
     @property

@@ -30,7 +30,7 @@ from rodgen.machines.parameters import parameters_of
 from rodgen.machines.plausible import relative_corrections
 from rodgen.stages import each
 from rodgen.statistics.thresholds import CHECK
-from rodgen.views import brief, html_of
+from rodgen.views import Result, brief, html_of, plain
 
 FIRST_ROUNDS = 2
 """Rounds of a fit after which most repairs are seen to lead nowhere."""
@@ -98,9 +98,7 @@ class Mend:
         """Return it as plain data, with the numbers of the rows that it drops."""
         commands, readings = (observations.given(rows).tolist() for rows in self.unpaired(observations))
         return {
-            "change": self.words,
-            "of_machine": self.of_machine,
-            "of_data": self.of_data,
+            **plain(self, "change=words of_machine of_data"),
             "rows": observations.n - len(readings),
             "commands_without_readings": commands,
             "readings_without_commands": readings,
@@ -116,8 +114,8 @@ class Mend:
         return f"{left}: the commands of {places(commands)} and the readings of {places(readings)} have no partner."
 
 
-@dataclass(frozen=True)
-class Check:
+@dataclass(frozen=True, repr=False)
+class Check(Result):
     """Whether a machine file and its data are plausible.
 
     Attributes
@@ -146,9 +144,6 @@ class Check:
     after: float | None
     unit: str
     repairs: tuple[Mend, ...] = ()
-
-    __repr__ = brief
-    _repr_html_ = html_of
 
     @property
     def sentence(self) -> str:
@@ -194,14 +189,9 @@ class Check:
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, as ``rodgen check --json`` prints it."""
         return {
-            "machine": self.machine.name,
-            "data": self.observations.data.file,
+            **plain(self, "machine=machine.name data=observations.data.file"),
             **self.observations.not_here,
-            "wrong": self.wrong,
-            "suspicions": list(self.suspicions),
-            "error": self.before,
-            "error_mended": self.after,
-            "unit": self.unit,
+            **plain(self, "wrong suspicions error=before error_mended=after unit"),
             "repairs": [mend.to_dict(self.observations) for mend in self.repairs],
         }
 

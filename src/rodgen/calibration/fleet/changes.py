@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from rodgen.array_types import Array
 from rodgen.statistics.drift import Drifts, drifts, repeatability
 from rodgen.statistics.multiple_testing import discovery_rates
 from rodgen.statistics.thresholds import FLEET
+from rodgen.views import Result
 
 DAY = 86400.0
 
@@ -82,7 +83,7 @@ def moment(date: str) -> datetime:
 
 
 @dataclass(frozen=True)
-class Change:
+class Change(Result):
     """A parameter of a machine that is not the same on all nights.
 
     Attributes
@@ -111,10 +112,6 @@ class Change:
     rate: float
     alarm: bool
     new: bool
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return dict(self.__dict__)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from rodgen.calibration.fleet.store import Plan, read_plan, read_result
 from rodgen.statistics.multiple_testing import discovery_rates
 from rodgen.statistics.random_effects import Population, population
 from rodgen.statistics.thresholds import FLEET
-from rodgen.views import brief, html_of
+from rodgen.views import Result, plain
 
 RMS = "rms"
 """Key of the error that the model with all effects leaves, which is compared like a parameter."""
@@ -134,20 +134,16 @@ class FleetParameter:
         """Return it as plain data, without the single machines."""
         p = self.population
         return {
-            "key": self.key,
-            "unit": self.unit,
+            **plain(self, "key unit"),
             "machines": len(self.machines),
-            "mean": p.mean,
-            "mean_std": p.mean_std,
-            "spread": p.spread,
-            "spread_interval": list(p.spread_interval),
+            **plain(p, "mean mean_std spread spread_interval"),
             "typical_std": float(np.median(self.std)),
             "odd": [self.machines[i] for i in np.flatnonzero(p.odd)],
         }
 
 
 @dataclass(frozen=True, eq=False)
-class FleetEffect:
+class FleetEffect(Result):
     """An effect of machines of one kind.
 
     Attributes
@@ -166,6 +162,8 @@ class FleetEffect:
     of: int
     parameters: tuple[FleetParameter, ...]
 
+    keys = "effect=title found alike of common on_average parameters"
+
     @property
     def on_average(self) -> bool:
         """Whether no machine shows it by itself, and all together do."""
@@ -175,18 +173,6 @@ class FleetEffect:
     def common(self) -> bool:
         """Whether so many machines have it that it belongs to their design."""
         return self.found + self.alike >= FLEET.common * self.of and self.found > 1
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return {
-            "effect": self.title,
-            "found": self.found,
-            "alike": self.alike,
-            "of": self.of,
-            "common": self.common,
-            "on_average": self.on_average,
-            "parameters": [p.to_dict() for p in self.parameters],
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +196,7 @@ class Kind:
 
 
 @dataclass(frozen=True)
-class Odd:
+class Odd(Result):
     """A parameter of a machine that is not like that of the others.
 
     Attributes
@@ -237,18 +223,16 @@ class Odd:
     p_value: float
     rate: float
 
+    keys = "machine key unit effect value std mean mean_std spread p_value rate distance"
+
     @property
     def distance(self) -> float:
         """How many times the spread of the others and its own uncertainty it is away from their mean."""
         return (self.value - self.mean) / math.hypot(self.spread, self.std)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return {**self.__dict__, "distance": self.distance}
 
-
-@dataclass(frozen=True, eq=False)
-class Fleet:
+@dataclass(frozen=True, repr=False, eq=False)
+class Fleet(Result):
     """The results of a fleet.
 
     Attributes
@@ -261,9 +245,6 @@ class Fleet:
     folder: str
     plan: Plan
     machines: tuple[FleetMachine, ...]
-
-    __repr__ = brief
-    _repr_html_ = html_of
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:
@@ -341,14 +322,14 @@ class Fleet:
                 {
                     "kind": kind.title,
                     "machines": [machine.name for machine in kind.machines],
-                    "effects": [effect.to_dict() for effect in kind.effects],
+                    **plain(kind, "effects"),
                     "parameters": [p.to_dict() for p in kind.parameters if not p.effect],
                 }
                 for kind in self.kinds
             ],
-            "odd": [one.to_dict() for one in self.odd],
+            **plain(self, "odd"),
             "nights": [night.date for night in self.changes.nights],
-            "changes": [change.to_dict() for change in self.changes.found],
+            **plain(self, "changes=changes.found"),
             "alarms": {
                 "false_alarms_per_year": self.plan.false_alarms,
                 "tests": self.changes.tests,

@@ -25,7 +25,7 @@ from rodgen.statistics.columns import orthonormal_basis, project_out, unit_colum
 from rodgen.statistics.thresholds import VARIANCES
 from rodgen.statistics.variance_components import VarianceEstimator
 from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion, Whitener
-from rodgen.views import brief, html_of
+from rodgen.views import Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -229,8 +229,8 @@ class FitRows:
         return np.asarray(self.jacobian[:, :, list(self.fit.moving)])
 
 
-@dataclass(frozen=True, eq=False)
-class Dependence:
+@dataclass(frozen=True, repr=False, eq=False)
+class Dependence(Result):
     """How the errors of a fit's readings depend on each other, and the covariance of its parameters therefore.
 
     Attributes
@@ -247,8 +247,7 @@ class Dependence:
     covariance: Array | None
     factor: float = 1.0
 
-    __repr__ = brief
-    _repr_html_ = html_of
+    keys = "independent factor text"
 
     @property
     def independent(self) -> bool:
@@ -270,10 +269,6 @@ class Dependence:
             f"{capitalized(joined(who))} share errors; the standard deviations allow for that, and are up to "
             f"{self.factor:.2g} times those of independent readings."
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return {"independent": self.independent, "factor": self.factor, "text": self.text}
 
 
 def dependence(fit: FittedModel) -> Dependence:

@@ -14,9 +14,9 @@ All as standard deviations of a scalar reading.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.robust import HALF_OF_NORMAL
 from rodgen.statistics.thresholds import DETERMINACY, NOISE
-from rodgen.views import brief, html_of
+from rodgen.views import Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -103,8 +103,8 @@ class Replicates:
         )
 
 
-@dataclass(frozen=True)
-class NoiseFloor:
+@dataclass(frozen=True, repr=False)
+class NoiseFloor(Result):
     """Standard deviation of a scalar reading, without any model or nearly so.
 
     Attributes
@@ -149,21 +149,15 @@ class NoiseFloor:
     stated: float | None
     one_body: bool = False
 
-    __repr__ = brief
-    _repr_html_ = html_of
+    keys = (
+        "value unit source replicates replicated_poses drifts with_drifts repeated "
+        "distances distance_drifts stated one_body text"
+    )
 
     @property
     def text(self) -> str:
         """The noise in sentences."""
         return " ".join(_sentences(self))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return asdict(self) | {
-            "drifts": list(self.drifts),
-            "distance_drifts": list(self.distance_drifts),
-            "text": self.text,
-        }
 
 
 def noise_floor(fit: FittedModel) -> NoiseFloor:

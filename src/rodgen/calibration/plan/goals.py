@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from rodgen.calibration.plan.campaign import MOST_READINGS, PairGain, Search
 from rodgen.calibration.words import NAMES
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import PLAN
-from rodgen.views import plain
+from rodgen.views import Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -26,7 +26,7 @@ HARDLY = 0.005
 
 
 @dataclass(frozen=True)
-class Gain:
+class Gain(Result):
     """What one goal has now, and is expected to have with the planned readings.
 
     Attributes
@@ -56,13 +56,9 @@ class Gain:
     unit: str = ""
     determined: bool = True
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return asdict(self)
-
 
 @dataclass(frozen=True)
-class Goal:
+class Goal(Result):
     """Something that measurements are to settle.
 
     Attributes
@@ -91,15 +87,12 @@ class Goal:
     reached: bool
     gains: tuple[Gain, ...]
 
+    keys = "kind effects parameters sentence resolvable reached gain=gains"
+
     @property
     def sentence(self) -> str:
         """All sentences as one text."""
         return " ".join(self.sentences)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        found = plain(self, "kind effects parameters sentence resolvable reached")
-        return found | {"gain": [gain.to_dict() for gain in self.gains]}
 
 
 def goals_of(search: Search, fit: FittedModel) -> Iterator[Goal]:

@@ -27,7 +27,7 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.poses import moved_one_way
 from rodgen.errors import joined, shown
 from rodgen.statistics.thresholds import PLAN
-from rodgen.views import brief, html_of, plain
+from rodgen.views import Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -43,8 +43,8 @@ WHOLE_TURN = 0.9
 """Part of a turn from which data of a revolute joint cover all there is."""
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
+@dataclass(frozen=True, repr=False, eq=False)
+class Plan(Result):
     """Measurements to take next.
 
     Attributes
@@ -65,8 +65,7 @@ class Plan:
     notes: tuple[str, ...]
     needed: int | None
 
-    __repr__ = brief
-    _repr_html_ = html_of
+    keys = "readings=count needed resolvable reached rows goals notes"
 
     @property
     def count(self) -> int:
@@ -107,16 +106,6 @@ class Plan:
         if not self.count:
             raise PlanError("no rows to write", "a plan with something to measure, see its notes")
         write_file(path, self.csv().encode())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the plan as plain data, as `rodgen plan --json` prints it."""
-        return {
-            "readings": self.count,
-            **plain(self, "needed resolvable reached"),
-            "rows": {name: list(values) for name, values in self.rows.items()},
-            "goals": [goal.to_dict() for goal in self.goals],
-            **plain(self, "notes"),
-        }
 
     def summary(self) -> str:
         """Return the plan as text."""

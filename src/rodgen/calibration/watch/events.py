@@ -7,7 +7,7 @@ from typing import Any
 
 from rodgen.calibration.fitted import Estimate
 from rodgen.errors import joined
-from rodgen.views import html_of
+from rodgen.views import with_html
 
 LARGE = 3.0
 """Factor of the noise beyond which it may as well be that several effects have changed: instruments seldom do that."""
@@ -17,6 +17,7 @@ MOST = 8
 """Alternatives that are listed."""
 
 
+@with_html
 @dataclass(frozen=True)
 class Event:
     """Something that a watch reports.
@@ -32,8 +33,6 @@ class Event:
 
     at: int
     counted: str
-
-    _repr_html_ = html_of
 
     @property
     def is_alarm(self) -> bool:

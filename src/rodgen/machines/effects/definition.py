@@ -278,10 +278,7 @@ class EffectDefinition:
         return {
             "name": self.name,
             "at": sorted(self.at),
-            "component": self.component,
-            "formula": self.formula.text,
-            "slope": self.slope.text if self.slope is not None else None,
-            "equation": self.equation,
+            **plain(self, "component formula=formula.text slope=slope.text equation"),
             "parameters": self.units(),
             "parameters_of_directions": self.for_measurand(DIRECTION).units(measurand=DIRECTION),
             **plain(self, "later_joints of_drive"),
