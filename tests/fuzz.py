@@ -504,7 +504,7 @@ def originals() -> list[Case]:
             if "--undo" in command:
                 entry = f'[measured]\nset_aside = [{{ rows = "4", file = "{name}.csv", why = "x" }}]\n'
                 own = own.replace(b"[measured]\n", entry.encode())
-            files = {f"{name}.toml": own, f"{name}.csv": rows(data, 24)}
+            files = {f"{name}.toml": own, f"{name}.csv": rows(data, 40)}
             if "limits.toml" in command:
                 files["limits.toml"] = LIMITS
             found.append(
