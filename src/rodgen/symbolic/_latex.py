@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import sympy as sp
@@ -209,87 +210,54 @@ class _Printer(LatexPrinter):  # type: ignore[misc]
     def _print_MatAdd(self, total: Any) -> str:
         return _sum([str(self._print(term)) for term in _ordered_terms(total)])
 
-    def lines(self, formula: Any, width: int) -> list[str]:
-        """Typeset a formula in lines that are not wider, where it can be broken between terms."""
-        width = max(width, 40)
-        text = str(self._print(formula))
-        if rendered_width(text) <= width:
-            return [text]
-        if isinstance(formula, sp.Add | sp.MatAdd):
-            return self._lines_of_sum(formula, width)
-        if isinstance(formula, sp.MatrixBase):
-            return [self._broken_matrix(formula, width)]
-        if formula.is_Mul:
-            return self._lines_of_product(formula, width)
-        if formula.is_Pow and formula.base.is_Add and formula.exp.is_Integer and formula.exp > 0:
-            return _bracketed("", self.lines(formula.base, width - 4), f"^{{{formula.exp}}}")
-        if formula.is_Pow and formula.exp == sp.S.Half:
-            return [rf"\sqrt{{{_stacked(self.lines(formula.base, width - 4))}}}"]
-        if isinstance(formula, sp.MatMul) and formula.args[0].is_Add:
-            rest = formula.func(*formula.args[1:])
-            return _bracketed("", self.lines(formula.args[0], width - 4), rf" \, {self._print(rest)}")
-        if isinstance(formula, sp.And | sp.Or | sp.Implies):
-            sign = {sp.And: r"\wedge", sp.Or: r"\vee", sp.Implies: r"\Rightarrow"}[formula.func]
-            parts = [rf"\left({self._print(part)}\right)" for part in formula.args]
-            return [parts[0], *(f"{sign} {part}" for part in parts[1:])]
-        return [text]
 
-    def _lines_of_sum(self, total: Any, width: int) -> list[str]:
-        lines = [""]
-        for number, term in enumerate(_ordered_terms(total)):
-            first, *others = self.lines(term, width - 4)
-            if number and not first.startswith("-"):
-                first = f"+ {first}"
-            if number and first.startswith("-"):
-                first = f"- {first[1:].lstrip()}"
-            if lines[-1] and rendered_width(f"{lines[-1]} {first}") > width:
-                lines.append(first)
-            else:
-                lines[-1] = f"{lines[-1]} {first}".lstrip()
-            lines += others
-        return lines
-
-    def _lines_of_product(self, product: Any, width: int) -> list[str]:
-        coefficient, rest = product.as_coeff_Mul()
-        if coefficient < 0:
-            first, *others = self.lines(_times(-coefficient, rest), width - 2)
-            return [f"- {first}", *others]
-        numerator, denominator = sp.fraction(product, exact=True)
-        if denominator != 1:
-            parts = (_stacked(self.lines(part, width - 4)) for part in (numerator, denominator))
-            return [rf"\frac{{{next(parts)}}}{{{next(parts)}}}"]
-        factors = sorted(product.as_ordered_factors(), key=self._rank)
-        lines: list[str] = [""]
-        for factor in factors:
-            text = str(self._print(factor))
-            if factor.is_Add and rendered_width(text) > width // 2:
-                found = _bracketed("", self.lines(factor, width - 4), "")
-            elif factor.is_Add:
-                found = [rf"\left({text}\right)"]
-            else:
-                found = self.lines(factor, width - 4)
-            if lines[-1] and rendered_width(f"{lines[-1]} {found[0]}") > width:
-                lines.append(rf"\cdot {found[0]}")
-            else:
-                lines[-1] = f"{lines[-1]} {found[0]}".lstrip()
-            lines += found[1:]
-        return lines
-
-    def _broken_matrix(self, matrix: sp.MatrixBase, width: int) -> str:
-        rows, columns = matrix.shape
-        cells = [
-            [_stacked(self.lines(matrix[i, j], width // columns)) for j in range(columns)]
-            for i in range(rows)
-        ]
-        return (
-            r"\left[\begin{matrix}" + r" \\ ".join(" & ".join(row) for row in cells) + r"\end{matrix}\right]"
-        )
+def _lines(tex: str, width: int) -> list[str]:
+    """Break LaTeX before signs into lines that are not wider, as far as there are signs."""
+    width = max(width, 40)
+    lines = [""]
+    for part in _split(tex, _SIGNS):
+        narrow = _narrowed(part.strip(), width)
+        if lines[-1] and rendered_width(f"{lines[-1]} {narrow}") > width:
+            lines.append(narrow)
+        else:
+            lines[-1] = f"{lines[-1]} {narrow}".lstrip()
+    return lines
 
 
-def _bracketed(before: str, lines: Sequence[str], after: str) -> list[str]:
-    """Put lines into brackets that may end on another line."""
-    first, *others = [*lines[:-1], rf"{lines[-1]} \bigr){after}"]
-    return [rf"{before}\bigl({first}", *(rf"\quad {line}" for line in others)]
+def _narrowed(tex: str, width: int) -> str:
+    """Break what stands in brackets, fractions, roots and the cells of matrices."""
+    if rendered_width(tex) <= width:
+        return tex
+    ends = [at for at, token, depth in _depths(tex) if depth == 0 and token in _CLOSING]
+    starts = [at + len(token) for at, token, depth in _depths(tex) if depth == 1 and token in _OPENING]
+    groups = [(a, b) for a, b in zip(starts, ends, strict=True) if rendered_width(tex[a:b]) > width // 4]
+    beside = sum(not tex[:a].endswith("}{") for a, _ in groups)
+    for a, b in reversed(groups):
+        room, mark, cells = (width - 4) // max(beside, 1), "", [tex[a:b]]
+        if tex[:a].endswith(r"\left"):
+            mark = r"\\.|."
+        elif tex[:a].endswith(r"\begin"):
+            mark, cells = r"\{\w+\}|&|\\\\|", _split(tex[a:b], ("&", r"\\"))
+            rows = 1 + sum(cell.startswith(r"\\") for cell in cells)
+            room //= max(len(cells) // rows, 1)
+        marked = [(found.group(), cell[found.end() :]) for cell in cells if (found := re.match(mark, cell))]
+        inner = [mark + _stacked(_lines(cell, room)) for mark, cell in marked]
+        tex = tex[:a] + " ".join(inner) + tex[b:]
+    return tex
+
+
+def _split(tex: str, marks: Collection[str]) -> list[str]:
+    """Return the parts of LaTeX that begin with these tokens outside all brackets."""
+    places = [at for at, token, depth in _depths(tex) if at and depth == 0 and token in marks]
+    return [tex[a:b] for a, b in itertools.pairwise([0, *places, len(tex)])]
+
+
+def _depths(tex: str) -> Iterator[tuple[int, str, int]]:
+    """Yield the tokens of LaTeX, where they are, and how many groups are open after each."""
+    depth = 0
+    for found in _TOKEN.finditer(tex):
+        depth += (found.group() in _OPENING) - (found.group() in _CLOSING)
+        yield found.start(), found.group(), depth
 
 
 def _stacked(lines: Sequence[str]) -> str:
@@ -341,22 +309,21 @@ def latex_lines(formula: sp.Basic, names: Mapping[sp.Basic, str], width: int, mo
 
     Of more lines than `most` the first are shown, and the number of the others.
     """
-    printer = _Printer(names)
-    text = str(printer.doprint(formula))
+    text = latex(formula, names)
     if rendered_width(text) <= width:
         return text
     if not isinstance(formula, sp.core.relational.Relational):
-        lines = [f"& {line}" for line in _cut(printer.lines(formula, width), most)]
+        lines = [f"& {line}" for line in _cut(_lines(text, width), most)]
         return r"\begin{aligned} " + r" \\ ".join(lines) + r" \end{aligned}"
     sign = {"==": "=", "!=": r"\neq", ">=": r"\geq", "<=": r"\leq"}.get(formula.rel_op, formula.rel_op)
-    left = str(printer.doprint(formula.lhs))
+    left, right = (latex(side, names) for side in formula.args)
     if rendered_width(left) <= width // 3:
-        first, *others = _cut(printer.lines(formula.rhs, width - rendered_width(left) - 3), most)
+        first, *others = _cut(_lines(right, width - rendered_width(left) - 3), most)
         lines = [f"{left} &{sign} {first}", *(rf"&\quad {line}" for line in others)]
     else:
-        first, *others = _cut(printer.lines(formula.lhs, width), most)
+        first, *others = _cut(_lines(left, width), most)
         lines = [f"& {first}", *(rf"&\quad {line}" for line in others)]
-        first, *others = _cut(printer.lines(formula.rhs, width - 4), most)
+        first, *others = _cut(_lines(right, width - 4), most)
         lines += [rf"&\quad {sign} {first}", *(rf"&\qquad {line}" for line in others)]
     return r"\begin{aligned} " + r" \\ ".join(lines) + r" \end{aligned}"
 
@@ -391,6 +358,8 @@ _SILENT = frozenset(
     "dfrac sqrt operatorname begin end overline".split()
 )
 _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|[{}^_&]|\s+|.", re.DOTALL)
+_SIGNS = ("+", "-", r"\cdot", r"\wedge", r"\vee", r"\Rightarrow")
+_OPENING, _CLOSING = ("{", r"\left", r"\begin"), ("}", r"\right", r"\end")
 _SCRIPT = 0.7
 """Size of a subscript or superscript."""
 
