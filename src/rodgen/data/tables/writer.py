@@ -142,7 +142,9 @@ class _Stdout(Output):
             if binary is None:  # standard output was replaced by a text buffer
                 sys.stdout.write(self._held.getvalue().decode())
             else:
-                binary.write(self._held.getbuffer())
+                rest = self._held.getbuffer()
+                while rest:  # where standard output is not buffered, it may take a part
+                    rest = rest[binary.write(rest) :]
                 binary.flush()
 
     def clean(self) -> None:
