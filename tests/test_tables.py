@@ -185,6 +185,7 @@ MALFORMED = {
     "typographic minus": (cell("−12"), "'−12', with a typographic minus sign; expected a plain hyphen, '-'"),
     "fortran exponent": (cell("1.2D+01"), "'1.2D+01'; expected the exponent after an e, 1.2e+01"),
     "thousands": (cell("1'200.5"), "line 3, column 'rho_z [mm]': '1'200.5'; expected a number"),
+    "digits of another script": (cell("١٢"), "line 3, column 'rho_z [mm]': '١٢'; expected a number"),
     "hexadecimal": (cell("0x10"), "line 3, column 'rho_z [mm]': '0x10'; expected a number"),
     "underscore": (cell("1_000"), "line 3, column 'rho_z [mm]': '1_000'; expected a number"),
     "escape sequence": (cell("\x1b[31m"), r"line 3, column 'rho_z [mm]': '\x1b[31m'; expected a number"),

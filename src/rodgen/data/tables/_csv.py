@@ -321,7 +321,7 @@ class CsvTable(Table):
             return f"{shown(stripped)}, with a typographic minus sign", "a plain hyphen, '-'"
         if re.fullmatch(r"[+-]?[\d.]+[dD][+-]?\d+", stripped):
             return shown(stripped), f"the exponent after an e, {re.sub('[dD]', 'e', stripped)}"
-        if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", stripped):
+        if _NUMBER.fullmatch(stripped):
             return f"{shown(stripped)}, too large for a double", "a finite number"
         if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*[^\d\s.,;]+", stripped):
             return shown(stripped), "a number alone (its unit stands in the header)"
@@ -359,7 +359,10 @@ def _floats(column: pa.ChunkedArray) -> pa.Array:
 
 
 def _most_bytes() -> int:
-    """Return the size of the largest table that is read: half of the memory of the computer, where it is known."""
+    """Return the size of the largest table that is read, which takes up to four times as much memory.
+
+    That is a quarter of the memory of the computer, where it is known.
+    """
     if not hasattr(os, "sysconf"):
         return sys.maxsize
-    return int(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")) // 2
+    return int(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")) // 4
