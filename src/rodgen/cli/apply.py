@@ -252,6 +252,8 @@ class _Call:
             key, sign, value = text.partition("=")
             if not sign or key not in self.known:
                 raise refused("--set", shown(text), f"NAME=VALUE, where NAME is {listed(self.known)}")
+            if key in self.set:
+                raise refused("--set", f"{key} twice", "one value for an argument")
             self.set[key] = value
         self.taken = [
             key for key in self.ports if self.set.get(key, "" if defaults[key] else "column") == "column"
