@@ -356,7 +356,7 @@ def test_files_of_a_set_appear_together(tmp_path):
     assert (tmp_path / "new" / "c").read_bytes() == b"3"
     assert (tmp_path / "deep" / "er" / "b").read_bytes() == b"2"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "deep", "new", "now"]
-    assert [os.path.basename(file) for file in outputs.completed] == ["new", "a", "b"]
+    assert [os.path.basename(file) for file in outputs.completed] == ["new", "now", "a", "b"]
 
 
 def test_nothing_of_a_set_that_fails_stays(tmp_path):

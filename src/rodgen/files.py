@@ -325,6 +325,21 @@ class OutputSet:
         self._written, self._folders = [], []
 
 
+class _AtOnce(OutputSet):
+    """Files that appear one by one, in the block of another set."""
+
+    def __init__(self, around: OutputSet) -> None:
+        super().__init__()
+        self.completed = around.completed
+
+    def check(self, file: str, place: str) -> None:
+        """Accept any file: what is read here, such as a state, may be written again."""
+
+    def add(self, output: Output) -> None:
+        self._written = [output]
+        self.commit()
+
+
 def _identity(file: str) -> tuple[int, int] | None:
     """Return what is the same for all names of a file; None where there is no file, or a device."""
     with contextlib.suppress(OSError, ValueError):
@@ -346,8 +361,9 @@ def publish_outputs() -> None:
 
 @contextlib.contextmanager
 def written_at_once() -> Iterator[None]:
-    """Let each file of the block appear as soon as it is complete, as where no `OutputSet` is around."""
-    token = _outputs.set(None)
+    """Let each file of the block appear as soon as it is complete; an `OutputSet` around counts it as `completed`."""
+    around = _outputs.get()
+    token = _outputs.set(around and _AtOnce(around))
     try:
         yield
     finally:

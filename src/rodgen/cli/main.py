@@ -39,7 +39,7 @@ from rodgen.cli._console import (
 )
 from rodgen.cli._progress import Display, display
 from rodgen.cli._values import EditedMachine, InputFile, OutputFile, OutputFolder, OutputTable, StateFile
-from rodgen.errors import InputFileError, NotConvergedError, RodgenError
+from rodgen.errors import MOST_NAMES, InputFileError, NotConvergedError, RodgenError
 from rodgen.files import OutputSet
 from rodgen.stages import listening
 
@@ -217,8 +217,10 @@ def _of_other_form(error: RodgenError, options: argparse.Namespace) -> str:
 
 def _complete(completed: Sequence[str]) -> str:
     """Return which files are complete, for the end of a line; empty where none is."""
-    files = ", ".join(dict.fromkeys(file for file in completed if os.path.exists(file)))
-    return f"complete: {files}" if files else ""
+    files = [file for file in dict.fromkeys(completed) if os.path.exists(file)]
+    if len(files) > MOST_NAMES + 1:  # of a fleet
+        files[MOST_NAMES:] = [f"{len(files) - MOST_NAMES} more"]
+    return f"complete: {', '.join(files)}" if files else ""
 
 
 def _internal_error(error: Exception, called: str, debug: bool, completed: Sequence[str]) -> int:
