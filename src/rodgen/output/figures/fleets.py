@@ -40,7 +40,7 @@ def fleet_parameter(parameter: FleetParameter) -> go.Figure:
 
     Parameters
     ----------
-    parameter : rodgen.calibration.fleet.FleetParameter
+    parameter : rodgen.calibration.fleet.fleet.FleetParameter
     """
     p, n = parameter.population, len(parameter.machines)
     order = np.argsort(parameter.values)
