@@ -13,7 +13,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,10 @@ from numpy.typing import NDArray
 from rodgen.data.tables import open_csv, open_frame, open_table
 from rodgen.data.tables.columns import MEASUREMENTS
 from rodgen.data.tables.parts import Part, parts_of
-from rodgen.data.tables.table import places_of, row_place, values_of
+from rodgen.data.tables.table import Table, places_of, row_place, values_of
 from rodgen.data.units import UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
 from rodgen.views import data_frame, html_of_table
-
-if TYPE_CHECKING:
-    from rodgen.data.tables.table import Table
 
 __all__ = ["UNNAMED", "Measurements", "Names", "Numbers", "Places", "Scan", "plain_name"]
 

@@ -24,7 +24,7 @@ from rodgen.errors import InputFileError, RodgenError, UnexpectedError, in_file,
 from rodgen.files import write_file
 from rodgen.machines.coupling import Couplings, couplings_of
 from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
-from rodgen.machines.files.read import machine_of, read_machine
+from rodgen.machines.files.read import ColumnSource, machine_of, read_machine
 from rodgen.machines.files.write import description, machine_text
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
@@ -47,7 +47,6 @@ from rodgen.views import html_of_text
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
     from rodgen.data.measurements import Measurements
-    from rodgen.machines.files.read import ColumnSource
 
 _UNIT = 1e-9
 """How far the length of a unit vector may be off 1."""

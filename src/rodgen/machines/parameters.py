@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 from rodgen.data.units import unit_factor
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.measured import TURNS
-from rodgen.machines.parts import Known, known_of
+from rodgen.machines.parts import Effect, Known, known_of
 from rodgen.machines.structure import GEOMETRY, Structure, row_effects
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
-    from rodgen.machines.parts import Effect
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from rodgen.calibration.fitted import Estimate
+from rodgen.calibration.fitted import Estimate, FittedModel
 from rodgen.data.units import unit_factor
 from rodgen.machines.effects.plausibility import Plausibility
 from rodgen.machines.machine import Effect
 from rodgen.statistics.columns import inverse_root
-
-if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
 
 
 class EffectEstimates:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.calibration.diagnose.candidates import candidates, without_imitated
+from rodgen.calibration.diagnose.candidates import Candidate, candidates, without_imitated
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import one_thread_in_blas
@@ -24,7 +24,6 @@ from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose.candidates import Candidate
     from rodgen.calibration.fitted import FittedModel
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem.assembly_modes import closed
 from rodgen.calibration.problem.attitudes import ANGULAR, UnfitAttitudeError, matrices
-from rodgen.data.measurements import Measurements, Numbers, plain_name
+from rodgen.data.measurements import Measurements, Names, Numbers, plain_name
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach, poses
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
@@ -24,7 +24,6 @@ from rodgen.machines.measured import MEASURANDS, NOTATIONS, TURNS
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
-    from rodgen.data.measurements import Names
     from rodgen.machines.machine import Joint, Machine
 
 __all__ = ["bind", "bind_once", "names_of"]

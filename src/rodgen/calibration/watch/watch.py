@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.calibration.fitted import Estimate
+from rodgen.calibration.fitted import Estimate, FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.watch.columns import Alternative, WatchedColumns
 from rodgen.calibration.watch.events import Changed, Event, Likely, OutlierSeen, Range, Stuck
@@ -31,7 +31,6 @@ from rodgen.statistics.change_detector import ChangeDetector, Found
 from rodgen.statistics.thresholds import WATCH
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
 __all__ = ["Stored", "Watch", "frequency", "stored"]

@@ -39,7 +39,6 @@ from rodgen.machines.rigid import rotation_vector
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
-    from rodgen.machines.emit._scope import Scope
     from rodgen.machines.machine import Machine
     from rodgen.machines.parameters import Parameter
 

@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.machines.emit._geometry import of_couplings
+from rodgen.machines.emit._geometry import Geometry, of_couplings
 from rodgen.machines.emit._numbers import K, said_of_uncertainties, standard, uncertain_number
 from rodgen.machines.files.write import toml_string
 from rodgen.machines.imports.denavit_hartenberg import CONVENTIONS
 from rodgen.machines.rigid import rotation_matrix
 
 if TYPE_CHECKING:
-    from rodgen.machines.emit._geometry import Geometry
     from rodgen.machines.machine import Machine
 
 PARALLEL = math.sin(math.radians(1.0))

@@ -30,7 +30,7 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError, joined
-from rodgen.machines.effects.formula import ARRAY_FUNCTIONS
+from rodgen.machines.effects.formula import ARRAY_FUNCTIONS, Formula
 from rodgen.machines.emit._content import title_of
 from rodgen.machines.emit._geometry import CONSTANT, located
 from rodgen.machines.emit._numbers import (
@@ -49,7 +49,6 @@ from rodgen.machines.rigid import complete_basis
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
-    from rodgen.machines.effects.formula import Formula
     from rodgen.machines.machine import Machine
     from rodgen.machines.model import Model
     from rodgen.machines.parts import Effect, Joint

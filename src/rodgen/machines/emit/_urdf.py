@@ -23,14 +23,13 @@ from rodgen.array_types import Array
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError, joined, listed
 from rodgen.files import decoded, read_input
-from rodgen.machines.emit._geometry import geometry_of, located, of_couplings
+from rodgen.machines.emit._geometry import Geometry, geometry_of, located, of_couplings
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.imports.imported import machine_name
 from rodgen.machines.imports.urdf import MOVING, UrdfJoint, joints_of
 from rodgen.machines.rigid import complete_basis, roll_pitch_yaw, rotation_matrix
 
 if TYPE_CHECKING:
-    from rodgen.machines.emit._geometry import Geometry
     from rodgen.machines.machine import Joint, Machine
 
 

@@ -12,7 +12,6 @@ from typing import Any as _Any
 if _TYPE_CHECKING:
     from rodgen.output.figures.axis import axis_fit as axis_fit
     from rodgen.output.figures.comparisons import comparison as comparison
-    from rodgen.output.figures.comparisons import residuals_against as residuals_against
     from rodgen.output.figures.comparisons import residuals_in_order as residuals_in_order
     from rodgen.output.figures.diagnoses import diagnosis as diagnosis
     from rodgen.output.figures.diagnoses import planned_poses as planned_poses
@@ -61,7 +60,6 @@ _PLACES = {
     "residual_map": "maps",
     "residual_plot": "residuals",
     "residual_vectors": "machines",
-    "residuals_against": "comparisons",
     "residuals_in_order": "comparisons",
     "save_figure": "files",
     "save_figures": "files",

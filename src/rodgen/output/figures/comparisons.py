@@ -51,22 +51,6 @@ def comparison(comparison: Comparison) -> Iterator[go.Figure]:
 # against a covariate -----------------------------------------------------------------------------------------------
 
 
-def residuals_against(comparison: Comparison, covariate: Driver, name: str = "by_covariate") -> go.Figure:
-    """Return the residuals against a covariate, with a smooth curve, or means where it has categories.
-
-    Curve and means have bands of two standard errors, poses taken as independent.
-
-    Parameters
-    ----------
-    comparison : rodgen.calibration.compare.Comparison
-    covariate : rodgen.data.drivers.Driver
-        One of ``comparison.covariates``.
-    name : str, optional
-        Of the figure's files.
-    """
-    return _against(DrawnRows(comparison.fit), comparison.sample, covariate, name)
-
-
 def _against(rows: DrawnRows, sample: Sample, covariate: Driver, name: str) -> go.Figure:
     panels = components_of(rows)
     cells = [*(sample.residual * rows.factors).T]

@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.calibration.diagnose.diagnosis import Unexplained
+from rodgen.calibration.diagnose.diagnosis import Diagnosis, Unexplained
 from rodgen.calibration.words import plain
 from rodgen.output.figures.distributions import autocorrelation_of_residuals, quantiles_of_residuals
 from rodgen.output.figures.drawn_rows import MOST_MARKS, PLANNED, DrawnRows, coordinate, planned_rows
@@ -24,7 +24,6 @@ from rodgen.output.figures.style import BLUE, GREY, Panel, column, describe, eve
 from rodgen.output.numbers import Shown, percent, shown_unit
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose.diagnosis import Diagnosis
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan import Plan
     from rodgen.data.drivers import Driver

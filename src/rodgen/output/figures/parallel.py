@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from rodgen.array_types import Array
-from rodgen.kinematics.three_sps_s import OrientationStatus
+from rodgen.kinematics.three_sps_s import OrientationStatus, Workspace
 from rodgen.output.figures.style import (
     GREY,
     INK,
@@ -27,7 +27,6 @@ from rodgen.output.figures.style import (
 from rodgen.output.numbers import minus
 
 if TYPE_CHECKING:
-    from rodgen.kinematics.three_sps_s import Workspace
     from rodgen.kinematics.tricept import UncertaintyMap
 
 QUANTITIES = ("u(Qx)", "u(Qy)", "u(Qz)", "largest semi-axis")
