@@ -28,11 +28,6 @@ def product(*matrices: list[list[Any]]) -> list[list[Any]]:
     return found
 
 
-def transposed(matrix: list[list[Any]]) -> list[list[Any]]:
-    """Transposed matrix."""
-    return [list(column) for column in zip(*matrix, strict=True)]
-
-
 def closing(open_chain: list[list[Any]], sine: Any) -> dict[str, tuple[Any, Any]]:
     """Cosines and sines of θ₁, of the last twist and of the last joint angle, given that twist's sine.
 

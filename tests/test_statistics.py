@@ -248,7 +248,6 @@ def test_what_a_group_alone_knows_is_not_divided_by_zero() -> None:
     hat, residual = np.diag([1.0, 0.75]), np.array([2.0, 3.0])
     np.testing.assert_allclose(undo_leverage(hat, residual, 1.0), [0, 12])
     np.testing.assert_allclose(undo_leverage(hat, residual, 0.5), [0, 6])
-    np.testing.assert_allclose(undo_leverage(hat, residual, 1.0, alone=np.array([7.0, 8.0])), [7, 12])
     np.testing.assert_allclose(undo_leverage(hat, residual, 1.0, cap=0.5), [4, 6])
     np.testing.assert_allclose(undo_leverage(hat[:1, :1], residual[:1], 0.5, cap=0.75), [4])
 

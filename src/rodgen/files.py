@@ -9,7 +9,6 @@ import os
 import secrets
 import shutil
 import stat
-import sys
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from io import BufferedReader
@@ -47,9 +46,7 @@ def open_input(file: str, expected: str) -> BufferedReader:
         raise unreadable(file, error, expected) from None
 
 
-def read_input(
-    file: str, expected: str, usual: str = "", *, largest: int | None = None, pipe: bool = False
-) -> bytes:
+def read_input(file: str, expected: str, usual: str = "", *, largest: int | None = None) -> bytes:
     """Return the content of a small file.
 
     Parameters
@@ -60,8 +57,6 @@ def read_input(
         What is expected instead of a larger file; left out, `expected`.
     largest : int, optional
         Largest size in bytes, whole megabytes; of a larger file no more is read. Default: `limits.FILE`.
-    pipe : bool
-        Whether ``"-"`` is standard input.
 
     Raises
     ------
@@ -70,14 +65,8 @@ def read_input(
     """
     most = limits.FILE if largest is None else largest
     try:
-        if pipe and file == "-":
-            file = "standard input"
-            if sys.stdin is None:
-                raise InputFileError(file, "file", "closed", expected)
-            content = sys.stdin.buffer.read(most + 1)
-        else:
-            with open_input(file, expected) as stream:
-                content = stream.read(most + 1)
+        with open_input(file, expected) as stream:
+            content = stream.read(most + 1)
     except OSError as error:
         raise unreadable(file, error, expected) from None
     if len(content) > most:

@@ -331,7 +331,6 @@ class FittedModel:
         observations: Observations | None = None,
         *,
         outliers: NDArray[np.bool_] | None = None,
-        compiled: bool | None = None,
     ) -> Self:
         """Return a fit of another machine, or to other observations, without outliers if these are known.
 
@@ -341,14 +340,13 @@ class FittedModel:
             Left out: the one that was fitted.
         observations : Observations, optional
             Left out: those of this fit.
-        outliers, compiled
+        outliers
             As of :func:`rodgen.calibration.fit.fit`.
         """
         return self.to(
             self.machine if machine is None else machine,
             self.observations if observations is None else observations,
             outliers=outliers,
-            compiled=compiled,
         )
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import jinja2
 
@@ -61,9 +61,9 @@ def template_environment(package: str) -> jinja2.Environment:
 ENVIRONMENT = template_environment("rodgen.codegen")
 
 
-def scale_functions(kinds: Sequence[str] = tuple(REALS)) -> str:
+def scale_functions() -> str:
     """Return the C functions of ``power_of_two_scale``."""
-    return ENVIRONMENT.get_template("scale.h.j2").render(kinds=kinds).strip("\n")
+    return ENVIRONMENT.get_template("scale.h.j2").render().strip("\n")
 
 
 def matlab_helpers(code: str) -> str:

@@ -169,7 +169,7 @@ def inverse_root(gram: Array, *, least: float = 0.0, relative: float = 0.0) -> A
     return np.asarray(vectors[:, kept] / np.sqrt(values[kept]))
 
 
-def fall_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative: float = 0.0) -> float:
+def fall_from_products(gram: Array, pull: Array, *, relative: float) -> float:
     """Return by how much columns X lower a sum of squares rᵀr, from the products XᵀX and Xᵀr alone.
 
     Parameters
@@ -178,10 +178,10 @@ def fall_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative
         XᵀX.
     pull : ndarray, shape (k,)
         Xᵀr.
-    least, relative : float
+    relative : float
         Of the directions that count; see :func:`inverse_root`.
     """
-    return float(falls_from_products(gram, pull, least=least, relative=relative))
+    return float(falls_from_products(gram, pull, relative=relative))
 
 
 def falls_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative: float = 0.0) -> Array:

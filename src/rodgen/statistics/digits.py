@@ -23,16 +23,16 @@ def last_decimal(size: Array | float, digits: int) -> Array:
     return np.asarray(np.clip(digits - 1 - first, -300, 300))
 
 
-def in_column(value: float, smallest: float, digits: int = 3) -> str:
-    """Return a number with the decimals of a column, whose smallest number has so many significant digits.
+def in_column(value: float, smallest: float) -> str:
+    """Return a number with the decimals of a column, whose smallest number has three significant digits.
 
     Examples
     --------
     >>> in_column(12.3456, 0.9996), in_column(12.3456, 0.0), in_column(12345.6, 1e4)
     ('12.35', '12.35', '1.23e+04')
     """
-    decimals = int(last_decimal(smallest, digits)) if smallest > 0 else digits - 1
-    return f"{value:.{decimals}f}" if 0 <= decimals <= 9 else f"{value:.{digits}g}"
+    decimals = int(last_decimal(smallest, 3)) if smallest > 0 else 2
+    return f"{value:.{decimals}f}" if 0 <= decimals <= 9 else f"{value:.3g}"
 
 
 def round_by(values: Array, u: Array) -> Array:

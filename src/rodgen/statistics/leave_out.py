@@ -28,9 +28,7 @@ ALONE = 1e-6
 others then predict nothing along it. Far above rounding (1e-13), far below what a pose of many leaves."""
 
 
-def undo_leverage(
-    hat: Array, residual: Array, power: float, *, cap: float | None = None, alone: Array | None = None
-) -> Array:
+def undo_leverage(hat: Array, residual: Array, power: float, *, cap: float | None = None) -> Array:
     """Return (1 - H)⁻ᵖ r of each group, H its block of the hat matrix.
 
     Parameters
@@ -42,9 +40,7 @@ def undo_leverage(
         p: 1 for residuals of a fit without the group, ½ for residuals of the size of errors.
     cap : float, optional
         Eigenvalues of H above it count as it. Left out: where they exceed 1 - :data:`ALONE` the group alone determines
-        that direction, and the result is that of `alone`.
-    alone : ndarray, shape (b,), optional
-        Left out: 0.
+        that direction, and the result is 0.
     """
     if hat.shape[-1] == 1 and cap is not None:
         return np.asarray(residual / (1 - np.clip(hat[..., 0], 0.0, cap)) ** power)
@@ -55,8 +51,6 @@ def undo_leverage(
     else:
         factor = (1 - np.clip(values, 0.0, cap)) ** -power
     along = np.einsum("...ji,...j->...i", vectors, residual) * factor
-    if alone is not None and cap is None:
-        along = np.where(known, along, alone @ vectors)
     return np.asarray(np.einsum("...ij,...j->...i", vectors, along))
 
 

@@ -45,15 +45,13 @@ FIGURE = """\
 </figure>"""
 
 
-def figure_page(figures: Iterable[go.Figure], title: str = "") -> str:
-    """Return a page that shows figures below each other.
+def figure_page(figures: Iterable[go.Figure]) -> str:
+    """Return a page that shows figures below each other, with the title of the first.
 
     Parameters
     ----------
     figures : iterable of plotly.graph_objects.Figure
         Made by the functions of `rodgen.figures`.
-    title : str, optional
-        Of the page; that of the first figure where it is left out.
     """
     listed = list(figures)
     style = asset("figures.css")
@@ -67,7 +65,7 @@ def figure_page(figures: Iterable[go.Figure], title: str = "") -> str:
     code = scripts()
     return PAGE.format(
         policy=policy(*code),
-        title=html.escape(title or listed[0].layout.meta["title"]),
+        title=html.escape(listed[0].layout.meta["title"]),
         style=style,
         body="\n".join(body),
         figures=figures_json(listed),

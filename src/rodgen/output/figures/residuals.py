@@ -22,7 +22,6 @@ from rodgen.errors import RodgenError, joined
 from rodgen.output.figures.drawn_rows import (
     AT_EDGE,
     DEVIATIONS,
-    MOST_MARKS,
     DrawnRows,
     PlannedRows,
     planned_rows,
@@ -94,7 +93,6 @@ def residual_plot(
     selected: Collection[int] = (),
     aside: Collection[int] = (),
     planned: Plan | None = None,
-    most: int = MOST_MARKS,
 ) -> go.Figure:
     """Return the residuals of each row against something that was recorded, of one model or before and after.
 
@@ -120,15 +118,13 @@ def residual_plot(
         Rows that are marked: chosen by a user, and left out by a user.
     planned : Plan, optional
         Whose readings are marked at the lower edge, where it says what they have of `against`.
-    most : int, optional
-        Marks of the figure, from which large data are thinned; its note then says so.
 
     Raises
     ------
     RodgenError
         When there is no such driver or joint.
     """
-    rows = DrawnRows(before or fit, fit if before is not None else None, kept=[*selected, *aside], most=most)
+    rows = DrawnRows(before or fit, fit if before is not None else None, kept=[*selected, *aside])
     joints = [joint.name for joint in fit.machine.joints]
     for name in {approach, parts} - {"", "apart", "together"}:
         if name not in joints:

@@ -36,7 +36,7 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.statistics.columns import Whiten, project_out, unchanged, unit_columns
 from rodgen.statistics.decompositions import lstsq
 from rodgen.statistics.f_tests import log10_p_of_fall
-from rodgen.statistics.thresholds import FORMS
+from rodgen.statistics.thresholds import FORMS, SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.sensitivities import Sensitivities
@@ -85,7 +85,6 @@ def find_forms(
     further: Array | None = None,
     *,
     most: int = 3,
-    family_wise: float = 0.01,
 ) -> list[Form]:
     """Return the forms of the residuals, the most important first; none where they are noise.
 
@@ -101,12 +100,10 @@ def find_forms(
         More of them.
     most : int
         Terms at most.
-    family_wise : float
-        Probability of a form where there is none.
     """
     with one_thread_in_blas():
         search = _Search.of(sensitivities, whiten, model, model[:, :, :0] if further is None else further)
-        return [] if search is None else search.forms(most, np.log10(family_wise))
+        return [] if search is None else search.forms(most, np.log10(SELECTION.family_wise))
 
 
 @dataclass
