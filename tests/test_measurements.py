@@ -84,387 +84,163 @@ def from_bytes(path, content):
 
 MALFORMED = {
     # the header: joints
-    "joint is missing": (
-        in_header("C [deg]", "B [deg]"),
-        "line 1: no column 'C'; expected one such as 'C [deg]' (joint C is revolute)",
-    ),
+    "joint is missing": (in_header("C [deg]", "B [deg]"), "line 1"),
     "joint with a name near it": (
         in_header("X [mm]", "X_axis [mm]").replace("C [deg]", "X_axes [deg]"),
-        "line 1: no column 'X'; expected one such as 'X [mm]' (joint X is prismatic)",
+        "line 1",
     ),
-    "joint in another case": (
-        in_header("C [deg]", "c [deg]"),
-        "line 1, column 'c [deg]': the name 'c'; expected 'C', in this spelling",
-    ),
-    "joint without a unit": (
-        in_header("C [deg]", "C"),
-        "line 1, column 'C': no unit; expected one in brackets, such as 'C [deg]' (joint C is revolute)",
-    ),
-    "empty unit": (
-        in_header("C [deg]", "C []"),
-        "line 1, column 'C': no unit; expected one in brackets, such as 'C [deg]' (joint C is revolute)",
-    ),
-    "rotary joint in millimetres": (
-        in_header("C [deg]", "C [mm]"),
-        "line 1, column 'C [mm]': unit 'mm', which is not a unit of angle; "
-        "expected a unit of angle, such as deg (joint C is revolute)",
-    ),
-    "slide in degrees": (
-        in_header("X [mm]", "X [deg]"),
-        "line 1, column 'X [deg]': unit 'deg', which is not a unit of length; "
-        "expected a unit of length, such as mm (joint X is prismatic)",
-    ),
+    "joint in another case": (in_header("C [deg]", "c [deg]"), "line 1, column 'c [deg]'"),
+    "joint without a unit": (in_header("C [deg]", "C"), "line 1, column 'C'"),
+    "empty unit": (in_header("C [deg]", "C []"), "line 1, column 'C'"),
+    "rotary joint in millimetres": (in_header("C [deg]", "C [mm]"), "line 1, column 'C [mm]'"),
+    "slide in degrees": (in_header("X [mm]", "X [deg]"), "line 1, column 'X [deg]'"),
     # the header: units
-    "unknown unit": (
-        in_header("x [mm]", "x [furlings]"),
-        "line 1, column 'x [furlings]': unknown unit 'furlings'; "
-        "expected a unit such as mm, arcsec, N or mm/K",
-    ),
-    "unknown unit of a covariate": (
-        one_more("humidity [wetness]"),
-        "line 1, column 'humidity [wetness]': unknown unit 'wetness'; "
-        "expected a unit such as mm, arcsec, N or mm/K",
-    ),
-    "unit in capitals": (
-        in_header("C [deg]", "C [DEG]"),
-        "line 1, column 'C [DEG]': unknown unit 'DEG'; expected 'deg', or another unit",
-    ),
-    "unit in parentheses": (
-        in_header("x [mm]", "x (mm)"),
-        "line 1, column 4: 'x (mm)', a unit in parentheses; expected brackets, 'x [mm]'",
-    ),
-    "unit of a covariate in parentheses": (
-        one_more("humidity (%)"),
-        "line 1, column 7: 'humidity (%)', a unit in parentheses; expected brackets, 'humidity [%]'",
-    ),
-    "unit in braces": (
-        in_header("x [mm]", "x {mm}"),
-        "line 1, column 4: 'x {mm}', a unit in braces; expected brackets, 'x [mm]'",
-    ),
-    "bracket not closed": (
-        in_header("x [mm]", "x [mm"),
-        "line 1, column 4: 'x [mm', a unit in brackets that do not match; expected brackets, 'x [mm]'",
-    ),
-    "bracket not opened": (
-        in_header("x [mm]", "x mm]"),
-        "line 1, column 4: 'x mm]', a unit in brackets that do not match; "
-        "expected brackets, one before the unit, too",
-    ),
-    "two units": (
-        in_header("x [mm]", "x [mm] [m]"),
-        "line 1, column 4: 'x [mm] [m]', a unit in brackets that do not match; expected brackets, 'x [mm]'",
-    ),
-    "unit without a name": (
-        one_more("[mm]"),
-        "line 1, column 7: '[mm]', a unit without a name; expected a name before it",
-    ),
-    "column twice, in two units": (
-        in_header("y [mm]", "x [um]"),
-        "line 1: column 'x' twice, 'x [mm]' and 'x [um]'; expected it once",
-    ),
-    "numbers for a header": (
-        f"{ROW}\n",
-        "line 1: numbers where the header should be; "
-        "expected a header such as X [mm],C [deg],x [mm],y [mm],z [mm]",
-    ),
-    "semicolons": (
-        GOOD.replace(",", ";"),
-        "line 1: semicolons between the columns; expected commas, and a point as decimal mark",
-    ),
-    "no columns": (
-        '""\n1\n',
-        "line 1: no columns; expected columns such as X [mm],C [deg],x [mm],y [mm],z [mm]",
-    ),
+    "unknown unit": (in_header("x [mm]", "x [furlings]"), "line 1, column 'x [furlings]'"),
+    "unknown unit of a covariate": (one_more("humidity [wetness]"), "line 1, column 'humidity [wetness]'"),
+    "unit in capitals": (in_header("C [deg]", "C [DEG]"), "line 1, column 'C [DEG]'"),
+    "unit in parentheses": (in_header("x [mm]", "x (mm)"), "line 1, column 4"),
+    "unit of a covariate in parentheses": (one_more("humidity (%)"), "line 1, column 7"),
+    "unit in braces": (in_header("x [mm]", "x {mm}"), "line 1, column 4"),
+    "bracket not closed": (in_header("x [mm]", "x [mm"), "line 1, column 4"),
+    "bracket not opened": (in_header("x [mm]", "x mm]"), "line 1, column 4"),
+    "two units": (in_header("x [mm]", "x [mm] [m]"), "line 1, column 4"),
+    "unit without a name": (one_more("[mm]"), "line 1, column 7"),
+    "column twice, in two units": (in_header("y [mm]", "x [um]"), "line 1"),
+    "numbers for a header": (f"{ROW}\n", "line 1"),
+    "semicolons": (GOOD.replace(",", ";"), "line 1"),
+    "no columns": ('""\n1\n', "line 1"),
     # readings
-    "reading is missing": (
-        in_header("y [mm]", "probe [mm]"),
-        "line 1: no column 'y'; expected one such as 'y [mm]'",
-    ),
-    "readings of directions": (
-        f"{DIRECTION}\n1,2,1,0,0\n",
-        "line 1: the readings ux, uy and uz, of the kind 'direction'; "
-        'expected x, y and z: the machine file says kind = "point"',
-        one_target(),
-    ),
-    "reading in degrees": (
-        in_header("y [mm]", "y [deg]"),
-        "line 1, column 'y [deg]': unit 'deg', which is not a unit of length; expected a unit of length, such as mm",
-    ),
+    "reading is missing": (in_header("y [mm]", "probe [mm]"), "line 1"),
+    "readings of directions": (f"{DIRECTION}\n1,2,1,0,0\n", "line 1", one_target()),
+    "reading in degrees": (in_header("y [mm]", "y [deg]"), "line 1, column 'y [deg]'"),
     "direction with a unit": (
         f"{DIRECTION.replace('ux', 'ux [mm]')}\n1,2,1,0,0\n",
-        "line 1, column 'ux [mm]': a unit, 'mm'; expected none: ux, uy and uz are a vector of length 1",
+        "line 1, column 'ux [mm]'",
         one_target("direction"),
     ),
     "direction is no unit vector": (
         f"{DIRECTION}\n1,2,1,0,0\n1,2,0.6,0.8,0.1\n",
-        "line 3, columns ux, uy and uz: a direction of length 1.00499; expected a length of 1 within 0.001",
+        "line 3, columns ux, uy and uz",
         one_target("direction"),
     ),
     "direction is zero": (
         f"{DIRECTION}\n1,2,0,0,0\n",
-        "line 2, columns ux, uy and uz: a direction of length 0; expected a length of 1 within 0.001",
+        "line 2, columns ux, uy and uz",
         one_target("direction"),
     ),
-    "two components of a direction": (
-        "X [mm],C [deg],ux,uy\n1,2,1,0\n",
-        "line 1: no column 'uz'; expected ux, uy and uz, without a unit",
-        one_target("direction"),
-    ),
+    "two components of a direction": ("X [mm],C [deg],ux,uy\n1,2,1,0\n", "line 1", one_target("direction")),
     "negative distance": (
         "X [mm],C [deg],d [mm]\n1,2,3\n1,2,-0.002\n",
-        "line 3, column 'd [mm]': -0.002; "
-        "expected the whole distance, which is positive, not a deviation from a nominal one",
+        "line 3, column 'd [mm]'",
         one_target("distance"),
     ),
     # targets and runs
-    "no targets where there are two": (
-        "X [mm],C [deg],x [mm],y [mm],z [mm]\n1,2,3,4,5\n",
-        "line 1: no column 'target'; expected one, because the machine has the targets ball_1 and ball_2",
-    ),
-    "unknown target": (
-        in_row("ball_1", "ball_3"),
-        "line 3, column 'target': 'ball_3' (the nearest is 'ball_2'); "
-        "expected one of the machine's targets, ball_1 and ball_2",
-    ),
-    "unknown target like none": (
-        in_row("ball_1", "east"),
-        "line 3, column 'target': 'east'; expected one of the machine's targets, ball_1 and ball_2",
-    ),
-    "unknown target where there is one": (
-        in_row("ball_1", "east"),
-        "line 3, column 'target': 'east'; expected the machine's target, ball_1",
-        one_target(),
-    ),
-    "blank target": (
-        in_row("ball_1", " "),
-        "line 3, column 'target': an empty cell; expected a name in every row",
-    ),
-    "target in another case": (
-        in_header("target", "Target"),
-        "line 1, column 3: 'Target'; expected 'target', in this spelling",
-    ),
-    "target with a unit": (
-        in_header("target", "target [1]"),
-        "line 1, column 3: 'target [1]', a unit of names; expected 'target' alone",
-    ),
-    "targets in another column": (
-        in_header("target", "targets"),
-        "line 1: no column 'target' (the nearest is 'targets'); expected one, because the machine has the targets "
-        "ball_1 and ball_2",
-    ),
-    "blank run": (
-        one_more("run", "1", ""),
-        "line 3, column 'run': an empty cell; expected a name in every row",
-    ),
+    "no targets where there are two": ("X [mm],C [deg],x [mm],y [mm],z [mm]\n1,2,3,4,5\n", "line 1"),
+    "unknown target": (in_row("ball_1", "ball_3"), "line 3, column 'target'"),
+    "unknown target like none": (in_row("ball_1", "east"), "line 3, column 'target'"),
+    "unknown target where there is one": (in_row("ball_1", "east"), "line 3, column 'target'", one_target()),
+    "blank target": (in_row("ball_1", " "), "line 3, column 'target'"),
+    "target in another case": (in_header("target", "Target"), "line 1, column 3"),
+    "target with a unit": (in_header("target", "target [1]"), "line 1, column 3"),
+    "targets in another column": (in_header("target", "targets"), "line 1"),
+    "blank run": (one_more("run", "1", ""), "line 3, column 'run'"),
     # uncertainties
-    "uncertainty is zero": (
-        one_more("u_x [um]", "1", "0"),
-        "line 3, column 'u_x [um]': 0; expected a positive uncertainty",
-        machine(noise=0.1),
-    ),
-    "uncertainty is negative": (
-        one_more("u_x [um]", "-1"),
-        "line 2, column 'u_x [um]': -1; expected a positive uncertainty",
-        machine(noise=0.1),
-    ),
-    "uncertainty without a unit": (
-        one_more("u_x", "1"),
-        "line 1, column 'u_x': no unit; expected one in brackets, such as 'u_x [mm]'",
-        machine(noise=0.1),
-    ),
-    "uncertainty of one component": (
-        one_more("u_x [um]", "1"),
-        "line 1: no column 'u_y'; expected all of u_x, u_y and u_z, or noise in the machine file",
-    ),
-    "uncertainty of no reading": (
-        one_more("u_q [deg]"),
-        "line 1, column 'u_q [deg]': no reading 'q'; "
-        "expected 'u_' with 'x', 'y' or 'z', or another name for a covariate",
-    ),
+    "uncertainty is zero": (one_more("u_x [um]", "1", "0"), "line 3, column 'u_x [um]'", machine(noise=0.1)),
+    "uncertainty is negative": (one_more("u_x [um]", "-1"), "line 2, column 'u_x [um]'", machine(noise=0.1)),
+    "uncertainty without a unit": (one_more("u_x", "1"), "line 1, column 'u_x'", machine(noise=0.1)),
+    "uncertainty of one component": (one_more("u_x [um]", "1"), "line 1"),
+    "uncertainty of no reading": (one_more("u_q [deg]"), "line 1, column 'u_q [deg]'"),
     "uncertainty of a direction in millimetres": (
         f"{DIRECTION},u_ux [mm]\n1,2,1,0,0,1\n",
-        "line 1, column 'u_ux [mm]': unit 'mm', which is not a unit of angle; expected a unit of angle, such as deg",
+        "line 1, column 'u_ux [mm]'",
         one_target("direction", noise=1.0),
     ),
     # the columns on the joints
-    "direction of approach of no joint": (
-        one_more("dir_Q"),
-        "line 1, column 'dir_Q': no joint 'Q'; "
-        "expected 'dir_' with 'X' or 'C', or another name for a covariate",
-    ),
-    "direction of approach in another case": (
-        one_more("dir_c"),
-        "line 1, column 'dir_c': the name 'dir_c'; expected 'dir_C', in this spelling",
-    ),
-    "direction of approach is two": (
-        one_more("dir_C", "1", "2"),
-        "line 3, column 'dir_C': 2; expected +1, -1, or 0 where it is not known",
-    ),
-    "direction of approach with a unit": (
-        one_more("dir_C [deg]"),
-        "line 1, column 'dir_C [deg]': a unit, 'deg'; expected none: a direction of approach is +1 or -1, "
-        "or 0 where it is not known",
-    ),
-    "velocity of no joint": (
-        one_more("v_Q [deg/s]"),
-        "line 1, column 'v_Q [deg/s]': no joint 'Q'; "
-        "expected 'v_' with 'X' or 'C', or another name for a covariate",
-    ),
-    "velocity in another quantity": (
-        one_more("v_C [mm/s]"),
-        "line 1, column 'v_C [mm/s]': unit 'mm/s', which is not a unit of angular speed; "
-        "expected a unit of angular speed, such as deg/s (joint C is revolute)",
-    ),
-    "velocity without a unit": (
-        one_more("v_C"),
-        "line 1, column 'v_C': no unit; "
-        "expected one in brackets, such as 'v_C [deg/s]' (joint C is revolute)",
-    ),
+    "direction of approach of no joint": (one_more("dir_Q"), "line 1, column 'dir_Q'"),
+    "direction of approach in another case": (one_more("dir_c"), "line 1, column 'dir_c'"),
+    "direction of approach is two": (one_more("dir_C", "1", "2"), "line 3, column 'dir_C'"),
+    "direction of approach with a unit": (one_more("dir_C [deg]"), "line 1, column 'dir_C [deg]'"),
+    "velocity of no joint": (one_more("v_Q [deg/s]"), "line 1, column 'v_Q [deg/s]'"),
+    "velocity in another quantity": (one_more("v_C [mm/s]"), "line 1, column 'v_C [mm/s]'"),
+    "velocity without a unit": (one_more("v_C"), "line 1, column 'v_C'"),
     # time, load, temperature
-    "time without a unit": (
-        one_more("t"),
-        "line 1, column 't': no unit; expected one in brackets, such as 't [s]'",
-    ),
-    "time in millimetres": (
-        one_more("t [mm]"),
-        "line 1, column 't [mm]': unit 'mm', which is not a unit of time; expected a unit of time, such as s",
-    ),
-    "load in kilograms": (
-        one_more("load [kg]"),
-        "line 1, column 'load [kg]': unit 'kg', which is not a unit of force; expected a unit of force, such as N",
-    ),
-    "load in another case": (
-        one_more("Load [N]"),
-        "line 1, column 'Load [N]': the name 'Load'; expected 'load', in this spelling",
-    ),
-    "word of formulas for the load": (
-        one_more("F [N]"),
-        "line 1, column 'F [N]': 'F', which is a word of formulas; expected 'load [N]'",
-    ),
-    "word of formulas for a temperature": (
-        one_more("T [degC]"),
-        "line 1, column 'T [degC]': 'T', which is a word of formulas; "
-        "expected what it is the temperature of, such as 'T_X [degC]'",
-    ),
-    "word of formulas for a velocity": (
-        one_more("v [mm/s]"),
-        "line 1, column 'v [mm/s]': 'v', which is a word of formulas; "
-        "expected the joint that it is of, 'v_X'",
-    ),
-    "temperature without a unit": (
-        one_more("T_C"),
-        "line 1, column 'T_C': no unit; expected one in brackets, such as 'T_C [degC]'",
-    ),
-    "temperature in millimetres": (
-        one_more("T_air [mm]"),
-        "line 1, column 'T_air [mm]': unit 'mm', which is not a unit of temperature; "
-        "expected a unit of temperature, such as degC",
-    ),
-    "temperature below absolute zero": (
-        one_more("T_C [degC]", "20", "-300"),
-        "line 3, column 'T_C [degC]': -300 degC, below absolute zero; "
-        "expected a temperature, or delta_degC for a difference",
-    ),
-    "negative kelvins": (
-        one_more("T_C [K]", "-0.5"),
-        "line 2, column 'T_C [K]': -0.5 K, below absolute zero; "
-        "expected a temperature, or delta_degC for a difference",
-    ),
-    "difference in kelvins": (
-        one_more("T_C [K]", "293", "0.5"),
-        "line 3, column 'T_C [K]': 0.5 K, far below the reference of 20 degC; "
-        "expected a temperature (delta_degC for a difference), or another reference_temperature in the machine",
-    ),
+    "time without a unit": (one_more("t"), "line 1, column 't'"),
+    "time in millimetres": (one_more("t [mm]"), "line 1, column 't [mm]'"),
+    "load in kilograms": (one_more("load [kg]"), "line 1, column 'load [kg]'"),
+    "load in another case": (one_more("Load [N]"), "line 1, column 'Load [N]'"),
+    "word of formulas for the load": (one_more("F [N]"), "line 1, column 'F [N]'"),
+    "word of formulas for a temperature": (one_more("T [degC]"), "line 1, column 'T [degC]'"),
+    "word of formulas for a velocity": (one_more("v [mm/s]"), "line 1, column 'v [mm/s]'"),
+    "temperature without a unit": (one_more("T_C"), "line 1, column 'T_C'"),
+    "temperature in millimetres": (one_more("T_air [mm]"), "line 1, column 'T_air [mm]'"),
+    "temperature below absolute zero": (one_more("T_C [degC]", "20", "-300"), "line 3, column 'T_C [degC]'"),
+    "negative kelvins": (one_more("T_C [K]", "-0.5"), "line 2, column 'T_C [K]'"),
+    "difference in kelvins": (one_more("T_C [K]", "293", "0.5"), "line 3, column 'T_C [K]'"),
     # cells and rows
-    "empty cell": (
-        in_row(",3", ","),
-        "line 3, column 'z [mm]': an empty cell; expected a number in every row",
-    ),
-    "no number": (
-        in_row(",3", ",NaN"),
-        "line 3, column 'z [mm]': 'NaN'; expected a finite number (leave out rows without a measurement)",
-    ),
-    "decimal comma": (
-        in_row(",3", ',"3,5"'),
-        "line 3, column 'z [mm]': '3,5'; expected a decimal point, 3.5",
-    ),
-    "number in words": (
-        in_row("90", "ninety"),
-        "line 3, column 'C [deg]': 'ninety'; expected a number",
-    ),
+    "empty cell": (in_row(",3", ","), "line 3, column 'z [mm]'"),
+    "no number": (in_row(",3", ",NaN"), "line 3, column 'z [mm]'"),
+    "decimal comma": (in_row(",3", ',"3,5"'), "line 3, column 'z [mm]'"),
+    "number in words": (in_row("90", "ninety"), "line 3, column 'C [deg]'"),
     "too large once it is in millimetres": (
         f"{in_header('x [mm]', 'x [km]')}{ROW.replace(',1,', ',1e305,')}\n",
-        "line 3, column 'x [km]': 1e+305, too large in mm, rad, s, K and N; "
-        "expected a number of a usual size",
+        "line 3, column 'x [km]'",
     ),
-    "too few cells": (f"{GOOD}1,2\n", "line 3: 2 cells; expected 6, as in the header"),
+    "too few cells": (f"{GOOD}1,2\n", "line 3"),
     "blank lines before": (
         f"\n{HEADER}\n\n{ROW}\n\r\n{ROW.replace('90', 'x')}\n",
-        "line 6, column 'C [deg]': 'x'; expected a number",
+        "line 6, column 'C [deg]'",
     ),
     "blank lines before, found when bound": (
         f"\n{GOOD}\n\r\n\n{ROW.replace('1,', '3,', 1)}\n",
-        "line 7, column 'target': 'ball_3' (the nearest is 'ball_2'); "
-        "expected one of the machine's targets, ball_1 and ball_2",
+        "line 7, column 'target'",
     ),
     # Parquet
-    "parquet: text": (
-        parquet_bytes(columns() | {"C [deg]": ["a", "b", "c"]}),
-        "column 'C [deg]': the type 'string'; expected numbers",
-    ),
+    "parquet: text": (parquet_bytes(columns() | {"C [deg]": ["a", "b", "c"]}), "column 'C [deg]'"),
     "parquet: null": (
         parquet_bytes(columns() | {"C [deg]": [1.0, None, 2.0]}),
-        "row 1 (from 0), column 'C [deg]': an empty cell; "
-        "expected a finite number (leave out rows without a measurement)",
+        "row 1 (from 0), column 'C [deg]'",
     ),
     "parquet: infinite": (
         parquet_bytes(columns() | {"C [deg]": [1.0, 2.0, -np.inf]}),
-        "row 2 (from 0), column 'C [deg]': '-inf'; "
-        "expected a finite number (leave out rows without a measurement)",
+        "row 2 (from 0), column 'C [deg]'",
     ),
     "parquet: truth values for targets": (
         parquet_bytes(columns() | {"target": [True, False, True]}),
-        "column 'target': the type 'bool'; expected names",
+        "column 'target'",
     ),
     "parquet: target is null": (
         parquet_bytes(columns() | {"target": ["ball_1", None, "ball_2"]}),
-        "row 1 (from 0), column 'target': an empty cell; expected a name in every row",
+        "row 1 (from 0), column 'target'",
     ),
     "parquet: run is not a number": (
         parquet_bytes(columns() | {"run": [1.0, np.nan, 1.0]}),
-        "row 1 (from 0), column 'run': 'nan'; expected a name in every row",
+        "row 1 (from 0), column 'run'",
     ),
     "parquet: unknown target": (
         parquet_bytes(columns() | {"target": ["ball_1", "ball_2", "ball_4"]}),
-        "row 2 (from 0), column 'target': 'ball_4' (the nearest is 'ball_2'); "
-        "expected one of the machine's targets, ball_1 and ball_2",
+        "row 2 (from 0), column 'target'",
     ),
     "parquet: timestamps": (
         parquet_bytes(columns() | {"t [s]": pa.array([1, 2, 3], pa.timestamp("ms"))}),
-        "column 't [s]': the type 'timestamp[ms]'; expected numbers",
+        "column 't [s]'",
     ),
-    "parquet: lists": (
-        parquet_bytes(columns() | {"spectrum": [[1], [2], [3]]}),
-        "column 'spectrum': the type 'list<element: int64>'; expected numbers",
-    ),
+    "parquet: lists": (parquet_bytes(columns() | {"spectrum": [[1], [2], [3]]}), "column 'spectrum'"),
     "parquet: unknown unit": (
         parquet_bytes(columns() | {"w [wetness]": [1.0, 2.0, 3.0]}),
-        "schema, column 'w [wetness]': unknown unit 'wetness'; expected a unit such as mm, arcsec, N or mm/K",
+        "schema, column 'w [wetness]'",
     ),
-    "parquet: no columns": (
-        parquet_bytes({}),
-        "schema: no columns; expected columns such as X [mm],C [deg],x [mm],y [mm],z [mm]",
-    ),
+    "parquet: no columns": (parquet_bytes({}), "schema"),
 }
 
 
 @pytest.mark.parametrize("name", MALFORMED)
 def test_malformed_measurements_are_named_by_their_place(name, tmp_path):
-    content, message, *of = MALFORMED[name]
+    content, place, *of = MALFORMED[name]
     path = tmp_path / "data.csv"
     with pytest.raises(InputFileError) as caught:
         bind(*of or [machine()], from_bytes(path, content))
-    assert str(caught.value) == f"{path}: {message}"
+    assert caught.value.place == place
+    assert str(caught.value).startswith(f"{path}: {place}: ")
     assert str(caught.value).isprintable()
 
 
@@ -474,53 +250,28 @@ def test_missing_file_is_reported(tmp_path):
 
 
 BAD_FRAMES = {
-    "no table": (
-        3,
-        "file: an object of type int; expected a mapping from column names to sequences, a DataFrame or an "
-        "Arrow table",
-    ),
-    "no columns": ({}, "columns: no columns; expected columns such as X [mm],C [deg],x [mm],y [mm],z [mm]"),
-    "name is no text": ({0: [1.0]}, "columns: '0' as a column's name; expected text"),
-    "lengths differ": ({"a": [1, 2], "b": [1]}, "column 'b': 1 row; expected 2, as in the column 'a'"),
-    "one value": ({"a": 1.0}, "column 'a': a single value; expected a sequence of numbers, one for each row"),
-    "matrix": (
-        {"a": np.zeros((2, 2))},
-        "column 'a': an array of shape (2, 2); expected a sequence of numbers, one for each row",
-    ),
-    "complex": (
-        {"a": np.array([1j])},
-        "column 'a': neither a sequence of numbers nor of names (Unsupported numpy type 15); expected one type in all "
-        "of its cells",
-    ),
-    "twice": (
-        {"x [mm]": [1.0], "x [m]": [1.0]},
-        "columns: column 'x' twice, 'x [mm]' and 'x [m]'; expected it once",
-    ),
-    "mask": (
-        {"a": np.ma.array([1.0, 2.0], mask=[False, True])},
-        "row 1 (from 0), column 'a': an empty cell; expected a finite number (leave out rows without a measurement)",
-    ),
-    "none": (
-        {"a": [1.0, None]},
-        "row 1 (from 0), column 'a': an empty cell; expected a finite number (leave out rows without a measurement)",
-    ),
-    "infinite": (
-        {"a": [np.inf]},
-        "row 0 (from 0), column 'a': 'inf'; expected a finite number (leave out rows without a measurement)",
-    ),
-    "dates": (
-        {"t [s]": np.array(["2020-01-01"], "M8[s]")},
-        "column 't [s]': the type 'timestamp[s]'; expected numbers",
-    ),
+    "no table": (3, "file"),
+    "no columns": ({}, "columns"),
+    "name is no text": ({0: [1.0]}, "columns"),
+    "lengths differ": ({"a": [1, 2], "b": [1]}, "column 'b'"),
+    "one value": ({"a": 1.0}, "column 'a'"),
+    "matrix": ({"a": np.zeros((2, 2))}, "column 'a'"),
+    "complex": ({"a": np.array([1j])}, "column 'a'"),
+    "twice": ({"x [mm]": [1.0], "x [m]": [1.0]}, "columns"),
+    "mask": ({"a": np.ma.array([1.0, 2.0], mask=[False, True])}, "row 1 (from 0), column 'a'"),
+    "none": ({"a": [1.0, None]}, "row 1 (from 0), column 'a'"),
+    "infinite": ({"a": [np.inf]}, "row 0 (from 0), column 'a'"),
+    "dates": ({"t [s]": np.array(["2020-01-01"], "M8[s]")}, "column 't [s]'"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD_FRAMES)
 def test_malformed_frame_is_named_by_its_column(name):
-    frame, message = BAD_FRAMES[name]
+    frame, place = BAD_FRAMES[name]
     with pytest.raises(InputFileError) as caught:
         Measurements.from_frame(frame, name="table 3")
-    assert str(caught.value) == f"table 3: {message}"
+    assert caught.value.place == place
+    assert str(caught.value).startswith(f"table 3: {place}: ")
 
 
 def test_binding_what_is_good_is_no_error(tmp_path):

@@ -47,227 +47,116 @@ def cell(text):
 
 MALFORMED = {
     # the file as a whole
-    "empty": (b"", "file: an empty file; expected a header with units, then one row a line"),
-    "only blank lines": (b"\n\r\n \n", "file: only empty lines; expected a header with units"),
-    "excel workbook": (
-        b"PK\x03\x04" + b"x" * 99,
-        "file: an Excel workbook or a ZIP archive; expected CSV or",
-    ),
-    "old excel workbook": (
-        b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + b"x" * 99,
-        "file: an Excel workbook; expected",
-    ),
-    "utf-16": (GOOD.encode("utf-16"), "file: UTF-16 text; expected UTF-8 text"),
-    "hdf5": (b"\x89HDF\r\n\x1a\n" + b"\0" * 99, "file: an HDF5 file; expected a CSV or Parquet file"),
-    "binary": (bytes(range(1, 9)) + b"\0\n", "line 1, column 1: binary data (a zero byte); expected text"),
-    "binary, long": (b"\1\0" * 3_000_000, "file: binary data; expected a CSV or Parquet file"),
-    "no line end": (b"x" * 3_000_000, "file: a line longer than 1 MiB; expected one row a line"),
-    "carriage returns alone, long": (
-        b"1,2\r" * 900_000,
-        "file: lines that end with CR alone; expected lines",
-    ),
-    "damaged gzip": (gzip.compress(GOOD.encode() * 50)[:-30], "file: damaged gzip data ("),
-    "gzip around parquet": (
-        gzip.compress(parquet_bytes(pair_columns())),
-        "file: gzip around Parquet; expected",
-    ),
-    "truncated parquet": (parquet_bytes(pair_columns())[:-50], "file: damaged Parquet data ("),
-    "parquet magic alone": (b"PAR1", "file: damaged Parquet data ("),
+    "empty": (b"", "file"),
+    "only blank lines": (b"\n\r\n \n", "file"),
+    "excel workbook": (b"PK\x03\x04" + b"x" * 99, "file"),
+    "old excel workbook": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + b"x" * 99, "file"),
+    "utf-16": (GOOD.encode("utf-16"), "file"),
+    "hdf5": (b"\x89HDF\r\n\x1a\n" + b"\0" * 99, "file"),
+    "binary": (bytes(range(1, 9)) + b"\0\n", "line 1, column 1"),
+    "binary, long": (b"\1\0" * 3_000_000, "file"),
+    "no line end": (b"x" * 3_000_000, "file"),
+    "carriage returns alone, long": (b"1,2\r" * 900_000, "file"),
+    "damaged gzip": (gzip.compress(GOOD.encode() * 50)[:-30], "file"),
+    "gzip around parquet": (gzip.compress(parquet_bytes(pair_columns())), "file"),
+    "truncated parquet": (parquet_bytes(pair_columns())[:-50], "file"),
+    "parquet magic alone": (b"PAR1", "file"),
     # the header
-    "header only": (f"{HEADER}\n", "line 2: no rows; expected at least one row under the header"),
-    "header only, blank lines": (f"{HEADER}\n\n\n", "line 4: no rows; expected at least one row under the"),
-    "no header": (
-        f"{ROW}\n{ROW}\n",
-        "line 1: numbers where the header should be; expected a header such as rho_x",
-    ),
-    "comment": (f"# measured on Monday\n{GOOD}", "line 1: a comment; expected a header such as rho_x [mm],"),
-    "semicolons": (GOOD.replace(",", ";"), "line 1: semicolons between the columns; expected commas, and a"),
-    "tabs": (GOOD.replace(",", "\t"), "line 1: tabs between the columns; expected commas"),
-    "missing column": (
-        place_in_header("rho_prime_y [mm]", "temperature [K]"),
-        "line 1: no column 'rho_prime_y'; expected one such as 'rho_prime_y [mm]'",
-    ),
-    "misspelt column": (
-        place_in_header("rho_prime_y [mm]", "Rho_Prime_y [mm]"),
-        "line 1: no column 'rho_prime_y' (the nearest is 'Rho_Prime_y [mm]'); expected one such as",
-    ),
-    "duplicate column": (
-        place_in_header("rho_y [mm]", "rho_x [mm]"),
-        "line 1: column 'rho_x [mm]' twice; expected every column name once",
-    ),
-    "duplicate column in two units": (
-        place_in_header("rho_y [mm]", "rho_y [mm],rho_x [um]"),
-        "line 1: column 'rho_x' twice, 'rho_x [mm]' and 'rho_x [um]'; expected it once",
-    ),
-    "two columns without a name": (
-        f"{HEADER},,\n{ROW},,\n",
-        "line 1: two columns without a name; expected every",
-    ),
-    "missing unit": (
-        place_in_header("rho_z [mm]", "rho_z"),
-        "line 1, column 'rho_z': no unit; expected one in brackets, such as 'rho_z [mm]'",
-    ),
-    "empty unit": (
-        place_in_header("rho_z [mm]", "rho_z []"),
-        "line 1, column 'rho_z []': no unit; expected one",
-    ),
-    "unit in parentheses": (
-        place_in_header("rho_z [mm]", "rho_z (um)"),
-        "line 1, column 3: 'rho_z (um)', a unit in parentheses; expected brackets, 'rho_z [um]'",
-    ),
-    "unclosed bracket": (
-        place_in_header("angle [deg]", "angle [deg"),
-        "line 1, column 7: 'angle [deg', a unit in brackets that do not match; expected brackets, 'angle [",
-    ),
-    "unknown unit": (
-        place_in_header("rho_z [mm]", "rho_z [furlings]"),
-        "line 1, column 'rho_z [furlings]': unknown unit 'furlings'; expected a unit of length, such as mm,",
-    ),
-    "unit in capitals": (
-        place_in_header("rho_z [mm]", "rho_z [MM]"),
-        "line 1, column 'rho_z [MM]': unit 'MM', which is not a unit of length; expected 'mm', or another unit",
-    ),
-    "unknown unit in capitals": (
-        place_in_header("[deg]", "[Deg]"),
-        "line 1, column 'angle [Deg]': unknown unit 'Deg'; expected 'deg', or another unit",
-    ),
+    "header only": (f"{HEADER}\n", "line 2"),
+    "header only, blank lines": (f"{HEADER}\n\n\n", "line 4"),
+    "no header": (f"{ROW}\n{ROW}\n", "line 1"),
+    "comment": (f"# measured on Monday\n{GOOD}", "line 1"),
+    "semicolons": (GOOD.replace(",", ";"), "line 1"),
+    "tabs": (GOOD.replace(",", "\t"), "line 1"),
+    "missing column": (place_in_header("rho_prime_y [mm]", "temperature [K]"), "line 1"),
+    "misspelt column": (place_in_header("rho_prime_y [mm]", "Rho_Prime_y [mm]"), "line 1"),
+    "duplicate column": (place_in_header("rho_y [mm]", "rho_x [mm]"), "line 1"),
+    "duplicate column in two units": (place_in_header("rho_y [mm]", "rho_y [mm],rho_x [um]"), "line 1"),
+    "two columns without a name": (f"{HEADER},,\n{ROW},,\n", "line 1"),
+    "missing unit": (place_in_header("rho_z [mm]", "rho_z"), "line 1, column 'rho_z'"),
+    "empty unit": (place_in_header("rho_z [mm]", "rho_z []"), "line 1, column 'rho_z []'"),
+    "unit in parentheses": (place_in_header("rho_z [mm]", "rho_z (um)"), "line 1, column 3"),
+    "unclosed bracket": (place_in_header("angle [deg]", "angle [deg"), "line 1, column 7"),
+    "unknown unit": (place_in_header("rho_z [mm]", "rho_z [furlings]"), "line 1, column 'rho_z [furlings]'"),
+    "unit in capitals": (place_in_header("rho_z [mm]", "rho_z [MM]"), "line 1, column 'rho_z [MM]'"),
+    "unknown unit in capitals": (place_in_header("[deg]", "[Deg]"), "line 1, column 'angle [Deg]'"),
     "wrong dimension": (
         place_in_header("rho_prime_x [mm]", "rho_prime_x [deg]"),
-        "line 1, column 'rho_prime_x [deg]': unit 'deg', which is not a unit of length; expected a unit of length,",
+        "line 1, column 'rho_prime_x [deg]'",
     ),
-    "angle in millimetres": (
-        place_in_header("angle [deg]", "angle [mm]"),
-        "line 1, column 'angle [mm]': unit 'mm', which is not a unit of angle; expected a unit of angle, such as deg",
-    ),
-    "angle in per cent": (
-        place_in_header("[deg]", "[%]"),
-        "line 1, column 'angle [%]': unit '%', which is no",
-    ),
-    "unit with a number": (
-        place_in_header("[deg]", "[10 deg]"),
-        "line 1, column 'angle [10 deg]': unknown unit",
-    ),
-    "unit that never ends": (
-        place_in_header("[deg]", "[9**9**9**9]"),
-        "line 1, column 'angle [9**9**9**9]': unk",
-    ),
-    "square unit": (
-        place_in_header("rho_z [mm]", "rho_z [mm**2]"),
-        "unit 'mm**2', which is not a unit of length; expected",
-    ),
-    "header in Latin-1": (
-        GOOD.replace("rho_z [mm]", "rho_z [µm]").encode("latin-1"),
-        "line 1, column 3: byte 0xb5 (a micro sign in Latin-1), which is not UTF-8; expected UTF-8 text",
-    ),
+    "angle in millimetres": (place_in_header("angle [deg]", "angle [mm]"), "line 1, column 'angle [mm]'"),
+    "angle in per cent": (place_in_header("[deg]", "[%]"), "line 1, column 'angle [%]'"),
+    "unit with a number": (place_in_header("[deg]", "[10 deg]"), "line 1, column 'angle [10 deg]'"),
+    "unit that never ends": (place_in_header("[deg]", "[9**9**9**9]"), "line 1, column 'angle [9**9**9**9]'"),
+    "square unit": (place_in_header("rho_z [mm]", "rho_z [mm**2]"), "line 1, column 'rho_z [mm**2]'"),
+    "header in Latin-1": (GOOD.replace("rho_z [mm]", "rho_z [µm]").encode("latin-1"), "line 1, column 3"),
     # cells
-    "text": (cell("left"), "line 3, column 'rho_z [mm]': 'left'; expected a number"),
-    "empty cell": (cell(""), "line 3, column 'rho_z [mm]': an empty cell; expected a number in every row"),
-    "blank cell": (cell("  "), "line 3, column 'rho_z [mm]': an empty cell; expected a number in every row"),
-    "nan": (
-        cell("nan"),
-        "line 3, column 'rho_z [mm]': 'nan'; expected a finite number (leave out rows without",
-    ),
-    "-inf": (cell("-inf"), "line 3, column 'rho_z [mm]': '-inf'; expected a finite number"),
-    "#N/A": (cell("#N/A"), "line 3, column 'rho_z [mm]': '#N/A'; expected a finite number (leave out"),
-    "too large": (
-        cell("1e999"),
-        "line 3, column 'rho_z [mm]': '1e999', too large for a double; expected a finite",
-    ),
-    "decimal comma": (cell('"1,5"'), "line 3, column 'rho_z [mm]': '1,5'; expected a decimal point, 1.5"),
-    "degrees sign": (
-        f"{GOOD}3,4,12,12,-3,4,90°\n",
-        "line 3, column 'angle [deg]': '90°'; expected a number alone (its unit stands in the header)",
-    ),
-    "unit in the cell": (
-        cell("12 mm"),
-        "line 3, column 'rho_z [mm]': '12 mm'; expected a number alone (its unit",
-    ),
-    "typographic minus": (cell("−12"), "'−12', with a typographic minus sign; expected a plain hyphen, '-'"),
-    "fortran exponent": (cell("1.2D+01"), "'1.2D+01'; expected the exponent after an e, 1.2e+01"),
-    "thousands": (cell("1'200.5"), "line 3, column 'rho_z [mm]': '1'200.5'; expected a number"),
-    "digits of another script": (cell("١٢"), "line 3, column 'rho_z [mm]': '١٢'; expected a number"),
-    "hexadecimal": (cell("0x10"), "line 3, column 'rho_z [mm]': '0x10'; expected a number"),
-    "underscore": (cell("1_000"), "line 3, column 'rho_z [mm]': '1_000'; expected a number"),
-    "escape sequence": (cell("\x1b[31m"), r"line 3, column 'rho_z [mm]': '\x1b[31m'; expected a number"),
-    "very long cell": (cell("y" * 200_000), f"line 3, column 'rho_z [mm]': '{'y' * 59}…'; expected a number"),
-    "two faults": (
-        f"{GOOD}\nx,4,12,12,-3,4,90\n3,4,y,12,-3,4,z\n",
-        "line 4, column 'rho_x [mm]': 'x'; expected",
-    ),
+    "text": (cell("left"), "line 3, column 'rho_z [mm]'"),
+    "empty cell": (cell(""), "line 3, column 'rho_z [mm]'"),
+    "blank cell": (cell("  "), "line 3, column 'rho_z [mm]'"),
+    "nan": (cell("nan"), "line 3, column 'rho_z [mm]'"),
+    "-inf": (cell("-inf"), "line 3, column 'rho_z [mm]'"),
+    "#N/A": (cell("#N/A"), "line 3, column 'rho_z [mm]'"),
+    "too large": (cell("1e999"), "line 3, column 'rho_z [mm]'"),
+    "decimal comma": (cell('"1,5"'), "line 3, column 'rho_z [mm]'"),
+    "degrees sign": (f"{GOOD}3,4,12,12,-3,4,90°\n", "line 3, column 'angle [deg]'"),
+    "unit in the cell": (cell("12 mm"), "line 3, column 'rho_z [mm]'"),
+    "typographic minus": (cell("−12"), "line 3, column 'rho_z [mm]'"),
+    "fortran exponent": (cell("1.2D+01"), "line 3, column 'rho_z [mm]'"),
+    "thousands": (cell("1'200.5"), "line 3, column 'rho_z [mm]'"),
+    "digits of another script": (cell("١٢"), "line 3, column 'rho_z [mm]'"),
+    "hexadecimal": (cell("0x10"), "line 3, column 'rho_z [mm]'"),
+    "underscore": (cell("1_000"), "line 3, column 'rho_z [mm]'"),
+    "escape sequence": (cell("\x1b[31m"), "line 3, column 'rho_z [mm]'"),
+    "very long cell": (cell("y" * 200_000), "line 3, column 'rho_z [mm]'"),
+    "two faults": (f"{GOOD}\nx,4,12,12,-3,4,90\n3,4,y,12,-3,4,z\n", "line 4, column 'rho_x [mm]'"),
     # rows
-    "too few cells": (f"{GOOD}3,4,12\n", "line 3: 3 cells; expected 7, as in the header"),
-    "too many cells": (f"{GOOD}{ROW},1\n", "line 3: 8 cells; expected 7, as in the header"),
-    "cut off": (f"{GOOD}3,4,12,12,-3", "line 3: 5 cells; expected 7, as in the header"),
-    "decimal commas": (
-        f"{GOOD}{ROW.replace(',', ',0,')},0\n",
-        "line 3: 14 cells; expected 7, as in the header (decimal points, not decimal commas)",
-    ),
-    "semicolons in a row": (
-        f"{GOOD}{ROW.replace(',', ';')}\n",
-        "line 3: 1 cell; expected 7, as in the header (commas between the cells, not semicolons)",
-    ),
-    "row after a blank line": (f"{GOOD}\n\n3,4\n", "line 5: 2 cells; expected 7, as in the header"),
-    "commas alone": (f"{GOOD},,,,,,\n", "line 3, column 'rho_x [mm]': an empty cell; expected a number"),
-    "unclosed quote": (cell('"12'), "line 3: a quotation mark that is not closed on its line; expected"),
-    "quoted line break": (
-        f'{HEADER},note\n{ROW},"a\nb"\n',
-        "line 2: a quotation mark that is not closed on its",
-    ),
-    "carriage return alone": (
-        f"{HEADER}\n{ROW}\r{ROW}\n",
-        "line 2, column 7: a carriage return alone; expected",
-    ),
-    "zero byte": (cell("1\0"), "line 3, column 3: binary data (a zero byte); expected text"),
-    "Latin-1": (
-        f"{GOOD}3,4,12,12,-3,4,90°\n".encode("latin-1"),
-        "line 3, column 7: byte 0xb0 (a degree sign in Latin-1), which is not UTF-8; expected UTF-8 text",
-    ),
-    "damaged UTF-8": (
-        f"{GOOD}3,4,".encode() + b"\xff,12,-3,4,90\n",
-        "line 3, column 3: byte 0xff, which is no",
-    ),
+    "too few cells": (f"{GOOD}3,4,12\n", "line 3"),
+    "too many cells": (f"{GOOD}{ROW},1\n", "line 3"),
+    "cut off": (f"{GOOD}3,4,12,12,-3", "line 3"),
+    "decimal commas": (f"{GOOD}{ROW.replace(',', ',0,')},0\n", "line 3"),
+    "semicolons in a row": (f"{GOOD}{ROW.replace(',', ';')}\n", "line 3"),
+    "row after a blank line": (f"{GOOD}\n\n3,4\n", "line 5"),
+    "commas alone": (f"{GOOD},,,,,,\n", "line 3, column 'rho_x [mm]'"),
+    "unclosed quote": (cell('"12'), "line 3"),
+    "quoted line break": (f'{HEADER},note\n{ROW},"a\nb"\n', "line 2"),
+    "carriage return alone": (f"{HEADER}\n{ROW}\r{ROW}\n", "line 2, column 7"),
+    "zero byte": (cell("1\0"), "line 3, column 3"),
+    "Latin-1": (f"{GOOD}3,4,12,12,-3,4,90°\n".encode("latin-1"), "line 3, column 7"),
+    "damaged UTF-8": (f"{GOOD}3,4,".encode() + b"\xff,12,-3,4,90\n", "line 3, column 3"),
     # Parquet
-    "parquet: text": (
-        parquet_bytes(pair_columns() | {"rho_y [mm]": ["1", "2", "3"]}),
-        "column 'rho_y [mm]': the type 'string'; expected numbers",
-    ),
+    "parquet: text": (parquet_bytes(pair_columns() | {"rho_y [mm]": ["1", "2", "3"]}), "column 'rho_y [mm]'"),
     "parquet: truth values": (
         parquet_bytes(pair_columns() | {"rho_y [mm]": [True, False, True]}),
-        "column 'rho_y [mm]': the type 'bool'; expected numbers",
+        "column 'rho_y [mm]'",
     ),
     "parquet: null": (
         parquet_bytes(pair_columns() | {"rho_y [mm]": [1.0, None, 3.0]}),
-        "row 1 (from 0), column 'rho_y [mm]': an empty cell; expected a finite number (leave out rows",
+        "row 1 (from 0), column 'rho_y [mm]'",
     ),
     "parquet: nan": (
         parquet_bytes(pair_columns() | {"angle [deg]": [1.0, 2.0, np.nan]}),
-        "row 2 (from 0), column 'angle [deg]': 'nan'; expected a finite number",
+        "row 2 (from 0), column 'angle [deg]'",
     ),
-    "parquet: no rows": (
-        parquet_bytes(pair_columns(0)),
-        "file: no rows; expected at least one row under the",
-    ),
-    "parquet: missing column": (
-        parquet_bytes({"x": [1.0]}),
-        "schema: no column 'rho_x'; expected one such as",
-    ),
+    "parquet: no rows": (parquet_bytes(pair_columns(0)), "file"),
+    "parquet: missing column": (parquet_bytes({"x": [1.0]}), "schema"),
     "parquet: missing unit": (
         parquet_bytes({k.replace("angle [deg]", "angle"): v for k, v in pair_columns().items()}),
-        "schema, column 'angle': no unit; expected one in brackets, such as 'angle [deg]'",
+        "schema, column 'angle'",
     ),
 }
 
 
 @pytest.mark.parametrize("name", MALFORMED)
 def test_malformed_file_is_named_by_its_place(name, tmp_path):
-    content, message = MALFORMED[name]
+    content, place = MALFORMED[name]
     path = tmp_path / "pairs.csv"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InputFileError) as caught:
         read_pairs(path)
     text = str(caught.value)
-    assert text.startswith(f"{path}: ")
-    assert message in text
+    assert caught.value.place == place
+    assert text.startswith(f"{path}: {place}: ")
     assert len(text.splitlines()) == 1
     assert text.isprintable()
 
