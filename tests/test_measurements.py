@@ -814,6 +814,12 @@ def test_damaged_csv_is_refused_or_read_as_the_csv_module_reads_it(content, scra
             np.testing.assert_array_equal(observations.data.columns[name].values, cells)
 
 
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(content=mutations(gzip.compress(GOOD.encode(), mtime=0)))
+def test_damaged_gzip_is_read_or_refused(content, scratch):
+    read_or_refuse(lambda: from_bytes(scratch, content))
+
+
 @st.composite
 def odd_column(draw, n):
     """A column of one of Arrow's types, with nulls here and there."""
