@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import time
+from pathlib import Path
 
 
 def squared_unless_killed(number: int) -> tuple[int, int]:
@@ -11,3 +13,9 @@ def squared_unless_killed(number: int) -> tuple[int, int]:
     if number == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     return number**2, os.getpid()
+
+
+def slept(file: str) -> None:
+    """Write the number of the process into a file, and sleep for minutes."""
+    Path(file).write_text(str(os.getpid()))
+    time.sleep(300)

@@ -195,6 +195,7 @@ def test_processes_end_with_the_program_that_started_them(ending: str, tmp_path:
     path = {"PYTHONPATH": str(Path(__file__).parent)}
     with subprocess.Popen([sys.executable, script], env={**os.environ, **path}, stderr=-3) as run:
         while not (tmp_path / "begun").exists() or not (number := (tmp_path / "begun").read_text()):
+            assert run.poll() is None
             time.sleep(0.05)
         run.send_signal(getattr(signal, ending))
         run.wait(20)
