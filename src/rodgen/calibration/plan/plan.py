@@ -309,7 +309,7 @@ def _planned(fit: FittedModel, question: Question, n: int) -> Plan:
         notes += _about_travel(campaign)
     if not any(goal.resolvable for goal in goals):
         return Plan({}, goals, tuple(dict.fromkeys(notes)), None)
-    notes += _about_constraints(campaign)
+    notes += _about_rows(campaign)
     notes += _not_enough(search)
     rows = table(campaign.machine, campaign.surroundings, search.rows)
     return Plan(rows, goals, tuple(dict.fromkeys(notes)), search.needed)
@@ -355,8 +355,11 @@ def _about_travel(campaign: Campaign) -> Iterator[str]:
         )
 
 
-def _about_constraints(campaign: Campaign) -> Iterator[str]:
-    """Yield sentences on what the constraints exclude, and what they do not."""
+def _about_rows(campaign: Campaign) -> Iterator[str]:
+    """Yield sentences on the run of the rows, on what the constraints exclude, and on what they do not."""
+    if "run" in campaign.o.columns_given:
+        run = campaign.o.run_names[campaign.o.run[-1]]
+        yield f"The rows continue run {run}, in its set-up; after a new set-up give them a run of their own."
     if far := campaign.out_of_reach:
         balls = f"ball{'s' * (len(far) > 1)} {joined(map(str, far))}"
         yield f"Out of reach within the travel and the limits: {balls} of the artefact."
