@@ -186,8 +186,10 @@ def test_the_end_of_a_process_is_the_end_of_one_task() -> None:
 @pytest.mark.parametrize("ending", ["SIGINT", "SIGKILL"])
 def test_processes_end_with_the_program_that_started_them(ending: str, tmp_path: Path) -> None:
     code = (
-        "from fleet_tasks import slept\nfrom rodgen.schedulers import local_processes\n"
-        "if __name__ == '__main__':\n    with local_processes(1) as some:\n"
+        "import signal\nfrom fleet_tasks import slept\nfrom rodgen.schedulers import local_processes\n"
+        # a test run in the background ignores interrupts, and so would its children
+        "if __name__ == '__main__':\n    signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "    with local_processes(1) as some:\n"
         f"        list(some.each('sleeping', slept, [{str(tmp_path / 'begun')!r}]))\n"
     )
     script = tmp_path / "script.py"
