@@ -227,14 +227,14 @@ def _brief(value: Any) -> str:
 class Result:
     """What is shown in a notebook, and is plain data on request."""
 
-    keys: ClassVar[str] = ""
-    """Keys of the data, as :func:`plain` takes them; by default the fields."""
+    _keys: ClassVar[str] = ""
+    """Keys of the data, as `plain` takes them; by default the fields."""
     __repr__ = brief
     _repr_html_ = html_of
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, as ``--json`` of the command prints it."""
-        return plain(self, self.keys)
+        return plain(self, self._keys)
 
 
 def html_of_text(text: str) -> str:

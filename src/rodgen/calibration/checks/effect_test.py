@@ -205,7 +205,7 @@ class EffectTest(Result):
     only_at: tuple[str, int] | None = None
     as_a_walk: bool = False
 
-    keys = "p_value statistic degrees_of_freedom design_effect significant"
+    _keys = "p_value statistic degrees_of_freedom design_effect significant"
 
     @property
     def significant(self) -> bool:

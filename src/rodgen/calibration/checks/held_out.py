@@ -85,7 +85,7 @@ class HeldOut(Result):
     because: tuple[str, ...] = ()
     converged: bool = True
 
-    keys = "rms unit folds poses unpredicted because converged text"
+    _keys = "rms unit folds poses unpredicted because converged text"
 
     @property
     def text(self) -> str:
@@ -118,7 +118,7 @@ class HeldOutGeometry(Result):
     fitted: HeldOut
     nominal: HeldOut
 
-    keys = "fitted=fitted.rms nominal=nominal.rms unit=fitted.unit lowers"
+    _keys = "fitted=fitted.rms nominal=nominal.rms unit=fitted.unit lowers"
 
     @property
     def lowers(self) -> bool:

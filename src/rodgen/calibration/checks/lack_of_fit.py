@@ -56,7 +56,7 @@ class LackOfFit(Result):
     statistic: float
     degrees_of_freedom: tuple[float, ...]
 
-    keys = "p_value ratio against statistic degrees_of_freedom text"
+    _keys = "p_value ratio against statistic degrees_of_freedom text"
 
     @property
     def misses(self) -> bool:

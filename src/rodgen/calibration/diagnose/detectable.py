@@ -53,7 +53,7 @@ class Detectable(Result):
     possible: bool
     rare: bool = False
 
-    keys = "effect=effect.name joint=effect.place parameter size unit rms possible rare"
+    _keys = "effect=effect.name joint=effect.place parameter size unit rms possible rare"
 
     @property
     def how_rare(self) -> str:

@@ -162,7 +162,7 @@ class FleetEffect(Result):
     of: int
     parameters: tuple[FleetParameter, ...]
 
-    keys = "effect=title found alike of common on_average parameters"
+    _keys = "effect=title found alike of common on_average parameters"
 
     @property
     def on_average(self) -> bool:
@@ -223,7 +223,7 @@ class Odd(Result):
     p_value: float
     rate: float
 
-    keys = "machine key unit effect value std mean mean_std spread p_value rate distance"
+    _keys = "machine key unit effect value std mean mean_std spread p_value rate distance"
 
     @property
     def distance(self) -> float:

@@ -247,7 +247,7 @@ class Dependence(Result):
     covariance: Array | None
     factor: float = 1.0
 
-    keys = "independent factor text"
+    _keys = "independent factor text"
 
     @property
     def independent(self) -> bool:

@@ -149,7 +149,7 @@ class NoiseFloor(Result):
     stated: float | None
     one_body: bool = False
 
-    keys = (
+    _keys = (
         "value unit source replicates replicated_poses drifts with_drifts repeated "
         "distances distance_drifts stated one_body text"
     )

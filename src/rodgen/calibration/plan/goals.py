@@ -87,7 +87,7 @@ class Goal(Result):
     reached: bool
     gains: tuple[Gain, ...]
 
-    keys = "kind effects parameters sentence resolvable reached gain=gains"
+    _keys = "kind effects parameters sentence resolvable reached gain=gains"
 
     @property
     def sentence(self) -> str:

@@ -65,7 +65,7 @@ class Plan(Result):
     notes: tuple[str, ...]
     needed: int | None
 
-    keys = "readings=count needed resolvable reached rows goals notes"
+    _keys = "readings=count needed resolvable reached rows goals notes"
 
     @property
     def count(self) -> int:
