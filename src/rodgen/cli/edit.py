@@ -229,8 +229,7 @@ def _exclude(options: argparse.Namespace) -> int:
         option = next((name for name in ("rows", "run", "where") if which[name]), "all")
         raise refused(f"--{option}", error.found, error.expected) from None
     text = text_with_set_aside(options.machine, changed.measured.set_aside)
-    output = options.output or new_name(options.machine, ("included" if options.undo else "excluded",))
-    write_file(output, text.encode())
+    output = write_machine(options, text, ("included" if options.undo else "excluded",))
     aside = changed.aside(data)
     said = aside.text if aside else f"No row of {options.data} is set aside."
     found = {"file": output, "set_aside": aside.to_dict() if aside else {"rows": 0, "entries": []}}
@@ -276,8 +275,7 @@ def _set(options: argparse.Namespace) -> int:
     else:
         expected = joined([*machine.known, *machine.ties]) or "an entry; there is none"
         raise InputFileError(file, "[known] and [ties]", f"nothing of {shown(key)}", expected)
-    output = options.output or new_name(file, key.split("."))
-    write_file(output, text.encode())
+    output = write_machine(options, text, key.split("."))
     changed = machine_of(text, output, Machine)
     entries = {
         "known": known_line(changed, key, changed.known[key]) if key in changed.known else None,
@@ -352,9 +350,8 @@ class Written:
 
 def carry_out(options: argparse.Namespace, change: Change) -> Written:
     """Write the new machine file, and fit all machines when there are measurements."""
-    output = options.output or new_name(options.machine, change.words)
+    output = write_machine(options, change.text, change.words)
     ladder = None
-    write_file(output, change.text.encode())
     if options.data:
         from rodgen.calibration.ladder import ladder_of
 
@@ -363,6 +360,13 @@ def carry_out(options: argparse.Namespace, change: Change) -> Written:
         remark_on_rows(ladder.rungs[-1].fit.observations)
         remark_on_readings(ladder.rungs[-1].fit)
     return Written(change, options.machine, output, ladder)
+
+
+def write_machine(options: argparse.Namespace, text: str, words: Sequence[str]) -> str:
+    """Write the new machine file, without --output under a name with these words; return its name."""
+    output: str = options.output or new_name(options.machine, words)
+    write_file(output, text.encode())
+    return output
 
 
 def add_output(command: argparse.ArgumentParser) -> None:
