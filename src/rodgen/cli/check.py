@@ -49,7 +49,7 @@ def add_to(command: Command) -> None:
 def _run(options: argparse.Namespace) -> int:
     with stage("starting"):
         from rodgen.calibration.file_check import check
-        from rodgen.calibration.file_check.repairs import write_mended_data
+        from rodgen.calibration.file_check.repairs import write_repaired_data
         from rodgen.machines.files.edit import text_with_geometry
         from rodgen.machines.machine import Machine
 
@@ -72,7 +72,7 @@ def _run(options: argparse.Namespace) -> int:
         if options.output:
             write_file(options.output, text_with_geometry(options.machine, mended).encode())
         if options.mended_data:
-            write_mended_data(observations, found.observations, options.mended_data)
+            write_repaired_data(observations, found.observations, options.mended_data)
     fit = None
     if not found.wrong:
         with contextlib.suppress(RodgenError):  # nothing to fit

@@ -231,9 +231,9 @@ def _narrowed(tex: str, width: int) -> str:
     ends = [at for at, token, depth in _depths(tex) if depth == 0 and token in _CLOSING]
     starts = [at + len(token) for at, token, depth in _depths(tex) if depth == 1 and token in _OPENING]
     groups = [(a, b) for a, b in zip(starts, ends, strict=True) if rendered_width(tex[a:b]) > width // 4]
-    beside = sum(not tex[:a].endswith("}{") for a, _ in groups)
+    side_by_side = sum(not tex[:a].endswith("}{") for a, _ in groups)
     for a, b in reversed(groups):
-        room, mark, cells = (width - 4) // max(beside, 1), "", [tex[a:b]]
+        room, mark, cells = (width - 4) // max(side_by_side, 1), "", [tex[a:b]]
         if tex[:a].endswith(r"\left"):
             mark = r"\\.|."
         elif tex[:a].endswith(r"\begin"):

@@ -357,9 +357,9 @@ def on_a_branch(outliers: Mask, residual: Array, order: NDArray[np.int_]) -> Mas
     if not outliers.any() or len(others) < OUTLIERS.fewest_rows:
         return np.zeros(n, bool)
     steps = np.arange(-OUTLIERS.rows_around, OUTLIERS.rows_around)
-    beside = np.cumsum(good)[:, None] - good[:, None] + steps + (good[:, None] & (steps >= 0))  # not itself
+    around = np.cumsum(good)[:, None] - good[:, None] + steps + (good[:, None] & (steps >= 0))  # not itself
     apart = np.empty(n)
-    mean = others[np.clip(beside, 0, len(others) - 1)].mean(axis=1)
+    mean = others[np.clip(around, 0, len(others) - 1)].mean(axis=1)
     apart[order] = np.linalg.norm(residual[order] - mean, axis=1)
     near = apart <= _cut(n, m, n * m) * _scale(apart[~outliers], m)
     return np.asarray(outliers & near & (apart < OUTLIERS.branch * np.linalg.norm(residual, axis=1)))

@@ -495,12 +495,14 @@ def _of_rows(observations: Observations) -> Iterator[Repair]:
         )
 
 
-def write_mended_data(mended: Observations, observations: Observations, path: str | os.PathLike[str]) -> None:
-    """Write the table of mended observations; what was not changed keeps its digits.
+def write_repaired_data(
+    repaired: Observations, observations: Observations, path: str | os.PathLike[str]
+) -> None:
+    """Write the table of repaired observations; what was not changed keeps its digits.
 
     Parameters
     ----------
-    mended, observations : Observations
+    repaired, observations : Observations
         After and before the change.
     path : str or os.PathLike
         Ends in ``.csv``, ``.csv.gz`` or ``.parquet``.
@@ -510,19 +512,19 @@ def write_mended_data(mended: Observations, observations: Observations, path: st
     InputFileError
         When it cannot be written.
     """
-    machine, data = observations.machine, mended.data
+    machine, data = observations.machine, repaired.data
     changed: dict[str, NDArray[np.float64]] = {}
     for j, joint in enumerate(machine.joints):
-        changed[joint.column] = mended.q[:, j]
-        changed[f"v_{joint.column}"] = mended.v[:, j]
-        changed[f"dir_{joint.column}"] = mended.s[:, j].astype(float)
+        changed[joint.column] = repaired.q[:, j]
+        changed[f"v_{joint.column}"] = repaired.v[:, j]
+        changed[f"dir_{joint.column}"] = repaired.s[:, j].astype(float)
     for i, name in enumerate(machine.measurand.columns):
-        if i < mended.reading.shape[1]:
-            changed[name] = mended.reading[:, i]
-        if mended.sigma is not None:
-            changed[f"u_{name}"] = mended.sigma[:, i] / (mended.arm if name in TURNS else 1.0)
-    if mended.attitude is not None:
-        changed |= attitude_numbers(mended.attitude, data)
+        if i < repaired.reading.shape[1]:
+            changed[name] = repaired.reading[:, i]
+        if repaired.sigma is not None:
+            changed[f"u_{name}"] = repaired.sigma[:, i] / (repaired.arm if name in TURNS else 1.0)
+    if repaired.attitude is not None:
+        changed |= attitude_numbers(repaired.attitude, data)
     columns: dict[str, Any] = {}
     for name, column in data.columns.items():
         values = column.values

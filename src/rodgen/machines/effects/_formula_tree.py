@@ -336,7 +336,7 @@ _TOKEN = re.compile(
     r"|(?P<operator>\*\*|[-+*/^()])"
 )
 
-_MENDED = {
+_CORRECTED = {
     "·⋅∙×∗•": "'*'",
     "−–—‐‑‒": "'-'",
     "÷∕⁄": "'/'",
@@ -446,9 +446,9 @@ def _tokens(text: str) -> list[_Token]:
 def _unknown_character(text: str, position: int) -> FormulaError:
     character = text[position]
     found = f"{shown(character)} at character {position + 1}"
-    for characters, mended in _MENDED.items():
+    for characters, corrected in _CORRECTED.items():
         if character in characters:
-            return FormulaError(found, mended)
+            return FormulaError(found, corrected)
     if ord(character) > 126 or not character.isprintable():
         name = unicodedata.name(character, f"U+{ord(character):04X}")
         return FormulaError(f"{found} ({name})", "names of Latin letters a to z, digits and '_'")
