@@ -41,6 +41,8 @@ from rodgen.kinematics.axis_fit.determinacy import (
 from rodgen.kinematics.axis_fit.moments import shown, tangents
 from rodgen.kinematics.axis_fit.pairs import Line, Pairs, blocks
 from rodgen.kinematics.axis_fit.result import AxisFit, AxisFitStatus
+from rodgen.kinematics.axis_fit.shared_readings import SharedReadings
+from rodgen.kinematics.axis_fit.slide import CHANCE, Slide
 from rodgen.kinematics.axis_fit.solve import (
     LOSSES,
     MOST_REWEIGHTINGS,
@@ -131,8 +133,6 @@ def _is_axis(pairs: Pairs, chosen: NDArray[np.intp], line: Line) -> bool:
     return bool(values[0] > _LEAST_INFORMATION * values[-1])
 
 
-# Probability below which a better fit is not taken for luck.
-_CHANCE = 1e-5
 # A statistic this many of its standard deviations off is no accident.
 _NO_ACCIDENT = 5.0
 # Below this many degrees of freedom the estimated noise is too uncertain for the usual two sigma.
@@ -141,7 +141,13 @@ _DEGREES = 4 * math.pi
 
 
 def remarks_on(
-    pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line: Line, determined: bool
+    pairs: Pairs,
+    solution: Solution,
+    loss: Loss,
+    noise: Noise,
+    line: Line,
+    determined: bool,
+    shared: SharedReadings | None,
 ) -> list[str]:
     """Return sentences, the most important first."""
     remarks: list[str] = []
@@ -152,13 +158,19 @@ def remarks_on(
         remarks.append(
             "The pairs leave no degrees of freedom to estimate the noise: give sigma to learn the uncertainty."
         )
+    if shared is not None:
+        remarks.append(shared.text)
     bad, used = int(noise.outliers.sum()), int(noise.used.sum())
-    if bad and loss.name == "linear":
-        remarks.append(
-            f"{bad} of {used} pairs are farther off than noise explains and still count fully: loss='huber' "
-            "would limit their influence."
-        )
-    remarks += contradiction(pairs, loss, noise, line)
+    slid = _on_slide(pairs, solution, loss, line, shared) if determined else None
+    if slid is not None:
+        remarks.append(slid)
+    else:
+        if bad and loss.name == "linear":
+            remarks.append(
+                f"{bad} of {used} pairs are farther off than noise explains and still count fully: loss='huber' "
+                "would limit their influence."
+            )
+        remarks += contradiction(pairs, loss, noise, line)
     if determined and pairs.variance is None and 0 < noise.dof < _FEW_FREEDOMS:
         remarks.append(_few_freedoms(noise.dof))
     excess = 0.0 if noise.chi_square is None else noise.chi_square - noise.dof
@@ -174,6 +186,21 @@ def remarks_on(
     if pairs.point is not None:
         remarks += _point_off(pairs, solution, noise, line) + _lengths_differ(pairs, noise, line)
     return remarks
+
+
+def _on_slide(
+    pairs: Pairs, solution: Solution, loss: Loss, line: Line, shared: SharedReadings | None
+) -> str | None:
+    """Return a sentence on a slide along the axis without which the pairs agree; None where there is none."""
+    slide = Slide.of(pairs.weighted(solution.share), line, shared)
+    if slide is None:
+        return None
+    moved = replace(slide.pairs, weight=pairs.weight)
+    noise = Noise.of(moved, loss, moved.half_squares(slide.line))
+    outliers, used = int(noise.outliers.sum()), int(noise.used.sum())
+    if outliers >= _MANY * used:
+        return None
+    return slide.text(outliers, used, moved.residuals(slide.line)[noise.good])
 
 
 def _few_freedoms(dof: int) -> str:
@@ -210,7 +237,7 @@ def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> li
         chance = math.exp(-gain / pairs.variance / 2)
     else:
         chance = math.exp(-freedoms / 2 * math.log1p(gain / left)) if left > 0 else 0.0
-    if chance > _CHANCE:
+    if chance > CHANCE:
         return []
     away = math.sqrt(float(free.point @ free.point)) * pairs.scale
     return [
@@ -299,8 +326,8 @@ def fit_axis(
 
     Notes
     -----
-    Pairs must not share readings: a reading that stands in several pairs makes their errors dependent, and
-    the reported uncertainties come out too small. A known point is taken as exact, and so are the angles.
+    A reading that stands in several pairs, to the last digit, makes their errors dependent: the uncertainties
+    allow for it, and a remark says so. A known point is taken as exact, and so are the angles.
 
     Source: equation (1) of Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling
     Volumetric Geometric Accuracy of Multi-Coordinate Systems", for many pairs at once.
@@ -344,12 +371,18 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
     reference = float(np.trace(information[2:, 2:])) / 2 if free else facts.versines
     small = np.full(information.shape, np.nan)
     determined = is_determined(axis_information(information), reference * facts.arm**2, facts)
+    shared = SharedReadings.of(pairs.weighted(good))
     if determined and not math.isnan(noise.variance):
+        excess = np.zeros_like(information)
+        if shared is not None:
+            excess = shared.excess(pairs, solution.share, best, basis)
+            noise = noise.less_dof(float(np.trace(np.linalg.solve(information, excess))) / 2, pairs)
         versines = sum(
             float((solution.share[rows] ** 2 * noise.used[rows]) @ (2 * np.sin(block.angle / 2) ** 2))
             for rows, block in pairs.blocks()
         )
         small = parameter_covariance(information, score, noise.variance, versines)
+        small += noise.variance * np.linalg.solve(information, np.linalg.solve(information, excess).T)
     freedoms = find_freedoms(
         axis_information(information), reference * facts.arm**2, small[:2, :2], basis, facts
     )
@@ -384,7 +417,7 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
         condition=condition_number(information, facts.arm) if determined else math.inf,
         status=status,
         undetermined=tuple(sentences(status, freedoms, lines, facts)),
-        remarks=tuple(remarks_on(pairs, solution, loss, noise, lines[0], determined)),
+        remarks=tuple(remarks_on(pairs, solution, loss, noise, lines[0], determined, shared)),
         candidate_axes=np.array([line.axis for line in lines]),
         candidate_points=np.array([place(line.point) for line in lines]),
         candidate_rms=np.array(rms),

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -361,3 +361,13 @@ class Noise:
             math.sqrt(variance / pairs.unit_weight) * pairs.scale if not math.isnan(variance) else math.nan
         )
         return cls(variance, sigma, squares, unit, used, outliers, good, dof, None)
+
+    def less_dof(self, absorbed: float, pairs: Pairs) -> Noise:
+        """Return the noise where the fit has absorbed more of it than one variance for each parameter.
+
+        `absorbed` are those variances. Errors that pairs share are absorbed more; given noise stays.
+        """
+        if pairs.variance is not None:
+            return self
+        factor = self.dof / max(self.dof - absorbed, 1.0)
+        return replace(self, variance=self.variance * factor, sigma=self.sigma * math.sqrt(factor))
