@@ -8,12 +8,15 @@ from importlib import import_module as _import_module
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
+from rodgen import facade as _facade  # noqa: F401
+
 if _TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit as Fit
     from rodgen.calibration.simulate import simulate as simulate
     from rodgen.calibration.watch import Watch as Watch
     from rodgen.data.measurements import Measurements as Measurements
     from rodgen.errors import RodgenError
+    from rodgen.facade import Fit as Fit
+    from rodgen.facade import Machine as Machine
     from rodgen.kinematics import hexapod as hexapod
     from rodgen.kinematics import instantaneous_euler as instantaneous_euler
     from rodgen.kinematics import screws as screws
@@ -47,7 +50,6 @@ if _TYPE_CHECKING:
         rotate,
     )
     from rodgen.machines.machine import Joint as Joint
-    from rodgen.machines.machine import Machine as Machine
     from rodgen.machines.machine import Measured as Measured
     from rodgen.machines.machine import Target as Target
     from rodgen.output import figures as figures

@@ -10,3 +10,5 @@ FORMULA = 2000
 """Of a formula, characters."""
 COMPILE = 600.0
 """Of one run of the compiler, s."""
+NUMBER = 1e100
+"""Of a number in a file: larger ones leave the range of a double when they are squared and summed."""

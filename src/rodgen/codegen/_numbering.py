@@ -9,18 +9,13 @@ line, and a select whose condition is known is the case that holds.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from functools import reduce
 from itertools import count
-from typing import TYPE_CHECKING
 
 import sympy as sp
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean
-
-if TYPE_CHECKING:
-    from rodgen.codegen.kernel import Kernel
-    from rodgen.codegen.kernel_parts import Port
 
 Pair = tuple[sp.Symbol, sp.Basic]
 
@@ -169,20 +164,6 @@ class Numbering:
             self._found[operation] = symbol
             self.lines.append((symbol, operation))
         return symbol if sign is sp.S.One else -symbol
-
-
-def numbered(
-    kernel: Kernel,
-    outputs: Iterable[Port],
-    known: Mapping[sp.Symbol, sp.Basic] | None = None,
-) -> Numbering:
-    """Return the program of a kernel; the lines of the symbols of `outputs` remain to be written at its end."""
-    last = {s for port in outputs for s in port.symbols}
-    symbols = [s for port in kernel.inputs for s in port.symbols] + [a.symbol for a in kernel.assignments]
-    program = Numbering({s.name for s in (*symbols, *last)}, known)
-    for symbol, value in kernel.assignments:
-        program.define(symbol, value, by_name=symbol not in last)
-    return program
 
 
 def slope_of(value: sp.Expr, symbol: sp.Symbol) -> sp.Expr:

@@ -10,20 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import count
-from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from rodgen.codegen._numbering import numbered, slope_of
-from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, port_symbols
+from rodgen.codegen._numbering import slope_of
+from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, StraightLine, numbered, port_symbols
 from rodgen.codegen.reverse import gradients
-
-if TYPE_CHECKING:
-    from rodgen.codegen.kernel import Kernel
 
 
 def derivatives(
-    kernel: Kernel, inputs: Sequence[str], outputs: Sequence[str], mode: str
+    kernel: StraightLine, inputs: Sequence[str], outputs: Sequence[str], mode: str
 ) -> tuple[list[Port], list[Assignment]]:
     """Return the ports of the derivatives of `outputs` with respect to `inputs`, and the steps that compute them.
 
@@ -65,7 +61,7 @@ def derivatives(
 
 
 def _forward(
-    kernel: Kernel, outputs: Sequence[sp.Symbol], variables: Sequence[sp.Symbol]
+    kernel: StraightLine, outputs: Sequence[sp.Symbol], variables: Sequence[sp.Symbol]
 ) -> tuple[list[Assignment], list[list[sp.Expr]]]:
     """Return the program with its derivatives, and those of each output with respect to each variable."""
     steps: list[Assignment] = []
@@ -106,7 +102,7 @@ def _slope(value: sp.Expr, x: sp.Symbol, tangent: Mapping[sp.Symbol, Mapping[sp.
     return sp.Add(*(slope_of(value, s) * tangent[s][x] for s in moving))
 
 
-def _with_selects_on_their_own_lines(kernel: Kernel) -> Iterator[tuple[sp.Symbol, sp.Basic]]:
+def _with_selects_on_their_own_lines(kernel: StraightLine) -> Iterator[tuple[sp.Symbol, sp.Basic]]:
     """Yield the kernel's lines with every inner select moved to a line of its own."""
     lines: list[tuple[sp.Symbol, sp.Basic]] = []
     names = (sp.Symbol(f"select_{n}", real=True) for n in count())

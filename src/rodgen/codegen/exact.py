@@ -10,17 +10,15 @@ from __future__ import annotations
 import functools
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import mpmath
 import numpy as np
 import sympy as sp
 from sympy.core.relational import Relational
 
+from rodgen.codegen.kernel_parts import StraightLine
 from rodgen.symbolic import EPS, LARGEST, power_of_two_scale
-
-if TYPE_CHECKING:
-    from rodgen.codegen.kernel import Kernel
 
 Real: TypeAlias = Any
 """An mpf, or a bool for a condition."""
@@ -176,7 +174,7 @@ def _power(base: sp.Expr, exponent: sp.Expr, places: Mapping[sp.Symbol, int]) ->
     return value
 
 
-def translated(kernel: Kernel) -> tuple[dict[sp.Symbol, int], list[Evaluation]]:
+def translated(kernel: StraightLine) -> tuple[dict[sp.Symbol, int], list[Evaluation]]:
     """Translate a kernel: the place of each symbol among the values, and what gives the value of each assignment."""
     inputs = [s for port in kernel.inputs for s in port.symbols]
     symbols = [EPS, LARGEST, *inputs, *(a.symbol for a in kernel.assignments)]
@@ -185,13 +183,13 @@ def translated(kernel: Kernel) -> tuple[dict[sp.Symbol, int], list[Evaluation]]:
 
 
 def evaluate(
-    kernel: Kernel, values: Mapping[str, Any], *, digits: int = 50, eps: Any = None, largest: Any = None
+    kernel: StraightLine, values: Mapping[str, Any], *, digits: int = 50, eps: Any = None, largest: Any = None
 ) -> dict[str, Any]:
     """Evaluate a kernel at one point.
 
     Parameters
     ----------
-    kernel : Kernel
+    kernel : StraightLine
         What to evaluate.
     values : mapping of str to number or array_like
         A value for each input, of the port's shape. Floats are taken exactly as they are in binary;

@@ -20,7 +20,6 @@ import sympy as sp
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean
 
-from rodgen.codegen._numbering import numbered
 from rodgen.codegen.differentiate import derivatives
 from rodgen.codegen.exact import evaluate
 from rodgen.codegen.kernel_parts import (
@@ -29,6 +28,7 @@ from rodgen.codegen.kernel_parts import (
     Port,
     UsualCase,
     live_steps,
+    numbered,
     shortened,
 )
 

@@ -9,13 +9,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
 from rodgen.codegen._cse import eliminate_common_subexpressions
-from rodgen.codegen._numbering import joined
+from rodgen.codegen._numbering import Numbering, joined
 
 Step = TypeVar("Step", bound=tuple[sp.Symbol, sp.Basic])
 
@@ -93,6 +93,33 @@ class UsualCase:
         return hash((self.guard, tuple(sorted(self.values))))
 
 
+class StraightLine(Protocol):
+    """A kernel, :class:`rodgen.codegen.kernel.Kernel`, for what differentiates, numbers or evaluates its program."""
+
+    @property
+    def name(self) -> str:
+        """Function name in every target."""
+
+    @property
+    def inputs(self) -> tuple[Port, ...]:
+        """In the order of the arguments."""
+
+    @property
+    def outputs(self) -> tuple[Port, ...]:
+        """In the order of the arguments."""
+
+    @property
+    def assignments(self) -> tuple[Assignment, ...]:
+        """In the order of evaluation."""
+
+    @property
+    def translations(self) -> dict[int, Any]:
+        """Programs of exact values, by number of digits."""
+
+    def port(self, name: str) -> Port:
+        """Return the input or output called `name`."""
+
+
 def port_symbols(name: str, shape: tuple[int, ...]) -> tuple[sp.Symbol, ...]:
     """Return the real symbols of a port's components, in row-major order."""
     names = [name]
@@ -138,3 +165,17 @@ def shortened(
         taken = {symbol.name for symbol, _ in live} | {s.name for port in inputs for s in port.symbols}
         pairs = eliminate_common_subexpressions(live, taken)
     return tuple(Assignment(symbol, value) for symbol, value in pairs)
+
+
+def numbered(
+    kernel: StraightLine,
+    outputs: Iterable[Port],
+    known: Mapping[sp.Symbol, sp.Basic] | None = None,
+) -> Numbering:
+    """Return the program of a kernel; the lines of the symbols of `outputs` remain to be written at its end."""
+    last = {s for port in outputs for s in port.symbols}
+    symbols = [s for port in kernel.inputs for s in port.symbols] + [a.symbol for a in kernel.assignments]
+    program = Numbering({s.name for s in (*symbols, *last)}, known)
+    for symbol, value in kernel.assignments:
+        program.define(symbol, value, by_name=symbol not in last)
+    return program

@@ -417,11 +417,25 @@ def _of_programs(programs: Sequence[Program]) -> dict[str, RowKernel]:
 
     made = {}
     for program in programs:
-        run = NumPyProgram(program)
+        run = _Built(NumPyProgram, program)
         gram = functools.partial(_numpy_gram, run, program.outputs) if program.columns else None
         each = functools.partial(run, shared=False)
         made[program.name] = RowKernel(program.name, "numpy", program.about, run, gram, each)
     return made
+
+
+class _Built:
+    """A program that is prepared when it is first run: of a machine's programs few are."""
+
+    def __init__(self, build: Callable[[Program], Callable[..., None]], program: Program) -> None:
+        self._build, self._program = build, program
+
+    @functools.cached_property
+    def _run(self) -> Callable[..., None]:
+        return self._build(self._program)
+
+    def __call__(self, *inputs: Any, **options: Any) -> None:
+        self._run(*inputs, **options)
 
 
 def _numpy_gram(

@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.statistics.thresholds import EVIDENCE, VERDICT
+from rodgen.statistics.thresholds import EVIDENCE
+
+COPIES = 0.05
+"""Share of the rows that may repeat others by chance where readings have few digits; more are taken for copies,
+..."""
+COPIED_IN_ORDER = 5
+"""... where so many in succession repeat others in the same order. Of readings of one component whose noise is as
+large as their last digit a quarter repeats an earlier one: five in succession do in one of a thousand places."""
+ONE_WAY = 0.9
+"""Net over total travel from which on a joint moved one way: its slow effects look like a wandering set-up."""
 
 
 def approach(coordinate: NDArray[np.float64]) -> NDArray[np.int8]:
@@ -55,12 +64,15 @@ def moved_one_way(q: NDArray[np.float64]) -> NDArray[np.bool_]:
     """
     ways = np.diff(q, axis=0)
     return np.asarray(
-        (np.ptp(q, axis=0) > 0) & (np.abs(ways.sum(axis=0)) > VERDICT.one_way * np.abs(ways).sum(axis=0))
+        (np.ptp(q, axis=0) > 0) & (np.abs(ways.sum(axis=0)) > ONE_WAY * np.abs(ways).sum(axis=0))
     )
 
 
 def poses(commands: Sequence[NDArray[Any]], run: NDArray[Any]) -> NDArray[np.int32]:
     """Return the number of each row's pose: consecutive rows with equal commanded coordinates and run.
+
+    Equal within a thousandth of the way of each joint: an encoder that is read back, or a mount that tracks a star
+    while it is logged again, moves a little. Rows of a continuous way are poses of their own.
 
     Parameters
     ----------
@@ -75,10 +87,46 @@ def poses(commands: Sequence[NDArray[Any]], run: NDArray[Any]) -> NDArray[np.int
 
     Examples
     --------
-    >>> poses([np.array([0.0, 0.0, 5.0, 0.0])], np.array([0, 0, 0, 0]))
+    >>> poses([np.array([0.0, 0.001, 5.0, 0.0])], np.array([0, 0, 0, 0]))
     array([0, 0, 1, 2], dtype=int32)
     """
-    return np.cumsum(_begins([*commands, run]), dtype=np.int32) - 1
+    begins = _begins([*commands, run])
+    widths = [EVIDENCE.same_position * np.ptp(column) if len(column) else 0.0 for column in commands]
+    far = _begins([run])
+    for column, width in zip(commands, widths, strict=True):
+        far[1:] |= np.abs(np.diff(column)) > width
+    if np.array_equal(far, begins):
+        return np.cumsum(begins, dtype=np.int32) - 1
+    starts = np.flatnonzero(far)
+    narrow = np.ones(len(starts), np.bool_)
+    for column, width in zip(commands, widths, strict=True):
+        narrow &= np.maximum.reduceat(column, starts) - np.minimum.reduceat(column, starts) <= width
+    begins &= far | ~np.repeat(narrow, np.diff(starts, append=len(far)))
+    return np.cumsum(begins, dtype=np.int32) - 1
+
+
+def positions(values: NDArray[Any]) -> NDArray[np.intp]:
+    """Return the number of each value's position, (n,): equal where values of a joint are all but the same.
+
+    A command repeats, though an encoder reads a little off. Where values are so dense that they make a continuous way,
+    only those that are the same share a position.
+
+    Examples
+    --------
+    >>> positions(np.array([0.0, 90.0, 1e-5, 45.0])).tolist()
+    [0, 2, 0, 1]
+    """
+    order = np.argsort(values, kind="stable")
+    ascending, width = values[order], EVIDENCE.same_position * np.ptp(values)
+    for least in (width, 0.0):
+        begins = np.diff(ascending, prepend=-np.inf) > least
+        starts = np.flatnonzero(begins)
+        ends = np.append(starts[1:], len(values)) - 1
+        if np.all(ascending[ends] - ascending[starts] <= width):
+            break
+    number = np.empty(len(values), np.intp)
+    number[order] = np.cumsum(begins) - 1
+    return number
 
 
 def stretches(*columns: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -167,8 +215,8 @@ def originals(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp] | Non
     repeats = np.lexsort((np.arange(n), time))[len(first) :]
     number = np.argsort(np.argsort(first))[group[repeats]]  # of the row repeated, among those that differ
     starts, counts = stretches(number - np.arange(len(repeats)), time[repeats])
-    copied = np.repeat(counts >= min(EVIDENCE.copied_in_order, len(first)), counts)
-    if copied.sum() <= EVIDENCE.copies * n:
+    copied = np.repeat(counts >= min(COPIED_IN_ORDER, len(first)), counts)
+    if copied.sum() <= COPIES * n:
         return None
     found = np.arange(n)
     found[repeats[copied]] = first[group[repeats[copied]]]

@@ -361,6 +361,7 @@ _SPELLINGS = str.maketrans({"μ": "µ", "º": "°", "·": "*", "⋅": "*", "×":
 _PI_PARTS = {
     **dict.fromkeys(("turn", "revolution"), Fraction(2)),
     **dict.fromkeys(("deg", "°", "degree"), Fraction(1, 180)),
+    "gon": Fraction(1, 200),
     "arcmin": Fraction(1, 10800),
     "arcsec": Fraction(1, 648000),
     "mas": Fraction(1, 648000000),
@@ -377,6 +378,7 @@ _EVERYDAY: dict[str, tuple[Dimension, Fraction]] = {
     **dict.fromkeys(("um", "µm", "micron", "micrometer", "micrometre"), (LENGTH, Fraction(1, 10**6))),
     "nm": (LENGTH, Fraction(1, 10**9)),
     **dict.fromkeys(("inch", "in"), (LENGTH, Fraction(254, 10000))),
+    "ft": (LENGTH, Fraction(3048, 10000)),
     **dict.fromkeys(("rad", "radian"), (ANGLE, Fraction(1))),
     "mrad": (ANGLE, Fraction(1, 1000)),
     **dict.fromkeys(("urad", "µrad"), (ANGLE, Fraction(1, 10**6))),

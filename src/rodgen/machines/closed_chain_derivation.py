@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rodgen.machines.algebra import solved
 from rodgen.machines.kinematics import NEWTON_STEPS, Hexapod, Kinematics, ThreeSpsS, Tricept
+from rodgen.machines.model_steps import ModelSteps
+from rodgen.machines.structure import Term
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
-    from rodgen.machines.derivation import ModelSteps
-    from rodgen.machines.structure import Term
 
 Vector: TypeAlias = Any
 """A matrix of values."""
@@ -430,4 +430,5 @@ def pose_from_afar(model: ModelSteps, begins: tuple[int, ...] = (0,)) -> Kernel:
     chain = STEPS_OF[model.structure.kinematics](model)
     found = chain.numbers(chain.from_afar())
     model.builder.output("start", model.matrix(found), unit="1", doc="pose on the nominal machine")
-    return model.builder.build()
+    kernel: Kernel = model.builder.build()
+    return kernel

@@ -16,17 +16,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import UnexpectedError, shown
 from rodgen.machines.linear import Combination, combination
-
-if TYPE_CHECKING:
-    from rodgen.machines.machine import Machine
-    from rodgen.machines.parts import Joint
+from rodgen.machines.parts import Joint, MachineData
 
 _ROUNDING = 1e-12
 """Factors below this are rounding of an inverse matrix."""
@@ -110,7 +106,7 @@ def _interval(matrix: NDArray[np.float64], ranges: NDArray[np.float64]) -> NDArr
     return np.stack([ends.min(axis=2).sum(axis=1), ends.max(axis=2).sum(axis=1)], axis=1)
 
 
-def couplings_of(machine: Machine) -> Couplings | None:
+def couplings_of(machine: MachineData) -> Couplings | None:
     """Return how coordinates follow from readings; None where each is the joint's reading.
 
     Raises
@@ -125,7 +121,7 @@ def couplings_of(machine: Machine) -> Couplings | None:
 class _Couplings:
     """Finds the readings behind every coordinate, through the coordinates of other joints."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: MachineData) -> None:
         self.machine = machine
         self.joints = {joint.name: joint for joint in machine.joints}
         self.number = {name: j for j, name in enumerate(self.joints)}

@@ -6,18 +6,15 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rodgen.data.units import UnitError, number_and_unit, parse_unit, unit_factor
 from rodgen.errors import RodgenError, UnexpectedError, shown, suggestion
-from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect
 from rodgen.machines.linear import combination
 from rodgen.machines.parameters import Parameter, parameters_of
-from rodgen.machines.parts import Known, Tie, belongs
-
-if TYPE_CHECKING:
-    from rodgen.machines.machine import Machine
-
+from rodgen.machines.parts import Known, MachineData, Tie, belongs
+from rodgen.machines.rules import UnfitEffectError, catalogue_effect
+from rodgen.machines.structure import structure_of
 
 _PRIOR = re.compile(r"\s*(?P<mean>[^±]+?)\s*(?:±|\+/?-)\s*(?P<std>.+?)\s*")
 
@@ -25,7 +22,7 @@ NONE = 1e-100
 """Standard deviations below this are none: their squares vanish."""
 
 
-def unit_of(machine: Machine, name: str) -> str:
+def unit_of(machine: MachineData, name: str) -> str:
     """Return the unit of the parameters of a machine, or of an effect that it may get, that a name stands for.
 
     Raises
@@ -35,17 +32,17 @@ def unit_of(machine: Machine, name: str) -> str:
     """
     units = dict.fromkeys(_units(machine, name))
     if not units:
-        some = ", ".join(p.key for p in parameters_of(machine, machine.structure, ("",))[:6])
+        some = ", ".join(p.key for p in parameters_of(machine, structure_of(machine), ("",))[:6])
         raise RodgenError(f"the key of a parameter, such as {some or 'C.backlash.b'}")
     if len({unit_factor(unit, machine.length_unit)[1] for unit in units}) > 1:
         raise RodgenError(f"one of its parameters: they are in {', '.join(units)}")
     return next(iter(units))
 
 
-def _units(machine: Machine, name: str) -> Iterator[str]:
+def _units(machine: MachineData, name: str) -> Iterator[str]:
     found = [
         p.unit
-        for p in parameters_of(machine, machine.structure, ("",))
+        for p in parameters_of(machine, structure_of(machine), ("",))
         if p.slot[0] != "frame" and belongs(p.key, name)
     ]
     yield from found
@@ -63,7 +60,7 @@ def _units(machine: Machine, name: str) -> Iterator[str]:
     yield from (unit for parameter, unit in units.items() if parts[1:] in ([], [parameter]))
 
 
-def read_known(machine: Machine, name: str, content: Mapping[str, Any]) -> Known:
+def read_known(machine: MachineData, name: str, content: Mapping[str, Any]) -> Known:
     """Return what is known of a parameter, as a machine file says it.
 
     Parameters
@@ -95,7 +92,7 @@ def read_known(machine: Machine, name: str, content: Mapping[str, Any]) -> Known
     return Known(prior, bounds)
 
 
-def _prior(machine: Machine, value: Any, unit: str) -> tuple[float, float]:
+def _prior(machine: MachineData, value: Any, unit: str) -> tuple[float, float]:
     expected = f'a value and its standard deviation, such as "0 ± 20 {unit}"'
     found = _PRIOR.fullmatch(value) if isinstance(value, str) else None
     parts = [number_and_unit(found[x]) for x in ("mean", "std")] if found else [None]
@@ -108,7 +105,7 @@ def _prior(machine: Machine, value: Any, unit: str) -> tuple[float, float]:
     return mean * (_factor(machine, "prior", own, unit) if own else factor), std * factor
 
 
-def _bounds(machine: Machine, value: Any, unit: str) -> tuple[float, float]:
+def _bounds(machine: MachineData, value: Any, unit: str) -> tuple[float, float]:
     expected = f'two values, the lower one first, such as ["0 {unit}", "60 {unit}"]'
     if not isinstance(value, list | tuple) or len(value) != 2:
         raise UnfitEffectError("bounds", shown(str(value)), expected)
@@ -128,7 +125,7 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and not math.isnan(value)
 
 
-def _factor(machine: Machine, key: str, text: str, own: str) -> float:
+def _factor(machine: MachineData, key: str, text: str, own: str) -> float:
     """Return the factor from a unit, or that of the machine file where it is empty, to internal units."""
     _, dimension = unit_factor(own, machine.length_unit)
     if not text:
@@ -162,7 +159,7 @@ class Tied:
 
 
 def tied_parameters(
-    machine: Machine, parameters: Sequence[Parameter]
+    machine: MachineData, parameters: Sequence[Parameter]
 ) -> tuple[tuple[Parameter, ...], tuple[Tied, ...]]:
     """Return the parameters of a model that are not tied, and those that are.
 
@@ -178,13 +175,13 @@ def tied_parameters(
     return free, tuple(tied)
 
 
-def parameters_to_tie(machine: Machine) -> dict[str, Parameter]:
+def parameters_to_tie(machine: MachineData) -> dict[str, Parameter]:
     """Return the parameters of a machine that may be tied, and to which others may be, by their keys."""
-    found = parameters_of(machine, machine.structure, ("",))
+    found = parameters_of(machine, structure_of(machine), ("",))
     return {p.key: p for p in found if str(p.slot[0]).partition(".")[0] in TIED}
 
 
-def read_tie(machine: Machine, key: str, text: str) -> Tie:
+def read_tie(machine: MachineData, key: str, text: str) -> Tie:
     """Return the tie of a parameter to others, as a machine file says it.
 
     Raises

@@ -8,48 +8,31 @@ another one.
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.data.set_aside import RowsAside, SetAside, edited, others, rows_aside, rows_text
-from rodgen.data.units import ANGLE, Dimension, unit_factor
-from rodgen.errors import InputFileError, RodgenError, UnexpectedError, in_file, joined, listed, shown
-from rodgen.files import write_file
+from rodgen.data.set_aside import RowsAside
+from rodgen.errors import InputFileError, UnexpectedError, in_file, joined, shown
 from rodgen.machines.coupling import Couplings, couplings_of
-from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
-from rodgen.machines.files.read import ColumnSource, machine_of, read_machine
-from rodgen.machines.files.write import description, machine_text
-from rodgen.machines.fixed import fixed_machine
-from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
 from rodgen.machines.known import read_known, read_tie
-from rodgen.machines.measured import Measurand, Measured
+from rodgen.machines.measured import Measured
 from rodgen.machines.parts import (
-    BRANCHES,
     Effect,
     Joint,
-    Known,
-    StatedPlausibility,
+    MachineData,
     Target,
-    Tie,
-    Vector,
     belongs,
 )
+from rodgen.machines.rules import UnfitEffectError, catalogue_effect, check_effect
 from rodgen.machines.structure import Structure, structure_of
+from rodgen.methods import method
 from rodgen.views import html_of_text
-
-if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
-    from rodgen.data.measurements import Measurements
-
-_UNIT = 1e-9
-"""How far the length of a unit vector may be off 1."""
 
 __all__ = ["Effect", "EffectBearer", "Joint", "Machine", "Measured", "Target"]
 
@@ -63,7 +46,7 @@ class EffectBearer(Protocol):
 
 
 @dataclass(frozen=True)
-class Machine:
+class Machine(MachineData):
     """A chain of joints, or a platform on legs, from the measuring frame to the measured point, with its errors.
 
     Attributes
@@ -122,182 +105,21 @@ class Machine:
     effects: backlash at C (b = 36 arcsec held)
     """
 
-    name: str
-    length_unit: str
-    angle_unit: str
-    gravity: Vector
-    reference_temperature: float
-    joints: tuple[Joint, ...]
-    targets: tuple[Target, ...]
-    measured: Measured
-    estimate: tuple[str, ...] = ()
-    effects: tuple[Effect, ...] = ()
-    file: str | None = field(default=None, compare=False)
-    values: Mapping[str, float] = field(default_factory=dict, hash=False)
-    kinematics: Kinematics = field(default_factory=Chain)
-    known: Mapping[str, Known] = field(default_factory=dict, hash=False)
-    plausible: Mapping[str, StatedPlausibility] = field(default_factory=dict, hash=False)
-    record: Mapping[str, str] = field(default_factory=dict, hash=False)
-    ties: Mapping[str, Tie] = field(default_factory=dict, hash=False)
-    column_sources: Mapping[str, ColumnSource] = field(default_factory=dict, hash=False)
-    doubts: Callable[[], str] | None = field(default=None, compare=False, repr=False)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"doubts": None}  # a copy in another process does not take a fit's data along
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Machine:
-        """Read a machine file.
-
-        Parameters
-        ----------
-        path : str or os.PathLike
-            A TOML file, at most 1 MB.
-
-        Returns
-        -------
-        Machine
-
-        Raises
-        ------
-        InputFileError
-            One line with the place, what stands there and what should.
-        """
-        return read_machine(path, cls)
-
-    def save(self, path: str | os.PathLike[str], *, fixed: bool = False) -> None:
-        """Write a machine file.
-
-        Parameters
-        ----------
-        path : str or os.PathLike
-            Is replaced when the new file is complete.
-        fixed : bool
-            Write the fitted numbers too: axes, points and targets in place, the parameters of effects as ``hold``, and
-            nothing to estimate. Where the free frame is, and the frame shift of each run, is not a property of
-            the machine and has no place in its file: these are found again with the next measurements. Without `fixed`
-            the fitted numbers are not written, and the file reads back as an equal machine.
-
-        Raises
-        ------
-        InputFileError
-            When it cannot be written; with `fixed`, also when an effect is measured over a travel that the
-            machine does not give.
-        """
-        write_file(path, machine_text(fixed_machine(self) if fixed else self).encode())
-
-    def validate(self) -> None:
-        """Check what was built in Python as a machine file is checked; one that was read has been.
-
-        Raises
-        ------
-        InputFileError
-            One line with the place, what stands there and what should.
-        """
-        if self.file is not None:
-            return
-        read = machine_of(machine_text(self), self.name, type(self))
-        directions = () if self.measurand.moving else self.targets
-        vectors = {"gravity": self.gravity} | {f"target {t.name}, point": t.point for t in directions}
-        for place, vector in vectors.items():
-            if abs(math.hypot(*vector) - 1) > _UNIT:
-                found = f"a vector of length {math.hypot(*vector):.6g}"
-                raise InputFileError(self.name, place, found, "one of length 1")
-        order = [joint.name for joint in read.joints]
-        if order != [joint.name for joint in self.joints]:
-            found = f"in the order {joined(joint.name for joint in self.joints)}"
-            raise InputFileError(self.name, "joints", found, f"from instrument to target: {joined(order)}")
+    # implemented by modules above, as rodgen.facade says
+    load = cast("Callable[..., Machine]", method(of_class=True))
+    save = cast("Callable[..., None]", method())
+    validate = cast("Callable[..., None]", method())
+    describe = cast("Callable[..., str]", method())
+    aside = cast("Callable[..., RowsAside | None]", method())
+    setting_aside = cast("Callable[..., Machine]", method())
+    bringing_back = cast("Callable[..., Machine]", method())
+    fit = method()
+    emit = cast("Callable[..., list[Path]]", method())
 
     @cached_property
     def structure(self) -> Structure:
         """What its kernels depend on."""
         return structure_of(self)
-
-    @cached_property
-    def inner(self) -> int:
-        """How many of the joints, the first ones, carry the instrument: none in a chain."""
-        return sum(joint.branch == self.measured.instrument for joint in self.joints)
-
-    @property
-    def branches(self) -> dict[str, tuple[Joint, ...]]:
-        """The joints of the workpiece's and of the tool's branch, the bed's first; empty for a chain."""
-        found = {
-            name: tuple(joint for joint in self.joints if joint.branch == name)[:: -1 if inner else 1]
-            for name, inner in ((name, name == self.measured.instrument) for name in BRANCHES)
-        }
-        return {name: joints for name, joints in found.items() if joints}
-
-    @property
-    def axes_of_places(self) -> str:
-        """What the axes in which targets are seen are called in a sentence."""
-        moved = f" that move with the {self.measured.instrument}" if self.branches else ""
-        return f"machine axes{moved}"
-
-    def carriers(self, j: int) -> range:
-        """Return the numbers of the joints that carry joint j, the first one from the base or bed first."""
-        return carriers(j, self.inner)
-
-    def beyond(self, j: int) -> range:
-        """Return the numbers of the joints that joint j carries, the next one first."""
-        return beyond(j, self.inner, len(self.joints))
-
-    @property
-    def measurand(self) -> Measurand:
-        """What is measured, with all that depends on it."""
-        return self.measured.measurand
-
-    def joint(self, name: str) -> Joint:
-        """Return a joint by its name.
-
-        Raises
-        ------
-        RodgenError
-            When there is none.
-        """
-        return _named(name, "joint", self.joints)
-
-    def number_of(self, joint: str) -> int:
-        """Return the number of a joint by its name, from 0 at the base.
-
-        Raises
-        ------
-        ValueError
-            When there is none.
-        """
-        return [each.name for each in self.joints].index(joint)
-
-    def target(self, name: str) -> Target:
-        """Return a target by its name.
-
-        Raises
-        ------
-        RodgenError
-            When there is none.
-        """
-        return _named(name, "target", self.targets)
-
-    def kind_of(self, place: str | None) -> str:
-        """Return what is at a place: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"target"``, or ``"machine"``.
-
-        Raises
-        ------
-        RodgenError
-            When nothing does.
-        """
-        if place is None:
-            return "machine"
-        if any(place == target.name for target in self.targets):
-            return "target"
-        return self.joint(place).type
-
-    def file_factor(self, dimension: Dimension) -> float:
-        """Return the factor from the machine file's unit of this dimension to internal units."""
-        angle, _ = unit_factor(self.angle_unit)
-        return math.pow(angle, dimension["angle"])
-
-    def file_unit(self, dimension: Dimension) -> str:
-        """Return the machine file's unit of a length or an angle."""
-        return self.angle_unit if dimension == ANGLE else self.length_unit
 
     def effect(
         self, name: str, place: str | None = None, *, hold: Mapping[str, float] | None = None
@@ -370,7 +192,7 @@ class Machine:
                 inside &= (values >= joint.travel[0]) & (values <= joint.travel[1])
         return inside
 
-    def with_effect(self, effect: Effect) -> Machine:
+    def with_effect(self, effect: Effect) -> Self:
         """Return this machine with one more effect, after those that it has.
 
         Parameters
@@ -393,7 +215,7 @@ class Machine:
         place = f"{title}, {error.key}" if error.key.startswith("hold.") else title
         return InputFileError(self.file or self.name, place, error.found, error.expected)
 
-    def without_effect(self, name: str, place: str | None = None) -> Machine:
+    def without_effect(self, name: str, place: str | None = None) -> Self:
         """Return this machine without one of its effects, and without that effect's fitted numbers.
 
         Parameters
@@ -420,7 +242,7 @@ class Machine:
 
     def knowing(
         self, key: str, *, prior: str | None = None, bounds: tuple[float | str, float | str] | None = None
-    ) -> Machine:
+    ) -> Self:
         """Return this machine with a prior or bounds of some of its parameters.
 
         Parameters
@@ -444,7 +266,7 @@ class Machine:
             known = read_known(self, key, given)
         return replace(self, known={**self.known, key: known})
 
-    def tying(self, key: str, to: str) -> Machine:
+    def tying(self, key: str, to: str) -> Self:
         """Return this machine with one more parameter tied to others.
 
         Parameters
@@ -463,7 +285,7 @@ class Machine:
             tie = read_tie(self, key, to)
         return replace(self, ties={**self.ties, key: tie})
 
-    def without_bounds(self, keys: Collection[str]) -> Machine:
+    def without_bounds(self, keys: Collection[str]) -> Self:
         """Return this machine without what it says of the bounds of some parameters.
 
         Parameters
@@ -479,147 +301,6 @@ class Machine:
         }
         return replace(self, known=known)
 
-    # rows of measurements ------------------------------------------------------------------------------------
-
-    def aside(self, data: Any) -> RowsAside | None:
-        """Return which rows of measurements are set aside; None where the machine file sets none aside.
-
-        Parameters
-        ----------
-        data : Measurements, or a table in memory
-            As of :meth:`fit`.
-
-        Raises
-        ------
-        InputFileError
-            When what the file says does not fit the measurements, or no row is left.
-        """
-        if not self.measured.set_aside:
-            return None
-        return rows_aside(self.measured.set_aside, _table(data), self._compared, self.file or self.name)
-
-    @property
-    def _compared(self) -> frozenset[str]:
-        """Names of the columns of what is commanded and read."""
-        return self.measurand.read_columns.union((joint.column for joint in self.joints), ("target",))
-
-    def setting_aside(
-        self,
-        data: Any,
-        *,
-        rows: str | Sequence[int] = "",
-        run: str = "",
-        where: str = "",
-        why: str = "",
-    ) -> Machine:
-        """Return this machine with rows of its measurements set aside: nothing is fitted to them.
-
-        Parameters
-        ----------
-        data : Measurements, or a table in memory
-            As of :meth:`fit`.
-        rows : str or sequence of int
-            As the table counts them: lines of a CSV file from 1, else rows from 0, such as ``"12, 40-43"``.
-        run : str
-            Or a run of that table.
-        where : str
-            Or a rule on columns, of any table: ``"EL < 20 deg"``; several are joined by ``and``.
-        why : str
-            A note.
-
-        Raises
-        ------
-        InputFileError
-            When there are no such rows, or none is left.
-
-        Examples
-        --------
-        >>> table = Machine(
-        ...     "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
-        ...     (Target("ball", (100.0, 0.0, 0.0)),), Measured("distance", "machine"),
-        ... )
-        >>> data = {"C [deg]": [0, 120, 240], "d [mm]": [100, 100.01, 140]}
-        >>> table.setting_aside(data, rows=[2], why="bumped").aside(data).text
-        '1 of the 3 rows of data is set aside: row 2 (bumped).'
-        """
-        return self._with_rows(data, rows=rows, run=run, where=where, why=why)
-
-    def bringing_back(
-        self,
-        data: Any,
-        *,
-        rows: str | Sequence[int] = "",
-        run: str = "",
-        where: str = "",
-        why: str = "",
-    ) -> Machine:
-        """Return this machine with rows of its measurements counting again; without a choice, all of that table.
-
-        Parameters
-        ----------
-        data, rows, run, where, why
-            As of :meth:`setting_aside`.
-
-        Raises
-        ------
-        InputFileError
-            When there are no such rows, or none of them is set aside.
-        """
-        if not (len(rows) or run or where):
-            left = others(self.measured.set_aside, _table(data), self._compared)
-            return replace(self, measured=replace(self.measured, set_aside=left))
-        return self._with_rows(data, rows=rows, run=run, where=where, why=why, back=True)
-
-    def _with_rows(self, data: Any, *, rows: str | Sequence[int], **said: Any) -> Machine:
-        table, file = _table(data), self.file or self.name
-        listed = rows if isinstance(rows, str) else rows_text(rows)
-        of = "" if said["where"] else os.path.basename(table.file)
-        with in_file(file, "[measured], set_aside"):
-            new = SetAside(listed, file=of, **said)
-            entries = edited(self.measured.set_aside, new, table, self._compared, file)
-        changed = replace(self, measured=replace(self.measured, set_aside=entries))
-        changed.aside(table)
-        return changed
-
-    # what is done with it ------------------------------------------------------------------------------------
-
-    def fit(
-        self,
-        data: Any,
-        *,
-        loss: str = "linear",
-        progress: Callable[[str, int, int | None], object] | None = None,
-    ) -> Fit:
-        """Return the fit of the model to measurements.
-
-        Parameters
-        ----------
-        data : Measurements, Observations or a table in memory
-            Such as a DataFrame, whose columns are named as those of a measurement file; see
-            :meth:`rodgen.data.measurements.Measurements.from_frame`.
-        loss : {"linear", "huber"}
-            Least squares, or a robust loss: outliers are found, named and left out.
-        progress : callable, optional
-            Called with the stage, such as "fitting", how many of its steps are done, and of how many; None where
-            that is not known.
-
-        Returns
-        -------
-        Fit
-            Its ``machine`` is this one with the fitted values.
-
-        Raises
-        ------
-        InputFileError
-            When the data do not fit the machine.
-        FitError
-            When there is nothing to fit, or the model is not finite at the start.
-        """
-        # The one import of a higher floor: `machine.fit(data)` reads as users think, and needs no second name.
-        from rodgen.calibration.fit import fit
-
-        return fit(self, data, loss=loss, progress=progress)
-
     def add(
         self,
         effect: str | Effect | EffectBearer,
@@ -627,7 +308,7 @@ class Machine:
         joint: str | None = None,
         target: str | None = None,
         hold: Mapping[str, float] | None = None,
-    ) -> Machine:
+    ) -> Self:
         """Return this machine with one more effect.
 
         Parameters
@@ -658,7 +339,7 @@ class Machine:
             return self.with_effect(self.effect(effect, self._place(joint, target), hold=hold))
         return self.with_effect(effect if isinstance(effect, Effect) else effect.effect)
 
-    def remove(self, effect: str, *, joint: str | None = None, target: str | None = None) -> Machine:
+    def remove(self, effect: str, *, joint: str | None = None, target: str | None = None) -> Self:
         """Return this machine without one of its effects.
 
         Parameters
@@ -681,46 +362,5 @@ class Machine:
             raise InputFileError(self.file or self.name, "effect", found, "one of the two, or neither")
         return joint if joint is not None else target
 
-    def emit(self, lang: str, folder: str | os.PathLike[str], **options: Any) -> list[Path]:
-        """Write the fitted machine as standalone code, or as what others read; see :func:`rodgen.machines.emit.emit`.
-
-        Parameters
-        ----------
-        lang : {"c", "cpp", "matlab", "numpy", "jax", "urdf", "dh", "tpoint", "iso230", "screw", "linuxcnc"}
-        folder : str or os.PathLike
-            Is made where there is none.
-        **options
-            ``name``, ``travel``, ``covariance``, ``residual``, ``into`` and ``force`` of that function.
-
-        Returns
-        -------
-        list of Path
-            The files.
-        """
-        from rodgen.machines.emit import emit  # needs SymPy
-
-        return emit(self, lang, folder, **options)
-
-    def describe(self) -> str:
-        """Return a short summary: joints, targets, what is measured and estimated, effects."""
-        return description(self)
-
     def _repr_html_(self) -> str:
         return html_of_text(self.describe())
-
-
-def _table(data: Any) -> Measurements:
-    from rodgen.data.measurements import Measurements  # imports what reads tables
-
-    return Measurements.of(data)
-
-
-_Thing = TypeVar("_Thing", Joint, Target)
-
-
-def _named(name: str, kind: str, things: tuple[_Thing, ...]) -> _Thing:
-    found = next((thing for thing in things if thing.name == name), None)
-    if found is None:
-        names = listed([thing.name for thing in things])
-        raise RodgenError(f"no {kind} {shown(name)}; expected {names}")
-    return found

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, Protocol, TypeAlias
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from rodgen.array_types import Array
 from rodgen.data.set_aside import SetAside
 from rodgen.data.units import ANGLE, LENGTH, Dimension
 from rodgen.views import with_html
-
-if TYPE_CHECKING:
-    from rodgen.machines.derivation import ModelSteps
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -33,6 +30,41 @@ NOTATIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 """The ways to write an attitude in a table, and their columns."""
+
+
+class Steps(Protocol):
+    """What a measurand needs of the steps of a kernel; see :class:`rodgen.machines.model_steps.ModelSteps`."""
+
+    matrix: Any
+    zero: Any
+
+    def let(self, name: str, value: Any) -> Any:
+        """Name a step."""
+
+    def turn(self, angle: Any) -> tuple[Any, Any]:
+        """Return cosine and sine of an angle."""
+        ...
+
+    def length(self, x: Any) -> Any:
+        """Return the length of a vector."""
+
+    def factor(self) -> Any:
+        """Return what the instrument multiplies its readings by."""
+
+    def scaled(self, x: Any) -> Any:
+        """Add to a reading what the errors of the instrument's axes do."""
+
+    def select(self, condition: Any, then: Any, otherwise: Any) -> Any:
+        """Return one value where a condition holds, else the other."""
+
+    def freedoms(self, name: str, components: Sequence[str]) -> Any:
+        """Return the freedoms of a part of the geometry."""
+
+    def known(self, name: str, number: int = 0) -> Any:
+        """Return a vector of the geometry."""
+
+    def varied(self, name: str, number: int) -> Any:
+        """Return a unit vector of the geometry, with its freedoms."""
 
 
 @dataclass(frozen=True)
@@ -117,16 +149,16 @@ class Measurand:
 
     # as SymPy --------------------------------------------------------------------------------------------------
 
-    def seen(self, steps: ModelSteps, place: Any) -> Any:
+    def seen(self, steps: Steps, place: Any) -> Any:
         """Return where the instrument sees a place, (3, 1)."""
         return place
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
+    def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return measured less predicted, (components, 1).
 
         Parameters
         ----------
-        steps : ModelSteps
+        steps : Steps
             Of the kernel that it is written into.
         reading : Matrix, shape (inputs, 1)
         place : Matrix, shape (3, 1)
@@ -154,11 +186,11 @@ class Point(Measurand):
     components = labels = columns
     inputs = 3
 
-    def seen(self, steps: ModelSteps, place: Any) -> Any:
+    def seen(self, steps: Steps, place: Any) -> Any:
         """Return the place as a multiple of the instrument's unit."""
         return steps.scaled(place * steps.factor())
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
+    def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the difference of the coordinates."""
         return reading - place
 
@@ -214,7 +246,7 @@ class Direction(_Angular):
         assert basis is not None
         return np.asarray(np.sqrt(np.stack([np.sum(e**2 * sigma**2, axis=-1) for e in basis], axis=-1)))
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
+    def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the stereographic image of the prediction, seen from opposite the reading, along two vectors."""
         measured, first, second = reading[:3, :], reading[3:6, :], reading[6:, :]
         factor = steps.let("stereographic", -2 / (1 + measured.dot(place)))
@@ -233,7 +265,7 @@ class Distance(Measurand):
     has_origin = True
     unchanged_by = MappingProxyType({"axes": "no distance: it has no axes"})
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
+    def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the difference of the distances."""
         arm = steps.let("arm", place - steps.known("origin"))
         distance = steps.let("distance", steps.length(arm) * steps.factor())
@@ -255,12 +287,12 @@ class Pose(Point):
         """Return differences of coordinates, and rotation vectors; residuals of turns are 2 tan(angle / 2) long."""
         return np.concatenate([residuals[:, :3], arm * _angles(residuals[:, 3:] / arm)], axis=1)
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
+    def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the differences of the coordinates, and the Rodrigues vector from the prediction to the reading."""
         return type(reading)([*(reading[:3, :] - place), *_turn_to(steps, axes, reading[3:, :])])
 
 
-def _turn_to(steps: ModelSteps, axes: Any, read: Any) -> Any:
+def _turn_to(steps: Steps, axes: Any, read: Any) -> Any:
     """Return the Rodrigues vector that turns predicted axes of a body to those that were read, (3, 1).
 
     With the axes m of the body as predicted and r as measured it is 2 Σ m × r / (1 + Σ m · r), 2 tan(angle / 2) long:
@@ -270,7 +302,7 @@ def _turn_to(steps: ModelSteps, axes: Any, read: Any) -> Any:
     return across * steps.let("rodrigues", 2 / along)
 
 
-def _quaternion(steps: ModelSteps, axes: Any, goal: Any) -> tuple[Any, Any]:
+def _quaternion(steps: Steps, axes: Any, goal: Any) -> tuple[Any, Any]:
     """Return vector and scalar part of a quaternion, of any length, that turns orthonormal axes to others."""
     across, along = steps.zero, 1
     for i in range(3):
@@ -291,7 +323,7 @@ class Orientation(_Angular):
     freedoms = TURNS
     has_attitude = has_axes = True
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
+    def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the Rodrigues vector that turns the prediction to the reading."""
         return _turn_to(steps, axes, reading)
 
@@ -316,7 +348,7 @@ class Angle(_Angular):
         {k: v.replace("direction", "angle") for k, v in _Angular.unchanged_by.items()}
     )
 
-    def residual(self, steps: ModelSteps, reading: Any, place: Any, axes: Any = None) -> Any:
+    def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return 2 tan of half the angle from the prediction to the reading, given cosine and sine of half of this."""
         sine, cosine = self.half(steps, place, axes)
         c, s = reading[0], reading[1]
@@ -325,14 +357,23 @@ class Angle(_Angular):
         c, s = c * of_zero[0] + s * of_zero[1], s * of_zero[0] - c * of_zero[1]
         return type(reading)([2 * (s * cosine - c * sine) / (c * cosine + s * sine)])
 
-    def half(self, steps: ModelSteps, place: Any, axes: Any) -> tuple[Any, Any]:
+    def half(self, steps: Steps, place: Any, axes: Any) -> tuple[Any, Any]:
         """Return numbers as sine and cosine of half the predicted angle from the zero.
 
         With a unit quaternion (w, v) of the rotation the twist φ about e has tan(φ/2) = v·e / w, and w and v are as
-        1 + Σ e_i·m_i and Σ e_i × m_i, with the axes m of the body that were the machine's e_i at zero.
+        1 + Σ e_i·m_i and Σ e_i × m_i, with the axes m of the body that were the machine's e_i at zero. Beyond a quarter
+        turn, where both may vanish, v·e and w are as 1 - Σ e_i·m_i + 2 e·M e and (Σ e_i × m_i)·e, M the matrix of m.
         """
+        line = steps.varied(self.line, 0)
         across, along = _quaternion(steps, steps.matrix.eye(3), axes)
-        return steps.let("sine_half", across.dot(steps.varied(self.line, 0))), steps.let("cosine_half", along)
+        turned = axes[:, 0] * line[0] + axes[:, 1] * line[1] + axes[:, 2] * line[2]
+        both, cosine = steps.let("both_half", across.dot(line)), steps.let("along_half", along)
+        sine = steps.let("across_half", 2 - along + 2 * line.dot(turned))
+        is_near = sine < cosine
+        return (
+            steps.let("sine_half", steps.select(is_near, both, sine)),
+            steps.let("cosine_half", steps.select(is_near, cosine, both)),
+        )
 
 
 @dataclass(frozen=True)
@@ -349,7 +390,7 @@ class Inclination(Angle):
         {k: v.replace("direction", "inclination") for k, v in _Angular.unchanged_by.items()}
     )
 
-    def half(self, steps: ModelSteps, place: Any, axes: Any) -> tuple[Any, Any]:
+    def half(self, steps: Steps, place: Any, axes: Any) -> tuple[Any, Any]:
         """Return numbers as sine and cosine of half the predicted angle: tan(φ/2) = sin φ / (1 + cos φ)."""
         up = steps.varied(self.line, 0)
         level = steps.length(up.cross(place))

@@ -16,10 +16,10 @@ from rodgen.array_types import Array
 from rodgen.codegen.build_cache import source_hash
 from rodgen.codegen.rows import row_kernels
 from rodgen.data.units import ANGLE, LENGTH, Dimension, unit_factor
-from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.known import Tied, tied_parameters
 from rodgen.machines.measured import TURNS
 from rodgen.machines.parameters import parameters_of
+from rodgen.machines.plausibility import plausibility
 from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
 from rodgen.machines.structure import Structure, row_effects
 
@@ -68,6 +68,8 @@ def _kernels(structure: Structure, compiled: bool) -> Mapping[str, Any]:
 
 
 _HOME = Path(__file__).parent
+_OF_GROUPS = frozenset({"target", "shift", "remounting"})
+"""Slots that are of another parameter for each target or set-up."""
 
 
 def _key(structure: Structure) -> str:
@@ -329,6 +331,15 @@ class Model:
             g[:, start : start + 3] = targets[of_target]
             if "a" in s.measurand.freedoms:
                 g[:, start + 3 : start + 9] = by[count:].swapaxes(1, 2).reshape(-1, 6)[of_target]
+            if s.remounting:
+                remounted = values[self._remounting_numbers(tuple(groups))]
+                if s.moving:
+                    g[:, start : start + 3] += remounted[:, :3]
+                elif "a" in s.measurand.freedoms:
+                    n, u, v, numbers = (part[count:][of_target] for part in self._tilts)
+                    seen, by_tilt = tilted(n, u, v, values[numbers] + remounted[:, :2])
+                    g[:, start : start + 3] = seen
+                    g[:, start + 3 : start + 9] = by_tilt.swapaxes(1, 2).reshape(-1, 6)
         if s.measurand.has_attitude and s.target:
             of_target = np.array([target for target, _ in groups], np.intp)
             turns = values[self._target_turns][of_target]
@@ -336,11 +347,17 @@ class Model:
                 "target_rotation": rotation_matrix(turns) @ self._attitudes[of_target],
                 "target_turns": left_jacobian(turns),
             }
+            if s.remounting:
+                again = rotation_matrix(remounted[:, -3:])
+                parts = {name: again @ part for name, part in parts.items()}
+                parts["remounting_turns"] = left_jacobian(remounted[:, -3:])
             for name, value in parts.items():
                 g[:, at[name, 0] : at[name, 0] + 9] = value.reshape(-1, 9)
         if s.measurand.has_zero and s.target:
             zeros = values[self._numbers([("target", target, "zero") for target, _ in groups])]
             g[:, at["target_zero", 0]] += zeros
+            if s.remounting:
+                g[:, at["target_zero", 0]] += remounted[:, -1]
         if s.shift:
             of_run = np.array([run for _, run in groups], np.intp)
             shifts = values[self._shift_numbers(int(of_run.max(initial=0)) + 1)]
@@ -494,6 +511,13 @@ class Model:
         targets = range(len(self.machine.targets))
         return self._numbers([("target", k, x) for k in targets for x in components]).reshape(-1, 3)
 
+    @functools.lru_cache(maxsize=8)  # noqa: B019
+    def _remounting_numbers(self, groups: tuple[tuple[int, int], ...]) -> NDArray[np.intp]:
+        """Return the indices of the freedoms of remounted targets, (groups, freedoms)."""
+        freedoms = self.structure.measurand.freedoms
+        slots = [("remounting", target, run, x) for target, run in groups for x in freedoms]
+        return self._numbers(slots).reshape(-1, len(freedoms))
+
     def _shift_numbers(self, runs: int) -> NDArray[np.intp]:
         return self._numbers([("shift", run, x) for run in range(runs) for x in (*"xyz", *TURNS)]).reshape(
             -1, 6
@@ -515,9 +539,13 @@ class Model:
         for target, run in groups:
             matrix = common.copy() if self._group_rows else common
             for row, kind, component in self._group_rows:
-                number = target if kind == "target" else run
-                if (index := self.index.get((kind, number, component))) is not None:
-                    matrix[row, index] = 1.0
+                slots: list[tuple[object, ...]] = [(kind, target if kind == "target" else run, component)]
+                # turns of a body have a slot of their own: they follow those of the target
+                if kind == "remounting" or (kind == "target" and component not in TURNS):
+                    slots.append(("remounting", target, run, component))
+                for slot in slots:
+                    if (index := self.index.get(slot)) is not None:
+                        matrix[row, index] = 1.0
             yield matrix
 
     @property
@@ -532,7 +560,7 @@ class Model:
     @functools.cached_property
     def _group_rows(self) -> list[tuple[int, str, str]]:
         """The slots that belong to a different parameter for each target or set-up."""
-        return [(row, kind, x) for row, kind, x, _ in self._split_slots if kind in {"target", "shift"}]
+        return [(row, kind, x) for row, kind, x, _ in self._split_slots if kind in _OF_GROUPS]
 
     @functools.cached_property
     def _centre_at(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
@@ -549,7 +577,7 @@ class Model:
         matrix = np.zeros((len(s.slots) + len(s.parameters), len(self.parameters)))
         for row, kind, x, number in self._split_slots:
             found: list[tuple[object, ...]] = [(f"{kind}.{x}", number)]
-            if kind in {"target", "shift"}:
+            if kind in _OF_GROUPS:
                 continue
             if kind == "centre":
                 found = [("target", k, x) for k in targets]  # of directions there is no such parameter

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.measured import TURNS
-from rodgen.machines.parts import Effect, Known, known_of
+from rodgen.machines.parts import Effect, Known, MachineData, known_of
 from rodgen.machines.structure import GEOMETRY, Structure, row_effects
-
-if TYPE_CHECKING:
-    from rodgen.machines.machine import Machine
 
 
 @dataclass(frozen=True)
@@ -30,7 +26,7 @@ class Parameter:
     """Internal value when it is not estimated."""
     slot: tuple[object, ...]
     """Where it enters: (slot, joint number), ("target", target number, component), ("shift", run number, component),
-    ("frame", component) or ("e", term number, name)."""
+    ("remounting", target number, run number, component), ("frame", component) or ("e", term number, name)."""
     place: str | None = None
     effect: str | None = None
     """Joint or target, and the effect that it belongs to; no effect for what a base fit adjusts."""
@@ -43,7 +39,7 @@ class Parameter:
     """What is known of it; see :class:`rodgen.machines.parts.Known`."""
 
 
-def parameters_of(machine: Machine, structure: Structure, runs: Sequence[str]) -> tuple[Parameter, ...]:
+def parameters_of(machine: MachineData, structure: Structure, runs: Sequence[str]) -> tuple[Parameter, ...]:
     """Return the parameters of a machine, geometry first, the frame before the effects.
 
     Parameters
@@ -51,7 +47,8 @@ def parameters_of(machine: Machine, structure: Structure, runs: Sequence[str]) -
     structure : Structure
         Of this machine.
     runs : sequence of str
-        Names of the set-ups in the data; a frame shift has parameters for each when there are two or more.
+        Names of the set-ups in the data. A frame shift has parameters for each when there are two or more, the
+        remounting of a target for each but the first.
     """
     found = tuple(_parameters(machine, structure, runs))
     if not machine.known:
@@ -60,7 +57,7 @@ def parameters_of(machine: Machine, structure: Structure, runs: Sequence[str]) -
     return tuple(replace(p, prior=k.prior, bounds=k.bounds) for p, k in zip(found, known, strict=True))
 
 
-def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> Iterator[Parameter]:
+def _parameters(machine: MachineData, structure: Structure, runs: Sequence[str]) -> Iterator[Parameter]:
     moving = structure.moving
     length, angle = machine.length_unit, "arcsec"
 
@@ -91,6 +88,12 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
                 yield made(f"target.{target.name}.{x}", unit, "target", k, x, place=target.name)
             elif effect is not None:
                 yield made(effect.key(x), unit, "target", k, x, **_of_effect(machine, effect, x))
+        again = geometric.get(("remounting", target.name))
+        for r, run in enumerate(runs[1:] if again is not None else (), 1):
+            assert again is not None
+            for x, unit in again.units(machine).items():
+                more = _of_effect(machine, again, x)
+                yield made(f"{again.key('')}[{run}].{x}", unit, "remounting", k, r, x, **more)
     if structure.frame:
         if moving:
             yield from (made(f"frame.{x}", length, "frame", x) for x in "xyz")
@@ -112,7 +115,7 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
             yield made(effect.key(name), units[name], "e", n, name, **more)
 
 
-def _of_effect(machine: Machine, effect: Effect, name: str) -> dict[str, object]:
+def _of_effect(machine: MachineData, effect: Effect, name: str) -> dict[str, object]:
     hold = effect.hold.get(name, effect.given(machine, name))
     searched = effect.definition.searched.get(name) if hold is None else None
     return {"effect": effect.name, "place": effect.place, "hold": hold, "searched": searched}

@@ -1,20 +1,20 @@
-"""What a machine is made of: joints, targets, and the effects of its model, each in its place."""
+"""A machine as data: its joints, its targets, what is measured, and the effects of its model, each in its place."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TYPE_CHECKING, TypeAlias
+from functools import cached_property
+from typing import Any, TypeAlias, TypeVar
 
-from rodgen.data.units import ANGLE, LENGTH, Dimension
-from rodgen.errors import RodgenError, shown, suggestion
+from rodgen.data.units import ANGLE, Dimension, unit_factor
+from rodgen.errors import RodgenError, listed, shown, suggestion
+from rodgen.machines.effects.definition import EffectDefinition, coordinate_dimension
+from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
+from rodgen.machines.measured import Measurand, Measured
 from rodgen.views import with_html
-
-if TYPE_CHECKING:
-    from rodgen.machines.effects.definition import EffectDefinition
-    from rodgen.machines.machine import Machine
 
 Vector: TypeAlias = tuple[float, float, float]
 EffectIdentity: TypeAlias = tuple[str, str | None]
@@ -168,11 +168,6 @@ class Joint:
         return coordinate_dimension(self.type)
 
 
-def coordinate_dimension(joint_type: str) -> Dimension:
-    """Return the dimension of the coordinate of a joint of this type."""
-    return ANGLE if joint_type == "revolute" else LENGTH
-
-
 @with_html
 @dataclass(frozen=True)
 class Target:
@@ -257,17 +252,17 @@ class Effect:
         """Return whether fitted values hold this effect for each set-up, such as ``frame_shift[2].x``."""
         return any(key.startswith(f"{self.key('')}[") for key in values)
 
-    def given(self, machine: Machine, parameter: str) -> float | None:
+    def given(self, machine: MachineData, parameter: str) -> float | None:
         """Return the value of a parameter that the joint's block gives, None where it gives none."""
         key = self.definition.given_by_joint.get(parameter)
         return None if key is None else getattr(machine.joint(str(self.place)), key)
 
-    def units(self, machine: Machine) -> dict[str, str]:
+    def units(self, machine: MachineData) -> dict[str, str]:
         """Return every parameter with the unit in which it is shown.
 
         Parameters
         ----------
-        machine : Machine
+        machine : MachineData
             Which this is, or may become, an effect of.
 
         Returns
@@ -315,6 +310,144 @@ class StatedPlausibility:
     """Sizes with units, such as ``"20 arcsec"``."""
     sign: str | None = None
     """"any" or "positive"."""
+
+
+@dataclass(frozen=True)
+class ColumnSource:
+    """Where a column of measurements comes from: sign times theirs, and an offset."""
+
+    name: str
+    """Of their column, without its unit."""
+    unit: str = ""
+    """Where theirs has none, or another; empty: as it says itself."""
+    sign: float = 1.0
+    offset: float = 0.0
+    """In that unit."""
+
+
+@dataclass(frozen=True)
+class MachineData:
+    """A machine as its file describes it; :class:`rodgen.machines.machine.Machine` has its attributes."""
+
+    name: str
+    length_unit: str
+    angle_unit: str
+    gravity: Vector
+    reference_temperature: float
+    joints: tuple[Joint, ...]
+    targets: tuple[Target, ...]
+    measured: Measured
+    estimate: tuple[str, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    file: str | None = field(default=None, compare=False)
+    values: Mapping[str, float] = field(default_factory=dict, hash=False)
+    kinematics: Kinematics = field(default_factory=Chain)
+    known: Mapping[str, Known] = field(default_factory=dict, hash=False)
+    plausible: Mapping[str, StatedPlausibility] = field(default_factory=dict, hash=False)
+    record: Mapping[str, str] = field(default_factory=dict, hash=False)
+    ties: Mapping[str, Tie] = field(default_factory=dict, hash=False)
+    column_sources: Mapping[str, ColumnSource] = field(default_factory=dict, hash=False)
+    doubts: Callable[[], str] | None = field(default=None, compare=False, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"doubts": None}  # a copy in another process does not take a fit's data along
+
+    @cached_property
+    def inner(self) -> int:
+        """How many of the joints, the first ones, carry the instrument: none in a chain."""
+        return sum(joint.branch == self.measured.instrument for joint in self.joints)
+
+    @property
+    def branches(self) -> dict[str, tuple[Joint, ...]]:
+        """The joints of the workpiece's and of the tool's branch, the bed's first; empty for a chain."""
+        found = {
+            name: tuple(joint for joint in self.joints if joint.branch == name)[:: -1 if inner else 1]
+            for name, inner in ((name, name == self.measured.instrument) for name in BRANCHES)
+        }
+        return {name: joints for name, joints in found.items() if joints}
+
+    @property
+    def axes_of_places(self) -> str:
+        """What the axes in which targets are seen are called in a sentence."""
+        moved = f" that move with the {self.measured.instrument}" if self.branches else ""
+        return f"machine axes{moved}"
+
+    def carriers(self, j: int) -> range:
+        """Return the numbers of the joints that carry joint j, the first one from the base or bed first."""
+        return carriers(j, self.inner)
+
+    def beyond(self, j: int) -> range:
+        """Return the numbers of the joints that joint j carries, the next one first."""
+        return beyond(j, self.inner, len(self.joints))
+
+    @property
+    def measurand(self) -> Measurand:
+        """What is measured, with all that depends on it."""
+        return self.measured.measurand
+
+    def joint(self, name: str) -> Joint:
+        """Return a joint by its name.
+
+        Raises
+        ------
+        RodgenError
+            When there is none.
+        """
+        return _named(name, "joint", self.joints)
+
+    def number_of(self, joint: str) -> int:
+        """Return the number of a joint by its name, from 0 at the base.
+
+        Raises
+        ------
+        ValueError
+            When there is none.
+        """
+        return [each.name for each in self.joints].index(joint)
+
+    def target(self, name: str) -> Target:
+        """Return a target by its name.
+
+        Raises
+        ------
+        RodgenError
+            When there is none.
+        """
+        return _named(name, "target", self.targets)
+
+    def kind_of(self, place: str | None) -> str:
+        """Return what is at a place: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"target"``, or ``"machine"``.
+
+        Raises
+        ------
+        RodgenError
+            When nothing does.
+        """
+        if place is None:
+            return "machine"
+        if any(place == target.name for target in self.targets):
+            return "target"
+        return self.joint(place).type
+
+    def file_factor(self, dimension: Dimension) -> float:
+        """Return the factor from the machine file's unit of this dimension to internal units."""
+        angle, _ = unit_factor(self.angle_unit)
+        return math.pow(angle, dimension["angle"])
+
+    def file_unit(self, dimension: Dimension) -> str:
+        """Return the machine file's unit of a length or an angle."""
+        return self.angle_unit if dimension == ANGLE else self.length_unit
+
+
+_Thing = TypeVar("_Thing", Joint, Target)
+
+
+def _named(name: str, kind: str, things: tuple[_Thing, ...]) -> _Thing:
+    found = next((thing for thing in things if thing.name == name), None)
+    if found is None:
+        names = listed([thing.name for thing in things])
+        raise RodgenError(f"no {kind} {shown(name)}; expected {names}")
+    return found
 
 
 def known_of(known: Mapping[str, Known], key: str) -> Known:

@@ -11,10 +11,30 @@ from rodgen.array_types import Array
 from rodgen.machines.effects.catalogue import SCALES
 from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Model
-from rodgen.statistics.thresholds import CHECK
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
+
+USUAL_TURN = 0.03
+"""Standard deviation of an axis from the file, radians: two degrees, as of a machine that was drawn by hand. A
+correction costs the likelihood what it is improbable; a usual fit moves by far less, so that the cost only decides
+where the data leave a choice, such as half a turn."""
+USUAL_SHIFT = 0.03
+"""The same of a point on an axis, and of a length of a closed chain, relative to the machine's size."""
+USUAL_TARGET = 0.05
+"""The same of a target: where a ball or a reflector is glued is known less well."""
+USUAL_EXCHANGE = 0.2
+"""The same relative to the distance to the next target, where that is less: else two names could be exchanged."""
+LARGEST_SCALE = 0.5
+"""Scale error beyond which a number is no scale error: encoders are off by 1e-3 at most."""
+LARGEST_TURN = 0.35
+"""Correction of an axis, radians (20 degrees), beyond which a file describes another machine."""
+LARGEST_SHIFT = 0.3
+"""The same of a point or a length, relative to the machine's size."""
+LARGEST_TARGET = 1.0
+"""The same of a target, which may be given roughly."""
+EXTENT = 5.0
+"""The machine's size is its extent, but no more than so many motions: its lengths may be in another unit."""
 
 
 MOST_TARGETS = 100
@@ -30,7 +50,7 @@ def implausible_numbers(machine: Machine) -> Iterator[str]:
     sizes = np.abs(relative_corrections(model, theta, extent)) if extent else np.zeros(len(theta))
     for parameter, value, size in zip(model.parameters, theta, sizes, strict=True):
         is_scale = parameter.slot[0] == "e" and parameter.effect in SCALES
-        if size > 1 or (is_scale and abs(value) > CHECK.largest_scale):
+        if size > 1 or (is_scale and abs(value) > LARGEST_SCALE):
             unit = "" if parameter.unit == "1" else f" {parameter.unit}"
             yield f"{parameter.key} = {value / parameter.factor:.4g}{unit}, which no machine has"
 
@@ -52,10 +72,10 @@ def tolerances(model: Model, moved: float, *, usual: bool) -> Array:
     """
     size = _machine_size(model.machine, moved)
     if usual:
-        turn, shift = CHECK.usual_turn, CHECK.usual_shift
-        aim = min(CHECK.usual_target * size, CHECK.usual_exchange * _least_distance(model.machine))
+        turn, shift = USUAL_TURN, USUAL_SHIFT
+        aim = min(USUAL_TARGET * size, USUAL_EXCHANGE * _least_distance(model.machine))
     else:
-        turn, shift, aim = CHECK.largest_turn, CHECK.largest_shift, CHECK.largest_target * size
+        turn, shift, aim = LARGEST_TURN, LARGEST_SHIFT, LARGEST_TARGET * size
     of_kind = {
         "axis": turn,
         "point": shift * size,
@@ -87,7 +107,7 @@ def relative_corrections(model: Model, theta: Array, moved: float) -> Array:
         return np.zeros(len(theta))
     largest = np.maximum(
         tolerances(model, moved, usual=False),
-        CHECK.largest_turn / CHECK.usual_turn * stated_deviations(model),
+        LARGEST_TURN / USUAL_TURN * stated_deviations(model),
     )
     return np.where(np.isfinite(theta), theta - model.known[0], np.inf) / largest
 
@@ -113,7 +133,7 @@ def _machine_size(machine: Machine, moved: float) -> float:
     """
     points = np.array([*(j.point for j in machine.joints), *(t.point for t in machine.targets)])
     extent = float(np.ptp(points, axis=0).max()) if machine.measurand.moving else 0.0
-    return max(moved, min(extent, CHECK.extent * moved))
+    return max(moved, min(extent, EXTENT * moved))
 
 
 def _least_distance(machine: Machine) -> float:

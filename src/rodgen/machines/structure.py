@@ -15,20 +15,18 @@ It differentiates with respect to the *slots*: the freedoms of the geometry firs
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
 
+from rodgen.machines.coupling import Coupling, couplings_of
+from rodgen.machines.effects.definition import SKY
+from rodgen.machines.effects.formula import Formula
 from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
-from rodgen.machines.measured import Measurand
+from rodgen.machines.measured import TURNS, Measurand
+from rodgen.machines.parts import Effect, MachineData
 
-if TYPE_CHECKING:
-    from rodgen.machines.coupling import Coupling
-    from rodgen.machines.machine import Machine
-    from rodgen.machines.parts import Effect
-
-GEOMETRY = {"axis", "point", "target", "frame_shift"}
+GEOMETRY = {"axis", "point", "target", "frame_shift", "remounting"}
 """Components that change a fixed part of the machine: slots of the geometry, not terms of a row."""
 
 CLOSED = {"base_joint", "platform_joint"}
@@ -42,9 +40,6 @@ MOMENTS = {"M", "M_perp", "M_across", "M_guide"}
 
 GRAVITY = {"bend", "fork"}
 """Names of the catalogue that need the direction of gravity as the joint sees it."""
-
-SKY = frozenset({"z", "azimuth"})
-"""Words of users' formulas where directions are measured: zenith angle and azimuth of the line of sight."""
 
 TENSION = "leg_tension"
 """Name of the catalogue for the force in a leg, tension positive, per unit load along gravity at the target."""
@@ -139,6 +134,8 @@ class Structure:
     """Whether the frame of the measurements is free."""
     shift: bool
     """Whether there is a frame shift."""
+    remounting: bool
+    """Whether targets sit differently in each run."""
     terms: tuple[Term, ...]
     kinematics: type[Kinematics] = Chain
     numbers: tuple[str, ...] = ()
@@ -186,6 +183,8 @@ class Structure:
         yield from ((f"geometry.{name}{x}", 0) for name in self.numbers for x in components[name])
         if self.target:
             yield from ((f"target.{x}", 0) for x in self.measurand.freedoms)
+        if self.remounting and self.measurand.has_attitude:
+            yield from ((f"remounting.{x}", 0) for x in TURNS)
         if self.centre and self.target:
             yield from ((f"centre.{x}", 0) for x in "xyz")
         rigid = self.measurand.rigid
@@ -195,6 +194,11 @@ class Structure:
             yield from ((f"frame.{x}", 0) for x in rigid)
         if self.line:
             yield from ((f"{self.measurand.line}.{x}", 0) for x in "ab")
+
+    @property
+    def by_run(self) -> bool:
+        """Whether set-ups of the measurements have parameters of their own."""
+        return self.shift or self.remounting
 
     @cached_property
     def centre(self) -> bool:
@@ -236,6 +240,8 @@ class Structure:
             yield "target_rotation", 0, 9
             if self.target:
                 yield "target_turns", 0, 9
+            if self.remounting:
+                yield "remounting_turns", 0, 9
         if self.centre:
             yield "centre", 0, 3
         if self.centre or any(term.uses_gravity for term in self.terms):
@@ -277,22 +283,20 @@ class Structure:
 
 @lru_cache(maxsize=1024)
 def _names(formula: str) -> frozenset[str]:
-    from rodgen.machines.effects.formula import Formula
-
     return Formula.parse(formula, file="catalogue", place="formula").names
 
 
-def row_effects(machine: Machine) -> list[Effect]:
+def row_effects(machine: MachineData) -> list[Effect]:
     """Return the effects that are terms of a row, in the order of :attr:`Structure.terms`."""
     return [effect for effect in machine.effects if effect.definition.component not in GEOMETRY]
 
 
-def structure_of(machine: Machine) -> Structure:
+def structure_of(machine: MachineData) -> Structure:
     """Return the structure of a machine, with its effects.
 
     Parameters
     ----------
-    machine : Machine
+    machine : MachineData
         As it was read; its numbers do not matter.
     """
     tilted = {e.place for e in machine.effects if e.definition.component == "axis"}
@@ -306,33 +310,36 @@ def structure_of(machine: Machine) -> Structure:
         for joint in machine.joints
     )
     components = {e.definition.component for e in machine.effects}
+    couplings = couplings_of(machine)
     return Structure(
         measurand=machine.measurand,
         joints=joints,
-        target="target" in machine.estimate or "target" in components,
+        target="target" in machine.estimate or bool({"target", "remounting"} & components),
         frame=machine.measured.frame == "free" and not machine.measurand.has_zero,
         shift="frame_shift" in components,
-        terms=tuple(_term(machine, effect) for effect in row_effects(machine)),
+        remounting="remounting" in components,
+        terms=tuple(
+            _term(machine, effect, couplings.of if couplings else ()) for effect in row_effects(machine)
+        ),
         kinematics=type(machine.kinematics),
         numbers=_free_numbers(machine),
         correlated=machine.measured.correlation is not None,
         line=machine.measured.frame == "free" and machine.measurand.has_zero,
         inner=machine.inner,
-        couplings=machine.couplings.of if machine.couplings else (),
+        couplings=couplings.of if couplings else (),
     )
 
 
-def _free_numbers(machine: Machine) -> tuple[str, ...]:
+def _free_numbers(machine: MachineData) -> tuple[str, ...]:
     """Return the numbers of a closed chain's geometry that a fit adjusts."""
     return tuple(name for name in machine.kinematics.numbers if {"geometry", name} & set(machine.estimate))
 
 
-def _term(machine: Machine, effect: Effect) -> Term:
+def _term(machine: MachineData, effect: Effect, coupled: Sequence[Coupling | None]) -> Term:
     definition = effect.definition
     names = [joint.name for joint in machine.joints]
     joint = names.index(effect.place) if effect.place in names else None
     texts = definition.formulas
-    coupled = machine.couplings.of if machine.couplings else ()
     quantities = {of.column: ("q", j) for j, of in enumerate(machine.joints)}
     quantities |= {
         of.name: ("c" if coupled and coupled[j] else "q", j) for j, of in enumerate(machine.joints)

@@ -4,9 +4,9 @@ Your own derivation needs :class:`Derivation`, :func:`equal` and SymPy; see
 :mod:`rodgen.symbolic.derivation` for an example.
 """
 
-from rodgen.symbolic._display import in_notebook
 from rodgen.symbolic._errata import errata
 from rodgen.symbolic.derivation import Derivation, DerivationError, Entry, Refutation, SymbolRow, equal
+from rodgen.symbolic.display import in_notebook
 from rodgen.symbolic.dual import Dual, dual_matrix, dual_rotation_x, dual_rotation_z, dual_value
 from rodgen.symbolic.functions import EPS, LARGEST, last_case, power_of_two_scale, select
 from rodgen.symbolic.reduction import factored, remainder

@@ -7,8 +7,8 @@ from typing import Literal
 
 import sympy as sp
 
-from rodgen.symbolic._display import plain
 from rodgen.symbolic.derivation import Derivation, Entry, Refutation
+from rodgen.symbolic.display import plain
 
 NOTHING = "Nothing is refuted."
 

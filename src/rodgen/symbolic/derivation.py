@@ -22,12 +22,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, cast
 
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
-from rodgen.symbolic._display import markdown, steps
+from rodgen import methods
 from rodgen.symbolic._latex import component_names, latex, latex_lines
 from rodgen.symbolic.reduction import Reduction, reduction
 from rodgen.symbolic.vectors import Letter, Vector, explicit
@@ -345,12 +345,9 @@ class Entry:
         """Typeset the formula as it is written."""
         return r" \\ ".join(self.derivation.latex(claim) for claim in self.claims)
 
-    def steps(self) -> str:
-        """Return the statement and its proof, or its refutation, as text in SymPy's notation."""
-        return steps(self)
-
-    def _repr_markdown_(self) -> str:
-        return markdown(self)
+    # implemented by rodgen.symbolic.display, as rodgen.facade says
+    steps = cast("Callable[..., str]", methods.method())
+    _repr_markdown_ = cast("Callable[..., str]", methods.method())
 
 
 class Kernels(dict[str, Any]):

@@ -167,6 +167,16 @@ _REVOLUTE = (
         source=f"{_HEIDENHAIN}; {_SLOCUM}",
     ),
     _row(
+        "encoder_harmonics", "revolute", "reading", "a4*cos(4*q) + b4*sin(4*q) + a8*cos(8*q) + b8*sin(8*q)",
+        _in("arcsec", "a4 b4 a8 b8"),
+        iso="ECC (four and eight times per turn)",
+        meaning="The graduation is strained by four screws, or read by four heads that do not agree, or a resolver of "
+        "four pole pairs has unequal windings. Four and eight waves in each turn.",
+        usual_size="0.5 to 5 arcsec of a graduation, 10 to 60 arcsec of a resolver",
+        remedy="Clamp the disc evenly, adjust offset and gain of the signals, or enter the waves in the control.",
+        source=f"{_HEIDENHAIN}; {_SLOCUM}",
+    ),
+    _row(
         "periodic_drive_error", "revolute", "reading", "a*sin(2*pi*q/P) + b*cos(2*pi*q/P)",
         _in("arcsec", "a b") | {"P": "deg"},
         of_drive=True,
@@ -563,6 +573,22 @@ _TARGET = (
         _in("arcsec", "a b"),
     ).with_poses(
         Formula.parse("rx*EX + ry*EY + rz*EZ", file="catalogue", place="target_offset"),
+        _in("arcsec", "rx ry rz"),
+    ),
+    _row(
+        "target_remounting", "target", "remounting", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
+        per_run=True,
+        meaning="A ball, prism, mark or marker was taken off between runs and put on again, and sits a little "
+        "differently since. Each run alone fits; together they do not. All numbers are relative to the first run.",
+        usual_size="0.01 to 1 mm; a marker may be turned by any angle",
+        remedy="Leave the target on, use a holder that centres it, note each mounting in the column run, or let the "
+        "fit find where it sits in each run.",
+        source=f"{_HOLLERBACH}; {_TRACKERS}",
+    ).with_directions(
+        Formula.parse("a*U + b*V", file="catalogue", place="target_remounting"),
+        _in("arcsec", "a b"),
+    ).with_poses(
+        Formula.parse("rx*EX + ry*EY + rz*EZ", file="catalogue", place="target_remounting"),
         _in("arcsec", "rx ry rz"),
     ),
 )  # fmt: skip

@@ -9,11 +9,15 @@ from dataclasses import dataclass
 
 from rodgen.data.units import ANGLE, FORCE, ONE, TEMPERATURE, TIME, Dimension, UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
-from rodgen.machines.effects.definition import EffectDefinition, StartSearch, component_dimension
+from rodgen.machines.effects.definition import (
+    SKY,
+    EffectDefinition,
+    StartSearch,
+    component_dimension,
+    coordinate_dimension,
+)
 from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
 from rodgen.machines.measured import POINT, Measurand
-from rodgen.machines.parts import coordinate_dimension
-from rodgen.machines.structure import SKY
 
 _MOST_PARAMETERS = 40
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")

@@ -13,7 +13,6 @@ from typing import Any
 from rodgen.data.units import ANGLE, LENGTH, ONE, Dimension
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.measured import DIRECTION, POINT, Measurand
-from rodgen.machines.parts import coordinate_dimension
 from rodgen.views import plain
 
 COMPONENTS = {
@@ -25,6 +24,7 @@ COMPONENTS = {
     "axis": "the axis turned by the rotation vector {formula}",
     "point": "point moved by {formula}",
     "target": "the target moved by {formula}",
+    "remounting": "in each run but the first the target moved by {formula}",
     "frame": "the frame moves by {formula}",
     "frame_shift": "the frame moved by {formula} and turned by {slope}",
     "factor": "reading × (1 + {formula})",
@@ -42,6 +42,7 @@ COMPONENTS = {
 
 _TURNED = {
     "target": "the target turned by the rotation vector {formula}",
+    "remounting": "in each run but the first the target turned by the rotation vector {formula}",
     "frame_shift": "the frame turned by the rotation vector {formula}",
 }
 """The same where directions are measured and the formula differs."""
@@ -54,6 +55,15 @@ _PLACES = {
     "target": "of a target",
 }
 _WIDTH = 100
+
+
+SKY = frozenset({"z", "azimuth"})
+"""Words of users' formulas where directions are measured: zenith angle and azimuth of the line of sight."""
+
+
+def coordinate_dimension(joint_type: str) -> Dimension:
+    """Return the dimension of the coordinate of a joint of this type."""
+    return ANGLE if joint_type == "revolute" else LENGTH
 
 
 class StartSearch(Enum):
@@ -163,7 +173,7 @@ class EffectDefinition:
                 name: unit for name, unit in self.poses.parameters.items() if name not in self.parameters
             }
             return replace(self, formula=self.poses.slope, parameters=turned, directions=None)
-        if measurand.has_zero and self.component == "target":
+        if measurand.has_zero and self.component in {"target", "remounting"}:
             found = dict.fromkeys(measurand.freedoms, "arcsec")
             return replace(self, formula=self.formula, parameters=found, directions=None)
         return self.directions or self
@@ -317,7 +327,7 @@ def component_dimension(component: str, at: str, measurand: Measurand = POINT) -
     """
     if component == "reading":
         return coordinate_dimension(at)
-    if component in {"frame", "frame_shift", "target"}:
+    if component in {"frame", "frame_shift", "target", "remounting"}:
         return measurand.dimension
     if component == "factor":
         return ONE

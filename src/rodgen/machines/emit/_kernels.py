@@ -25,10 +25,11 @@ from rodgen.array_types import Array
 from rodgen.codegen import Assignment, Kernel, KernelBuilder, Port, port_symbols
 from rodgen.machines.algebra import solved
 from rodgen.machines.closed_chain_derivation import pose_from_afar
-from rodgen.machines.derivation import ModelSteps
+from rodgen.machines.derivation import model_kernel
 from rodgen.machines.kinematics import OnLegs
 from rodgen.machines.measured import Measurand
 from rodgen.machines.model import Frame, Model
+from rodgen.machines.model_steps import ModelSteps
 from rodgen.machines.structure import Structure, Term, row_effects
 from rodgen.symbolic import select
 
@@ -107,7 +108,7 @@ class MachineKernels:
 def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> MachineKernels:
     """Write the forward kernels of a machine in machine axes; names of its constants begin with `prefix`."""
     structure = _without_parameters(model.structure)
-    general = ModelSteps(structure, name, with_residual=False).kernel()
+    general = model_kernel(ModelSteps(structure, name, with_residual=False))
     numbers = _Numbers(model, structure, prefix)
     pose = _pose_kernel(model, structure, numbers) if structure.kinematics.is_closed else None
     rows, g, e = (list(general.port(port).symbols) for port in ("rows", "g", "e"))

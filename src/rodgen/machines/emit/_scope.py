@@ -70,7 +70,7 @@ def _left_out(machine: Machine) -> Iterator[tuple[Effect, str]]:
             yield effect, "how the instrument is mounted"
         elif effect.place is None and component != "lift" and machine.measured.frame == "free":
             yield effect, "it moves the measuring frame, which is free"
-        elif effect.is_per_run(machine.values):
+        elif component == "remounting" or effect.is_per_run(machine.values):
             yield effect, "different for each set-up"
 
 

@@ -288,7 +288,7 @@ def text_with_geometry(source: Source, machine: Machine, text: str | None = None
 def _read(source: Source, text: str | None) -> tuple[str, Machine]:
     file = os.fspath(source)
     text = read_text(file) if text is None else text
-    return text, machine_of(text, file, Machine)
+    return text, machine_of(text, file)
 
 
 _NO_BLOCKS = ("effect", "effects that are not blocks of their own", "[[effect]] blocks, which can be edited")
@@ -297,7 +297,7 @@ _NO_BLOCKS = ("effect", "effects that are not blocks of their own", "[[effect]] 
 def _checked(text: str, meant: Machine, source: Source, faults: tuple[str, str, str] = _NO_BLOCKS) -> str:
     """Return the text, which must read as the machine that is meant; else `faults` say what cannot be edited."""
     try:
-        found: Machine | None = machine_of(text, os.fspath(source), Machine)
+        found: Machine | None = machine_of(text, os.fspath(source))
     except InputFileError:
         found = None
     if found is None or _outline(found) != _outline(meant):

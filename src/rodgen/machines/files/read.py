@@ -11,27 +11,20 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 
+from rodgen import limits
 from rodgen.data.set_aside import SetAside
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit, typed_quantity
-from rodgen.errors import InputFileError, UnexpectedError, in_file, listed, shown, suggestion
+from rodgen.errors import InputFileError, UnexpectedError, in_file, joined, listed, shown, suggestion
 from rodgen.machines.coupling import CouplingError
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import OWN_COMPONENTS, own_effect
-from rodgen.machines.effects.plausibility import stated_plausibility
-from rodgen.machines.effects.rules import (
-    catalogue_effect,
-    check_effect,
-    check_estimate,
-    held,
-    unknown_name,
-)
+from rodgen.machines.effects.definition import coordinate_dimension
 from rodgen.machines.files.toml import (
-    LARGEST,
     NUMBER,
     PAIR,
     POSITIVE,
@@ -45,46 +38,39 @@ from rodgen.machines.files.toml import (
     parse,
     read_text,
 )
+from rodgen.machines.files.write import machine_text
 from rodgen.machines.kinematics import FAMILIES, Chain, Kinematics, OnLegs
 from rodgen.machines.known import read_known
+from rodgen.machines.machine import Machine
 from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured
 from rodgen.machines.parts import (
     BRANCHES,
     DRIVES,
     ENCODERS,
     JOINT_TYPES,
+    ColumnSource,
     Effect,
     Joint,
     Known,
     StatedPlausibility,
     Target,
     Vector,
-    coordinate_dimension,
     suggested_type,
     unit_vector,
 )
-
-if TYPE_CHECKING:
-    from rodgen.machines.machine import Machine
-
+from rodgen.machines.plausibility import stated_plausibility
+from rodgen.machines.rules import (
+    catalogue_effect,
+    check_effect,
+    check_estimate,
+    held,
+    unknown_name,
+)
 
 _SOURCE = re.compile(
     r"(?P<sign>[-+]?)\s*(?P<name>.+?)\s*(?:\[(?P<unit>[^\[\]]*)\])?(?:\s+(?P<op>[-+])\s+(?P<offset>[\d.]+(?:[eE][-+]?\d+)?))?"
 )
 EXAMPLE = '"-A_axis [deg] + 90"'
-
-
-@dataclass(frozen=True)
-class ColumnSource:
-    """Where a column of measurements comes from: sign times theirs, and an offset."""
-
-    name: str
-    """Of their column, without its unit."""
-    unit: str = ""
-    """Where theirs has none, or another; empty: as it says itself."""
-    sign: float = 1.0
-    offset: float = 0.0
-    """In that unit."""
 
 
 def column_source(text: str) -> ColumnSource:
@@ -215,13 +201,32 @@ _MISSING = {
 }
 
 
-def read_machine(path: str | os.PathLike[str], made: type[Machine]) -> Machine:
-    """Read a machine file into an object of the class `made`; see :meth:`Machine.load`."""
+UNIT_LENGTH = 1e-9
+"""How far the length of a unit vector may be off 1."""
+
+
+def read_machine(path: str | os.PathLike[str]) -> Machine:
+    """Read a machine file.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A TOML file, at most 1 MB.
+
+    Returns
+    -------
+    Machine
+
+    Raises
+    ------
+    InputFileError
+        One line with the place, what stands there and what should.
+    """
     file = os.fspath(path)
-    return machine_of(read_text(file), file, made)
+    return machine_of(read_text(file), file)
 
 
-def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
+def machine_of(text: str, file: str) -> Machine:
     """Return the machine that the text of a file describes.
 
     Parameters
@@ -230,8 +235,6 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         TOML.
     file : str
         For error messages, and the machine's own `file`.
-    made : type
-        The class of the object that is returned: `Machine`, which stands above this module.
 
     Raises
     ------
@@ -254,7 +257,7 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     measured = _measured(top, length, per_radian)
     kinematics = _on_legs(top, per_radian) if "family" in top else Chain()
     columns = _entries(top, "columns", f"A = {EXAMPLE}")
-    machine = made(
+    machine = Machine(
         name=name,
         length_unit=length,
         angle_unit=angle,
@@ -285,6 +288,29 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         machine = machine.tying(key, text)
     plausible = _entries(top, "plausibility", _PLAUSIBLE)
     return replace(machine, plausible=dict(_plausible(file, machine, plausible))) if plausible else machine
+
+
+def validate(machine: Machine) -> None:
+    """Check what was built in Python as a machine file is checked; one that was read has been.
+
+    Raises
+    ------
+    InputFileError
+        One line with the place, what stands there and what should.
+    """
+    if machine.file is not None:
+        return
+    read = machine_of(machine_text(machine), machine.name)
+    directions = () if machine.measurand.moving else machine.targets
+    vectors = {"gravity": machine.gravity} | {f"target {t.name}, point": t.point for t in directions}
+    for place, vector in vectors.items():
+        if abs(math.hypot(*vector) - 1) > UNIT_LENGTH:
+            found = f"a vector of length {math.hypot(*vector):.6g}"
+            raise InputFileError(machine.name, place, found, "one of length 1")
+    order = [joint.name for joint in read.joints]
+    if order != [joint.name for joint in machine.joints]:
+        found = f"in the order {joined(joint.name for joint in machine.joints)}"
+        raise InputFileError(machine.name, "joints", found, f"from instrument to target: {joined(order)}")
 
 
 def _entries(top: Table, key: str, example: str) -> dict[str, Any]:
@@ -344,7 +370,7 @@ def _direction(vector: tuple[float, ...]) -> Vector:
 
 
 def _squarable(number: float) -> float:
-    if not number < LARGEST:
+    if not number < limits.NUMBER:
         raise UnfitError
     return number
 
@@ -450,8 +476,10 @@ JOINT_NAME = TEXT.then(_column_name, _RULE)
 
 
 def _point(numbers: tuple[float, ...]) -> tuple[float, ...]:
-    if not max(map(abs, numbers)) < LARGEST:
-        raise UnfitError(f"numbers of {LARGEST:g} and more", "three numbers whose squares can be added up")
+    if not max(map(abs, numbers)) < limits.NUMBER:
+        raise UnfitError(
+            f"numbers of {limits.NUMBER:g} and more", "three numbers whose squares can be added up"
+        )
     return numbers
 
 
@@ -623,7 +651,7 @@ def _passive(table: Table) -> bool:
 def _on_legs(top: Table, per_radian: float) -> OnLegs:
     family = FAMILIES[top.get("family", one_of(tuple(FAMILIES)))]
     table = top.sub("geometry", family.keys, missing=_MISSING["geometry"])
-    length = POSITIVE.then(_squarable, f"a positive number below {LARGEST:g}")
+    length = POSITIVE.then(_squarable, f"a positive number below {limits.NUMBER:g}")
     found: dict[str, Any] = {}
     for name, components in family.numbers.items():
         if len(components) == 1:

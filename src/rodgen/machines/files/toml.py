@@ -19,8 +19,6 @@ from rodgen.limits import NESTING
 _T = TypeVar("_T")
 _D = TypeVar("_D")
 _REQUIRED: Any = object()
-LARGEST = 1e100
-"""Larger numbers leave the range of a double when they are squared and summed."""
 _TOML = "TOML, such as axis = [0, 0, 1]"
 _NAME = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 

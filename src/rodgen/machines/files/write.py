@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
+from rodgen.data.set_aside import SetAside
 from rodgen.data.units import ANGLE, unit_factor
 from rodgen.errors import joined
+from rodgen.files import write_file
+from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.known import unit_of
-from rodgen.machines.parts import BRANCHES, Effect, Joint, Known, StatedPlausibility, Target
-
-if TYPE_CHECKING:
-    from rodgen.data.set_aside import SetAside
-    from rodgen.machines.files.read import ColumnSource
-    from rodgen.machines.machine import Machine
-
+from rodgen.machines.machine import Machine
+from rodgen.machines.parts import BRANCHES, ColumnSource, Effect, Joint, Known, StatedPlausibility, Target
 
 # numbers and texts -------------------------------------------------------------------------------------------------
 
@@ -59,6 +57,28 @@ def _inline_table(items: Mapping[str, str]) -> str:
 
 
 # the file ----------------------------------------------------------------------------------------------------------
+
+
+def save_machine(machine: Machine, path: str | os.PathLike[str], *, fixed: bool = False) -> None:
+    """Write a machine file.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        Is replaced when the new file is complete.
+    fixed : bool
+        Write the fitted numbers too: axes, points and targets in place, the parameters of effects as ``hold``, and
+        nothing to estimate. Where the free frame is, and the frame shift of each run, is not a property of
+        the machine and has no place in its file: these are found again with the next measurements. Without `fixed`
+        the fitted numbers are not written, and the file reads back as an equal machine.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be written; with `fixed`, also when an effect is measured over a travel that the
+        machine does not give.
+    """
+    write_file(path, machine_text(fixed_machine(machine) if fixed else machine).encode())
 
 
 def machine_text(machine: Machine) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ CONVENTIONS = {"standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha)", "modified": "Tx(a)
 _NUMBERS: dict[str, Quantity] = {"a": "length", "alpha": "angle", "d": "length", "theta": "angle"}
 _EXAMPLE = "theta [deg],d [mm],a [mm],alpha [deg]"
 _LARGEST = 1e12
+_COAXIAL = 1e-9
+"""Relative distance of axes that is rounding."""
 _SIGNS = ("+1", "-1")
 
 
@@ -132,7 +135,7 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
             Measured("point", "free"),
             estimate=("target",),
         ),
-        (head, *_notes(names, rows)),
+        (head, *_notes(names, rows), *_on_coaxial(joints, convention)),
     )
 
 
@@ -143,6 +146,20 @@ def _notes(names: list[str], rows: list[_Row]) -> Iterator[str]:
         if name != row.name:
             yield f"Joint {shown(row.name)} is called {name}, as a machine file has it."
     yield "Frame and target are estimated: where the instrument is, and what it sees there, a table does not say."
+
+
+def _on_coaxial(joints: Sequence[Joint], convention: str) -> Iterator[str]:
+    """Yield that successive joints turn about one axis, as where a table is read by the other convention."""
+    (other,) = CONVENTIONS.keys() - {convention}
+    size = max(float(np.linalg.norm(joint.point)) for joint in joints)
+    for a, b in pairwise(joints):
+        apart = np.cross(a.axis, np.subtract(b.point, a.point))
+        parallel = np.linalg.norm(np.cross(a.axis, b.axis)) < _COAXIAL
+        if a.revolute and b.revolute and parallel and np.linalg.norm(apart) <= _COAXIAL * size:
+            yield (
+                f"{a.name} and {b.name} turn about one and the same axis: no robot is built so; this table is most "
+                f"likely {other}."
+            )
 
 
 def _of_csv(file: str) -> tuple[str, list[_Row]]:

@@ -22,11 +22,11 @@ import numpy as np
 from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, is_number, read_foreign
 from rodgen.data.units import ANGLE, LENGTH, TIME, parse_unit
 from rodgen.errors import InputFileError, in_file, joined, listed, nearest_name, shown
-from rodgen.machines.files.read import ColumnSource
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.machine import Joint, Machine
 from rodgen.machines.measured import NOTATIONS, TURNS
+from rodgen.machines.parts import ColumnSource
 
 _PAIRS = {("az", "el"): ALTAZ, ("ha", "dec"): EQUATORIAL}
 _ANGLES = {"angle", *chain(*_PAIRS), *NOTATIONS["rotation vector"], *NOTATIONS["roll, pitch and yaw"]}

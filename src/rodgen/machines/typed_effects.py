@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from rodgen.data.units import UnitError, number_and_unit, parse_unit, unit_factor
 from rodgen.errors import shown
-from rodgen.machines.effects.rules import UnfitEffectError
+from rodgen.machines.rules import UnfitEffectError
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,13 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.data.units import LENGTH, Dimension, UnitError, number_and_unit, unit_factor
 from rodgen.errors import shown
 from rodgen.machines.effects.catalogue import NAMES, WINDUPS
-from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, unknown_name
-from rodgen.machines.parts import Effect, StatedPlausibility
-from rodgen.statistics.thresholds import SELECTION
-
-if TYPE_CHECKING:
-    from rodgen.machines.machine import Machine
-
+from rodgen.machines.parts import Effect, MachineData, StatedPlausibility
+from rodgen.machines.rules import UnfitEffectError, catalogue_effect, unknown_name
 
 PREFERRED = 1e6
 """Factor on the odds of an effect that a user prefers: above that of any other in the table."""
@@ -37,6 +32,10 @@ FEWEST_JOINTS_OF_A_ROBOT = 5
 
 BALANCED = frozenset({"gravity_windup"})
 """Effects of weight that a counterweight or a spring may turn round."""
+
+
+EVERYWHERE = frozenset({("tube_flexure", "telescope"), ("refraction", "telescope")})
+"""Effects that every machine of a kind has: a tube sags, and air refracts."""
 
 
 class Size(NamedTuple):
@@ -58,11 +57,8 @@ class Plausibility:
     """Natural logarithm of its odds, compared with the commonest effects; -inf where it cannot be."""
     sizes: Mapping[str, Size] = field(default_factory=dict, hash=False)
     """By parameter."""
-
-    @property
-    def of_any_sign(self) -> Plausibility:
-        """The same without what physics says of signs."""
-        return replace(self, sizes={name: size._replace(positive=False) for name, size in self.sizes.items()})
+    certain: bool = False
+    """Whether every such machine has it, so that it is no choice among many."""
 
     def usual(self, names: Sequence[str]) -> NDArray[np.float64]:
         """Return the usual sizes of parameters, (k,); NaN where it is not known."""
@@ -87,22 +83,6 @@ class Plausibility:
         times = np.abs(np.asarray(values, float)) / self.usual(names)
         largest = float(np.max(times, where=np.isfinite(times), initial=0.0))
         return 2 * math.log1p(largest**2)
-
-    def is_possible(self, names: Sequence[str], values: ArrayLike, std: ArrayLike) -> bool:
-        """Return whether estimates are, within their uncertainty, of sizes and signs that a machine may have.
-
-        Parameters
-        ----------
-        values, std : array_like, shape (k,)
-            Internal units.
-        """
-        for name, value, doubt in zip(names, np.asarray(values, float), np.asarray(std, float), strict=True):
-            size = self.sizes.get(name)
-            if size and abs(value) - SELECTION.too_large * doubt > size.largest:
-                return False
-            if size and size.positive and value + SELECTION.impossible * doubt < 0:
-                return False
-        return True
 
 
 # The table -------------------------------------------------------------------------------------------------------
@@ -131,6 +111,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("scale", "revolute"): _row((0.1, 0.01, 0.03), "1e-4 < 0.05"),
     ("encoder_eccentricity", "revolute"): _row((0.5, 0.2, 0.1), "20 arcsec < 3 deg"),
     ("encoder_ellipticity", "revolute"): _row((0.1, 0.05, 0.03), "5 arcsec < 0.5 deg"),
+    ("encoder_harmonics", "revolute"): _row((0.05, 0.03, 0.03), "5 arcsec < 0.5 deg"),
     ("periodic_drive_error", "revolute"): _row((0.3, 0.3, 0.1), "20 arcsec < 0.5 deg"),
     ("radial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 0.1 mm"),
     ("axial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 0.1 mm"),
@@ -173,6 +154,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("tube_flexure", "machine"): _row((0.01, 0.01, 1), "20 arcsec < 2 deg"),
     ("refraction", "machine"): _row((0.01, 0.01, 1), "10 arcsec < 120 arcsec"),
     ("target_offset", "target"): _row((0.5, 0.5, 0.5), "0.1 mm < 100 mm", "60 arcsec < 5 deg"),
+    ("target_remounting", "target"): _row((0.3, 0.3, 0.3), "0.1 mm < 100 mm", "60 arcsec < 180 deg"),
     ("base_joint_offset", "leg"): _row(_LEG, "0.1 mm < 50 mm"),
     ("platform_joint_offset", "leg"): _row(_LEG, "0.1 mm < 50 mm"),
     ("leg_zero_offset", "leg"): _row(_LEG, "0.1 mm < 100 mm"),
@@ -223,6 +205,7 @@ _BY_KEY: Mapping[tuple[str, object], Mapping[str, float]] = {
         "scale": 0.3,
         "encoder_eccentricity": 0.2,
         "encoder_ellipticity": 0.2,
+        "encoder_harmonics": 0.2,
         **dict.fromkeys([*_DRIVEN, *WINDUPS], 3.0),
     },
     ("drive", "direct"): {"scale": 0.0, "coupling": 0.0, **dict.fromkeys(_DRIVEN, 0.0)},
@@ -242,7 +225,7 @@ of lines in a turn."""
 # What it says of a machine ---------------------------------------------------------------------------------------
 
 
-def kind_of_machine(machine: Machine) -> str:
+def kind_of_machine(machine: MachineData) -> str:
     """Return ``"telescope"``, ``"robot"`` or ``"machine tool"``, which stands for any other machine.
 
     A telescope has two revolute joints at least, and directions are measured; a robot has five at least.
@@ -254,7 +237,7 @@ def kind_of_machine(machine: Machine) -> str:
 
 
 def plausibility(
-    machine: Machine, effect: Effect, prefer: Collection[tuple[str, str | None]] = ()
+    machine: MachineData, effect: Effect, prefer: Collection[tuple[str, str | None]] = ()
 ) -> Plausibility:
     """Return what is known of an effect of the catalogue at its place in a machine before any data.
 
@@ -282,11 +265,12 @@ def plausibility(
     if effect.identity in prefer or (effect.name, None) in prefer:
         odds = PREFERRED
     sizes = dict(_sizes(machine, effect, row, kind, stated))
-    return Plausibility(math.log(odds) if odds > 0 else -math.inf, sizes)
+    certain = (effect.name, kind) in EVERYWHERE and stated.odds is None
+    return Plausibility(math.log(odds) if odds > 0 else -math.inf, sizes, certain)
 
 
 def _sizes(
-    machine: Machine, effect: Effect, row: _Row, kind: str, stated: StatedPlausibility
+    machine: MachineData, effect: Effect, row: _Row, kind: str, stated: StatedPlausibility
 ) -> Iterator[tuple[str, Size]]:
     pairs = [text.split(" < ") for text in (row.robot if kind == "robot" and row.robot else row.sizes)]
     for name, unit in effect.units(machine).items():
@@ -305,7 +289,7 @@ def _sizes(
             yield name, Size(usual, max(usual, largest), positive)
 
 
-def _first_of(machine: Machine, dimensions: Sequence[Dimension], texts: Iterable[str]) -> float | None:
+def _first_of(machine: MachineData, dimensions: Sequence[Dimension], texts: Iterable[str]) -> float | None:
     """Return the first size that is of a parameter's dimension, or of what it does at the machine's whole reach."""
     for number, dimension in (_quantity(text, machine.length_unit) for text in texts):
         if dimension in dimensions:
@@ -314,7 +298,7 @@ def _first_of(machine: Machine, dimensions: Sequence[Dimension], texts: Iterable
     return None
 
 
-def _lifts(machine: Machine, effect: Effect, parameter: str, kind: str) -> bool:
+def _lifts(machine: MachineData, effect: Effect, parameter: str, kind: str) -> bool:
     """Return whether weight may turn a joint upwards.
 
     Counterweights or springs may, and a mirror's cell on a telescope; at a later joint also what stands behind it, such
@@ -336,7 +320,7 @@ def _quantity(text: str, length_unit: str) -> tuple[float, Dimension]:
     return number * factor, dimension
 
 
-def reach(machine: Machine) -> float:
+def reach(machine: MachineData) -> float:
     """Return the largest distance between two points of a machine, or along which one of its joints slides."""
     points = [joint.point for joint in machine.joints] + [target.point for target in machine.targets]
     at = np.array(points).reshape(-1, 3)
@@ -355,7 +339,7 @@ MOST_ODDS = 1e6
 EXAMPLE = 'odds = 0.5, usual = "20 arcsec", largest = "2 deg" or sign = "any"'
 
 
-def stated_plausibility(machine: Machine, key: str, content: Mapping[str, Any]) -> StatedPlausibility:
+def stated_plausibility(machine: MachineData, key: str, content: Mapping[str, Any]) -> StatedPlausibility:
     """Return what an entry of ``[plausibility]`` says.
 
     Parameters
@@ -403,7 +387,7 @@ def stated_plausibility(machine: Machine, key: str, content: Mapping[str, Any]) 
     return StatedPlausibility(None if odds is None else float(odds), **sizes, sign=sign)
 
 
-def _effects(machine: Machine, key: str) -> list[Effect]:
+def _effects(machine: MachineData, key: str) -> list[Effect]:
     """Return the effect that a key stands for, at each of its places."""
     place, _, name = key.rpartition(".")
     if place:
@@ -421,7 +405,7 @@ def _effects(machine: Machine, key: str) -> list[Effect]:
     return found
 
 
-def size_dimensions(machine: Machine, effect: Effect, name: str, unit: str) -> tuple[Dimension, ...]:
+def size_dimensions(machine: MachineData, effect: Effect, name: str, unit: str) -> tuple[Dimension, ...]:
     """Return the dimensions in which the size of a parameter may be given, its own first.
 
     Of one per lever arm also the dimension of what it does at the machine's whole reach.
@@ -432,7 +416,7 @@ def size_dimensions(machine: Machine, effect: Effect, name: str, unit: str) -> t
     return (own, own * LENGTH) if by_arm else (own,)
 
 
-def _stated_sizes(machine: Machine, key: str, value: Any, dimensions: set[Dimension]) -> tuple[str, ...]:
+def _stated_sizes(machine: MachineData, key: str, value: Any, dimensions: set[Dimension]) -> tuple[str, ...]:
     texts = tuple(value) if isinstance(value, list) and value else (value,)
     expected = 'a size with its unit, such as "20 arcsec", or a list of such'
     for text in texts:

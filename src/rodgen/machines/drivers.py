@@ -11,17 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.data.units import ANGLE, FORCE, ONE, TEMPERATURE, TIME, Dimension, parse_unit, unit_factor
-
-if TYPE_CHECKING:
-    from rodgen.data.observations import Observations
-    from rodgen.machines.machine import Machine
+from rodgen.data.units import ANGLE, ONE, Dimension
+from rodgen.machines.parts import MachineData
 
 Kind: TypeAlias = Literal[
     "joint",
@@ -219,70 +216,7 @@ def products(a: Array, b: Array) -> Array:
     return np.asarray((a[:, :, None] * b[:, None, :]).reshape(len(a), -1))
 
 
-def drivers(o: Observations) -> Iterator[Driver]:
-    """Yield the drivers of observations, the machine's own first; also those that do not vary."""
-    machine, columns = o.machine, o.data.columns
-    joints = [_coordinate(o, j) for j in range(len(machine.joints))]
-    yield from joints
-    for joint, driver in zip(machine.joints, joints, strict=True):
-        if joint.period is not None:
-            yield replace(
-                driver,
-                kind="period",
-                name=f"{joint.name} within its period",
-                text=f"{joint.name} within its period",
-                values=driver.values % joint.period,
-                noted=driver.noted % (joint.period / driver.scale),
-                period=joint.period,
-            )
-
-    def of_joint(j: int, kind: Kind, name: str, values: Any, text: str, dimension: Dimension = ONE) -> Driver:
-        column = columns.get(name) if kind != "approach" else None
-        unit, noted = (column.unit or "", column.values) if column is not None else ("", values)
-        return Driver(
-            kind,
-            name,
-            values,
-            noted,
-            unit,
-            text,
-            dimension=dimension,
-            joint=machine.joints[j].name,
-            number=j,
-            coordinate=joints[j],
-        )
-
-    for j, joint in enumerate(machine.joints):
-        # also without a column, where the order of the rows says where a joint came from
-        if o.approach_known[j]:
-            text = f"the direction of approach of {joint.name}"
-            yield of_joint(j, "approach", f"dir_{joint.column}", o.s[:, j], text)
-    for j, joint in enumerate(machine.joints):
-        if (name := f"v_{joint.column}") in columns:
-            text, dimension = f"the velocity of {joint.name}", joints[j].dimension / TIME
-            yield of_joint(j, "velocity", name, o.v[:, j], text, dimension)
-    if o.load is not None:
-        load = columns["load"]
-        yield Driver("load", "load", o.load, load.values, load.unit or "", "the load", dimension=FORCE)
-    for j, joint in enumerate(machine.joints):
-        if joint.name in o.temperature:
-            name, values = f"T_{joint.column}", o.temperature[joint.name]
-            yield of_joint(j, "temperature", name, values, name, TEMPERATURE)
-    for name, values in o.covariates.items():
-        unit = columns[name].unit or ""
-        dimension = parse_unit(unit).dimension if unit else ONE
-        yield Driver("column", name, values, columns[name].values, unit, name, dimension=dimension)
-    if o.t is not None:
-        t = columns["t"]
-        yield Driver("time", "t", o.t, t.values, t.unit or "", "time", dimension=TIME)
-    else:
-        yield order_of_rows(o)
-    targets = tuple(target.name for target in machine.targets)
-    yield Driver("target", "target", o.target, o.target, text="the target", categories=targets)
-    yield Driver("run", "run", o.run, o.run, text="the run", categories=o.run_names)
-
-
-def drivers_of_place(machine: Machine, place: Array) -> Iterator[Driver]:
+def drivers_of_place(machine: MachineData, place: Array) -> Iterator[Driver]:
     """Yield where a model puts what was measured, of places (n, 3) in machine axes; of directions, unit vectors.
 
     Of directions these are the altitude, and the azimuth as formulas have it: with z upwards 0 towards y and 90 degrees
@@ -318,37 +252,6 @@ def horizontal(up: Array) -> tuple[Array, Array]:
     north = north - (north @ up) * up
     north /= np.linalg.norm(north)
     return np.cross(north, up), north
-
-
-def order_of_rows(o: Observations) -> Driver:
-    """Return the order of measurement, as the numbers of the rows in their file."""
-    order = o.data.numbers(np.arange(o.n)).astype(float)
-    return Driver("order", "order", order, order, o.data.counted, "the order of measurement")
-
-
-def _coordinate(o: Observations, j: int) -> Driver:
-    """Return the coordinate of a joint."""
-    joint = o.machine.joints[j]
-    column = o.data.columns[joint.column]
-    return Driver(
-        "joint",
-        joint.column,
-        o.q[:, j],
-        column.values,
-        column.unit or "",
-        joint.column,
-        unit_factor(column.unit, o.machine.length_unit)[0] if column.unit else 1.0,
-        joint.dimension,
-        joint.name,
-        j,
-        period=2 * np.pi if joint.revolute else None,
-    )
-
-
-# A smooth curve through increasing points that increases between them, too.
-#
-# A cubic in each interval, whose slopes at the points are weighted harmonic means of the chords' (Fritsch and Butland
-# 1984); SciPy's `PchipInterpolator` is the same curve, and takes half a second to import.
 
 
 def monotone_curve(x: Array, y: Array) -> Callable[[Array], Array]:

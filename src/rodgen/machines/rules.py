@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
 from rodgen.errors import UnexpectedError, listed, nearest_name, shown, suggestion
+from rodgen.limits import NUMBER
 from rodgen.machines.effects.catalogue import CATALOGUE, NAMES, TERMS
 from rodgen.machines.effects.custom import WORDS
-from rodgen.machines.effects.definition import EffectDefinition
+from rodgen.machines.effects.definition import SKY, EffectDefinition
 from rodgen.machines.effects.symbols import own_term, symbols
-from rodgen.machines.files.toml import LARGEST
 from rodgen.machines.measured import READING_COLUMNS
-from rodgen.machines.parts import Effect
-from rodgen.machines.structure import SKY, TENSION
-
-if TYPE_CHECKING:
-    from rodgen.machines.machine import Machine
+from rodgen.machines.parts import Effect, MachineData
+from rodgen.machines.structure import TENSION
 
 _JOINTS = frozenset({"revolute", "prismatic", "leg"})
 
@@ -60,7 +56,7 @@ def unknown_name(name: str) -> UnfitEffectError:
     )
 
 
-def catalogue_effect(machine: Machine, name: str, place: str | None, hold: Mapping[str, float]) -> Effect:
+def catalogue_effect(machine: MachineData, name: str, place: str | None, hold: Mapping[str, float]) -> Effect:
     """Return an effect of the catalogue in its place; `hold` in the units of the machine file.
 
     A name of TPOINT or ISO 230 that means one effect will do; where such a name says the joint, so will no place.
@@ -87,7 +83,7 @@ def catalogue_effect(machine: Machine, name: str, place: str | None, hold: Mappi
     return replace(effect, hold=held(machine, effect, hold))
 
 
-def held(machine: Machine, effect: Effect, hold: Mapping[str, float]) -> dict[str, float]:
+def held(machine: MachineData, effect: Effect, hold: Mapping[str, float]) -> dict[str, float]:
     """Return held parameters in internal units, given in those of the machine file."""
     units = effect.units(machine)
     found = {}
@@ -97,12 +93,12 @@ def held(machine: Machine, effect: Effect, hold: Mapping[str, float]) -> dict[st
             raise UnfitEffectError(f"hold.{name}", f"no parameter of {effect.name}", some)
         _, dimension = unit_factor(units[name], machine.length_unit)
         found[name] = float(value) * machine.file_factor(dimension)
-        if not abs(found[name]) < LARGEST:
+        if not abs(found[name]) < NUMBER:
             raise UnfitEffectError(f"hold.{name}", f"{value:g}", "a number of a usual size")
     return found
 
 
-def _kind_of(machine: Machine, place: str | None) -> str:
+def _kind_of(machine: MachineData, place: str | None) -> str:
     places = [joint.name for joint in machine.joints] + [target.name for target in machine.targets]
     if place is not None and place not in places:
         raise UnfitEffectError("place", f"no joint or target {shown(place)}", suggestion(place, places))
@@ -113,7 +109,7 @@ def _kind_of(machine: Machine, place: str | None) -> str:
 
 
 def _wrong_place(
-    machine: Machine, definitions: list[EffectDefinition], kind: str, place: str | None
+    machine: MachineData, definitions: list[EffectDefinition], kind: str, place: str | None
 ) -> UnfitEffectError:
     """Return the error for an effect at a wrong place: where it acts, and what this machine has there."""
     at = frozenset[str]().union(*(definition.at for definition in definitions))
@@ -149,7 +145,7 @@ def _wrong_place(
 # rules -----------------------------------------------------------------------------------------------------------
 
 
-def check_effect(machine: Machine, effect: Effect) -> None:
+def check_effect(machine: MachineData, effect: Effect) -> None:
     """Check that an effect can be added to a machine.
 
     Raises
@@ -169,13 +165,13 @@ def check_effect(machine: Machine, effect: Effect) -> None:
         rule(machine, effect)
 
 
-def _check_place(machine: Machine, effect: Effect) -> None:
+def _check_place(machine: MachineData, effect: Effect) -> None:
     kind = _kind_of(machine, effect.place)
     if kind not in effect.definition.at:
         raise _wrong_place(machine, [effect.definition], kind, effect.place)
 
 
-def _check_acts(machine: Machine, effect: Effect) -> None:
+def _check_acts(machine: MachineData, effect: Effect) -> None:
     measurand, definition = machine.measurand, effect.definition
     nothing = measurand.unchanged_by.get(definition.component)
     if not measurand.is_direction and definition.of_directions:
@@ -191,7 +187,7 @@ def _check_acts(machine: Machine, effect: Effect) -> None:
         raise UnfitEffectError("name", found, "another effect")
 
 
-def _check_drive(machine: Machine, effect: Effect) -> None:
+def _check_drive(machine: MachineData, effect: Effect) -> None:
     of_reading = effect.name.startswith("encoder_") or effect.name == "servo_lag"
     if of_reading and not effect.definition.own and not machine.joint(str(effect.place)).is_read:
         found = f"{effect.title}, an error of readings, where the joint has none"
@@ -201,7 +197,7 @@ def _check_drive(machine: Machine, effect: Effect) -> None:
         raise UnfitEffectError("name", found, "another effect, or a joint that is not passive")
 
 
-def _check_before(machine: Machine, effect: Effect) -> None:
+def _check_before(machine: MachineData, effect: Effect) -> None:
     if effect.definition.own or not effect.definition.formula.names & {"fork", "q_before"}:
         return
     before = machine.carriers(machine.number_of(str(effect.place)))
@@ -211,12 +207,12 @@ def _check_before(machine: Machine, effect: Effect) -> None:
         )
 
 
-def _check_once(machine: Machine, effect: Effect) -> None:
+def _check_once(machine: MachineData, effect: Effect) -> None:
     if any(e.identity == effect.identity for e in machine.effects):
         raise UnfitEffectError("name", f"{effect.title} twice", "it once")
 
 
-def _check_freedom(machine: Machine, effect: Effect) -> None:
+def _check_freedom(machine: MachineData, effect: Effect) -> None:
     """Refuse a second name for one freedom: the two would share it in any proportion."""
     freedom = _SAME_FREEDOM.get(effect.definition.component)
     if freedom is None:
@@ -228,7 +224,7 @@ def _check_freedom(machine: Machine, effect: Effect) -> None:
         )
 
 
-def _check_hold(machine: Machine, effect: Effect) -> None:
+def _check_hold(machine: MachineData, effect: Effect) -> None:
     units = effect.units(machine)
     for name, value in effect.hold.items():
         if name not in units:
@@ -244,7 +240,7 @@ def _check_hold(machine: Machine, effect: Effect) -> None:
 # what a user wrote -----------------------------------------------------------------------------------------------
 
 
-def _check_own(machine: Machine, effect: Effect) -> None:
+def _check_own(machine: MachineData, effect: Effect) -> None:
     definition = effect.definition
     if not definition.own:
         return
@@ -267,7 +263,7 @@ def _check_own(machine: Machine, effect: Effect) -> None:
 # what a base fit adjusts -----------------------------------------------------------------------------------------
 
 
-def check_estimate(machine: Machine, entry: str) -> tuple[str, str] | None:
+def check_estimate(machine: MachineData, entry: str) -> tuple[str, str] | None:
     """Return what is wrong with an entry of [estimate], as what was found and what was expected, or None."""
     freedoms = machine.kinematics.freedoms([joint.name for joint in machine.joints])
     return None if entry in freedoms else (shown(entry), suggestion(entry, freedoms))

@@ -6,21 +6,23 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.data.drivers import Driver, Kind, drivers
+from rodgen.data.measurements import Measurements
 from rodgen.data.poses import groups, originals
-from rodgen.data.units import parse_unit
+from rodgen.data.set_aside import RowsAside
+from rodgen.data.units import FORCE, ONE, TEMPERATURE, TIME, Dimension, parse_unit, unit_factor
 from rodgen.errors import InputFileError
-from rodgen.statistics.thresholds import EVIDENCE
+from rodgen.machines.drivers import Driver, Kind
+from rodgen.machines.machine import Machine
 
-if TYPE_CHECKING:
-    from rodgen.data.measurements import Measurements
-    from rodgen.data.set_aside import RowsAside
-    from rodgen.machines.machine import Machine
+TRIMMED = 1e-3
+"""Part of a joint's range below which its way from row to row is a trim, not a move, ..."""
+TRIMS = 0.05
+"""... and share of its ways that may be so short by chance, if positions are random."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,17 +131,33 @@ class Observations:
         """Whether the direction of approach of each joint is known, (J,).
 
         It is where a column `dir_…` has it. The order of the rows tells it where each row was driven to from the one
-        before: not of the directions of stars, which a mount tracks, nor of a joint whose position is trimmed, so that
-        many of its ways are less than a thousandth of its range.
+        before: not of the directions of stars, which a mount may track, nor of a joint whose position is trimmed, so
+        that many of its ways go back by less than a thousandth of its range.
         """
         known = np.empty(len(self.machine.joints), bool)
         for j, joint in enumerate(self.machine.joints):
-            ways = np.abs(np.diff(self.q[:, j]))
-            short = ways[ways > 0] < EVIDENCE.trimmed * np.ptp(self.q[:, j])
-            trimmed = len(short) > 0 and np.mean(short) > EVIDENCE.trims
+            ways = np.diff(self.q[:, j])
+            ways = ways[ways != 0]
+            short = np.abs(ways[1:]) < TRIMMED * np.ptp(self.q[:, j])
+            back = ways[1:] * ways[:-1] < 0  # a dense scan has short ways, all of them onwards
+            trimmed = np.count_nonzero(short & back) > TRIMS * len(ways)
             ordered = not self.machine.measurand.is_direction and not trimmed
             known[j] = self.s[:, j].any() and (f"dir_{joint.column}" in self.columns_given or ordered)
         return known
+
+    @cached_property
+    def approach_assumed(self) -> NDArray[np.bool_]:
+        """Whether each joint scans directions to and fro, so that the rows' order is likely that of its motion, (J,).
+
+        Of positions in random order two of three ways turn back; a scan turns back seldom.
+        """
+        scans = np.zeros(len(self.machine.joints), bool)
+        for j in np.flatnonzero(~self.approach_known if self.machine.measurand.is_direction else scans):
+            ways = np.diff(self.q[:, j])
+            ways = ways[ways != 0]
+            turns = np.count_nonzero(ways[1:] * ways[:-1] < 0)
+            scans[j] = 0 < turns < len(ways) / 3
+        return scans
 
     @cached_property
     def replicate(self) -> NDArray[np.intp]:
@@ -168,7 +186,7 @@ class Observations:
 
     def drivers(self, *kinds: Kind) -> list[Driver]:
         """Return what errors may depend on; where kinds are given, only those, in the order of the kinds."""
-        every = list(drivers(self))
+        every = list(_drivers(self))
         return [driver for kind in kinds for driver in every if driver.kind == kind] if kinds else every
 
     def demand_rows(self, of: str = "measurement") -> None:
@@ -311,6 +329,100 @@ class Observations:
 
     def __repr__(self) -> str:
         return f"Observations({self.machine.name!r}, {self.data!r})"
+
+
+def _drivers(o: Observations) -> Iterator[Driver]:
+    """Yield the drivers of observations, the machine's own first; also those that do not vary."""
+    machine, columns = o.machine, o.data.columns
+    joints = [_coordinate(o, j) for j in range(len(machine.joints))]
+    yield from joints
+    for joint, driver in zip(machine.joints, joints, strict=True):
+        if joint.period is not None:
+            yield replace(
+                driver,
+                kind="period",
+                name=f"{joint.name} within its period",
+                text=f"{joint.name} within its period",
+                values=driver.values % joint.period,
+                noted=driver.noted % (joint.period / driver.scale),
+                period=joint.period,
+            )
+
+    def of_joint(j: int, kind: Kind, name: str, values: Any, text: str, dimension: Dimension = ONE) -> Driver:
+        column = columns.get(name) if kind != "approach" else None
+        unit, noted = (column.unit or "", column.values) if column is not None else ("", values)
+        return Driver(
+            kind,
+            name,
+            values,
+            noted,
+            unit,
+            text,
+            dimension=dimension,
+            joint=machine.joints[j].name,
+            number=j,
+            coordinate=joints[j],
+        )
+
+    for j, joint in enumerate(machine.joints):
+        # also without a column, where the order of the rows says where a joint came from
+        if o.approach_known[j]:
+            text = f"the direction of approach of {joint.name}"
+            yield of_joint(j, "approach", f"dir_{joint.column}", o.s[:, j], text)
+    for j, joint in enumerate(machine.joints):
+        if (name := f"v_{joint.column}") in columns:
+            text, dimension = f"the velocity of {joint.name}", joints[j].dimension / TIME
+            yield of_joint(j, "velocity", name, o.v[:, j], text, dimension)
+    if o.load is not None:
+        load = columns["load"]
+        yield Driver("load", "load", o.load, load.values, load.unit or "", "the load", dimension=FORCE)
+    for j, joint in enumerate(machine.joints):
+        if joint.name in o.temperature:
+            name, values = f"T_{joint.column}", o.temperature[joint.name]
+            yield of_joint(j, "temperature", name, values, name, TEMPERATURE)
+    for name, values in o.covariates.items():
+        unit = columns[name].unit or ""
+        dimension = parse_unit(unit).dimension if unit else ONE
+        yield Driver("column", name, values, columns[name].values, unit, name, dimension=dimension)
+    if o.t is not None:
+        t = columns["t"]
+        yield Driver("time", "t", o.t, t.values, t.unit or "", "time", dimension=TIME)
+    else:
+        yield order_of_rows(o)
+    targets = tuple(target.name for target in machine.targets)
+    yield Driver("target", "target", o.target, o.target, text="the target", categories=targets)
+    yield Driver("run", "run", o.run, o.run, text="the run", categories=o.run_names)
+
+
+def order_of_rows(o: Observations) -> Driver:
+    """Return the order of measurement, as the numbers of the rows in their file."""
+    order = o.data.numbers(np.arange(o.n)).astype(float)
+    return Driver("order", "order", order, order, o.data.counted, "the order of measurement")
+
+
+def _coordinate(o: Observations, j: int) -> Driver:
+    """Return the coordinate of a joint."""
+    joint = o.machine.joints[j]
+    column = o.data.columns[joint.column]
+    return Driver(
+        "joint",
+        joint.column,
+        o.q[:, j],
+        column.values,
+        column.unit or "",
+        joint.column,
+        unit_factor(column.unit, o.machine.length_unit)[0] if column.unit else 1.0,
+        joint.dimension,
+        joint.name,
+        j,
+        period=2 * np.pi if joint.revolute else None,
+    )
+
+
+# A smooth curve through increasing points that increases between them, too.
+#
+# A cubic in each interval, whose slopes at the points are weighted harmonic means of the chords' (Fritsch and Butland
+# 1984); SciPy's `PchipInterpolator` is the same curve, and takes half a second to import.
 
 
 _BY_ROW = (
