@@ -20,15 +20,15 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import Solution
 from rodgen.data.measurements import Measurements
-from rodgen.data.observations import Observations
 from rodgen.data.set_aside import SetAside, rows_text
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.files import check_unpacked, write_file
@@ -36,9 +36,7 @@ from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, model_of
-
-if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+from rodgen.machines.observations import Observations
 
 ENDINGS = (".csv", ".csv.gz", ".parquet")
 FORMAT = 1
@@ -52,7 +50,19 @@ _EXPECTED = "a fit as Fit.save writes it"
 
 
 def save(fit: Fit, path: str | os.PathLike[str]) -> None:
-    """Write a fit; see :meth:`rodgen.calibration.fit.Fit.save`."""
+    """Write the fit as one file for an audit: machine, data, values, settings, versions, hashes.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A zip archive, such as ``"fit.zip"``, of ``machine.toml``, the data, and ``fit.json``. It is replaced when
+        the new one is complete.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be written, or the fit is to some rows of observations.
+    """
     if fit.observations.blocks is not None:
         raise InputFileError(path, "file", "a fit to many files", "a fit to one, which the archive holds")
     start = replace(fit.problem.model.machine, file=None)
@@ -98,8 +108,20 @@ def save(fit: Fit, path: str | os.PathLike[str]) -> None:
     write_file(path, archive.getvalue())
 
 
-def load(made: type[Fit], path: str | os.PathLike[str]) -> Fit:
-    """Return a fit of the class `made` that was saved; see :meth:`rodgen.calibration.fit.Fit.load`."""
+def load(path: str | os.PathLike[str]) -> Fit:
+    """Return a fit that was saved, with the values that it had.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        As :meth:`save` writes it.
+
+    Raises
+    ------
+    InputFileError
+        When it is no such file, the hash of its machine or data differs from that of the fit, or the model of
+        this version of rodgen has another error with these values.
+    """
     file = os.fspath(path)
     files = _files(file)
     try:
@@ -152,7 +174,7 @@ def load(made: type[Fit], path: str | os.PathLike[str]) -> Fit:
     problem = Problem(model, observations)
     if outliers.any():
         problem.leave_out(outliers)
-    fit = made._of(problem, found, free, outliers, loss)
+    fit = Fit.of(problem, found, free, outliers, loss)
     if not math.isclose(
         fit.rms, rms, rel_tol=AGREE, abs_tol=1e-12 * float(np.abs(observations.reading).max())
     ):
@@ -194,7 +216,7 @@ def _files(file: str) -> dict[str, bytes]:
 
 
 def _read_machine(text: bytes, name: str, start: Any) -> Machine:
-    return replace(machine_of(text.decode(), name, Machine), values=dict(start))
+    return replace(machine_of(text.decode(), name), values=dict(start))
 
 
 def _machine_file(fit: Fit, *, as_it_was: bool) -> bytes:

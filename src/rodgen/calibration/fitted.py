@@ -1,61 +1,46 @@
-"""A model fitted to measurements, below everything that judges it: comparison, diagnosis and plans."""
+"""The result of a fit: values, residuals, and what the data determine of the parameters.
+
+What makes a fit stands above it, in `rodgen.calibration.fit`, and so does what judges one: its noise, the dependence of
+readings, tests, a diagnosis.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.calibration.checks.gross import GrossReading, gross_readings
-from rodgen.calibration.checks.held_out import HeldOut, HeldOutGeometry, held_out, held_out_geometry
-from rodgen.calibration.checks.lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.calibration.determinacy import Determinacy, determinacy
-from rodgen.calibration.noise import NoiseFloor, noise_floor
-from rodgen.calibration.noise.correlation import Dependence, dependence
-from rodgen.calibration.noise.noise_floor import estimated_arm
-from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
-from rodgen.calibration.problem.blocks import BlockProblem, observed, problem_of
+from rodgen.calibration.problem.attitudes import attitude_columns
+from rodgen.calibration.problem.blocks import BlockProblem
 from rodgen.calibration.residuals import Residuals
-from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, nearest
-from rodgen.calibration.solve.robust import robust_fit, robust_fit_of_parts
-from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
+from rodgen.calibration.solve.least_squares import Solution
+from rodgen.calibration.solve.staged_fit import measured_along
 from rodgen.calibration.words import sized
-from rodgen.data.observations import Observations
-from rodgen.data.units import ARCSEC, readable
-from rodgen.errors import shown
-from rodgen.machines.known import Tied
+from rodgen.data.units import ARCSEC, parse_unit, readable
+from rodgen.errors import NotConvergedError
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import TURNS
-from rodgen.machines.model import model_of
+from rodgen.machines.observations import Observations
 from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
-from rodgen.stages import Progress, reporting, stage
-from rodgen.statistics.columns import unit_diagonal
+from rodgen.machines.set_aside import setting_aside
+from rodgen.methods import attribute, method
+from rodgen.stages import stage
 from rodgen.statistics.digits import measured
-from rodgen.views import Records, Result, plain
-
-LOSSES = ("linear", "huber")
+from rodgen.views import Records, Result, brief, html_of, plain
 
 UNEQUAL = 1.5
 """Ratio of stated uncertainties from which an error that is not weighted does not show what was found."""
-BALANCED = 10
-"""Times at most that the lever arm of poses is estimated anew: usually three."""
-SAME_ARM = 0.02
-"""Relative change of a lever arm that changes no estimate by a hundredth of its standard deviation."""
-COMPILE_FROM = 20_000
-"""Rows from which on a fit by least squares is done with compiled kernels. NumPy needs some 15 evaluations of few rows,
-0.002 to 0.04 s, where the compiler works for 0.2 to 1.3 s; with 20 000 rows both take as long. A fit that looks for
-outliers evaluates the model some hundred times and is always compiled. The rule counts rows, not seconds, and does not
-ask what is in the cache: the same data give the same digits."""
 
 
 @dataclass(frozen=True)
@@ -117,9 +102,9 @@ class Estimate(Result):
         return plain(self, f"{names} tied_to" if self.tied_to else names)
 
 
-@dataclass(frozen=True)
-class FittedModel:
-    """A model fitted to measurements: its values, their covariance, its residuals, and how to fit it again.
+@dataclass(frozen=True, repr=False)
+class Fit:
+    """A model fitted to measurements: its values, its residuals, and what can be asked of it.
 
     Attributes
     ----------
@@ -144,89 +129,54 @@ class FittedModel:
     outliers: NDArray[np.bool_] = field(repr=False)
     loss: str = field(default="linear", repr=False)
 
-    @classmethod
-    def to(
-        cls,
-        machine: Machine,
-        data: Any,
-        *,
-        loss: str = "linear",
-        start: Mapping[str, float] | None = None,
-        outliers: NDArray[np.bool_] | None = None,
-        compiled: bool | None = None,
-    ) -> Self:
-        """Return a machine's model fitted to measurements; see :func:`rodgen.calibration.fit.fit`."""
-        if loss not in LOSSES:
-            raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
-        observations = observed(machine, data)
-        if outliers is not None and not isinstance(data, Observations):  # those of all rows
-            outliers = observations.counted(outliers)
-        if start:
-            machine = replace(machine, values={**machine.values, **start})
-        if compiled is None:
-            compiled = loss != "linear" or observations.n >= COMPILE_FROM or observations.blocks is not None
-        model = model_of(machine, observations.travel, observations.run_names, compiled=compiled)
-        problem = problem_of(model, observations)
-        check_travel(problem)
-        with one_thread_in_blas():
-            if loss == "linear":
-                gone = np.zeros(observations.n, bool) if outliers is None else outliers
-                if gone.any():
-                    problem.leave_out(gone)
-                solution, free = fit_in_stages(problem)
-                return cls._finished(problem, solution, free, gone).balanced()
-            if isinstance(problem, BlockProblem):
-                problem, found = robust_fit_of_parts(problem, fit_in_stages)
-                return replace(cls._finished(problem, found.solution, found.free, found.outliers), loss=loss)
-            found = robust_fit(problem, lambda: fit_in_stages(problem))
-            fit = cls._finished(problem, found.solution, found.free, found.outliers)
-            if not observations.arm_is_known:
-                return cls.to(machine, fit.balanced().observations, loss=loss, compiled=compiled)
-            outliers = fit.with_bodies(fit.outliers)
-            fit = fit if np.array_equal(outliers, fit.outliers) else fit.refit(outliers=outliers)
-            return replace(fit, loss=loss)
+    # implemented by modules above, as rodgen.facade says
+    load = cast("Callable[..., Fit]", method(of_class=True))
+    refit = cast("Callable[..., Fit]", method())
+    extended = cast("Callable[..., Fit]", method())
+    with_bodies = cast("Callable[..., NDArray[np.bool_]]", method())
+    without_bounds = cast("Fit | None", attribute())
+    noise_arm = cast(float, attribute())
+    covariance = cast(Array, attribute())
+    correlation = cast(Array, attribute())
+    estimates = cast("dict[str, Estimate]", attribute())
+    estimates_with = cast("Callable[..., dict[str, Estimate]]", method())
+    used_rows = cast("dict[str, Any]", attribute())
+    dependence, noise, lack_of_fit, gross_readings = attribute(), attribute(), attribute(), attribute()
+    held_out, held_out_of_poses, held_out_geometry = method(), attribute(), attribute()
+    check, compare, diagnose, predict, plot = method(), method(), method(), method(), method()
+    save = cast("Callable[..., None]", method())
+    summary = cast("Callable[..., str]", method())
+    to_dict = cast("Callable[..., dict[str, Any]]", method())
+    __repr__ = brief
+    _repr_html_ = html_of
 
-    def balanced(self) -> Self:
-        """Return the fit of poses in which positions and attitudes count by their own noise, estimated apart.
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # A machine is pickled without its fit; with its fit it has it again.
+        self.__dict__.update(state)
+        self.__dict__["machine"] = replace(self.machine, doubts=self._doubts)
 
-        Itself where that is known.
-        """
-        if self.observations.arm_is_known:
-            return self
-        fit, free = self, self.free
-        for _ in range(BALANCED):
-            before, arm = fit.observations.arm, fit.noise_arm
-            if abs(np.log(arm / before)) < SAME_ARM:
-                break
-            problem = Problem(fit.problem.model, replace(fit.observations, arm=arm))
-            if fit.outliers.any():
-                problem.leave_out(fit.outliers)
-            solution = minimise(problem, fit.solution.theta, fit.solution.frame, free, damping=NEAR)
-            fit = self._finished(problem, solution, free, fit.outliers)
-        known = replace(fit.observations, arm_is_known=True)
-        if any(p.optional for p in fit.parameters):  # what the data call for depends on the weights
-            return fit.refit(observations=known, outliers=fit.outliers)
-        return replace(fit, observations=known)
+    def _doubts(self) -> str:
+        """Return why the fitted machine may be wrong; empty where nothing is known to be."""
+        unfinished = "" if self.solution.converged else NotConvergedError.reason
+        useless = self.held_out_geometry
+        return str(
+            self.check().sentence or unfinished or (useless.text if useless and not useless.lowers else "")
+        )
 
     @classmethod
-    def _finished(
-        cls, problem: Problem, solution: Solution, free: Sequence[int], outliers: NDArray[np.bool_]
-    ) -> Self:
-        return cls._of(problem, nearest(problem, solution, free), free, outliers)
-
-    @classmethod
-    def _of(
+    def of(
         cls,
         problem: Problem,
         solution: Solution,
         free: Sequence[int],
         outliers: NDArray[np.bool_],
         loss: str = "linear",
-    ) -> Self:
+    ) -> Fit:
+        """Return the fit of a problem's model whose parameters are those of a solution."""
         model = problem.model
-        found = _values(model.parameters, solution)
-        values = {p.key: float(x) for p, x in zip(model.parameters, found, strict=True)}
-        values |= {tied.parameter.key: model.tied_value(tied, found) for tied in model.tied}
+        numbers = _values(model.parameters, solution)
+        values = {p.key: float(x) for p, x in zip(model.parameters, numbers, strict=True)}
+        values |= {tied.parameter.key: model.tied_value(tied, numbers) for tied in model.tied}
         # what is measured along a travel means nothing without it
         along = measured_along(model)
         joints = tuple(
@@ -237,22 +187,8 @@ class FittedModel:
         )
         machine = in_its_mode(replace(model.machine, values=values, joints=joints), problem.observations)
         machine = with_what_was_seen(machine, problem.observations)
-        return cls(machine, problem.observations, problem, solution, tuple(free), outliers, loss)
-
-    @property
-    def noise_arm(self) -> float:
-        """The ratio of the noise of positions to that of attitudes, by the residuals where it is not stated."""
-        o = self.observations
-        if o.sigma is not None or not self.machine.measurand.has_attitude:
-            return o.arm
-        return estimated_arm(self.problem, self.solution, self.free, ~self.outliers)
-
-    def with_bodies(self, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return rows that are wrong, (n,), with the others of their poses where these were measured as poses."""
-        if not rows.any() or not self.noise.one_body:
-            return rows
-        pose = self.observations.pose
-        return np.isin(pose, pose[rows])
+        found = cls(machine, problem.observations, problem, solution, tuple(free), outliers, loss)
+        return replace(found, machine=replace(machine, doubts=found._doubts))
 
     @property
     def outlier_numbers(self) -> list[int]:
@@ -271,7 +207,7 @@ class FittedModel:
             The note on these rows.
         """
         table, rows = self.observations.table, self.outlier_rows
-        return self.machine.setting_aside(table, rows=rows, why=why) if rows else self.machine
+        return setting_aside(self.machine, table, rows=rows, why=why) if rows else self.machine
 
     @property
     def outlier_rows(self) -> list[int]:
@@ -283,31 +219,10 @@ class FittedModel:
         return rows
 
     @property
-    def used_rows(self) -> dict[str, Any]:
-        """How many rows were fitted, which were not, and which disagree grossly with the others, as plain data."""
-        return {
-            "rows": self.problem.count,
-            **self.observations.not_here,
-            "outliers": self.outlier_numbers,
-            "gross": [one.to_dict(self.observations) for one in self.gross_readings],
-        }
-
-    @property
     def moving(self) -> tuple[int, ...]:
         """Numbers of the parameters that were adjusted and are not at a bound of the machine file."""
         bounds = self.problem.at_bounds(self.solution.theta)
         return tuple(i for i in self.free if i not in bounds)
-
-    @cached_property
-    def without_bounds(self) -> Self | None:
-        """The same without the bounds of the machine file that hold it; None where none does."""
-        held = [self.parameters[i].key for i in set(self.free).difference(self.moving)]
-        return self.refit(self.machine.without_bounds(held), outliers=self.outliers) if held else None
-
-    @cached_property
-    def gross_readings(self) -> tuple[GrossReading, ...]:
-        """The readings that are grossly wrong; see :func:`rodgen.calibration.checks.gross.gross_readings`."""
-        return gross_readings(self)
 
     @property
     def weighted(self) -> bool:
@@ -319,49 +234,6 @@ class FittedModel:
     def sizes(self) -> Array:
         """Residuals by which rows are compared, (n, m): in `unit`, or, where they are `weighted`, in uncertainties."""
         return self.residuals * (self.problem.base_weight * self.unit_factor if self.weighted else 1.0)
-
-    @property
-    def open_questions(self) -> OpenQuestions:
-        """What the data leave open about the model, for a plan of measurements."""
-        return OpenQuestions(self)
-
-    def refit(
-        self,
-        machine: Machine | None = None,
-        observations: Observations | None = None,
-        *,
-        outliers: NDArray[np.bool_] | None = None,
-    ) -> Self:
-        """Return a fit of another machine, or to other observations, without outliers if these are known.
-
-        Parameters
-        ----------
-        machine : Machine, optional
-            Left out: the one that was fitted.
-        observations : Observations, optional
-            Left out: those of this fit.
-        outliers
-            As of :func:`rodgen.calibration.fit.fit`.
-        """
-        return self.to(
-            self.machine if machine is None else machine,
-            self.observations if observations is None else observations,
-            outliers=outliers,
-        )
-
-    @property
-    def later_weights(self) -> frozenset[str]:
-        """Keys of the weights at later joints that the fit took in, as the data called for them."""
-        return frozenset(self.parameters[i].key for i in self.free if self.parameters[i].optional)
-
-    def with_weights(self, keys: Collection[str]) -> Self:
-        """Return the fit with some weights at later joints taken in, as far as its model estimates them."""
-        wanted = {i for i, p in enumerate(self.parameters) if p.key in keys and p.hold is None}
-        free = sorted(wanted.union(self.free))
-        if len(free) == len(self.free):
-            return self
-        solution = minimise(self.problem, self.solution.theta, self.solution.frame, free)
-        return self._finished(self.problem, solution, free, self.outliers)
 
     @property
     def parameters(self) -> Records[Parameter]:
@@ -491,24 +363,65 @@ class FittedModel:
         return float(np.sum(((self.solution.theta - file.centre) * file.precision)[index] ** 2))
 
     @property
-    def least_sum(self) -> float:
-        """What a fit makes least: the chi-square, and that of the deviations from priors with the same weight."""
-        if not self.problem.file_values.is_prior:
-            return self.chi_square
-        return self.chi_square + self.prior_chi_square * self.variance_factor
-
-    @property
     def variance_factor(self) -> float:
         """What the covariance is multiplied by: 1 where the noise is stated, else the residuals' variance."""
         if self.observations.sigma is not None:
             return 1.0
         return self.solution.cost / self.degrees_of_freedom if self.degrees_of_freedom > 0 else np.nan
 
-    @cached_property
-    @stage("how readings depend on each other")
-    def dependence(self) -> Dependence:
-        """How the errors of readings depend on each other: within a pose, and of successive poses."""
-        return dependence(self)
+    def residual_columns(self) -> dict[str, NDArray[Any]]:
+        """Return predictions and residuals as columns for the measurement file.
+
+        Returns
+        -------
+        dict of str to ndarray
+            ``predicted_x`` … and ``residual_x`` … in the unit of the column ``x``. Of directions the prediction, and
+            the angle between both, split into a horizontal part (to the left) and one towards the zenith. Of poses
+            also the predicted attitude, in the notation of the readings, and the rotation vector from there to these.
+            ``outlier``, 1 or 0.
+            A row that is a copy of another has what that has; those of rows that are set aside are masked.
+        """
+        measurand = self.machine.measurand
+        names = measurand.columns
+        found: dict[str, NDArray[Any]] = {}
+        if measurand.is_direction:
+            places = self.problem.places(self.solution.theta, self.solution.frame)
+            found |= {f"predicted_{name}": values for name, values in zip(names, places.T, strict=True)}
+            parts = zip(("horizontal", "vertical"), self.residuals.T, strict=True)
+            found |= {f"residual_{part} [{self.unit}]": values for part, values in parts}
+        else:
+            data, residuals = self.observations.data, self.residuals * self.unit_factor
+            reading = (
+                residuals[:, :0]
+                if measurand.has_attitude and not measurand.is_pose
+                else self.observations.reading
+            )
+            of_places = residuals[:, : reading.shape[1]]
+            for label, values in (("predicted", reading - of_places), ("residual", of_places)):
+                for name, part in zip(names, values.T, strict=False):
+                    unit = str(data.columns[name].unit)
+                    found[f"{label}_{name} [{unit}]"] = part / parse_unit(unit).factor(
+                        self.machine.length_unit
+                    )
+            if measurand.has_attitude:
+                attitudes = self.problem.attitudes(self.solution.theta, self.solution.frame)
+                found |= {
+                    f"predicted_{name}": part for name, part in attitude_columns(attitudes, data).items()
+                }
+                turns = (self.residuals * self.in_units)[:, -3:]
+                found |= {
+                    f"residual_{name} [arcsec]": part for name, part in zip(TURNS, turns.T, strict=True)
+                }
+        found["outlier"] = self.outliers.astype(np.int8)
+        rows = self.observations.counted_as
+        if rows is None:
+            return found
+        everywhere = {name: values[rows] for name, values in found.items()}
+        return (
+            {n: np.ma.array(x, mask=rows < 0) for n, x in everywhere.items()}
+            if (rows < 0).any()
+            else everywhere
+        )
 
     @property
     def independent_covariance(self) -> Array:
@@ -516,89 +429,9 @@ class FittedModel:
         return self.determinacy.covariance * self.variance_factor
 
     @cached_property
-    def covariance(self) -> Array:
-        """Covariance of the parameters, internal units, (parameters, parameters); it allows for :attr:`dependence`."""
-        found = self.dependence.covariance
-        return self.independent_covariance if found is None else found
-
-    @cached_property
-    def correlation(self) -> Array:
-        """Correlations of the parameters, (parameters, parameters); zero for what is not estimated."""
-        return unit_diagonal(self.covariance)[0]
-
-    @cached_property
     def values(self) -> Array:
         """Values of all parameters, internal units; the frame as a rotation vector and a position."""
         return _values(self.parameters, self.solution)
-
-    @cached_property
-    def estimates(self) -> dict[str, Estimate]:
-        """Every parameter by its key, in the unit that it is shown in."""
-        return self._estimates(self.determinacy, self.covariance)
-
-    def estimates_with(self, further: Array) -> dict[str, Estimate]:
-        """Return the estimates that are expected when further readings are taken: values as now, and their spread.
-
-        What readings have in common enlarges the spread as it does now.
-
-        Parameters
-        ----------
-        further : ndarray, shape (k, free)
-            Derivatives of the weighted readings by the free parameters.
-        """
-        theta, frame = self.solution.theta, self.solution.frame
-        with one_thread_in_blas():
-            more = determinacy(self.problem, theta, frame, self.free, further)
-            alone, now = np.diag(self.independent_covariance), np.diag(self.covariance)
-            enlarged = np.divide(now, alone, out=np.ones_like(now), where=alone > 0)
-            larger = np.sqrt(np.outer(enlarged, enlarged))
-            return self._estimates(more, more.covariance * self.variance_factor * larger)
-
-    def _estimates(self, of: Determinacy, covariance: Array) -> dict[str, Estimate]:
-        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        found, bounds = {}, self.problem.at_bounds(self.solution.theta)
-        for i, p in enumerate(self.parameters):
-            held, lacking = i not in self.free, bool(of.lacking[i])
-            at = None if held else bounds.get(i)
-            spread = None if held or lacking or at or np.isnan(std[i]) else float(std[i] / p.factor)
-            convention = bool(of.undetermined[i]) and not lacking
-            value = float(self.values[i] / p.factor)
-            found[p.key] = Estimate(p.key, p.unit, value, spread, held, not lacking, convention, at)
-        for tied in self.problem.model.tied:
-            found[tied.parameter.key] = self._tied(tied, found, covariance)
-        return found
-
-    def _tied(self, tied: Tied, others: Mapping[str, Estimate], covariance: Array) -> Estimate:
-        """Return the estimate of a parameter that is tied to others."""
-        p, weights = tied.parameter, np.zeros(len(self.parameters))
-        for i, factor in tied.factors:
-            weights[i] = factor
-        parts = [others[self.parameters[i].key] for i, _ in tied.factors]
-        moving = [part for part in parts if not part.held and not part.at_bound]
-        variance = float(weights @ np.nan_to_num(covariance) @ weights)
-        std = float(np.sqrt(max(variance, 0.0)) / p.factor)
-        known = bool(moving) and all(part.std is not None for part in moving)
-        return Estimate(
-            p.key,
-            p.unit,
-            self.problem.model.tied_value(tied, self.values) / p.factor,
-            std if known else None,
-            not moving,
-            all(part.determined for part in parts),
-            any(part.convention for part in parts),
-            tied_to=tied.text,
-        )
-
-    @cached_property
-    @stage("estimating the noise")
-    def noise(self) -> NoiseFloor:
-        """How well the machine could be modelled at all, from the data alone."""
-        return noise_floor(self)
-
-    @cached_property
-    def lack_of_fit(self) -> LackOfFit | None:
-        """Whether the residuals are larger than the noise; None where the noise is not known."""
-        return lack_of_fit(self)
 
     def places(self, observations: Observations) -> Array:
         """Return where the model puts what is measured, in machine axes, (n, 3); unit vectors of directions."""
@@ -627,30 +460,12 @@ class FittedModel:
             "covariance": ([p.key for p in self.parameters], self.covariance),
             "residual": (self.rows, float(np.sqrt(self._squares.sum() / self.rows)) * self.unit_factor),
         }
-        return self.machine.emit(lang, folder, **given | options)
+        from rodgen.machines.emit import emit
 
-    def held_out(self, folds: int | None = None, *, progress: Progress | None = None) -> HeldOut:
-        """Return the error on whole poses that a fit did not see: each is predicted by a fit to others.
+        return emit(self.machine, lang, folder, **given | options)
 
-        Parameters
-        ----------
-        folds : int, optional
-            Into how many parts the poses are dealt; left out: each of up to 100 poses is one, else 10 parts, or 5 of
-            more than 50 000 rows.
-        progress : callable, optional
-            As of :func:`fit`.
-        """
-        with reporting(progress):
-            return self._held_out if folds is None else held_out(self, folds=folds)
 
-    @cached_property
-    def _held_out(self) -> HeldOut:
-        return held_out(self)
-
-    @cached_property
-    def held_out_geometry(self) -> HeldOutGeometry | None:
-        """Whether estimated axes and points lower the error on poses left out; None where that is no question."""
-        return held_out_geometry(self)
+FittedModel = Fit
 
 
 def _values(parameters: Sequence[Parameter], solution: Solution) -> Array:

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.checks.effect_test import EffectTest, effect_test, worth_of
-from rodgen.calibration.checks.held_out import HeldOut, held_out
 from rodgen.calibration.fit import Estimate, Fit, fit
-from rodgen.calibration.noise import NoiseFloor
+from rodgen.calibration.held_out import HeldOut, held_out
+from rodgen.calibration.noise_floor import NoiseFloor
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import minimise
-from rodgen.calibration.words import chance, probability, three_digits
+from rodgen.calibration.steps import StepOdds, odds_of_steps
+from rodgen.calibration.words import odds_text
 from rodgen.data.units import readable
 from rodgen.errors import RodgenError
 from rodgen.stages import Progress, reporting
@@ -46,15 +46,15 @@ class Rung(Result):
         What was added or taken away.
     fit : Fit
     held_out : HeldOut
-    step : EffectTest or None
-        What the effect is worth, given all others; None of the first rung, and where it cannot be tested.
+    step : StepOdds or None
+        What the effect is worth, given all others; None of the first rung, and where it cannot be judged.
     """
 
     title: str
     effect: Effect | None
     fit: Fit
     held_out: HeldOut
-    step: EffectTest | None = None
+    step: StepOdds | None = None
 
     @property
     def verdict(self) -> str:
@@ -64,15 +64,10 @@ class Rung(Result):
         name = self.effect.title
         if self.step is None:
             why = "the data determine none of its parameters, or hold no more readings than the model has parameters"
-            return f"{name} cannot be tested: {why}."
-        tested = f"F = {three_digits(self.step.statistic)}, {chance(self.step.p_value)}"
-        if not self.step.significant:
-            same = (
-                "a set-up that wanders may do the same" if self.step.as_a_walk else "chance explains as much"
-            )
-            return f"{name} does not show in these data: {same} ({tested})."
-        text = f"{name} explains more than chance does ({tested}); another effect may explain the same."
-        text = " ".join(filter(None, [text, self.step.on_shape(self.effect)]))
+            return f"{name} cannot be judged: {why}."
+        if not self.step.needed:
+            return f"{name} does not show in these data: {self.step.text}."
+        text = f"{name} shows in these data: {self.step.text}. Another effect may explain the same."
         left = self.fit.lack_of_fit
         if left is not None and left.p_value < LACK_OF_FIT.improbable:
             text += f" The residuals are still {left.ratio:.2g} times the noise: this is not it, or not all."
@@ -111,7 +106,8 @@ class Ladder(Result):
     @property
     def noise(self) -> NoiseFloor:
         """The noise, from the model with the most parameters."""
-        return max((rung.fit for rung in self.rungs), key=lambda f: len(f.free)).noise
+        found: NoiseFloor = max((rung.fit for rung in self.rungs), key=lambda f: len(f.free)).noise
+        return found
 
     @property
     def line(self) -> str:
@@ -145,12 +141,12 @@ class Ladder(Result):
         unit = self._shown[1]
         yield f"{first.machine.name}, {first.observations.data.file}: rms in {unit} per reading"
         width = max(len(rung.title) for rung in self.rungs)
-        yield f"{'':{width}}  {'fitted':>9}  {'held out':>9}  {'parameters':>10}  {'F':>9}  p"
+        yield f"{'':{width}}  {'fitted':>9}  {'held out':>9}  {'parameters':>10}  odds"
         for rung in self.rungs:
             row = f"{rung.title:{width}}  {self.figure_of(rung.fit.rms):>9}  {self.figure_of(rung.held_out.rms):>9}"
             row += f"  {len(rung.fit.free):10}"
             if rung.step:
-                row += f"  {rung.step.statistic:9.4g}  {probability(rung.step.p_value)}"
+                row += f"  {odds_text(rung.step.odds)}"
             yield row
         yield self.noise.text
         yield from dict.fromkeys(
@@ -220,7 +216,7 @@ def ladder(
     >>> found = ladder(table, data, [table.effect("encoder_ellipticity", "C")])
     >>> [(rung.title, round(rung.fit.rms, 3)) for rung in found.rungs]
     [('base', 0.004), ('+ encoder_ellipticity at C', 0.002)]
-    >>> found.rungs[1].held_out.rms < found.rungs[0].held_out.rms, found.rungs[1].step.significant
+    >>> found.rungs[1].held_out.rms < found.rungs[0].held_out.rms, found.rungs[1].step.needed
     (True, True)
     """
     machines = [machine]
@@ -256,15 +252,19 @@ def ladder_of(
     for k in range(1, len(fits)):
         if _larger(fits[k], fits[k - 1]):
             fits[k - 1] = _not_worse(fits[k - 1], fits[k])
-    made = [first_rung(fits[0])]
-    for before, after in pairwise(fits):
-        effect, sign = _changed(before.machine, after.machine)
-        if sign == "+":  # given all others: what comes later is no noise
-            worth = worth_of(fits[-1], effect, before if after is fits[-1] else None)
-        else:
-            worth = effect_test(after, before)
-        made.append(Rung(f"{sign} {effect.title}", effect, after, held_out(after), worth))
-    return Ladder(tuple(made))
+    changes = [_changed(before.machine, after.machine) for before, after in pairwise(fits)]
+    if all(sign == "+" for _, sign in changes):  # given all others: what comes later is no noise
+        odds = odds_of_steps(fits[0], fits[-1], [effect for effect, _ in changes])
+    else:
+        odds = [_odds(*pair, effect) for pair, (effect, _) in zip(pairwise(fits), changes, strict=True)]
+    steps = zip(fits[1:], changes, odds, strict=True)
+    rungs = [Rung(f"{sign} {e.title}", e, after, held_out(after), one) for after, (e, sign), one in steps]
+    return Ladder((first_rung(fits[0]), *rungs))
+
+
+def _odds(before: Fit, after: Fit, effect: Effect) -> StepOdds | None:
+    smaller, larger = sorted((before, after), key=lambda f: len(f.machine.effects))
+    return odds_of_steps(smaller, larger, [effect])[0]
 
 
 def first_rung(fit: Fit) -> Rung:
@@ -289,16 +289,15 @@ def fit_after(before: Fit, machine: Machine, outliers: NDArray[np.bool_]) -> Fit
 def next_rung(before: Fit, after: Fit) -> Rung:
     """Return a fit as the rung after another, with one change: of effects, of what is held or known, or of rows.
 
-    It is tested against the fit before where one model is inside the other, and the rows are the same.
+    An effect is weighed where it is all that changed, and the rows are the same.
     """
     effect, title = None, "changed"
     with suppress(RodgenError):
         effect, sign = _changed(before.machine, after.machine)
         title = f"{sign} {effect.title}"
-    smaller, larger = sorted((before, after), key=lambda f: len(f.free))
     same = before.observations is after.observations and np.array_equal(before.outliers, after.outliers)
-    nested = same and len(smaller.free) < len(larger.free)
-    return Rung(title, effect, after, held_out(after), effect_test(smaller, larger) if nested else None)
+    odds = _odds(before, after, effect) if same and effect is not None else None
+    return Rung(title, effect, after, held_out(after), odds)
 
 
 def _base_title(machine: Machine) -> str:

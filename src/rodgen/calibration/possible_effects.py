@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
-from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.effects.custom import own_effect
-from rodgen.machines.effects.rules import check_effect
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.model import Model
+from rodgen.machines.observations import Observations
+from rodgen.machines.rules import check_effect
 from rodgen.machines.structure import GRAVITY
 from rodgen.statistics.thresholds import SELECTION
 
@@ -74,7 +74,7 @@ def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
             return False
         if "v" in names and not np.any(o.v[:, j]):
             return False
-        if "s" in names and not o.approach_known[j]:
+        if "s" in names and not (o.approach_known[j] or o.approach_assumed[j]):
             return False
         if "q_before" in names and not np.ptp(o.q[:, machine.carriers(j)[-1]]) > 0:
             return False
@@ -82,6 +82,9 @@ def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
             return False
         if names & {"zeta", "L", "P1", "P2", "P3", "P4"} and not o.travel[j, 1] > o.travel[j, 0]:
             return False
+    if kind == "target" and effect.definition.per_run:
+        number = [target.name for target in machine.targets].index(str(effect.place))
+        return len(np.unique(o.run[o.target == number])) > 1
     if "t" in names and (o.t is None or np.ptp(o.t) == 0):
         return False
     return not ("F" in names and o.load is None)

@@ -24,11 +24,11 @@ from rodgen.calibration.problem.attitudes import attitude_columns
 from rodgen.calibration.problem.binding import bind, names_of
 from rodgen.calibration.problem.blocks import Motion, entries
 from rodgen.data.measurements import Scan
-from rodgen.data.observations import Observations
 from rodgen.data.units import ARCSEC, parse_unit
 from rodgen.errors import InputFileError, listed, shown
 from rodgen.files import new_folder
 from rodgen.machines.measured import TURNS
+from rodgen.machines.observations import Observations
 from rodgen.schedulers import workers
 from rodgen.statistics.digits import round_by
 from rodgen.views import Tabular, brief
@@ -311,7 +311,7 @@ def _predict_part(
 def in_known_runs(o: Observations, model: Model, runs: Sequence[str]) -> Observations:
     """Return observations whose runs are numbered as those of a fit."""
     known = {name: i for i, name in enumerate(runs)}
-    if not model.structure.shift or len(known) == 1:
+    if not model.structure.by_run or len(known) == 1:
         return replace(o, run=np.zeros(o.n, np.int32))
     unknown = next((name for name in o.run_names if name not in known), None)
     if unknown is not None:

@@ -12,7 +12,7 @@ from rodgen.calibration.problem import Problem
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
-    from rodgen.data.observations import Observations
+    from rodgen.machines.observations import Observations
 
 
 STEP = 1e-5

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from rodgen.calibration.checks.effect_test import held_at_bounds
-from rodgen.calibration.checks.gross import on_gross_readings, on_outliers
+from rodgen.calibration.bounds import held_at_bounds
+from rodgen.calibration.fitted import Estimate, Fit
+from rodgen.calibration.gross_readings import on_gross_readings, on_outliers
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance
 from rodgen.errors import joined
 from rodgen.statistics.decompositions import svd
-from rodgen.statistics.thresholds import DETERMINACY, LACK_OF_FIT
+from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import plain
 
-if TYPE_CHECKING:
-    from rodgen.calibration.fit import Estimate, Fit
-    from rodgen.calibration.fitted import FittedModel
+CORRELATED = 0.95
+"""Parameters whose correlation exceeds this are named: they are hardly distinguished."""
 
 LATE = 0.05
 """Part of the measurement's duration by which its time may begin before or after 0 without a remark."""
@@ -64,7 +64,7 @@ def _correlated(fit: Fit) -> list[tuple[str, str, float]]:
     matrix = fit.correlation[np.ix_(index, index)]
     pairs = [
         (keys[i], keys[j], float(matrix[i, j]))
-        for i, j in np.argwhere(np.triu(np.abs(matrix), 1) > DETERMINACY.correlated)
+        for i, j in np.argwhere(np.triu(np.abs(matrix), 1) > CORRELATED)
     ]
     return sorted(pairs, key=lambda pair: -abs(pair[2]))
 
@@ -145,7 +145,7 @@ def _lines(fit: Fit) -> Iterator[str]:
     pairs = _correlated(fit)
     if pairs:
         yield ""
-        yield f"Strongly correlated (above {DETERMINACY.correlated}):"
+        yield f"Strongly correlated (above {CORRELATED}):"
         yield from (f"  {a} and {b}: {r:+.4f}" for a, b, r in pairs[:NAMED])
         if len(pairs) > NAMED:
             yield f"  and {len(pairs) - NAMED} more pairs"
@@ -178,11 +178,11 @@ def _about_priors(fit: Fit) -> Iterator[str]:
         )
 
 
-def _priors(fit: FittedModel) -> list[int]:
+def _priors(fit: Fit) -> list[int]:
     return [i for i in fit.free if fit.parameters[i].prior is not None]
 
 
-def contradictions(fit: FittedModel) -> Iterator[str]:
+def contradictions(fit: Fit) -> Iterator[str]:
     """Yield sentences on priors and bounds of the machine file that the readings contradict."""
     if priors := _priors(fit):
         yield from _against_priors(fit, priors)
@@ -190,7 +190,7 @@ def contradictions(fit: FittedModel) -> Iterator[str]:
         yield held_at_bounds(fit, fit.without_bounds)
 
 
-def _against_priors(fit: FittedModel, priors: list[int]) -> Iterator[str]:
+def _against_priors(fit: Fit, priors: list[int]) -> Iterator[str]:
     """Yield a sentence where priors and readings differ by more than both allow.
 
     A fit is off a prior of variance P by P/(P + D) of what the readings, of variance D, say; the variance of that is P

@@ -18,10 +18,10 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.data.observations import Observations
 from rodgen.data.units import ARCSEC
 from rodgen.machines.emit.own_errors import is_of_set_up, with_uncertainty
 from rodgen.machines.model import Frame
+from rodgen.machines.observations import Observations
 from rodgen.statistics.decompositions import lstsq
 
 if TYPE_CHECKING:

@@ -14,6 +14,11 @@ DIGITS_OF_P = 1e-4
 """A smaller p-value is shown as the power of ten above it."""
 LEAST_P = 16
 """No p-value is shown as smaller than 10 to the minus this: errors of readings have no normal tails so far out."""
+EQUAL_ODDS = 3.0
+"""Odds, to 1, that are smaller are called equal: not worth more than a bare mention (Kass and Raftery 1995)."""
+MOST_ODDS = 1e6
+"""Odds beyond which a number says nothing more: the model itself is not that sure."""
+LEAST_ODDS = 0.001
 NAMES = 4
 """Names in a list that is not the point of its sentence; the others are counted."""
 IN_UNCERTAINTIES = "stated uncertainties"
@@ -99,6 +104,21 @@ def _with_digits(value: float, count: int) -> str:
     return f"{value:.{count}g}"
 
 
+def odds_text(times: float) -> str:
+    """Return how many times as probable something is, in two digits, from a thousandth to a million.
+
+    Examples
+    --------
+    >>> odds_text(4.86), odds_text(17_342.0), odds_text(1e-5), odds_text(1e9)
+    ('4.9', '17 000', 'less than 0.001', 'more than a million')
+    """
+    if times >= MOST_ODDS:
+        return "more than a million"
+    if times < LEAST_ODDS:
+        return f"less than {LEAST_ODDS}"
+    return two_digits(times) if times < 1000 else f"{float(f'{times:.1e}'):,.0f}".replace(",", " ")
+
+
 def chance(p: float) -> str:
     """Return a p-value as a sentence shows it.
 
@@ -124,15 +144,12 @@ def probability(p: float) -> str:
     return f"< 1e-{min(math.floor(-math.log10(max(p, SMALLEST_P))), LEAST_P)}"
 
 
-def how_rarely(p: float) -> str:
-    """Return what a p-value of all effects together says.
-
-    Examples
-    --------
-    >>> how_rarely(0.0385)
-    'some effect explains as much by chance in one of 26 data sets'
-    """
-    return f"some effect explains as much by chance in one of {1 / p:.0f} data sets"
+def comparison(odds: float) -> str:
+    """Return odds in words, such as "50 times less probable"."""
+    times = max(odds, 1 / max(odds, 1e-300))
+    if times < EQUAL_ODDS:
+        return "about as probable"
+    return f"{odds_text(times)} times {'more' if odds > 1 else 'less'} probable"
 
 
 def capitalized(sentence: str) -> str:

@@ -41,6 +41,34 @@ from rodgen.array_types import Array
 from rodgen.statistics.recent_change import recent_change
 from rodgen.statistics.thresholds import WATCH
 
+CONFIRMED = 2
+"""Readings after which an alarm must still stand: no single bad reading is a change."""
+LEVELS = 12
+"""Levels of times at which a change may have begun."""
+KEPT = 4
+"""Times that each level keeps: the oldest began 8192 blocks ago. In so many readings a change of a tenth of the
+noise is seen, and none of a thirtieth matters."""
+LOOKS = 8
+"""Times that a level is looked at in one of its steps: a change is seen later by an eighth at most."""
+EXACT = 0.05
+"""Part of all readings up to which those since a change leave what was known before it as it is; to neglect that
+makes the sum smaller, by as little."""
+SIZES = (0.1, 0.5, 2.5)
+"""Standard deviations of a change, as rms per reading, in units of the noise: in steps of five, as each is good for
+changes of half and of twice as much. Three cost log 3."""
+UNSEEN = 1.0
+"""Standard deviation of what an effect that the model lacks does to the reference readings, in units of their
+residuals: they show what is there, and it is no change."""
+UNKNOWN = 1e5
+"""The same of parameters of the model, of which nothing but the reference readings says anything."""
+NOISE = 0.1
+"""Part of the false alarms that a change of the noise may have."""
+BINS = (0.5, 0.8, 0.95, 0.99)
+"""Parts of normal readings that are nearer than the bounds between which they are counted."""
+RECENT = 256
+"""Readings that are kept as they are: a change that is seen only after more of them is so small that none is
+clipped."""
+
 ROUNDING = 1e-12
 """Part of a column's information that keeps rounding out of the inverse: what no reading sees stays open."""
 SMALLEST = 1e-300
@@ -161,7 +189,7 @@ class ChangeDetector:
         for k, group in enumerate(self.groups):
             of_width.setdefault(len(group), []).append(k)
         self._widths = [(some, np.stack([self.groups[k] for k in some])) for some in of_width.values()]
-        self.base = np.diag(np.where(np.arange(d) < free, WATCH.unknown, WATCH.unseen) ** -2.0)
+        self.base = np.diag(np.where(np.arange(d) < free, UNKNOWN, UNSEEN) ** -2.0)
         self._learn(columns * (self.unit / self.scale), readings / self.scale, mark)
         self.recent = _Recent(
             np.empty((0, *columns.shape[1:])), np.empty((0, columns.shape[1])), mark[None][:0]
@@ -192,8 +220,8 @@ class ChangeDetector:
     def _begin(self) -> None:
         """Forget all beginnings."""
         self.blocks, self.time, self.log_sum = 0, 0.0, -np.inf
-        self.levels: list[list[_Start]] = [[] for _ in range(WATCH.levels)]
-        self._begun, self._suspected = [0.0] * WATCH.levels, -1
+        self.levels: list[list[_Start]] = [[] for _ in range(LEVELS)]
+        self._begun, self._suspected = [0.0] * LEVELS, -1
         self._start()
 
     def distance_of(self, probability: float) -> float:
@@ -239,7 +267,7 @@ class ChangeDetector:
         columns, readings = columns * (self.unit / self.scale), readings / self.scale
         new = _Recent(columns, readings, marks)
         self.recent = _Recent(
-            *(np.concatenate(parts)[-WATCH.recent :] for parts in zip(self.recent, new, strict=True))
+            *(np.concatenate(parts)[-RECENT:] for parts in zip(self.recent, new, strict=True))
         )
         variance, flat, s = self.variance, columns.reshape(-1, d), self.sums
         error = readings - columns @ self.mean
@@ -278,8 +306,8 @@ class ChangeDetector:
             if self.blocks % (1 << level) == 0:
                 stood_for = self.time - self._begun[level] if starts else WATCH.at_once * self.limit
                 self._begun[level] = self.time
-                starts.append(_Start(self.blocks, stood_for / WATCH.levels, self.sums))
-                del starts[: -WATCH.kept]
+                starts.append(_Start(self.blocks, stood_for / LEVELS, self.sums))
+                del starts[:-KEPT]
 
     # the sum ---------------------------------------------------------------------------------------------------
 
@@ -291,7 +319,7 @@ class ChangeDetector:
         return [
             start
             for level, starts in enumerate(self.levels)
-            if whole or self.blocks % max(1, (1 << level) // WATCH.looks) == 0
+            if whole or self.blocks % max(1, (1 << level) // LOOKS) == 0
             for start in starts
             if start.weight > 0 and (not level or self.blocks - start.block > 2 << level)
         ]
@@ -306,7 +334,7 @@ class ChangeDetector:
         square = np.stack([each.square for each in since])
         score = np.stack([each.onto for each in since]) - square @ self.mean
         # of few readings, what δ is uncertain by hardly matters
-        exact = [i for i, each in enumerate(since) if each.rows > WATCH.exact * self.sums.rows]
+        exact = [i for i, each in enumerate(since) if each.rows > EXACT * self.sums.rows]
         known = square[exact]
         lost = self.covariance @ known
         effects = np.empty((len(starts), len(self.groups)))
@@ -314,17 +342,17 @@ class ChangeDetector:
             A = square[:, index[:, :, None], index[:, None, :]]
             A[exact] -= np.einsum("jdka,jdkb->jkab", known[:, :, index], lost[:, :, index], optimize=True)
             effects[:, some] = self._log_ratio(score[:, index], A)
-        share = np.log((1 - WATCH.noise) / len(self.groups))
+        share = np.log((1 - NOISE) / len(self.groups))
         noise = [
             self._log_of_noise(start.sums.bins, each.bins) for start, each in zip(starts, since, strict=True)
         ]
-        found = np.column_stack([effects + share, np.array(noise) + np.log(WATCH.noise)])
+        found = np.column_stack([effects + share, np.array(noise) + np.log(NOISE)])
         return found + np.log([start.weight for start in starts])[:, None], score, square
 
     def _log_ratio(self, u: Array, A: Array) -> Array:
         """Return log Λ, (...), from scores u, (..., p), and information A, (..., p, p); the mean over the sizes."""
         of_sizes = []
-        for size in WATCH.sizes:
+        for size in SIZES:
             inner = A * size**2 + np.eye(u.shape[-1])
             q = size**2 * np.einsum("...a,...a->...", u, np.linalg.solve(inner, u[..., None])[..., 0])
             part = np.minimum(q / self.sums.scatter, 1 - ROUNDING)
@@ -343,14 +371,14 @@ class ChangeDetector:
 
     @property
     def alarm(self) -> bool:
-        """Whether the sum exceeds the limit, and did so already `WATCH.confirmed` blocks ago; asked once a block.
+        """Whether the sum exceeds the limit, and did so already `CONFIRMED` blocks ago; asked once a block.
 
         What a single bad reading did, later ones take back.
         """
         limit = float(np.log(self.limit * (1 + WATCH.at_once)))
         if self._suspected < 0:
             self._suspected = self.blocks if self.log_sum >= limit else -1
-        elif self.blocks - self._suspected >= WATCH.confirmed:
+        elif self.blocks - self._suspected >= CONFIRMED:
             if self._log_sum(whole=True) >= limit:
                 return True
             self._suspected = -1
@@ -382,7 +410,7 @@ class ChangeDetector:
         for group in self.groups:
             u, own, unit = score[at, group], A[np.ix_(group, group)], self.unit[group]
             evidence.append(float(self._log_ratio(u, own)))
-            inverse = np.linalg.inv(own + np.eye(len(group)) * WATCH.unknown**-2.0)
+            inverse = np.linalg.inv(own + np.eye(len(group)) * UNKNOWN**-2.0)
             sizes.append(inverse @ u * unit)
             covariances.append(inverse * self.variance * np.outer(unit, unit))
         one = int(np.argmax(evidence))
@@ -390,7 +418,7 @@ class ChangeDetector:
         weights = np.exp(evidence - _log_add(np.array(evidence)))
         noise = self._typical(after.bins + 0.1) / self._typical(before.bins)
         if weights[-1] >= WATCH.likely:  # counted in units of the noise that was
-            after = replace(after, bins=after.rows * np.diff([0.0, *WATCH.bins, 1.0]))
+            after = replace(after, bins=after.rows * np.diff([0.0, *BINS, 1.0]))
         marks = tried[first].sums.mark, tried[last].sums.mark
         return Found(weights, (one,), *marks, tuple(sizes), tuple(covariances), noise, before, after)
 
@@ -464,7 +492,7 @@ class ChangeDetector:
         moved = np.unique(np.concatenate([np.array([], np.intp), *likely]))
         covariance = self._inverse(before.square)
         mean = covariance @ before.onto
-        covariance[moved, moved] += WATCH.unknown**2
+        covariance[moved, moved] += UNKNOWN**2
         self.base = np.asarray(np.linalg.inv(covariance))
         self.sums = _Sums(
             self.sums.mark, rows, np.asarray(scatter), since.square, self.base @ mean + since.onto, bins
@@ -499,7 +527,7 @@ class ChangeDetector:
         *sums, self.sums = [_Sums(*(column[i] for column in columns)) for i in range(len(columns[0]))]
         blocks, self.time, self.log_sum, self.lost, suspected, *begun = state["counts"].tolist()
         self.blocks, self._suspected, self._begun = int(blocks), int(suspected), begun
-        self.levels = [[] for _ in range(WATCH.levels)]
+        self.levels = [[] for _ in range(LEVELS)]
         for level, block, weight, number in state["starts"].tolist():
             self.levels[int(level)].append(_Start(int(block), weight, sums[int(number)]))
         self.base = state["base"]
@@ -522,13 +550,13 @@ def _kept(far: Array, components: int) -> Array:
 def _bounds(components: int) -> Array:
     from scipy import special
 
-    return np.asarray(np.sqrt(special.chdtri(components, 1 - np.array(WATCH.bins))))
+    return np.asarray(np.sqrt(special.chdtri(components, 1 - np.array(BINS))))
 
 
 def _counted(far: Array, components: int) -> Array:
     """Return how many errors are between each two bounds."""
     found = np.searchsorted(_bounds(components), far)
-    return np.bincount(found, minlength=len(WATCH.bins) + 1).astype(float)
+    return np.bincount(found, minlength=len(BINS) + 1).astype(float)
 
 
 def _typical(bins: Array, components: int) -> float:

@@ -40,20 +40,6 @@ def svd(matrix: Array, *, full_matrices: bool = False) -> tuple[Array, Array, Ar
     return u, s, vt
 
 
-def singular_values(matrix: Array) -> Array:
-    """Return the singular values of matrices (..., m, n), the largest first.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        When an entry is not finite.
-    """
-    try:
-        return np.asarray(np.linalg.svd(matrix, compute_uv=False))
-    except np.linalg.LinAlgError:
-        return svd(matrix)[1]
-
-
 def eigh(matrix: Array) -> tuple[Array, Array]:
     """Return eigenvalues, the least first, and eigenvectors of symmetric matrices (..., n, n).
 

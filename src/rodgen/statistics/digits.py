@@ -8,6 +8,9 @@ import numpy as np
 
 from rodgen.array_types import Array
 
+MANY = 1000
+"""Values whose digits are counted."""
+
 
 def last_decimal(size: Array | float, digits: int) -> Array:
     """Return the decimal of the last of the significant digits of numbers above 0; below 0 it is one of tens.
@@ -21,6 +24,27 @@ def last_decimal(size: Array | float, digits: int) -> Array:
     first = np.floor(np.log10(size))
     first = first + (np.round(size / 10.0 ** (first - digits + 1)) >= 10**digits)
     return np.asarray(np.clip(digits - 1 - first, -300, 300))
+
+
+def resolution(values: Array) -> float:
+    """Return the power of ten of which all values are multiples; 0 where they have more than ten digits.
+
+    Examples
+    --------
+    >>> resolution([0.5, 12.25, -3.0]), resolution([1 / 3])
+    (0.01, 0.0)
+    """
+    values = np.asarray(values, float).ravel()[:MANY]
+    values = values[np.isfinite(values)]
+    largest = float(np.abs(values).max(initial=0.0))
+    if largest == 0.0:
+        return 0.0
+    first = math.floor(math.log10(largest))
+    for decimals in range(-first, 10 - first):
+        scaled = values * 10.0**decimals
+        if np.all(np.abs(scaled - np.round(scaled)) <= 1e-15 * 10.0 ** (decimals + first + 1)):
+            return 10.0**-decimals
+    return 0.0
 
 
 def in_column(value: float, smallest: float) -> str:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from rodgen.array_types import Array, Mask
-from rodgen.statistics.multiple_testing import discovery_rates
 from rodgen.statistics.robust import HALF_OF_NORMAL
 from rodgen.statistics.thresholds import FLEET
 
@@ -154,3 +153,27 @@ def _p_values(values: Array, std: Array, kept: Mask, variance: float) -> Array:
     degrees = np.maximum(each**2 * information - kept, 1.0)
     size = np.where(kept, size * degrees / np.maximum(degrees + 1 - size, 1e-3), size)
     return np.asarray(special.betainc(degrees / 2, 0.5, degrees / (degrees + size)))
+
+
+def discovery_rates(p_values: Array) -> Array:
+    """Return for each test the least rate of false discoveries at which it is one, of the same shape.
+
+    Parameters
+    ----------
+    p_values : ndarray
+
+    Notes
+    -----
+    Benjamini and Hochberg (1995); also where tests depend on each other positively (Benjamini and Yekutieli 2001).
+
+    Examples
+    --------
+    >>> discovery_rates(np.array([0.01, 0.5, 0.02, 1.0])).tolist()
+    [0.04, 0.6666666666666666, 0.04, 1.0]
+    """
+    flat = p_values.ravel()
+    order = np.argsort(flat)
+    rates = flat[order] * len(flat) / np.arange(1, len(flat) + 1)
+    found = np.empty_like(flat)
+    found[order] = np.minimum.accumulate(rates[::-1])[::-1]
+    return np.minimum(found, 1.0).reshape(p_values.shape)

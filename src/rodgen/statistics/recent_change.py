@@ -17,6 +17,15 @@ import numpy as np
 from rodgen.array_types import Array, Index
 from rodgen.statistics.thresholds import WATCH
 
+WRONG = 10.0
+"""Standard deviations beyond which a reading says no more of a change than that it is wrong."""
+LARGE = (0.1, 0.5, 2.5, 12.5, 62.5, 312.5)
+"""The same as `sizes` where readings are as they are."""
+TOGETHER = 6
+"""Alternatives that may change together, at most, as where a machine was set up anew, ..."""
+FURTHER = 5.0
+"""... each of which must make the readings e^5 times as likely, the choice among hundred of them counted."""
+
 
 class RecentChange(NamedTuple):
     """One alternative among the last readings.
@@ -58,7 +67,7 @@ def recent_change(
     found = [_moved(columns[:, :, group], error, before, largest[group]) for group in groups]
     together = [int(np.argmax([each.log_evidence for each in found]))]
     best = found[together[0]]
-    while len(together) < WATCH.together:
+    while len(together) < TOGETHER:
         union = np.concatenate([groups[k] for k in together])
         left = error - columns[:, :, union] @ best.size
         after = slice(int(np.argmax(best.began)), None)
@@ -66,7 +75,7 @@ def recent_change(
         further = int(np.argmax([-np.inf if k in together else gain for k, gain in enumerate(gains)]))
         wider = np.concatenate([union, groups[further]])
         more = _moved(columns[:, :, wider], error, before, largest[wider])
-        if more.log_evidence < best.log_evidence + WATCH.further:
+        if more.log_evidence < best.log_evidence + FURTHER:
             break
         together, best = [*together, further], more
     return [*found, *([best] if len(together) > 1 else [])], tuple(together), _noisier(error, before)
@@ -76,17 +85,17 @@ def _gain(columns: Array, left: Array, largest: Array) -> float:
     """Return by how much columns lower half the sum of squares."""
     flat, across = columns.reshape(-1, columns.shape[2]), np.einsum("nik,ni->k", columns, left)
     inner = flat.T @ flat
-    prior = np.diag(np.minimum(WATCH.large[-1], largest) ** -2.0)
+    prior = np.diag(np.minimum(LARGE[-1], largest) ** -2.0)
     return float(across @ np.linalg.solve(inner + prior, across)) / 2
 
 
 def _loss(squares: Array) -> Array:
-    return np.asarray(np.minimum(squares, WATCH.wrong**2) / 2)
+    return np.asarray(np.minimum(squares, WRONG**2) / 2)
 
 
 def _moved(columns: Array, error: Array, before: Array, largest: Array) -> RecentChange:
     n, m, p = columns.shape
-    usual, limit = np.minimum(np.array(WATCH.large)[:, None], largest), WATCH.clip(m) ** 2
+    usual, limit = np.minimum(np.array(LARGE)[:, None], largest), WATCH.clip(m) ** 2
     prior = np.diag(usual[-1] ** -2.0)
     weight = (np.arange(n) >= n // 2).astype(float)  # what is last has changed, if anything has
     size, inner, since = np.zeros(p), np.eye(p), np.zeros(n)
@@ -115,7 +124,7 @@ def _moved(columns: Array, error: Array, before: Array, largest: Array) -> Recen
 def _noisier(error: Array, before: Array) -> RecentChange:
     factors, m = np.geomspace(0.1, 100, 121), error.shape[1]
     squares = np.sum(error**2, axis=1)
-    loss = m * np.log(factors) + np.minimum(squares[:, None] / factors**2, WATCH.wrong**2) / 2
+    loss = m * np.log(factors) + np.minimum(squares[:, None] / factors**2, WRONG**2) / 2
     since = np.cumsum((before[:, None] - loss)[::-1], axis=0)[::-1]  # (n, factors)
     whole = np.logaddexp.reduce(since.ravel())
     likely = np.exp(since - whole)

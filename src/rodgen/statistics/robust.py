@@ -12,6 +12,9 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.statistics.thresholds import ROBUST
 
+FEWEST_FOR_TAILS = 20
+"""Residuals from which on their kurtosis has that probability."""
+
 # The test of Anscombe and Glynn (1983), whether normal numbers have a kurtosis as large as one that was found.
 #
 # SciPy's `kurtosistest` is the same test, and takes half a second to import; it finds a small probability, too, where
@@ -20,7 +23,7 @@ from rodgen.statistics.thresholds import ROBUST
 
 def has_heavy_tails(residuals: Array) -> bool:
     """Return whether residuals of any shape have a kurtosis that normal errors do not reach; of few never."""
-    if residuals.size < ROBUST.fewest_for_tails or not np.ptp(residuals) > 0:
+    if residuals.size < FEWEST_FOR_TAILS or not np.ptp(residuals) > 0:
         return False
     return kurtosis_tail(kurtosis_of(residuals), residuals.size) < ROBUST.heavy_tails
 

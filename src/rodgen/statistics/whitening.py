@@ -3,21 +3,24 @@
 The errors of the n readings of P poses, with m components each and columns H of a small motion with k degrees of
 freedom, are
 
-    e = ε + H (u_p + x_p),    cov e = V,
+    e = ε + H (u_p + x_p + g),    cov e = V,
 
 ε independent with variance 1, u_p of each pose by itself, x_p an Ornstein-Uhlenbeck process that begins anew with each
-run. Within a pose the inverse of V is that of a matrix of k columns. From pose to pose x is a Markov chain: the inverse
+run, g what all poses at one position, or of one run, have in common. Within a pose the inverse of V is that of a matrix
+of k columns. From pose to pose x is a Markov chain: the inverse
 of its covariance is a band, so is M = cov(x)⁻¹ + Hᵀ(I + H cov(u) Hᵀ)⁻¹H, and one triangle of M gives the determinant of
 V, products with its inverse, and what a Kalman filter would predict of each pose from those before. A reading less that
-prediction, over the root of the covariance of the pose's predictions, is independent of all others.
+prediction, over the root of the covariance of the pose's predictions, is independent of all others. Positions and runs
+are few: what they share is taken in afterwards, as a matrix of as many columns.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,9 +48,13 @@ class Poses:
     """Median of the gaps, and the longest that a run takes; seconds, or poses where there are no times."""
     timed: bool
     """Whether there are times."""
+    position: Index | None = None
+    """Number of each pose's position, from 0, (P,); None where it is not asked for."""
 
     @classmethod
-    def among(cls, pose: NDArray[Any], run: NDArray[Any], t: Array | None) -> Poses:
+    def among(
+        cls, pose: NDArray[Any], run: NDArray[Any], t: Array | None, position: NDArray[Any] | None = None
+    ) -> Poses:
         """Return the poses of rows.
 
         Parameters
@@ -56,6 +63,8 @@ class Poses:
             Of each row.
         t : ndarray, shape (n,), or None
             Time of each row, seconds; None where poses follow each other in the order of their numbers.
+        position : ndarray of int, shape (n,), optional
+            Equal of rows at the same position.
         """
         number, of = np.unique(pose, return_inverse=True)
         count = np.bincount(of)
@@ -66,7 +75,12 @@ class Poses:
         order = np.lexsort((number, time, run_of_pose))
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        return cls._of(rank[of], time[order], run_of_pose[order], timed)
+        found = cls._of(rank[of], time[order], run_of_pose[order], timed)
+        if position is None:
+            return found
+        at = np.zeros(len(number), np.intp)
+        at[rank[of]] = position
+        return replace(found, position=np.unique(at, return_inverse=True)[1])
 
     @classmethod
     def _of(cls, of: Index, time: Array, run: Index, timed: bool) -> Poses:
@@ -94,7 +108,29 @@ class Poses:
         time = np.cumsum(np.where(first, 0.0, self.gap))
         number = np.cumsum(kept) - 1
         found = Poses._of(number[self.of[rows]], time[kept], run[kept], self.timed)
-        return Poses(found.of, found.gap, self.spacing, self.duration, self.timed)
+        position = None
+        if self.position is not None:
+            position = np.unique(self.position[kept], return_inverse=True)[1]
+        return replace(found, spacing=self.spacing, duration=self.duration, position=position)
+
+    @cached_property
+    def run(self) -> Index:
+        """Number of each pose's run, from 0, (P,)."""
+        return np.asarray(np.cumsum(np.isinf(self.gap)) - 1)
+
+    def level_columns(self, deviations: MotionDeviations) -> Array | None:
+        """Return the motion of each pose by one standard deviation of its position and its run, (P, k, L)."""
+        found = []
+        for name in ("position", "run"):
+            sizes, level = getattr(deviations, name), getattr(self, name)
+            free = np.flatnonzero(sizes)
+            if not len(free) or level is None:
+                continue
+            columns = np.zeros((self.count, len(sizes), len(free), int(level.max()) + 1))
+            for i, j in enumerate(free):
+                columns[np.arange(self.count), j, i, level] = sizes[j]
+            found.append(columns.reshape(self.count, len(sizes), -1))
+        return np.concatenate(found, axis=2) if found else None
 
     def total(self, values: Array) -> Array:
         """Return the sums of values of rows, (n, ...), over each pose, (P, ...)."""
@@ -130,16 +166,21 @@ class MotionDeviations:
     """Standard deviations of u and x along each degree of freedom, (k,)."""
     time: float
     """After which x has forgotten 63 % of what it was."""
+    position: Array = field(default_factory=lambda: np.zeros(0))
+    run: Array = field(default_factory=lambda: np.zeros(0))
+    """Of what all poses at one position, and of a run, share, (k,); empty where they share nothing."""
 
     def times(self, one: MotionDeviations, other: MotionDeviations) -> MotionDeviations:
         """Return these, times the ratio of one to another."""
-        ratios = [
+        ratios = (
             np.divide(a, b, out=np.ones_like(b), where=b > 0)
-            for a, b in ((one.shared, other.shared), (one.wander, other.wander))
-        ]
-        return MotionDeviations(
-            self.shared * ratios[0], self.wander * ratios[1], self.time * one.time / other.time
+            for a, b in (
+                (getattr(one, name), getattr(other, name)) for name in ("shared", "wander", "position", "run")
+            )
         )
+        own = (self.shared, self.wander, self.position, self.run)
+        shared, wander, position, run = (x * ratio for x, ratio in zip(own, ratios, strict=True))
+        return MotionDeviations(shared, wander, self.time * one.time / other.time, position, run)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,20 +225,21 @@ class SharedMotion:
     def _by_pose(self, values: Array) -> Array:
         return self.poses.sorted(values).reshape(self.poses.count, -1, values.shape[2])
 
-    def covariance_of(self, deviations: MotionDeviations, columns: Array) -> Array:
-        """Return Cᵀ V C, (K, K), of columns C, (n, m, K)."""
-        return np.asarray(sum(left.T @ right for left, right in self._factors(deviations, columns)))
+    def covariance_of(self, deviations: MotionDeviations, columns: Array, onto: Array | None = None) -> Array:
+        """Return Cᵀ V C, (K, K), of columns C, (n, m, K); `onto` is Hᵀ C, where it is known."""
+        return np.asarray(sum(left.T @ right for left, right in self._factors(deviations, columns, onto)))
 
-    def variances_of(self, deviations: MotionDeviations, columns: Array) -> Array:
+    def variances_of(self, deviations: MotionDeviations, columns: Array, onto: Array | None = None) -> Array:
         """Return the diagonal of Cᵀ V C, (K,), of columns C, (n, m, K)."""
-        return np.asarray(
-            sum(np.einsum("ik,ik->k", left, right) for left, right in self._factors(deviations, columns))
-        )
+        factors = self._factors(deviations, columns, onto)
+        return np.asarray(sum(np.einsum("ik,ik->k", left, right) for left, right in factors))
 
-    def _factors(self, deviations: MotionDeviations, columns: Array) -> Iterator[tuple[Array, Array]]:
+    def _factors(
+        self, deviations: MotionDeviations, columns: Array, onto: Array | None
+    ) -> Iterator[tuple[Array, Array]]:
         """Yield factors, each (rows, K), of which the products add up to Cᵀ V C."""
         K = columns.shape[2]
-        flat, onto = columns.reshape(-1, K), self.onto(columns)
+        flat, onto = columns.reshape(-1, K), self.onto(columns) if onto is None else onto
         yield flat, flat
         along = (deviations.shared[:, None] * onto).reshape(-1, K)
         yield along, along
@@ -206,22 +248,11 @@ class SharedMotion:
             along = deviations.wander[free][:, None] * onto[:, free]
             band = _Chain.of(self.poses.gap, deviations.time).band(1)
             side = along.reshape(self.poses.count, -1)
-            yield (
-                along.reshape(-1, K),
-                _solved(band, side).reshape(-1, K),
-            )
-
-    def drawn(self, deviations: MotionDeviations, count: int, random: np.random.Generator) -> Array:
-        """Return errors, (n, m, count), drawn independently, of a motion that goes on from run to run."""
-        P, k = self.poses.count, self.dof
-        x = random.normal(size=(P, k, count))
-        gap = np.where(np.isinf(self.poses.gap), self.poses.spacing, self.poses.gap)
-        keeps = np.exp(-gap / deviations.time)
-        for p in range(1, P):
-            x[p] = keeps[p] * x[p - 1] + np.sqrt(1 - keeps[p] ** 2) * x[p]
-        x = deviations.wander[:, None] * x + deviations.shared[:, None] * random.normal(size=x.shape)
-        noise = random.normal(size=(*self.columns.shape[:2], count))
-        return np.asarray(noise + self.columns @ x[self.poses.of])
+            yield along.reshape(-1, K), _solved(band, side).reshape(-1, K)
+        levels = self.poses.level_columns(deviations)
+        if levels is not None:
+            along = np.einsum("pkl,pkc->lc", levels, onto, optimize=True)
+            yield along, along
 
 
 class Whitener:
@@ -242,9 +273,27 @@ class Whitener:
             # a pose's mean, from what the factor knows: precision⁻¹ (block of the factor)
             self._mean = np.linalg.solve(self._filter.precision, _blocks(self._filter.factor, len(free)))
         self._inner = _inverse_root(gram, spread)
+        self._levels: tuple[Array, Array] | None = None
+        levels = motion.poses.level_columns(deviations)
+        if levels is not None:
+            flat = self._of_poses(motion.columns @ levels[motion.poses.of]).reshape(-1, levels.shape[2])
+            values, vectors = eigh(flat.T @ flat)
+            some = values > 1e-14 * values[-1]
+            values, vectors = values[some], vectors[:, some]
+            big = np.sqrt(1 + values)
+            self._levels = flat @ (vectors / (big * (1 + big))), flat @ vectors
 
     def __call__(self, columns: Array) -> Array:
         """Return L⁻¹ columns, (n, m, K), of columns (n, m, K)."""
+        found = self._of_poses(columns)
+        if self._levels is None:
+            return found
+        flat = found.reshape(found.shape[0] * found.shape[1], columns.shape[2])
+        root, across = self._levels
+        return (flat - root @ (across.T @ flat)).reshape(columns.shape)
+
+    def _of_poses(self, columns: Array) -> Array:
+        """Return columns without what a pose shares and what wanders."""
         motion = self.motion
         n, m, K = columns.shape
         found = np.empty(columns.shape)
@@ -281,124 +330,57 @@ class Moments:
         self.gram = motion.gram()
         self.onto = motion.onto(columns)
         self.square = flat.T @ flat
-        self._kept: dict[bytes, tuple[_Shared, Array, Array]] = {}
+        self._latest: tuple[bytes, _Shared, Array, Array] | None = None
 
-    def _shared(self, deviations: Array) -> tuple[_Shared, Array, Array]:
-        """Return what the pose's part leaves: its inverse, Cᵀ(…)⁻¹C and Hᵀ(…)⁻¹C."""
-        shared = _Shared(self.gram, deviations)
-        if not deviations.any():
-            return shared, self.square, self.onto
-        solved = shared.solved(self.onto)
-        flat = solved.reshape(-1, solved.shape[2])
-        return shared, self.square - flat.T @ flat, shared.less(self.onto, solved)
+    def of(self, columns: Index) -> Moments:
+        """Return the sums of some of the columns."""
+        found = copy(self)
+        found.onto = self.onto[:, :, columns]
+        found.square = self.square[np.ix_(columns, columns)]
+        found._latest = None
+        return found
 
-    def inverse(self, deviations: MotionDeviations) -> InverseProducts:
-        """Return Cᵀ V⁻¹ C and log |V|, from which their derivatives follow."""
-        key = deviations.shared.tobytes()
-        if key not in self._kept:  # differences along the wander leave the pose's part as it is
-            self._kept = {key: self._shared(deviations.shared)}
-        shared, products, onto = self._kept[key]
-        logarithm = shared.log_determinant
+    def inverse(self, deviations: MotionDeviations) -> tuple[Array, float]:
+        """Return Cᵀ V⁻¹ C, (K, K), and log |V|."""
+        shared, products, onto = self._without_shared(deviations.shared)
+        gram, logarithm = shared.gram, shared.log_determinant
+        (P, k), K = gram.shape[:2], onto.shape[2]
         free = np.flatnonzero(deviations.wander)
-        if not len(free):
-            return InverseProducts(self.poses, deviations, shared.gram, onto, products, logarithm, free)
-        band, log_chain = _information(self.poses.gap, shared.gram, deviations, free)
-        factor = _triangle(band)
-        side = deviations.wander[free][:, None] * onto[:, free]
-        known = _forward(factor, side.reshape(-1, side.shape[2]))
-        products = products - known.T @ known
-        logarithm += 2 * float(np.sum(np.log(factor[0]))) + log_chain
-        return InverseProducts(
-            self.poses,
-            deviations,
-            shared.gram,
-            onto,
-            products,
-            logarithm,
-            free,
-            (band, factor, known),
-        )
+        wander = deviations.wander[free][:, None]
+        if len(free):
+            band, log_chain = _information(self.poses.gap, gram, deviations, free)
+            factor = _triangle(band)
+            known = _forward(factor, (wander * onto[:, free]).reshape(-1, K))
+            products = products - known.T @ known
+            logarithm += 2 * float(np.sum(np.log(factor[0]))) + log_chain
+        levels = self.poses.level_columns(deviations)
+        if levels is not None:
+            L = levels.shape[2]
+            moved = gram @ levels
+            flat = levels.reshape(P * k, L)
+            inner = flat.T @ moved.reshape(P * k, L)
+            side = flat.T @ onto.reshape(P * k, K)
+            if len(free):
+                across = _forward(factor, (wander * moved[:, free]).reshape(-1, L))
+                inner -= across.T @ across
+                side -= across.T @ known
+            triangle = np.linalg.cholesky(np.eye(L) + inner)
+            known = np.linalg.solve(triangle, side)
+            products = products - known.T @ known
+            logarithm += 2 * float(np.sum(np.log(np.diagonal(triangle))))
+        return products, logarithm
 
-
-@dataclass(frozen=True, eq=False)
-class InverseProducts:
-    """Products of columns C with the inverse of V, and how they change with the deviations."""
-
-    _poses: Poses
-    _deviations: MotionDeviations
-    _gram: Array  # (P, k, k), G = Hᵀ R⁻¹ H, R = I + H cov(u) Hᵀ
-    _onto: Array  # (P, k, K), Hᵀ R⁻¹ C
-    products: Array
-    """Cᵀ V⁻¹ C, (K, K)."""
-    log_determinant: float
-    """log |V|."""
-    _free: Index  # degrees of freedom that wander
-    _solved: tuple[Array, Array, Array] | None = None  # band of M, its triangle T, and T⁻¹ side
-
-    def change(self, roots: Array, together: Array) -> Change:
-        """Return how log |V| + tr(rootsᵀ Cᵀ V⁻¹ C roots) changes with the logarithms of the deviations.
-
-        Parameters
-        ----------
-        roots : ndarray, shape (K, r)
-            The last makes, of C, the residuals that the fixed effects leave, in standard deviations.
-        together : ndarray, shape (2 k + 1, p)
-            By which each logarithm changes with each of p parameters: those of the shared deviations, of those of the
-            wander, and of its time.
-
-        Notes
-        -----
-        With x̂ = M⁻¹ side, what the columns C roots say of the motion x, and Q = Hᵀ V⁻¹ C roots: the derivative along a
-        shared deviation s is 2 s² (tr Hᵀ V⁻¹ H - QᵀQ) in its degree of freedom; those along the wander and its time
-        follow from dM and x̂ᵀ cov(x)⁻¹ x̂ (Harville 1977). The average of the observed and the expected information needs
-        no more than dV V⁻¹ of the residuals (Gilmour, Thompson and Cullis 1995).
-        """
-        s, w, free = self._deviations.shared, self._deviations.wander, self._free
-        gram, (P, k) = self._gram, self._gram.shape[:2]
-        f = len(free)
-        slope, moved = np.zeros(2 * k + 1), np.zeros((P, k, 2 * k + 1))  # dV V⁻¹ C roots[:, -1] = H moved
-        whole, along = gram, self._onto @ (roots if s.any() else roots[:, -1:])  # Hᵀ V⁻¹ H of each pose, Q
-        if self._solved is not None:
-            band, factor, known = self._solved
-            expected = _backward(factor, known @ roots).reshape(P, f, -1)
-            middle, after = _inverse_blocks(band, factor, f)
-            scaled = w[free][:, None] * gram[:, free][:, :, free] * w[free]
-            chain = _Chain.of(self._poses.gap, self._deviations.time)
-            squares = np.einsum("pfr,pfr->pf", expected, expected)
-            crossed = np.einsum("pfr,pfr->pf", expected[:-1], expected[1:])
-            slope[k + free] = 2 * np.einsum("pij,pji->i", middle, scaled)
-            slope[k + free] -= 2 * (chain.diagonal @ squares + 2 * chain.off_diagonal[1:] @ crossed)
-            slope[-1] = chain.diagonal_slope @ (np.einsum("pii->p", middle) + squares.sum(axis=1))
-            slope[-1] += (
-                2 * chain.off_diagonal_slope[1:] @ (after + crossed.sum(axis=1)) + f * chain.log_slope
-            )
-            moved[:, free, k + free] = 2 * w[free] * expected[:, :, -1]
-            moved[:, free, -1] = -w[free] * chain.covariance_of_slope(expected[:, :, -1])
-            across = gram[:, :, free] * w[free]
-            whole = gram - across @ middle @ np.swapaxes(across, 1, 2)
-            along = along - across @ expected
-        slope[:k] = 2 * s**2 * (np.einsum("pii->i", whole) - np.einsum("pir,pir->i", along, along))
-        each = np.arange(k)
-        moved[:, each, each] = 2 * s**2 * along[:, :, -1]
-        moved = moved @ together
-        onto = gram @ moved
-        square = np.einsum("pia,pib->ab", moved, onto)
-        products = np.einsum("pic,pia->ca", self._onto, moved, optimize=True)
-        if self._solved is not None:
-            further = _forward(factor, (w[free][:, None] * onto[:, free]).reshape(P * f, -1))
-            square -= further.T @ further
-            products -= known.T @ further
-        return Change(slope @ together, products, square)
-
-
-class Change(NamedTuple):
-    """How a likelihood changes with p parameters."""
-
-    slope: Array
-    """Derivatives, (p,)."""
-    products: Array
-    square: Array
-    """Cᵀ V⁻¹ d and dᵀ V⁻¹ d, d the derivatives of V times V⁻¹ of the residuals, (K, p) and (p, p)."""
+    def _without_shared(self, deviations: Array) -> tuple[_Shared, Array, Array]:
+        """Return what the pose's part leaves: its inverse, Cᵀ(…)⁻¹C and Hᵀ(…)⁻¹C."""
+        key = deviations.tobytes()
+        if self._latest is None or self._latest[0] != key:  # other parts leave that of the pose as it is
+            shared, products, onto = _Shared(self.gram, deviations), self.square, self.onto
+            if deviations.any():
+                solved = shared.solved(self.onto)
+                flat = solved.reshape(-1, solved.shape[2])
+                products, onto = products - flat.T @ flat, shared.less(self.onto, solved)
+            self._latest = key, shared, products, onto
+        return self._latest[1:]
 
 
 class _Shared:
@@ -438,40 +420,26 @@ class _Shared:
 
 @dataclass(frozen=True, eq=False)
 class _Chain:
-    """The inverse covariance of the process with variance 1, a band, and its derivative by log time."""
+    """The inverse covariance of the process with variance 1, a band."""
 
     keeps: Array  # (P,) part of the last pose's x that remains
     new: Array  # (P,) variance that is added
     diagonal: Array  # (P,)
     off_diagonal: Array  # (P,) next to the diagonal, of a pose with the one before
     log_determinant: float  # of the covariance
-    diagonal_slope: Array
-    off_diagonal_slope: Array
-    log_slope: float
 
     @classmethod
     def of(cls, gap: Array, time: float) -> _Chain:
         ratio = gap / time
         keeps, new = np.exp(-ratio), -np.expm1(-2 * ratio)
-        change = keeps * np.where(np.isinf(ratio), 0.0, ratio)  # of `keeps`
-        steeper = 2 * keeps * change / new**2
+        off_diagonal = -keeps / new
         return cls(
             keeps,
             new,
-            1 / new + _onward(keeps**2 / new),
-            -keeps / new,
+            1 / new - _onward(keeps * off_diagonal),
+            off_diagonal,
             float(np.sum(np.log(new))),
-            steeper + _onward(steeper),
-            -change * (1 + keeps**2) / new**2,
-            -float(np.sum(2 * keeps * change / new)),
         )
-
-    def covariance_of_slope(self, values: Array) -> Array:
-        """Return the covariance, times the derivative of its inverse, times values, (P, k)."""
-        side = self.diagonal_slope[:, None] * values
-        side[1:] += self.off_diagonal_slope[1:, None] * values[:-1]
-        side[:-1] += self.off_diagonal_slope[1:, None] * values[1:]
-        return _solved(self.band(1), side)
 
     def band(self, k: int) -> Array:
         """Return its lower band, of k processes that are independent of each other."""
@@ -501,9 +469,12 @@ def _information(gap: Array, gram: Array, deviations: MotionDeviations, free: In
 
 
 def _triangle(band: Array) -> Array:
-    from scipy.linalg import cholesky_banded
+    from scipy.linalg.lapack import dpbtrf
 
-    return np.asarray(cholesky_banded(band, lower=True, check_finite=False))
+    factor, failed = dpbtrf(band, lower=1)
+    if failed:
+        raise np.linalg.LinAlgError("a band is not positive definite")
+    return np.asarray(factor)
 
 
 def _solved(band: Array, side: Array) -> Array:
@@ -515,39 +486,14 @@ def _solved(band: Array, side: Array) -> Array:
 
 def _forward(factor: Array, side: Array) -> Array:
     """Solve a lower triangular band."""
-    from scipy.linalg import solve_banded
+    if not side.shape[1]:
+        return side  # LAPACK writes where there is nothing
+    from scipy.linalg.lapack import dtbtrs
 
-    return np.asarray(solve_banded((len(factor) - 1, 0), factor, side, check_finite=False))
-
-
-def _backward(factor: Array, side: Array) -> Array:
-    """Solve with the transpose of a lower triangular band."""
-    from scipy.linalg import solve_banded
-
-    b, n = factor.shape
-    upper = np.zeros_like(factor)
-    for d in range(min(b, n)):
-        upper[-1 - d, d:] = factor[d, : n - d]
-    return np.asarray(solve_banded((0, b - 1), upper, side, check_finite=False))
-
-
-def _inverse_blocks(band: Array, factor: Array, k: int) -> tuple[Array, Array]:
-    """Return the blocks on the diagonal of M⁻¹, (P, k, k), and the traces of those next to it, (P - 1,).
-
-    A block of M less what the poses before and after it take away is the inverse of the block of M⁻¹. The triangle
-    holds the block less what the poses before take away; that of M in the opposite order, what the poses after do.
-    """
-    b, n = band.shape
-    opposite = np.zeros_like(band)
-    for d in range(b):
-        opposite[d, : n - d] = band[d, : n - d][::-1]
-    ahead, back = (_blocks(triangle, k) for triangle in (factor, _triangle(opposite)))
-    ahead, back = (blocks @ np.swapaxes(blocks, 1, 2) for blocks in (ahead, back))
-    own = _blocks(band, k)
-    own = own + np.swapaxes(np.tril(own, -1), 1, 2)
-    middle = np.asarray(np.linalg.inv(ahead + back[::-1, ::-1, ::-1] - own), float)
-    next_to = band[k, : n - k : k]  # the same for all processes
-    return middle, np.asarray(-next_to * np.einsum("pij,pij->p", np.linalg.inv(ahead[:-1]), middle[1:]))
+    found, failed = dtbtrs(factor, side, uplo="L")
+    if failed:
+        raise np.linalg.LinAlgError("a band is singular")
+    return np.asarray(found)
 
 
 def _blocks(factor: Array, k: int) -> Array:

@@ -8,10 +8,9 @@ all are well determined, they are good to ten digits and will do.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +25,15 @@ from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh, lstsq, svd
 from rodgen.statistics.thresholds import DETERMINACY
 
-if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+WEAK = 1e-3
+"""A combination below this part is hardly determined: its parameters have a standard deviation a thousand times as
+large as if the others were known."""
+SAYS_LESS = 0.5
+"""Part of the variance of a prior that readings must leave along its direction for the prior to count: they leave
+more than all of it where the prior is needed, and none where a choice of coordinates left none."""
+PART = 0.3
+"""A parameter is named with a direction along which the file holds a fit that has this part of it, measured in the
+largest deviations of a machine from its file."""
 
 __all__ = ["Determinacy", "Direction", "determinacy"]
 
@@ -163,11 +169,11 @@ def determinacy(
     if pull is not None:
         root, rows = _with_prior(root, pull, variance if problem.observations.sigma is None else 1.0)
         parts = np.max(np.abs(rows * near.largest(square)), axis=0, initial=0.0)
-        keys = tuple(problem.model.parameters[i].key for i in index[parts > DETERMINACY.part])
+        keys = tuple(problem.model.parameters[i].key for i in index[parts > PART])
     root = np.clip(root, -LARGEST, LARGEST)  # finite of numbers that no machine gives, too
     covariance[np.ix_(index, index)] = root @ root.T
     undetermined[index] = np.any(np.abs(null) > DETERMINACY.rests, axis=0) if len(null) else False
-    weak = held & (values < DETERMINACY.weak * values[0])
+    weak = held & (values < WEAK * values[0])
     spectrum = Spectrum(problem, theta, frame, index, scale, null, vt[weak])
     return Determinacy(covariance, undetermined, int(held.sum()), keys, spectrum)
 
@@ -207,7 +213,7 @@ def _with_prior(root: Array, pull: Pull, factor: float) -> tuple[Array, Array]:
     factor : float
         What the covariance is multiplied by in the end.
     """
-    rows = pull.unit[factor * np.sum((pull.unit @ root) ** 2, axis=1) > DETERMINACY.says_less]
+    rows = pull.unit[factor * np.sum((pull.unit @ root) ** 2, axis=1) > SAYS_LESS]
     prior = rows * np.sqrt(factor)
     seen = prior @ root
     gain = np.linalg.solve(np.eye(len(prior)) + seen @ seen.T, seen @ root.T)
@@ -218,7 +224,7 @@ def _well_determined(square: Array) -> tuple[Array, Array] | None:
     """Return the covariance and the lengths of the columns where no combination is nearly weak, else None."""
     scaled, size = unit_diagonal(square)
     values, vectors = eigh(scaled)
-    if values[0] <= (NEARLY_WEAK * DETERMINACY.weak) ** 2 * values[-1] or size.min() < SUSPECT * size.max():
+    if values[0] <= (NEARLY_WEAK * WEAK) ** 2 * values[-1] or size.min() < SUSPECT * size.max():
         return None
     v = vectors / np.sqrt(values)
     return (v @ v.T) / np.outer(size, size), size
@@ -234,40 +240,3 @@ def _without_effect(
     usual = Elsewhere.of(problem, theta, frame, index).size * problem.total_weight
     found: NDArray[np.bool_] = size < DETERMINACY.nothing * usual
     return found
-
-
-# A fit's parameters in coordinates that the data determine equally well: the information is the identity.
-#
-# A change of the parameters that the data determine is L·x, L·Lᵀ their covariance for unit variance. The derivative
-# of the weighted residuals by x has orthonormal columns, so that what a row, a pose or a fold adds to the information
-# reads as a part of 1.
-
-
-class Whitened:
-    """Coordinates x of the parameters of a fit.
-
-    Attributes
-    ----------
-    root : ndarray, shape (parameters, r)
-        L; r is the number of combinations that the data determine.
-    inverse : ndarray, shape (r, parameters)
-        Column i is what parameter i alone does, seen in x.
-    """
-
-    def __init__(self, fit: FittedModel) -> None:
-        covariance, rank = fit.determinacy.covariance, fit.determinacy.rank
-        correlation, scale = unit_diagonal(covariance)
-        values, vectors = eigh(correlation)
-        largest = np.argsort(values)[len(values) - rank :]
-        size = np.sqrt(np.maximum(values[largest], np.finfo(float).tiny))
-        self.root = scale[:, None] * vectors[:, largest] * size
-        _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
-        self.inverse = self.root.T @ square
-        self._fit = fit
-
-    def jacobian_blocks(self) -> Iterator[tuple[NDArray[np.int_], Array]]:
-        """Yield rows and the derivative of their weighted residuals by x, (rows, m, r), block by block."""
-        fit = self._fit
-        every = np.arange(fit.observations.n)
-        for rows, jacobian in fit.problem.jacobian_blocks(fit.solution.theta, fit.solution.frame):
-            yield every[rows], jacobian @ self.root

@@ -292,8 +292,6 @@ class _Describer:
         """Return a sentence on what changes the readings, but little."""
         needed = SHOWN_BETTER * self._shown(d, self._hypothetical[0].jacobian)
         rest = self._hint(d, needed)
-        if not rest and self._shown(d, self._elsewhere.jacobian) < needed:
-            rest = ", and no other readings would do better"
         if len(self.order(d)) == 1:
             return f"{self.listed(d)} hardly changes a reading{rest}."
         return f"{self.listed(d)} are hardly distinguished by these data{rest}."

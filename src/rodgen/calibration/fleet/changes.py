@@ -21,7 +21,7 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.statistics.drift import Drifts, drifts, repeatability
-from rodgen.statistics.multiple_testing import discovery_rates
+from rodgen.statistics.random_effects import discovery_rates
 from rodgen.statistics.thresholds import FLEET
 from rodgen.views import Result
 

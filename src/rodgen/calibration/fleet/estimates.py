@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.calibration.diagnose.candidates import Candidate, candidates, without_imitated
-from rodgen.calibration.diagnose.sensitivities import Sensitivities
+from rodgen.calibration.candidates import Candidate, candidates, without_imitated
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.sensitivities import Sensitivities
 from rodgen.data.units import unit_factor
 from rodgen.errors import RodgenError
 from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.decompositions import eigh
-from rodgen.statistics.thresholds import SELECTION
+from rodgen.statistics.thresholds import COST
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -84,7 +84,7 @@ def _first_order(of: Sensitivities, basis: Array, candidate: Candidate) -> list[
         return []
     seen = project_out(basis, columns / length)
     values, vectors = eigh(seen.T @ seen)
-    if values.min() < SELECTION.visible**2:
+    if values.min() < COST.visible**2:
         return []
     covariance = (vectors / values) @ vectors.T
     weights, residual, fit = seen @ covariance, of.residual.ravel(), of.fit

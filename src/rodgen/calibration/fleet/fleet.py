@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from rodgen.array_types import Array
 from rodgen.calibration.fleet.changes import Change, Changes, Night
 from rodgen.calibration.fleet.pairs import Pair
 from rodgen.calibration.fleet.store import Plan, read_plan, read_result
-from rodgen.statistics.multiple_testing import discovery_rates
-from rodgen.statistics.random_effects import Population, population
+from rodgen.methods import method
+from rodgen.statistics.random_effects import Population, discovery_rates, population
 from rodgen.statistics.thresholds import FLEET
 from rodgen.views import Result, plain
 
@@ -79,7 +79,9 @@ class FleetMachine:
         """By the titles of effects that were found, those of others that its data cannot tell from them."""
         return {
             _title(step["effect"], step["joint"]): [
-                _title(alias["effect"], alias["joint"]) for alias in step["indistinguishable_from"]
+                _title(**alias["effects"][0])
+                for alias in step["indistinguishable_from"]
+                if len(alias["effects"]) == 1
             ]
             for step in self.result["steps"]
         }
@@ -101,8 +103,8 @@ class FleetMachine:
         return math.inf if found is None else float(found)
 
 
-def _title(name: str, place: str | None) -> str:
-    return f"{name} at {place}" if place else name
+def _title(effect: str, joint: str | None) -> str:
+    return f"{effect} at {joint}" if joint else effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,11 +340,7 @@ class Fleet(Result):
             },
         }
 
-    def summary(self) -> str:
-        """Return it as text."""
-        from rodgen.calibration.fleet.summary import as_text
-
-        return as_text(self)
+    summary = cast("Callable[..., str]", method())
 
     def __str__(self) -> str:
         return self.summary()

@@ -33,7 +33,7 @@ from rodgen.stages import stage, step
 from rodgen.statistics.thresholds import FLEET
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose import Diagnosis
+    from rodgen.calibration.diagnosis import Diagnosis
 
 
 def diagnose_fleet(

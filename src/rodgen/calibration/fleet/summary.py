@@ -21,6 +21,7 @@ One = TypeVar("One", "Odd", "Change")
 VERDICTS = {
     "nothing_missing": "nothing is missing",
     "effects_missing": "effects are missing",
+    "wrong_geometry": "dimensions that are not those of the file",
     "unknown_effect": "effects outside the catalogue",
     "cannot_tell": "the data cannot tell",
 }

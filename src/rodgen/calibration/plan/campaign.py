@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.calibration.checks.positions import distinct_positions, position_of
 from rodgen.calibration.plan.design import (
     PARTS,
     SWEEPS,
@@ -32,12 +31,18 @@ from rodgen.calibration.plan.design import (
 from rodgen.calibration.plan.pool import Pool, levels
 from rodgen.calibration.plan.rivals import Rival, Rivals
 from rodgen.calibration.plan.rows import Rows, Surroundings, ordered
+from rodgen.calibration.positions import distinct_positions, position_of
 from rodgen.statistics.thresholds import DETERMINACY, PLAN, SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan.question import Question
-    from rodgen.data.observations import Observations
+    from rodgen.machines.observations import Observations
     from rodgen.machines.parts import EffectIdentity
+
+IDLE = 0.01
+"""More readings are not worthwhile that raise the probability of telling effects apart by less."""
+MOST_DEPENDENT = 30.0
+"""Dependent readings raise the variance of a mean by this factor at most; beyond, a fit went elsewhere."""
 
 
 MOST_READINGS = 500
@@ -143,7 +148,7 @@ class Campaign:
             plausible = [k for k in numbers if self.models[k].plausible]
             for a, b in itertools.permutations(plausible, 2):
                 factor = max(factor, self.worse_now(a, b) / self.threshold(a, b))
-        return min(factor, PLAN.most_dependent)
+        return min(factor, MOST_DEPENDENT)
 
     # readings ------------------------------------------------------------------------------------------------
 
@@ -327,7 +332,7 @@ class Search:
                 break
             failed = size
         else:
-            return next(rows for missing, rows in found if missing <= found[-1][0] + PLAN.idle)
+            return next(rows for missing, rows in found if missing <= found[-1][0] + IDLE)
         while size - failed > 1:
             middle = (size + failed) // 2
             fewer = self._good(task, middle)

@@ -38,8 +38,8 @@ from rodgen.machines.files.toml import (
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
+    from rodgen.machines.observations import Observations
 
 
 MOST_BLOCKS = 100

@@ -11,11 +11,16 @@ import numpy as np
 from rodgen.calibration.plan.campaign import MOST_READINGS, PairGain, Search
 from rodgen.calibration.words import NAMES
 from rodgen.errors import joined
-from rodgen.statistics.thresholds import PLAN
 from rodgen.views import Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
+
+SHARPER = 0.5
+"""Part to which a standard deviation must fall for readings to be said to determine the parameter."""
+NOTICED = 0.95
+"""Readings that lower every standard deviation to no less than this part sharpen nothing: how large a standard
+deviation is, is known to a twentieth from 200 readings."""
 
 MOST_GROUPS = 2
 """Groups of effects that a sentence names; the others are counted."""
@@ -217,9 +222,7 @@ def _sharpening(search: Search, fit: FittedModel, every: Sequence[Gain]) -> Goal
     as_a_whole = question.by_default and not show
     shown = [gain for gain in every if gain.of not in unshown]
     if show:  # what is only weakly determined, and stays so, is not worth a sentence
-        shown = [
-            gain for gain in shown if gain.now is None or (gain.after or gain.now) < PLAN.sharper * gain.now
-        ]
+        shown = [gain for gain in shown if gain.now is None or (gain.after or gain.now) < SHARPER * gain.now]
     undetermined = [gain.of for gain in shown if not gain.determined]
     solved = len(undetermined) < len(shown)
     if show and solved:
@@ -242,7 +245,7 @@ def _no_gain(search: Search, gains: Sequence[Gain]) -> Iterator[str]:
     """Yield a sentence on readings that sharpen no parameter; none where they do, or determine one."""
     unknown = any(gain.now is None or gain.after is None for gain in gains)
     left = [gain.after / gain.now for gain in gains if gain.now and gain.after]
-    if search.campaign.question.kind == "show" or unknown or not left or min(left) <= PLAN.noticed:
+    if search.campaign.question.kind == "show" or unknown or not left or min(left) <= NOTICED:
         return
     count, keys = search.rows.n, [gain.of for gain in gains]
     yield (

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rodgen.calibration.fitted import Fit
+from rodgen.calibration.open_questions import HasOpenQuestions, OpenQuestions
 from rodgen.calibration.plan.campaign import MOST_READINGS, Campaign, Search
 from rodgen.calibration.plan.constraints import Constraints
 from rodgen.calibration.plan.goals import Gain, Goal, goals_of
@@ -30,10 +32,8 @@ from rodgen.statistics.thresholds import PLAN
 from rodgen.views import Result
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
-    from rodgen.calibration.open_questions import HasOpenQuestions, OpenQuestions
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect
+    from rodgen.machines.observations import Observations
 
 __all__ = ["Plan", "PlanError", "plan", "plan_for"]
 
@@ -147,7 +147,7 @@ def _wrapped(sentences: Iterable[str]) -> Iterator[str]:
 
 
 def plan(
-    of: HasOpenQuestions,
+    of: Fit | HasOpenQuestions,
     n: int = 12,
     *,
     wanted: Iterable[str] | None = None,
@@ -195,7 +195,7 @@ def plan(
     >>> found.count, found.reached
     (4, True)
     """
-    questions = of.open_questions
+    questions = OpenQuestions(of) if isinstance(of, Fit) else of.open_questions
     final = questions.final
     if wanted or questions.found is None:
         return plan_for(final, (), n, wanted=wanted or (), constraints=constraints)
@@ -247,7 +247,7 @@ def _sharper(questions: OpenQuestions, n: int, before: Plan | None, constraints:
 
 
 def plan_for(
-    fit: FittedModel,
+    fit: Fit,
     alternatives: Sequence[Sequence[Effect]] = (),
     n: int = 12,
     *,
@@ -296,7 +296,7 @@ def plan_for(
     return found
 
 
-def _planned(fit: FittedModel, question: Question, n: int) -> Plan:
+def _planned(fit: Fit, question: Question, n: int) -> Plan:
     """Return the plan for a question."""
     o = fit.observations.take(~fit.outliers) if fit.outliers.any() else fit.observations
     campaign = Campaign(question, o)

@@ -22,7 +22,7 @@ from rodgen.statistics.decompositions import svd
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan.constraints import Constraints
-    from rodgen.data.observations import Observations
+    from rodgen.machines.observations import Observations
 
 
 READINGS = 2400

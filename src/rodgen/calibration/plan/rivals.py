@@ -15,19 +15,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.fit import fitted
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.plan.design import Linearized
 from rodgen.calibration.problem import Problem
 from rodgen.errors import InputFileError
-from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.model import Model
+from rodgen.machines.plausibility import plausibility
 from rodgen.machines.structure import row_effects
-from rodgen.statistics.thresholds import PLAN
 
 if TYPE_CHECKING:
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
+    from rodgen.machines.observations import Observations
     from rodgen.machines.parts import EffectIdentity
+
+LARGEST_TURN = 0.1
+"""Angle of an effect, in radians, that no machine has: a loose mount is off by a hundredth of it, and a fit that
+ends there has turned an axis round."""
+FEWEST_RESIDUAL_DOF = 10
+"""Degrees of freedom from which residuals larger than the stated noise replace it: with fewer, chance alone makes
+their mean square half as large again (its relative standard deviation is the square root of 2/10)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +43,7 @@ class Rival:
 
     effects: tuple[Effect, ...]
     """Those in question that it has."""
-    fit: FittedModel
+    fit: Fit
     own: int
     """Number of its free parameters that belong to these effects."""
 
@@ -56,7 +63,7 @@ class Rival:
         """Whether every angle of an effect is as small as on a machine: a fit may end where all is turned round."""
         found = self.fit
         turns = [i for i in found.free if found.parameters[i].effect and found.parameters[i].unit == "arcsec"]
-        return all(abs(found.values[i]) < PLAN.largest_turn for i in turns)
+        return all(abs(found.values[i]) < LARGEST_TURN for i in turns)
 
     @cached_property
     def index(self) -> NDArray[np.int_]:
@@ -117,7 +124,7 @@ class Rivals:
             e if e.identity in key or e.identity not in self.asked else self._silent(e)
             for e in self.machine.effects
         ]
-        found = FittedModel.to(replace(self.machine, effects=tuple(effects)), self.observations)
+        found = fitted(replace(self.machine, effects=tuple(effects)), self.observations)
         own = sum(
             (found.parameters[i].effect, found.parameters[i].place) in key
             for i in found.free
@@ -139,7 +146,7 @@ class Rivals:
         left = [(r.fit.chi_square, r.fit.degrees_of_freedom) for r in rivals]
         cost, residual_dof = min(left, key=lambda x: x[0] / max(x[1], 1))
         stated = self.observations.sigma is not None
-        if residual_dof < (PLAN.fewest_residual_dof if stated else 1):
+        if residual_dof < (FEWEST_RESIDUAL_DOF if stated else 1):
             return 1.0
         return max(cost / residual_dof, 1.0) if stated else cost / residual_dof
 

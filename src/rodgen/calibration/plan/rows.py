@@ -18,8 +18,8 @@ from rodgen.data.poses import approach
 from rodgen.data.units import parse_unit
 
 if TYPE_CHECKING:
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
+    from rodgen.machines.observations import Observations
 
 WRONG = 100.0
 """What a wrong direction of approach counts, in ways through the whole travel."""

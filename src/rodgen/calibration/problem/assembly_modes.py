@@ -17,11 +17,13 @@ from rodgen.calibration.problem.attitudes import nearest_frame
 from rodgen.errors import InputFileError
 from rodgen.machines.kinematics import OnLegs, ThreeSpsS
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
-from rodgen.statistics.thresholds import EVIDENCE
 
 if TYPE_CHECKING:
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
+    from rodgen.machines.observations import Observations
+
+OTHER_MODE = 0.5
+"""Share of the rows nearer to another assembly mode from which on the nominal machine is in the wrong one."""
 
 __all__ = [
     "attainable",
@@ -178,7 +180,7 @@ def other_mode(o: Observations, machine: Machine) -> str:
     machine : Machine
     """
     part = in_another_mode(o, machine)
-    if part <= EVIDENCE.other_mode:
+    if part <= OTHER_MODE:
         return ""
     return f"in {part:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the readings"
 

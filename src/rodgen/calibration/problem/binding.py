@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from rodgen.calibration.problem.assembly_modes import closed
 from rodgen.calibration.problem.attitudes import ANGULAR, UnfitAttitudeError, matrices
 from rodgen.data.measurements import Measurements, Names, Numbers, plain_name
-from rodgen.data.observations import Observations
 from rodgen.data.poses import approach, poses
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
 from rodgen.errors import InputFileError, joined, listed, nearest_hint, shown
 from rodgen.machines.measured import MEASURANDS, NOTATIONS, TURNS
+from rodgen.machines.observations import Observations
 from rodgen.stages import stage
 
 if TYPE_CHECKING:

@@ -28,12 +28,12 @@ from rodgen.array_types import Array
 from rodgen.calibration.problem.binding import bind, bind_once, names_of
 from rodgen.calibration.problem.problem import BLOCK, Group, Problem, one_thread_in_blas, reduced
 from rodgen.data.measurements import Measurements, Scan
-from rodgen.data.observations import Observations
 from rodgen.data.poses import hashes
 from rodgen.data.tables.parts import Part
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model, model_of
+from rodgen.machines.observations import Observations
 from rodgen.schedulers import Workers, workers
 from rodgen.statistics.decompositions import svd
 from rodgen.statistics.thresholds import DETERMINACY
@@ -378,10 +378,10 @@ class PartProblem(Problem):
         self.model, self.components = model, model.structure.components
         self.store = store = rows.store(model)
         self.rows = store.survey.rows
-        shift = model.structure.shift
+        by_run = model.structure.by_run
         self.folds = [fold for _, _, fold, _, _ in store.groups]
         self.groups = [
-            Group(target, shared.runs[run] if shift else 0, slice(a, b), b - a)
+            Group(target, shared.runs[run] if by_run else 0, slice(a, b), b - a)
             for target, run, _, a, b in store.groups
         ]
         self._pairs = tuple((group.target, group.run) for group in self.groups)

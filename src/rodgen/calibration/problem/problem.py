@@ -21,13 +21,24 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem.assembly_modes import far_apart, found_again
 from rodgen.calibration.problem.file_values import FileValues
-from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import OFFSETS, SCALES
 from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Frame, Model
+from rodgen.machines.observations import Observations
 from rodgen.machines.structure import row_effects
-from rodgen.statistics.thresholds import DETERMINACY, NEGLIGIBLE_WEIGHT, SELECTION
+from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT
+
+LARGEST_TURN = 0.05
+"""Largest deviation of an axis from its file, radians (3 degrees); a point or a target may move by as large a part
+of the machine's size. Every file is better than that, and beyond it readings bend along a direction by more than
+the noise: no standard deviation holds."""
+LARGEST_EFFECT = 0.005
+"""The same of an effect, in radians, or as a part of the machine's size, of a parameter or of what it does to
+readings: gears and arms that give way by 0.3 degrees are worn out, or of plastic. Of a user's own formula nothing
+is known."""
+SHRUNK = 10.0
+"""Usual sizes within which parameters that the data hardly determine are held when sizes are judged."""
 
 __all__ = ["Group", "Problem", "one_thread_in_blas", "reduced"]
 
@@ -140,10 +151,10 @@ class Problem:
         coarse = OFFSETS | SCALES | {effect.name for effect in model.machine.effects if effect.definition.own}
         is_effect = np.array([kind == "e" for kind in model.kinds], bool)
         fine = is_effect & np.array([p.effect not in coarse for p in model.parameters], bool)
-        part = np.where(fine, DETERMINACY.largest_effect, DETERMINACY.largest_turn)
+        part = np.where(fine, LARGEST_EFFECT, LARGEST_TURN)
         largest = part * np.where(model.turns, 1.0, np.where(model.ways, distance, np.inf))
         usual, largest_possible = model.effect_sizes
-        largest = np.fmin(largest, np.where(fine, SELECTION.shrunk * usual, np.inf))
+        largest = np.fmin(largest, np.where(fine, SHRUNK * usual, np.inf))
         change = np.where(is_effect, part * distance, np.inf)
         is_free = is_effect & (model.known[1] == 0.0) & np.isfinite(largest_possible)
         possible = np.divide(1.0, largest_possible, out=np.zeros(len(usual)), where=is_free)
@@ -229,7 +240,7 @@ class Problem:
 
     def _groups(self) -> Iterator[Group]:
         o = self.observations
-        runs = o.run if self.model.structure.shift else np.zeros(self.rows, int)
+        runs = o.run if self.model.structure.by_run else np.zeros(self.rows, int)
         code = o.target * (int(runs.max(initial=0)) + 1) + runs
         if self.rows and np.all(code == code[0]):
             yield Group(int(o.target[0]), int(runs[0]), slice(0, self.rows), self.rows)

@@ -24,12 +24,12 @@ from rodgen.data.measurements import Measurements, Numbers
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError
 from rodgen.files import read_input
-from rodgen.machines.effects.rules import UnfitEffectError
-from rodgen.machines.effects.typed import effect_with, typed_effect
+from rodgen.machines.rules import UnfitEffectError
+from rodgen.machines.typed_effects import effect_with, typed_effect
 
 if TYPE_CHECKING:
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
+    from rodgen.machines.observations import Observations
 
 DIGITS = 3
 """Readings are written to so many decimals below the noise."""

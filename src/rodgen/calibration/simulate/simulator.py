@@ -20,8 +20,8 @@ from rodgen.machines.model import Frame, Model
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 
 if TYPE_CHECKING:
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
+    from rodgen.machines.observations import Observations
     from rodgen.machines.parameters import Parameter
 
 
@@ -197,20 +197,21 @@ class Simulator:
         self.machine.with_effect(effect)  # the rules for what is held
         parameters = {p.key: p for p in self._parameters(effect)}
         runs = self.observations.run_names
-        if run is not None and (not effect.definition.per_run or len(runs) < 2 or run not in runs):
+        prefix = effect.key("") if run is None else f"{effect.key('')}[{run}]"
+        if run is not None and not any(key.startswith(f"{prefix}.") for key in parameters):
             found = f"{effect.name}[{run}]"
-            raise InputFileError(
-                "effect", effect.title, found, "a set-up in the column 'run', of frame_shift alone"
+            expected = (
+                "a set-up in the column 'run', of frame_shift alone, or of target_remounting but the first"
             )
+            raise InputFileError("effect", effect.title, found, expected)
         if not effect.hold:
             return None
         if run is None and effect.definition.per_run and len(runs) > 1:
             found, expected = (
                 "no set-up",
-                f"{listed(runs)}, such as frame_shift[{runs[-1]}]:x=0.1",
+                f"{listed(runs)}, such as {effect.name}[{runs[-1]}]:{next(iter(effect.hold))}=0.1",
             )
             raise InputFileError("effect", effect.title, found, expected)
-        prefix = effect.key("") if run is None else f"{effect.key('')}[{run}]"
         values = {f"{prefix}.{name}": value for name, value in effect.hold.items()}
         for key, parameter in parameters.items():
             if parameter.searched and key not in values:

@@ -39,10 +39,13 @@ from rodgen.calibration.solve.least_squares import Solution, minimise, minimise_
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.f_tests import f_tail
-from rodgen.statistics.robust import HUBER, has_heavy_tails, huber_weight, median_factor
+from rodgen.statistics.robust import HUBER, huber_weight, median_factor
 from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT, ROBUST
 
-__all__ = ["Judgement", "gross_rows", "robust_fit", "sizes_in_cuts"]
+MOST_SETS = 100
+"""Random sets that are tried at most."""
+
+__all__ = ["Judgement", "robust_fit"]
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
@@ -151,44 +154,6 @@ def robust_fit_of_parts(
     return problem, best
 
 
-def sizes_in_cuts(problem: Problem, solution: Solution, free: Sequence[int]) -> Array:
-    """Return how large each row is compared with the cut, (n,): above 1 it may be wrong. Costs no fit.
-
-    Parameters
-    ----------
-    problem, solution, free
-        As of `gross_rows`.
-    """
-    search = _OutlierSearch(Problem(problem.model, problem.observations), free)
-    size = search.sizes(solution)
-    return size / max(search.cut * search.rough_scale(size), np.finfo(float).tiny)
-
-
-def gross_rows(problem: Problem, solution: Solution, free: Sequence[int], *, restart: bool = True) -> Mask:
-    """Return the rows, (n,), that do not agree with the others and a fit of the right model that is close to them.
-
-    Parameters
-    ----------
-    problem : Problem
-        Is not changed.
-    solution : Solution
-        Of the rows that were believed before.
-    free : sequence of int
-        Numbers of the parameters that are adjusted.
-    restart : bool
-        Whether to begin anew where residuals have heavy tails: of a complete model, which may have followed wrong rows.
-        What a model misses makes heavy tails, too.
-    """
-    problem = Problem(problem.model, problem.observations)
-    search = _OutlierSearch(problem, free)
-    if not search.enough_rows:
-        return np.zeros(problem.rows, bool)
-    solution, scale = search.settled(solution)
-    if restart and search.has_heavy_tails(solution, scale):
-        solution, scale = search.settled(search.start(solution))
-    return search.confirmed(search.judgement(solution, scale, search.cut)).outliers
-
-
 class _OutlierSearch:
     """The search for the rows that do not agree with a fit of some parameters."""
 
@@ -217,11 +182,6 @@ class _OutlierSearch:
         residuals = self.problem.residuals(solution.theta, solution.frame) * self.problem.base_weight
         size = np.sqrt(np.einsum("ij,ij->i", residuals, residuals))
         return np.where(np.isfinite(size), size, np.inf)
-
-    def has_heavy_tails(self, solution: Solution, scale: float) -> bool:
-        """Return whether the residuals of the rows inside the cut are not those of normal errors."""
-        residuals = self.problem.residuals(solution.theta, solution.frame) * self.problem.base_weight
-        return has_heavy_tails(residuals[self.sizes(solution) <= self.cut * scale])
 
     # scale ---------------------------------------------------------------------------------------------------
 
@@ -393,9 +353,7 @@ class _OutlierSearch:
         needed = math.ceil(self.p / self.m) + SPARE_ROWS
         if needed >= self.n:
             return []
-        sets = min(
-            math.ceil(math.log(ROBUST.miss) / math.log1p(-((1 - ROBUST.bad) ** needed))), ROBUST.most_sets
-        )
+        sets = min(math.ceil(math.log(ROBUST.miss) / math.log1p(-((1 - ROBUST.bad) ** needed))), MOST_SETS)
         parts = []
         for _ in range(sets):
             rows = np.sort(random.choice(self.n, needed, replace=False))

@@ -10,13 +10,13 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise
 from rodgen.calibration.solve.starting_values import linear_falls, placed, searched, thinned
 from rodgen.errors import InputFileError, RodgenError, joined, shown
-from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.model import Model
+from rodgen.machines.plausibility import plausibility
 from rodgen.machines.structure import row_effects
 from rodgen.stages import step
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
-from rodgen.statistics.thresholds import DETERMINACY, SELECTION
+from rodgen.statistics.thresholds import COST, DETERMINACY, SELECTION
 
 __all__ = ["FitError", "check_travel", "fit_in_stages", "measured_along"]
 
@@ -60,7 +60,7 @@ def fit_in_stages(problem: Problem) -> tuple[Solution, list[int]]:
         solution = minimise(rows, solution.theta, solution.frame, free, progress=step, damping=NEAR)
     if more and not solution.converged:
         solution, free = _stages_of(problem, estimated)
-    solution, free = _called_for(problem, solution, free)
+    solution, free = with_later_weights(problem, solution, free)
     return solution, sorted(free)
 
 
@@ -113,7 +113,7 @@ def _stages(model: Model, estimated: Sequence[int]) -> list[list[int]]:
     return [stage for stage in (plain, *later) if stage]
 
 
-def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[Solution, list[int]]:
+def with_later_weights(problem: Problem, solution: Solution, free: list[int]) -> tuple[Solution, list[int]]:
     """Return the solution with the weights at later joints that the data call for, added one after the other.
 
     The fall of the cost that a linear step promises decides which is tried, and the fall that a fit brings, whether it
@@ -194,7 +194,7 @@ def _with_an_arm(problem: Problem, solution: Solution, free: Sequence[int]) -> l
         if p.optional
         and p.hold is None
         and i not in free
-        and size[i] > SELECTION.visible * longest[p.place, p.effect]
+        and size[i] > COST.visible * longest[p.place, p.effect]
     ]
 
 

@@ -66,7 +66,7 @@ def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
         theta = min((theta, turned), key=lambda t: problem.cost(t, nearest_frames(problem, t)[0]))
 
     if model.structure.measurand.has_zero:
-        theta = _with_zeros(thinned(problem), theta, free)
+        theta = with_zeros(thinned(problem), theta, free)
 
     def fitted(theta: Array, frame: Frame) -> Solution:
         return minimise(problem, theta, frame, free, progress=step)
@@ -154,7 +154,7 @@ def with_attitudes(problem: Problem, theta: Array, free: Sequence[int]) -> Array
     return theta
 
 
-def _with_zeros(problem: Problem, theta: Array, free: Sequence[int]) -> Array:
+def with_zeros(problem: Problem, theta: Array, free: Sequence[int]) -> Array:
     """Return the values with those zeros of instruments that are free as angles were read: circular means."""
     theta, model = theta.copy(), problem.model
     off = model.structure.measurand.error(problem.residuals(theta, Frame.identity()))[:, 0]

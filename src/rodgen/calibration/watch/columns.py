@@ -10,26 +10,28 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from rodgen.array_types import Array, Mask
-from rodgen.calibration.diagnose.candidates import Candidate, possible, unsearched
-from rodgen.calibration.diagnose.sensitivities import Sensitivities, is_direct
-from rodgen.calibration.noise.correlation import estimate_correlation, frame_motion, shared_motion
+from rodgen.calibration.candidates import Candidate, possible, unsearched
+from rodgen.calibration.dependence import estimate_correlation, frame_motion, shared_motion
 from rodgen.calibration.possible_effects import bare_effects, catalogue_effects, model_with
 from rodgen.calibration.predict import in_known_runs
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.sensitivities import Sensitivities, is_direct
 from rodgen.calibration.watch.events import Range
 from rodgen.data.units import unit_factor
 from rodgen.errors import InputFileError, UnexpectedError, joined
-from rodgen.machines.effects.plausibility import Plausibility
 from rodgen.machines.machine import Effect
+from rodgen.machines.plausibility import Plausibility
 from rodgen.statistics.stream_whitening import StreamWhitener
-from rodgen.statistics.thresholds import WATCH
 from rodgen.statistics.whitening import SHORTEST
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.measurements import Measurements
-    from rodgen.data.observations import Observations
+    from rodgen.machines.observations import Observations
+
+BEYOND = 0.1
+"""Part of the range that the reference covers, of a coordinate say, beyond which the model may be wrong."""
 
 ROUND = 1.9 * math.pi
 """Range of a joint that goes round, where no angle is beyond it."""
@@ -226,7 +228,7 @@ class WatchedColumns:
         for k, (name, (low, high)) in enumerate(self._covered.items(), 1):
             if name in values:
                 beyond = np.maximum(values[name] - high, low - values[name])
-                far[:, k] = beyond / max(high - low, SMALLEST) - WATCH.beyond
+                far[:, k] = beyond / max(high - low, SMALLEST) - BEYOND
         return np.asarray(np.argmax(far, axis=1) - 1)
 
     def counts(self, data: Measurements) -> Mask:

@@ -31,7 +31,16 @@ from rodgen.statistics.change_detector import ChangeDetector, Found
 from rodgen.statistics.thresholds import WATCH
 
 if TYPE_CHECKING:
-    from rodgen.data.observations import Observations
+    from rodgen.machines.observations import Observations
+
+SETTLED = 32
+"""Blocks after an alarm until a change is named for good, and things are taken for what they are since."""
+WAITED = 10
+"""Blocks after which a reading that was far off is an outlier: a change as large would have raised an alarm."""
+STUCK = 6.0
+"""Standard deviations by which what is predicted must move while a reading repeats its digits."""
+STUCK_TIMES = 3
+"""How often it must repeat them, one after the other: noise makes up for it once in 40,000, three times in 1e13."""
 
 __all__ = ["Stored", "Watch", "frequency", "stored"]
 
@@ -323,12 +332,12 @@ class Watch:
         ]
         if self.detector.alarm:
             self._count_alarm(self.rows - len(self._pending[0]))
-            self._settling = max(WATCH.settled // self._per_block, 1)
+            self._settling = max(SETTLED // self._per_block, 1)
             found = self._found()
             yield from self._released(at, before=found.first[2])
             yield self._changed(found, at, settled=False)
         elif not self.detector.suspects:
-            yield from self._released(at, at_block=blocks - WATCH.waited)
+            yield from self._released(at, at_block=blocks - WAITED)
 
     def _released(self, at: int, *, at_block: float = math.inf, before: float = math.inf) -> Iterator[Event]:
         """Yield outliers that no change explains."""
@@ -441,7 +450,7 @@ class Watch:
 
     def _stuck(self, data: Measurements, predicted: Array, numbers: Array) -> Iterator[Event]:
         """Yield columns of readings that repeat a value although what is predicted moves away from it."""
-        least = WATCH.stuck * self.fit.rms * self.fit.unit_factor
+        least = STUCK * self.fit.rms * self.fit.unit_factor
         for name, expected in zip(self.fit.machine.measurand.columns, predicted.T, strict=False):
             if name not in data.columns:
                 continue
@@ -454,7 +463,7 @@ class Watch:
                     times, since = 0, int(number)
                 elif abs(there - before) > least:
                     times += 1
-                    if times == WATCH.stuck_times:
+                    if times == STUCK_TIMES:
                         self._count_alarm(self.rows)
                         yield Stuck(int(number), data.counted, name, since)
                 self._repeated[name] = value, there, times, since

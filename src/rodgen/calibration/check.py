@@ -1,0 +1,654 @@
+"""Whether a machine file and its data can be right, and which changes put them right.
+
+Each change (`repairs`) is a candidate, and the files as they are the null hypothesis. A candidate costs -2 ln of its
+probability, given the readings, in a fit that stays near the file::
+
+    n ln s² + (ν + m) Σ ln(1 + r²/(ν s²)) + Σ (correction / usual correction)²
+
+The residuals r of a row, of m components, have a t distribution of few degrees of freedom ν, so that a wrong reading
+costs the logarithm of its error. Its scale s is profiled, and no less than a floor. Corrections have a prior, as well
+as drawings and assembly usually are, or as the file says: a fit may turn an axis by half a turn if the readings then
+agree, but that is improbable. Where readings say what is right they cost little: a roughly known machine loses nothing.
+
+A change is named where it is many times as probable as the files as they are, and lowers the error; one that only makes
+corrections needless, where those that are left are usual ones. Equally probable changes are named together. None is
+tried where none could gain so much: the error is no larger than effects leave that a model lacks, and corrections are
+usual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from rodgen.array_types import Array
+from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.possible_effects import catalogue_effects
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.problem.assembly_modes import other_mode
+from rodgen.calibration.problem.binding import bind_once
+from rodgen.calibration.repairs import Repair, far_offsets, repairs
+from rodgen.calibration.solve.least_squares import minimise
+from rodgen.calibration.solve.staged_fit import FitError
+from rodgen.calibration.solve.starting_values import nearest_frames, with_attitudes, with_zeros
+from rodgen.data.units import unit_factor
+from rodgen.errors import RodgenError, joined
+from rodgen.machines.machine import Machine
+from rodgen.machines.model import Frame, Model
+from rodgen.machines.observations import Observations
+from rodgen.machines.parameters import parameters_of
+from rodgen.machines.plausibility import plausibility
+from rodgen.machines.plausible import relative_corrections, stated_deviations, tolerances
+from rodgen.stages import each
+from rodgen.statistics.decompositions import lstsq
+from rodgen.statistics.thresholds import CHECK
+from rodgen.views import Result, plain
+
+TAILS = 3.0
+"""Degrees of freedom of the t distribution of errors: one reading in a hundred is farther out than six scales."""
+UNSEEN = 1e-4
+"""Part of the motion below which residuals are alike: wrong files do not show there."""
+
+__all__ = ["Check", "check", "motion"]
+
+ROUNDS, STEPS, LAST = 8, 3, 1e-3
+"""Times that weights and scale are found anew, Gauss-Newton steps between, and the change of ln(scale) that ends it."""
+FIRST_ROUNDS = 2
+"""Rounds after which most repairs are seen to lead nowhere."""
+SCALE_STEPS = 10
+"""Steps that bring a scale to 1 % of its limit."""
+FINALISTS, BEAM = 16, 5
+"""Repairs whose fits are carried to their end, and those that are tried together with a second one."""
+FEWEST_ROWS, ROWS_A_PARAMETER = 60, 4
+"""Rows on which repairs are compared, and for each parameter so many."""
+ROWS_OF_MOTION = 100
+"""Rows that the motion is found from at most."""
+
+
+def motion(problem: Problem, theta: Array) -> float:
+    """Return how far the joints move what is measured, rms over rows; internal units of residuals.
+
+    Each joint counts by itself: together they may hold a target in its place. Of readings that are places it is no less
+    than these scatter. Where the joints move nothing, it is how large the machine is.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (parameters,)
+        Internal units.
+    """
+    o, measurand = problem.observations, problem.model.structure.measurand
+    scatter = _scatter(o.reading) if measurand.is_place else 0.0
+    if problem.is_closed_chain:
+        return max(_scatter(problem.places(theta, Frame.identity())), scatter)
+    if problem.rows > ROWS_OF_MOTION:
+        problem = problem.take(np.linspace(0, problem.rows - 1, ROWS_OF_MOTION).astype(int))
+        o = problem.observations
+    only_turns = not measurand.moving and not measurand.is_direction
+    here = problem.predicted_observations(theta, Frame.identity()) if only_turns else o
+    places = problem.places(theta, Frame.identity())
+    squares = 0.0
+    for j in range(o.q.shape[1]):
+        held = here.q.copy()
+        held[:, j] = held[:, j].mean()
+        there = Problem(problem.model, replace(here, q=held))
+        if only_turns:
+            change = measurand.error(there.residuals(theta, Frame.identity()))
+        else:
+            change = there.places(theta, Frame.identity()) - places
+        squares += float(np.mean(np.sum(change**2, axis=1)))
+    moved = float(np.sqrt(squares))
+    if moved < UNSEEN * _size(problem):
+        moved = _size(problem)
+    return max(moved, scatter)
+
+
+def _scatter(places: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum((places - places.mean(axis=0)) ** 2, axis=1))))
+
+
+def _size(problem: Problem) -> float:
+    """Return how far what is measured could move: by how far it is from the axes, or a radian."""
+    return problem.model.farthest if problem.model.structure.measurand.moving else 1.0
+
+
+class _NearProblem(Problem):
+    """A problem whose cost also counts the squares of the corrections; its weights contain the scale."""
+
+    def __init__(self, model: Model, observations: Observations) -> None:
+        super().__init__(model, observations)
+        stated, none = super().file_values, np.zeros(len(model.parameters))
+        self.centre, self.price = stated.centre, none
+        self.file_values = replace(stated, precision=none, possible=none)  # they are in the price
+
+    def set_price(self, theta: Array, frame: Frame, moved: float) -> None:
+        """Set what corrections cost, given how far the joints move what is measured."""
+        model = self.model
+        usual = tolerances(model, moved, usual=True)
+        effects = [
+            i
+            for i, (kind, p) in enumerate(zip(model.kinds, model.parameters, strict=True))
+            if kind == "e" and p.hold is None and not (p.searched or p.optional)
+        ]
+        if effects:
+            square = np.diag(self.normal_equations(theta, frame)[1])[effects]
+            change = CHECK.usual_effect * moved * np.sqrt(np.sum(self.weight**2) / self.components)
+            usual[effects] = np.divide(change, np.sqrt(square), out=np.ones(len(effects)), where=square > 0)
+        stated, is_prior = stated_deviations(model), model.known[1] > 0
+        self.price = 1 / np.where(is_prior, stated, np.maximum(stated, usual)) ** 2
+
+    def prices(self, theta: Array) -> Array:
+        """Return what each correction of the file, or of the mean of its prior, costs, (parameters,)."""
+        return np.asarray(self.price * (theta - self.centre) ** 2)
+
+    def cost(self, theta: Array, frame: Frame) -> float:
+        return super().cost(theta, frame) + float(self.prices(theta).sum())
+
+    def _summed(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
+        cost, square, gradient = super()._summed(theta, frame)
+        return (
+            cost + float(self.prices(theta).sum()),
+            square + np.diag(self.price),
+            gradient + self.price * (theta - self.centre),
+        )
+
+
+@dataclass(frozen=True)
+class NearFit:
+    """A fit near the file."""
+
+    problem: _NearProblem
+    theta: Array
+    frame: Frame
+    moved: float
+    """How far the joints move what is measured, rms, internal units."""
+    enlarged: float = 1.0
+    """By which the readings were multiplied, so that the probability is that of the readings as they were."""
+
+    @property
+    def model(self) -> Model:
+        """Its model."""
+        return self.problem.model
+
+    @cached_property
+    def squares(self) -> Array:
+        """Sums of the squared residuals of each row, in the units of `scale`."""
+        residual = self.problem.residuals(self.theta, self.frame)
+        return np.asarray(np.sum((residual * self.problem.base_weight) ** 2, axis=1))
+
+    @cached_property
+    def _of_a_reading(self) -> float:
+        """A weighted residual of 1 is so small, in units of a reading."""
+        return float(np.median(np.sqrt(np.mean(self.problem.base_weight**2, axis=1))))
+
+    @cached_property
+    def _weighted_scale(self) -> tuple[Array, float]:
+        o, m = self.problem.observations, self.problem.components
+        measurand = self.model.structure.measurand
+        size = _scatter(o.reading) if measurand.is_place else float(np.sqrt(np.mean(o.reading**2)))
+        size = self.moved if measurand.has_zero else size  # the zero of an angle may be anywhere
+        least = max(float(o.sigma is not None), UNSEEN * size * self._of_a_reading)
+        scale = max(float(np.sqrt(np.median(self.squares) / m)), least)
+        for _ in range(SCALE_STEPS):
+            weight = (TAILS + m) / (TAILS + self.squares / scale**2)
+            scale = max(float(np.sqrt(np.mean(weight * self.squares) / m)), least)
+        return weight, scale
+
+    @property
+    def factors(self) -> Array:
+        """By which rows are to be weighted, (n,)."""
+        weight, scale = self._weighted_scale
+        return np.asarray(np.sqrt(weight) / scale)
+
+    @property
+    def scale(self) -> float:
+        """Of the residuals of most rows, internal units."""
+        return self._weighted_scale[1] / self._of_a_reading
+
+    @cached_property
+    def price(self) -> float:
+        """What the corrections cost."""
+        return float(self.problem.prices(self.theta).sum())
+
+    @cached_property
+    def cost(self) -> float:
+        """-2 ln of the probability, up to a constant that all candidates have; what any value may have costs ln n."""
+        m, scale = self.problem.components, self._weighted_scale[1]
+        n = len(self.squares) * m
+        tails = (TAILS + m) * np.sum(np.log1p(self.squares / (TAILS * scale**2)))
+        free = np.count_nonzero((self.problem.price == 0) & np.isin(self.model.kinds, ["target"]))
+        return float(2 * n * np.log(self.scale / self.enlarged) + tails + self.price + free * np.log(n))
+
+    @cached_property
+    def rms(self) -> float:
+        """Of the rows that are not outliers, internal units; turns count on an arm no longer than places are wide."""
+        o, measurand = self.problem.observations, self.model.structure.measurand
+        arm = min(o.arm, _scatter(o.reading)) if measurand.has_attitude else o.arm
+        m, scale = self.problem.components, self._weighted_scale[1]
+        near = self.squares <= m * scale**2 * special.fdtri(m, TAILS, 1 - CHECK.chance)
+        residual = measurand.error(self.problem.residuals(self.theta, self.frame), arm)[near]
+        return float(np.sqrt(np.mean(residual**2))) if near.any() else np.inf
+
+    @cached_property
+    def farthest(self) -> float:
+        """The largest correction, relative to what is still plausible."""
+        return float(np.abs(relative_corrections(self.model, self.theta, self.moved)).max(initial=0.0))
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether the error is larger than effects leave that a model lacks."""
+        return self.scale >= CHECK.imperfect * self.moved
+
+    @property
+    def is_open(self) -> bool:
+        """Whether more is remarkable than the places of targets, which may be guesses."""
+        return self.is_rough or self.price - self._price_of_targets >= CHECK.decisive
+
+    @property
+    def _price_of_targets(self) -> float:
+        return float(self.problem.prices(self.theta)[np.array(self.model.kinds) == "target"].sum())
+
+    @property
+    def is_impossible(self) -> bool:
+        """Whether files are wrong even if no repair is found: a rough point alone is not."""
+        return bool(
+            self.scale >= CHECK.impossible_error * self.moved or self.farthest >= CHECK.impossible_correction
+        )
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether the corrections are not larger than chance makes them, given the usual ones."""
+        priced = np.count_nonzero(self.problem.price)
+        return bool(self.price <= special.chdtri(max(priced, 1), CHECK.chance))
+
+    def doubts(self, unit: str, factor: float) -> Iterator[str]:
+        """Yield why a repair could gain: the error is larger than missing effects leave, or corrections are."""
+        if self.is_rough:
+            yield (
+                f"with numbers near those of the file the error is {self.rms / factor:.3g} {unit}, while the joints "
+                f"move what is measured by {self.moved / factor:.3g} {unit}"
+            )
+        if self.price >= CHECK.decisive:
+            worst = int(np.argmax(self.problem.prices(self.theta)))
+            parameter = self.model.parameters[worst]
+            yield f"{parameter.key} is {self.theta[worst] / parameter.factor:.3g} {parameter.unit} off"
+
+    @property
+    def on_targets(self) -> str:
+        """A sentence on places of targets that are estimated and far from those of the file; empty where none are."""
+        of_target = np.array(self.model.kinds) == "target"
+        if (
+            not self.model.structure.moving
+            or self.problem.prices(self.theta)[of_target].sum() < CHECK.decisive
+        ):
+            return ""
+        given = np.array([target.point for target in self.model.machine.targets])
+        found = np.array([self.model.target(self.theta, k)[0] for k in range(len(given))])
+        off = float(np.linalg.norm(found - given, axis=1).max())
+        unit = self.model.machine.length_unit
+        return f"Places of targets in the file are off by up to {off:.3g} {unit}; they are estimated."
+
+    @cached_property
+    def lifted(self) -> tuple[float, str]:
+        """What compliances below zero cost, by how much chi square is lower with them, and the surest of them."""
+        machine, model = self.model.machine, self.model
+        below = [
+            model.keys[key]
+            for effect in machine.effects
+            for name, size in plausibility(machine, effect).sizes.items()
+            if size.positive
+            and (key := effect.key(name)) in model.keys
+            and self.theta[model.keys[key]] < 0 < self.problem.price[model.keys[key]]
+        ]
+        if not below:
+            return 0.0, ""
+        square = self.problem.normal_equations(self.theta, self.frame)[1]
+        used = np.flatnonzero(np.diag(square) > 0)
+        covariance = lstsq(square[np.ix_(used, used)], np.eye(len(used)), relative=None)
+        at, value = np.searchsorted(used, below), self.theta[below]
+        most = below[int(np.argmax(value**2 / np.diag(covariance)[at]))]
+        fall = float(value @ np.linalg.solve(covariance[np.ix_(at, at)], value))
+        return fall, f"{model.parameters[most].key} = {self.theta[most] / model.parameters[most].factor:.3g}"
+
+
+def fit_near(
+    machine: Machine,
+    observations: Observations,
+    *,
+    rounds: int = ROUNDS,
+    compiled: bool = False,
+    enlarged: float = 1.0,
+) -> NearFit | None:
+    """Return the fit near the file; None where the model is not finite.
+
+    Parameters
+    ----------
+    machine : Machine
+        Without fitted values.
+    observations : Observations
+        Of this machine.
+    rounds : int
+        Times at most that weights and scale are found anew (expectation-maximisation: Lange, Little and Taylor 1989).
+    compiled : bool
+        Whether the model is compiled.
+    enlarged : float
+        As that of a `NearFit`.
+    """
+    model = Model(machine, observations.travel, observations.run_names, compiled=compiled)
+    problem = _NearProblem(model, observations)
+    free = [i for i, p in enumerate(model.parameters) if p.hold is None and not (p.searched or p.optional)]
+    theta = model.start()
+    if observations.attitude is not None:
+        theta = with_attitudes(problem, theta, free)
+    if model.structure.measurand.has_zero:
+        theta = with_zeros(problem, theta, free)
+    frames = nearest_frames(problem, theta)
+    frame = min(frames, key=lambda frame: problem.cost(theta, frame)) if len(frames) > 1 else frames[0]
+    if not np.isfinite(problem.residuals(theta, frame)).all():
+        return None
+    moved = motion(problem, theta)
+    problem.set_price(theta, frame, moved)
+    found = NearFit(problem, theta, frame, moved, enlarged)
+    for _ in range(rounds):
+        before = found.scale
+        problem.set_weight(found.factors)
+        solution = minimise(problem, found.theta, found.frame, free, max_iterations=STEPS)
+        if not np.isfinite(solution.cost):
+            break
+        found = replace(found, theta=solution.theta, frame=solution.frame)
+        if abs(np.log(found.scale / before)) < LAST and solution.converged:
+            break
+    return found
+
+
+@dataclass(frozen=True, repr=False)
+class Check(Result):
+    """Whether a machine file and its data are plausible.
+
+    Attributes
+    ----------
+    machine : Machine
+    observations : Observations
+    suspicions : tuple of str
+        What is suspicious in a fit near the file; without any nothing was tried.
+    wrong : bool
+        Whether the files are wrong.
+    before : float or None
+        Error near the file as it is, rms of the rows that are not outliers, in `unit`; None where none was found.
+    after : float or None
+        The same with the first repair; None where none was found.
+    unit : str
+    repairs : tuple of Repair
+        The smallest change first, then others that are equally probable.
+    notes : tuple of str
+        Sentences on what is remarkable, and no fault for certain.
+    """
+
+    machine: Machine
+    observations: Observations
+    suspicions: tuple[str, ...]
+    wrong: bool
+    before: float | None
+    after: float | None
+    unit: str
+    repairs: tuple[Repair, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong, in one sentence; empty where nothing is."""
+        if not self.wrong:
+            return ""
+        if self.repairs:
+            error = f"{self.after:.3g} instead of {self.before:.3g} {self.unit}"
+            said = f"{self.repairs[0].words}; with that the error is {error}"
+            if self.before and self.after and self.after > self.before / CHECK.better:
+                said += f"; without that change {'; '.join(self.suspicions)}"
+        elif self.before is None:
+            said = "; ".join(self.suspicions)
+        else:
+            said = f"{'; '.join(self.suspicions)}, and no change that was tried explains that"
+        return f"This looks like a wrong file: {said}."
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether the data could show anything: there are more readings than parameters."""
+        o, machine = self.observations, self.machine
+        free = sum(p.hold is None for p in parameters_of(machine, machine.structure, o.run_names))
+        return bool(o.n * len(machine.measurand.components) > free)
+
+    def summary(self) -> str:
+        """Return it as text."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        yield from self.observations.on_rows
+        name = f"{self.machine.name}, {self.observations.data.file}"
+        if self.wrong:
+            yield f"{name}:"
+            yield self.sentence
+            yield from (f"  Equally probable: {repair.words}." for repair in self.repairs[1:])
+        elif self.is_shown:
+            yield f"{name}: nothing looks wrong."
+        else:
+            yield f"{name}: too few readings, for as many parameters, to show whether something is wrong."
+        yield from self.notes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, as ``rodgen check --json`` prints it."""
+        return {
+            **plain(self, "machine=machine.name data=observations.data.file"),
+            **self.observations.not_here,
+            **plain(self, "wrong suspicions error=before error_mended=after unit notes"),
+            "repairs": [repair.to_dict(self.observations) for repair in self.repairs],
+        }
+
+    def __str__(self) -> str:
+        return self.summary()
+
+
+def check(machine: Machine | FittedModel, data: Any = None) -> Check:
+    """Return whether a machine file and its data are plausible, and what is wrong where they are not.
+
+    Parameters
+    ----------
+    machine : Machine or Fit
+        Where a fit that was made already shows nothing suspicious no other is made.
+    data : Measurements, Observations or a table in memory, optional
+        Needed with a machine.
+
+    Returns
+    -------
+    Check
+
+    Raises
+    ------
+    InputFileError
+        When the data do not fit the machine at all: a column is missing, say.
+    FitError
+        When a machine comes without data.
+    """
+    fit = machine if isinstance(machine, FittedModel) else None
+    if fit is None and data is None:
+        raise FitError("a machine without measurements; expected both, or a fit")
+    if isinstance(machine, FittedModel):
+        search = _Search(machine.problem.model.machine, machine.observations)
+    else:
+        search = _Search(machine, bind_once(machine, data))
+    with one_thread_in_blas(), np.errstate(all="ignore"):
+        return search.run(fit)
+
+
+class _Search:
+    """The search for what is wrong with files."""
+
+    def __init__(self, machine: Machine, observations: Observations) -> None:
+        self.machine = replace(machine, values={})
+        self.observations = replace(observations, machine=self.machine)
+        parameters = len(parameters_of(self.machine, self.machine.structure, observations.run_names))
+        self.rows = _some(self.observations, max(FEWEST_ROWS, ROWS_A_PARAMETER * parameters))
+        self.unit = machine.measurand.unit(machine.length_unit)
+        self.factor = unit_factor(self.unit, machine.length_unit)[0]
+
+    def run(self, fit: FittedModel | None) -> Check:
+        right = Check(self.machine, self.observations, (), False, None, None, self.unit)
+        # what is tried starts from the poses of the wrong mode, too
+        reason = other_mode(self.observations, self.machine)
+        if not np.ptp(self.observations.q, axis=0).any():
+            reason = reason or self._unrecorded()
+            fit = None
+            if not reason:
+                return right
+        if reason:
+            return replace(right, suspicions=(reason,), wrong=True)
+        if fit is not None and fit.solution.converged and not self._is_suspicious(self._of_fit(fit)):
+            return right
+        null = self._fit(None, ROUNDS)
+        if null is None:
+            doubts: tuple[str, ...] = ("the model is not finite with the numbers of the file",)
+        else:
+            doubts = tuple(null.doubts(self.unit, self.factor))
+            notes = filter(None, (null.on_targets, self._on_gravity(null)))
+            right = replace(right, before=null.rms / self.factor, notes=tuple(notes))
+        if not doubts:  # a fit that ended elsewhere was pulled by wrong readings
+            return right
+        found = self._searched()
+        named = [x for x in found if x[1].cost - found[0][1].cost < CHECK.equal]
+        if not named or not _is_named(named[0][1], null):
+            wrong = null is None or null.is_impossible
+            return replace(right, suspicions=doubts, wrong=wrong)
+        named.sort(key=lambda x: (x[0].effort, x[1].cost))
+        told = tuple(repair.in_words(fit.model, fit.theta) for repair, fit in named)
+        after = named[0][1].rms / self.factor
+        return replace(right, suspicions=doubts, wrong=True, after=after, repairs=told, notes=())
+
+    @property
+    def _is_loaded(self) -> bool:
+        load = self.observations.load
+        return load is not None and bool(np.ptp(load) > 0) and not self.machine.kinematics.is_closed
+
+    def _is_suspicious(self, near: NearFit) -> bool:
+        return any(near.doubts("", 1.0)) or near.lifted[0] >= CHECK.decisive or self._is_loaded
+
+    def _of_fit(self, fit: FittedModel) -> NearFit:
+        """Return a fit that was made as one near the file."""
+        problem = _NearProblem(fit.problem.model, self.observations.take(self.rows))
+        theta, frame = fit.solution.theta, fit.solution.frame
+        moved = motion(problem, theta)
+        problem.set_price(theta, frame, moved)
+        found = NearFit(problem, theta, frame, moved)
+        problem.set_weight(found.factors)
+        return found
+
+    def _unrecorded(self) -> str:
+        """Return that no joint moves, but what is measured does; empty where it stays."""
+        o, measurand = self.observations, self.machine.measurand
+        model = Model(self.machine, o.travel, o.run_names, compiled=False)
+        problem = Problem(model, o)
+        around = (
+            o.reading
+            if measurand.is_place
+            else measurand.error(problem.residuals(model.start(), Frame.identity()))
+        )
+        around = np.concatenate(
+            [around[o.target == k] - around[o.target == k].mean(0) for k in np.unique(o.target)]
+        )
+        moved = float(np.sqrt(np.mean(around**2)))
+        if moved < CHECK.imperfect * _size(problem):
+            return ""
+        names = [joint.column for joint in self.machine.joints if joint.is_read]
+        verb = "have" if len(names) > 1 else "has"
+        return (
+            f"{joined(names)} {verb} the same command in all {o.n} rows, but the readings move by "
+            f"{moved / self.factor:.3g} {self.unit}: the commands were not recorded"
+        )
+
+    def _on_gravity(self, null: NearFit) -> str:
+        """Return the question whether gravity has its direction, where weights lift; empty where they do not."""
+        machine, o = self.machine, self.observations
+        if self._is_loaded:
+            for effect in catalogue_effects(machine, o):
+                machine = machine.with_effect(effect) if effect.name == "load_windup" else machine
+            null = self._near(machine) or null
+        lifted, value = null.lifted
+        if lifted < CHECK.decisive:
+            return ""
+        fits = [
+            (near.cost + near.lifted[0], repair)
+            for repair in repairs(machine, o)
+            if repair.kind == "gravity" and (near := self._near(repair.applied(machine, o)[0]))
+        ]
+        cost, best = min(fits, key=lambda x: x[0], default=(np.inf, None))
+        if best is None or null.cost + lifted - cost < CHECK.decisive:
+            return ""
+        return (
+            f"Is gravity the right way round? With that of the file weight lifts what it should lower, {value}; "
+            f"more probably {best.words}."
+        )
+
+    def _near(self, machine: Machine) -> NearFit | None:
+        return fit_near(machine, replace(self.observations.take(self.rows), machine=machine))
+
+    def _searched(self) -> list[tuple[Repair, NearFit]]:
+        """Return the repairs, the most probable first; where none does alone, pairs of them."""
+        candidates = repairs(self.machine, self.observations)
+        found = self._tried(candidates)
+        if found and found[0][1].is_open:
+            pairs = self._tried(
+                [
+                    first.then(second)
+                    for first, _ in found[:BEAM]
+                    for second in candidates
+                    if second.kind != first.kind
+                ]
+            )
+            if pairs and pairs[0][1].cost < found[0][1].cost - CHECK.decisive:
+                return pairs
+        return found
+
+    def _tried(self, candidates: Iterable[Repair]) -> list[tuple[Repair, NearFit]]:
+        """Return the fits with repairs, best first: those that look best after a few steps, then carried on."""
+        for rounds in (FIRST_ROUNDS, ROUNDS):
+            fits = [
+                (repair, fit)
+                for repair in each("looking for what is wrong", list(candidates))
+                if (fit := self._fit(repair, rounds))
+            ]
+            fits.sort(key=lambda x: x[1].cost)
+            candidates = [repair for repair, _ in fits[:FINALISTS]]
+        return fits
+
+    def _fit(self, repair: Repair | None, rounds: int) -> NearFit | None:
+        if repair is None:
+            return fit_near(self.machine, self.observations.take(self.rows), rounds=rounds)
+        try:
+            machine, observations = repair.applied(self.machine, self.observations, self.rows)
+            compiled = machine.structure == self.machine.structure  # others are fitted a few times only
+            return fit_near(machine, observations, rounds=rounds, compiled=compiled, enlarged=repair.enlarges)
+        except RodgenError:  # there is no such machine, or its legs do not close
+            return None
+
+
+def _is_named(fit: NearFit, null: NearFit | None) -> bool:
+    """Return whether a repair makes the data so much more probable that the file is wrong.
+
+    What it saves must be errors of most rows, or corrections where usual ones are left: a little of both may be chance.
+    """
+    if fit.scale >= CHECK.impossible_error * fit.moved or fit.farthest >= 1:
+        return False
+    if null is None:
+        return True
+    saved = null.price - fit.price > CHECK.decisive and fit.is_usual
+    lower = fit.scale < null.scale / CHECK.better
+    return bool(null.cost - fit.cost > CHECK.decisive and (lower or saved or null.is_impossible))
+
+
+def _some(o: Observations, most: int) -> Any:
+    """Return numbers of rows, of those whose neighbours are there, too, unless there are few."""
+    far = max(far_offsets(o))
+    rows = np.arange(o.n) if o.n <= 4 * far else np.arange(far, o.n - far)
+    return rows if len(rows) <= most else np.sort(np.random.default_rng(0).choice(rows, most, replace=False))

@@ -1,0 +1,725 @@
+"""How the residuals of a fit depend on each other: those of a pose, of a position, of a run, of neighbours in time.
+
+The variance components are estimated by :mod:`rodgen.statistics.variance_components`, with the columns of the model
+and, in a diagnosis, of all candidates; this module supplies columns and units, and puts the result into a sentence.
+What a fit, a prediction, a plan and a diagnosis state as standard deviations is the covariance that is made here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.array_types import Array, Mask
+from rodgen.calibration.determinacy import Determinacy
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.solve.least_squares import Solution
+from rodgen.calibration.words import capitalized, two_digits
+from rodgen.data.poses import groups, positions
+from rodgen.data.units import readable
+from rodgen.errors import joined
+from rodgen.machines.machine import Machine
+from rodgen.machines.model import Frame, Model
+from rodgen.machines.observations import Observations
+from rodgen.statistics.columns import orthonormal_basis, project_out, unit_columns
+from rodgen.statistics.decompositions import eigh
+from rodgen.statistics.digits import resolution
+from rodgen.statistics.thresholds import VARIANCES
+from rodgen.statistics.variance_components import VarianceComponents, VarianceEstimator
+from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion, Whitener
+from rodgen.views import Result
+
+LEAST_POSES = 8
+"""Poses from which on a wander is looked for: with fewer every one looks like an effect."""
+MOST_POSES = 300
+"""Poses that the restricted likelihood is evaluated on; more change the variances by less than their errors."""
+MOST_TARGETS = 100
+"""Targets whose readings it is evaluated on, those read most often: the place of each is three fixed effects, time
+grows with their square, and a thousand degrees of freedom already give a standard deviation to 2 %."""
+STRETCHES_VARIANCE = 5
+"""Number of stretches taken of more poses: neighbours show short correlation times, stretches long ones."""
+WIDEST = 2.0
+"""Standard error, in logarithms, of a size or a time that readings show nothing of."""
+UNCERTAIN = 2 / 3
+"""Variance of the logarithm of a parameter's variance, at most: that of three degrees of freedom, with which a
+standard deviation is 1.7 times as large. With fewer it would have no end."""
+
+NO_READING = 1e-30
+"""Weights below this part of the largest are those of readings that the fit leaves out."""
+NO_ERROR = 1e-3
+"""Part of what readings share from which on an independent error of each is stated: a lesser one changes no figure."""
+NO_RESIDUAL = 1e-13
+"""Residuals below this part of the readings are rounding."""
+FEWEST_LEVELS = 3
+"""Poses, positions or runs that tell a variance at least: nine numbers of translations."""
+MOST_LEVELS = 300
+"""Motions of positions that are estimated at most: their matrix is a dense one."""
+
+
+class Fitted(Protocol):
+    """What is asked of a fit."""
+
+    @property
+    def observations(self) -> Observations:
+        """The readings."""
+
+    @property
+    def problem(self) -> Problem:
+        """What was solved."""
+
+    @property
+    def solution(self) -> Solution:
+        """Its solution."""
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Numbers of the parameters that were adjusted."""
+
+    @property
+    def outliers(self) -> Mask:
+        """Rows that are not believed."""
+
+    @property
+    def moving(self) -> tuple[int, ...]:
+        """Numbers of the parameters that were adjusted and are at no bound."""
+
+    @property
+    def determinacy(self) -> Determinacy:
+        """What the data determine."""
+
+    @property
+    def machine(self) -> Machine:
+        """The machine with its fitted values."""
+
+    @property
+    def residuals(self) -> Any:
+        """Measured less predicted, (n, m)."""
+
+    @property
+    def unit(self) -> str:
+        """What residuals are shown in."""
+
+    @property
+    def unit_factor(self) -> float:
+        """Internal value of one unit."""
+
+    @property
+    def rows(self) -> int:
+        """Number of rows that are believed."""
+
+    @property
+    def variance_factor(self) -> float:
+        """What the covariance is multiplied by."""
+
+    @property
+    def independent_covariance(self) -> Array:
+        """Covariance of the parameters if readings are independent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Correlation:
+    """How errors of readings depend on each other."""
+
+    white: float
+    """Standard deviation of a reading's independent error, in units of a weighted residual: 1 where it is the stated
+    noise."""
+    components: VarianceComponents | None = None
+    """What readings share, in units of `white`; None where they are independent."""
+    text: str = ""
+    """The same as a sentence; empty where readings are independent, or their dependence is too slight to be claimed."""
+    _motion: SharedMotion | None = field(default=None, repr=False)
+    _groups: dict[str, slice] = field(default_factory=dict, repr=False)
+
+    @property
+    def independent(self) -> bool:
+        """Whether readings are treated as independent."""
+        return self.components is None
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the set-up wanders from pose to pose."""
+        return self.components is not None and self.components.wanders
+
+    @property
+    def claimed(self) -> bool:
+        """Whether the dependence is beyond chance, so that it is reported; one that is less is only allowed for."""
+        return bool(self.text)
+
+    @property
+    def gain(self) -> float:
+        """By how much twice the log restricted likelihood exceeds that of independent readings."""
+        return 0.0 if self.components is None else self.components.gain
+
+    @property
+    def time(self) -> float:
+        """Correlation time of the wander (to 1/e); seconds, or poses where there are no times."""
+        return self.components.time if self.components is not None and self.wanders else np.inf
+
+    def size(self, kind: str) -> float:
+        """Return the standard deviation of what readings share, at the mean reading, in units of a weighted residual.
+
+        Parameters
+        ----------
+        kind : str
+            ``"pose"``, ``"position"``, ``"run"`` or ``"wander"``, with `` t`` or `` r`` for that from translations or
+            turns of the frame alone.
+        """
+        if self.components is None:
+            return 0.0
+        pairs = zip(self.components.names, self.components.sizes, strict=True)
+        return self.white * float(np.linalg.norm([size for name, size in pairs if name.startswith(kind)]))
+
+    @property
+    def cost(self) -> float:
+        """What the dependence costs in a comparison of sets of effects that are whitened by different ones.
+
+        ln of the determinant of V over all rows, and ln(n) for each variance: to be added to -2 ln of the probability
+        of the whitened residuals.
+        """
+        if self.components is None or self._motion is None or self.deviations is None:
+            return 0.0
+        nothing = np.zeros((*self._motion.columns.shape[:2], 1))
+        return Moments(self._motion, nothing).inverse(self.deviations)[1] + self.components.price
+
+    @cached_property
+    def deviations(self) -> MotionDeviations | None:
+        """Standard deviations of what readings share, relative to `white`; None where they are independent."""
+        if self.components is None or self._motion is None:
+            return None
+        return self.components.deviations(self._groups, self._motion.dof)
+
+    def whiten(self, columns: Array) -> Array:
+        """Bring columns of weighted readings to where errors are independent, with the variance `white`².
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, m, K)
+            In the rows that the correlation was estimated on.
+
+        Returns
+        -------
+        ndarray, shape (n, m, K)
+        """
+        if self._whitener is None:
+            return columns
+        with one_thread_in_blas():
+            return self._whitener(columns)
+
+    @cached_property
+    def _whitener(self) -> Whitener | None:
+        if self._motion is None or self.deviations is None:
+            return None
+        return Whitener(self._motion, self.deviations)
+
+    @cached_property
+    def _within_error(self) -> list[tuple[MotionDeviations, MotionDeviations]]:
+        """Deviations one standard error of their estimates away, to both sides along independent directions."""
+        found, motion = self.components, self._motion
+        if found is None or motion is None or found.information is None:
+            return []
+        values, vectors = eigh(found.information)
+        steps = (vectors / np.sqrt(np.maximum(values, 0.0) + WIDEST**-2)).T
+
+        def moved(step: Array) -> MotionDeviations:
+            return found.deviations(self._groups, motion.dof, np.exp(step))
+
+        return [(moved(step), moved(-step)) for step in steps]
+
+    def covariance_of(self, columns: Array) -> Array:
+        """Return the covariance of sums of the errors of weighted readings, (K, K); readings must depend on each other.
+
+        A slow wander is known from few independent values, so that variances v are uncertain. They are enlarged by
+        ν / (ν - 2), the variance of t (JCGM 101, 6.4.9), where ν = 2 / var(log v) degrees of freedom (Satterthwaite
+        1946).
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, m, K)
+            What readings are multiplied with, in the rows that the correlation was estimated on.
+        """
+        motion, deviations = self._motion, self.deviations
+        assert motion is not None
+        assert deviations is not None
+        with one_thread_in_blas():
+            onto = motion.onto(columns)
+            spread = motion.covariance_of(deviations, columns, onto)
+            error = np.zeros(len(spread))  # variance of log v
+            for pair in self._within_error:
+                one, other = (motion.variances_of(end, columns, onto) for end in pair)
+                error += np.log(np.divide(one, other, out=np.ones_like(one), where=other > 0)) ** 2 / 4
+            enlarged = 1 / np.sqrt(1 - np.minimum(error, UNCERTAIN))
+            return np.asarray(self.white**2 * spread * np.outer(enlarged, enlarged))
+
+    @property
+    def cautious(self) -> MotionDeviations | None:
+        """Deviations that are one standard error larger along each direction in which they were estimated."""
+        found = estimated = self.deviations
+        if found is None or estimated is None:
+            return None
+        for pair in self._within_error:
+            larger = max(
+                pair,
+                key=lambda end: sum(float(x @ x) for x in (end.shared, end.wander, end.position, end.run)),
+            )
+            found = found.times(larger, estimated)
+        return found
+
+
+INDEPENDENT = Correlation(0.0)
+"""Of readings without an error, and of those that nothing is fitted to."""
+
+
+class LinearRows(Protocol):
+    """Rows of a fit with the derivatives of their weighted residuals."""
+
+    @property
+    def fit(self) -> Fitted:
+        """The fit."""
+
+    @property
+    def observations(self) -> Observations:
+        """These rows."""
+
+    @property
+    def weight(self) -> Array:
+        """Weights, (n, m)."""
+
+    @property
+    def residual(self) -> Array:
+        """Weighted residuals, (n, m)."""
+
+    @property
+    def model(self) -> Array:
+        """Derivatives with respect to the parameters that the fit adjusted, (n, m, p)."""
+
+    @property
+    def frame(self) -> Array:
+        """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitRows:
+    """The rows of a fit that its correlation is estimated on.
+
+    Attributes
+    ----------
+    fit, observations, weight, residual, frame
+        As of `LinearRows`.
+    rows : ndarray of int, shape (n,)
+        Their numbers among the fit's observations.
+    jacobian : ndarray, shape (n, m, parameters)
+        Derivatives with respect to all parameters.
+    """
+
+    fit: Fitted
+    rows: NDArray[np.int_]
+    observations: Observations
+    weight: Array
+    residual: Array
+    jacobian: Array
+    frame: Array
+
+    @classmethod
+    def of(cls, fit: Fitted) -> FitRows:
+        """Return the rows of a fit, without outliers; of very many a sample."""
+        return cls.at(fit, sample_of(fit.observations, ~fit.outliers))
+
+    @classmethod
+    def at(cls, fit: Fitted, rows: NDArray[np.int_]) -> FitRows:
+        """Return some rows of a fit."""
+        theta, frame = fit.solution.theta, fit.solution.frame
+        problem = fit.problem if len(rows) == fit.observations.n else fit.problem.take(rows)
+        o, weight = problem.observations, problem.weight
+        return cls(
+            fit,
+            rows,
+            o,
+            weight,
+            problem.residuals(theta, frame, weighted=True),
+            problem.jacobian(theta, frame),
+            frame_motion(problem.model, o, theta, frame, weight),
+        )
+
+    @property
+    def model(self) -> Array:
+        """Derivatives with respect to the parameters that the fit adjusted, (n, m, p)."""
+        return np.asarray(self.jacobian[:, :, list(self.fit.moving)])
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Dependence(Result):
+    """How the errors of a fit's readings depend on each other, and the covariance of its parameters therefore.
+
+    Attributes
+    ----------
+    correlation : Correlation
+        With the model's parameters as the only fixed effects.
+    covariance : ndarray, shape (parameters, parameters), or None
+        Internal units; None where readings are independent.
+    factor : float
+        How many times as large the standard deviations are as those of independent readings, at most.
+    """
+
+    correlation: Correlation
+    covariance: Array | None
+    factor: float = 1.0
+
+    _keys = "independent factor text"
+
+    @property
+    def independent(self) -> bool:
+        """Whether readings are treated as independent."""
+        return self.covariance is None
+
+    @property
+    def text(self) -> str:
+        """A sentence on what the standard deviations allow for."""
+        if self.independent:
+            return "The standard deviations are those of independent readings: no errors that they share are seen."
+        found = self.correlation
+        who = []
+        if found.size("pose"):
+            who.append("the readings of one pose")
+        if found.size("position"):
+            who.append("those of one position")
+        if found.size("run"):
+            who.append("those of one run")
+        if found.wanders:
+            who.append("successive poses")
+        return (
+            f"{capitalized(joined(who))} share errors; the standard deviations allow for that, and are up to "
+            f"{self.factor:.2g} times those of independent readings."
+        )
+
+
+def dependence(fit: Fitted) -> Dependence:
+    """Return how the errors of a fit's readings depend on each other.
+
+    Notes
+    -----
+    The fit weighs readings as if they were independent, so that its estimates have the covariance C JᵀVJ C, C that of
+    independent readings of variance 1 and V as estimated (White 1980). Priors of the file are counted as they are.
+    """
+    if not fit.free:
+        return Dependence(INDEPENDENT, None)
+    sample = sample_of(fit.observations, ~fit.outliers)
+    _, pose = np.unique(fit.observations.pose[sample], return_inverse=True)
+    some = _chosen(int(pose.max(initial=0)) + 1)[pose]
+    rows = FitRows.at(fit, sample[some])
+    found = estimate_correlation(rows, ())
+    if found.independent:
+        return Dependence(found, None)
+    if not some.all():
+        rows = FitRows.at(fit, sample)
+        found = estimate_correlation(rows, ())
+        if found.independent:
+            return Dependence(found, None)
+    single = fit.determinacy.covariance
+    with one_thread_in_blas():
+        n, m, p = rows.jacobian.shape
+        columns = (rows.jacobian.reshape(n * m, p) @ single).reshape(n, m, p)
+        part = len(rows.residual) / max(fit.rows, 1)
+        covariance = found.covariance_of(columns) / part
+        if fit.problem.file_values.is_prior or fit.determinacy.held:
+            _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
+            covariance += fit.variance_factor * (single - single @ square @ single)
+    alone = np.diag(fit.independent_covariance)
+    factors = np.diag(covariance)[alone > 0] / alone[alone > 0]
+    return Dependence(found, np.asarray(covariance), float(np.sqrt(factors.max(initial=0.0))))
+
+
+def estimate_correlation(
+    rows: LinearRows,
+    nuisance: Array | Sequence[Array],
+    tries: Sequence[float] | None = None,
+    included: Sequence[Array] = (),
+    *,
+    runs: bool = True,
+) -> Correlation:
+    """Return how the residuals of a fit depend on each other, estimated by REML.
+
+    Parameters
+    ----------
+    nuisance : sequence of ndarray, each of shape (n, m, k), or ndarray, shape (n, m, K)
+        Columns of each candidate, or of all with each column by itself; the columns of the fit's own parameters are
+        always projected out.
+    tries : sequence of float, optional
+        Number of independent tests that the values tried for each candidate amount to; left out: one of each.
+    included : sequence of ndarray, each of shape (n, m, k)
+        Columns of effects that are there; they are projected out, too.
+    runs : bool
+        Whether runs may differ for no reason, and what wanders begins anew in each: not where a candidate says how they
+        differ.
+    """
+    with one_thread_in_blas():
+        return _estimate(rows, nuisance, tries, included, runs)
+
+
+def _estimate(
+    linear: LinearRows,
+    nuisance: Array | Sequence[Array],
+    tries: Sequence[float] | None,
+    included: Sequence[Array],
+    runs: bool,
+) -> Correlation:
+    fit, o = linear.fit, linear.observations
+    believed = believed_readings(linear)
+    motion, groups = shared_motion(linear, runs=runs)
+    poses = motion.poses
+    rows = _chosen(poses.count)[poses.of]
+    rows &= _often_read(o.target, rows)
+    some = poses.taken(rows)
+    residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
+    readings = int(believed[rows].sum())
+    model = np.concatenate([linear.model, *included], axis=2)
+    model = _flat(model[rows])
+    basis = orthonormal_basis(
+        model[:, model.any(axis=0)]
+    )  # not with the columns of all targets that are left out
+    residual = project_out(basis, residual)
+    dof = readings - basis.shape[1]
+    scatter = float(residual @ residual)
+    rounding = NO_RESIDUAL**2 * fit.problem.scale * len(some.of) / max(fit.problem.count, 1)
+    if dof < 1 or scatter <= rounding:
+        return INDEPENDENT
+    white = float(np.sqrt(scatter / dof))
+    known = np.bincount(poses.of[believed.any(axis=1)], minlength=poses.count)
+    effects = (
+        [nuisance[:, :, [i]] for i in range(nuisance.shape[2])]
+        if isinstance(nuisance, np.ndarray)
+        else nuisance
+    )
+    columns = [_flat(effect[rows]) for effect in effects]
+    sample = SharedMotion(some, motion.columns[rows])
+    kinds = ["pose"] if int(np.count_nonzero(known > 1)) >= FEWEST_LEVELS else []
+    levels = ("position", "run") if runs else ("position",)
+    kinds += [kind for kind in levels if _many(getattr(some, kind), motion.dof)]
+    kinds += ["wander"] if np.count_nonzero(known) >= LEAST_POSES else []
+    if not kinds or dof < LEAST_POSES:
+        return Correlation(white)
+    least = _least_error(linear, believed, kinds) / white
+    sample = SharedMotion(some, motion.columns[rows])
+    estimator = VarianceEstimator(sample, groups, basis, columns, residual / white, readings, tries, least**2)
+    components = estimator.best(kinds)
+    if not components.names:
+        return Correlation(white)
+    white *= float(np.sqrt(components.variance))
+    found = Correlation(white, components, "", motion, groups)
+    # where readings scatter no more than their stated noise, nothing else is needed
+    within_noise = o.sigma is not None and scatter <= dof
+    if components.gain - components.price <= VARIANCES.claimed or within_noise:
+        return found
+    typical = 1 / (
+        float(np.median(np.broadcast_to(linear.weight, believed.shape)[believed])) * fit.unit_factor
+    )
+    return replace(found, text=_text(found, typical, fit.unit, poses))
+
+
+def _many(level: NDArray[np.int_] | None, dof: int) -> bool:
+    """Return whether there are enough positions or runs to tell a variance, and not too many."""
+    return level is not None and FEWEST_LEVELS <= int(level.max(initial=0)) + 1 <= MOST_LEVELS // dof
+
+
+def _least_error(linear: LinearRows, believed: Mask, kinds: Sequence[str]) -> float:
+    """Return the least error that a reading has by itself, weighted: its rounding, or what is stated.
+
+    Of what is stated, readings of one pose may share a part.
+    """
+    weight = np.broadcast_to(linear.weight, believed.shape)
+    step = resolution(linear.observations.reading) / math.sqrt(12)
+    rounding = float(np.median(weight[believed])) * step
+    stated = linear.observations.sigma is not None and "pose" not in kinds
+    return max(rounding, 1.0 if stated else 0.0)
+
+
+def shared_motion(linear: LinearRows, *, runs: bool = True) -> tuple[SharedMotion, dict[str, slice]]:
+    """Return the frame's motion in units of what it does to the mean reading, and its degrees of freedom by name.
+
+    Parameters
+    ----------
+    runs : bool
+        Whether what wanders begins anew in each run.
+    """
+    o = linear.observations
+    run = o.run if runs else np.zeros_like(o.run)
+    poses, believed = Poses.among(o.pose, run, o.t, positions_of(o)), believed_readings(linear)
+    H = np.where(believed[:, :, None], linear.frame, 0.0)
+    named = {"r": slice(0, 3)} if H.shape[2] == 3 else {"t": slice(0, 3), "r": slice(3, 6)}
+    groups = {}
+    for name, of in named.items():
+        size = np.sqrt(np.sum(H[:, :, of] ** 2) / max(int(believed.sum()), 1))
+        if size > 0:
+            H[:, :, of] /= size
+            groups[name] = of
+    return SharedMotion(poses, H), groups
+
+
+def positions_of(o: Observations) -> NDArray[np.int_] | None:
+    """Return the number of each row's position, (n,): equal where a pose is read again; None where few are."""
+    _, first, of = np.unique(o.pose, return_index=True, return_inverse=True)
+    found = groups([positions(column) for column in o.q[first].T], len(first))
+    return found[of] if int(found.max(initial=0)) + 1 <= len(first) / 2 else None
+
+
+def believed_readings(linear: LinearRows) -> NDArray[np.bool_]:
+    """Return which readings the fit does not leave out, (n, m)."""
+    weight = np.broadcast_to(linear.weight, linear.residual.shape)
+    return np.asarray(weight > NO_READING * weight.max(initial=0.0))
+
+
+def _chosen(count: int) -> NDArray[np.bool_]:
+    """Return which poses the variance components are estimated from."""
+    kept = np.ones(count, np.bool_)
+    if count > MOST_POSES:
+        kept[:] = False
+        length = MOST_POSES // STRETCHES_VARIANCE
+        for start in np.linspace(0, count - length, STRETCHES_VARIANCE).astype(int):
+            kept[start : start + length] = True
+    return kept
+
+
+def _often_read(target: NDArray[Any], rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which rows, (n,), are of the targets from which the variance components are estimated."""
+    times = np.bincount(target[rows], minlength=int(target.max(initial=0)) + 1)
+    kept = np.zeros(len(times), np.bool_)
+    kept[np.argsort(-times, kind="stable")[:MOST_TARGETS]] = True
+    return np.asarray(kept[target])
+
+
+def _flat(columns: Array) -> Array:
+    """Return columns, (n m, K), of length 1."""
+    n, m, K = columns.shape
+    return unit_columns(columns.reshape(n * m, K))
+
+
+def _sized(size: float, unit: str) -> str:
+    factor, unit = readable(unit, size)
+    return f"{two_digits(size * factor)} {unit}"
+
+
+def _text(found: Correlation, typical: float, unit: str, poses: Poses) -> str:
+    """Return the sentence; `typical` brings a weighted residual to the fit's unit."""
+    parts = []
+    for kind, words in SHARED:
+        if found.size(kind):
+            parts.append(f"{words} {_sized(typical * found.size(kind), unit)}")
+    if found.wanders:
+        parts[-1] += f" {_time(found.time, poses)}"
+    text = ", and ".join(parts)
+    if found.white < NO_ERROR * math.hypot(*(found.size(kind) for kind, _ in SHARED)):
+        return f"{capitalized(text)}; single readings have no error of their own compared with that."
+    alone = _sized(typical * found.white, unit)
+    if not found.size("pose") and np.bincount(poses.of).max() > 1:
+        return (
+            f"{capitalized(text)}, in addition to an error of {alone} by which readings of one pose differ."
+        )
+    return f"{capitalized(text)}, in addition to an independent error of {alone} per reading."
+
+
+SHARED = (
+    ("pose", "readings of one pose share an error of"),
+    ("position", "readings of one position share an error of"),
+    ("run", "runs differ by"),
+    ("wander", "the set-up wanders by"),
+)
+
+
+def _time(time: float, poses: Poses) -> str:
+    if time > 2 * poses.duration:
+        return "from beginning to end, as a random walk does"
+    if not poses.timed:
+        return f"within some {two_digits(time)} poses"
+    for size, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
+        if time >= 2 * size:
+            return f"within some {two_digits(time / size)} {name}"
+    return f"within some {two_digits(time)} seconds"
+
+
+# The rows of many that decisions are made on: stretches of whole poses, so that neighbours in time stay neighbours.
+
+
+MOST_ROWS = 5_000
+"""Rows that decisions are made on: an effect that is worth half a percent of the error lowers chi-square on them by 50,
+which chance does with p = 2e-12."""
+STRETCHES = 20
+"""Number of stretches taken of more rows, so that neighbours in time stay neighbours."""
+
+
+def sample_of(observations: Observations, believed: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """Return the rows that decisions are made on: all but outliers, or stretches of whole poses of many rows."""
+    rows = np.flatnonzero(believed)
+    if len(rows) <= MOST_ROWS:
+        return rows
+    pose = observations.pose[rows]
+    starts = np.linspace(0, len(rows), STRETCHES, endpoint=False).astype(int)
+    taken = []
+    for start in starts:
+        some = rows[start : start + MOST_ROWS // STRETCHES]
+        own = pose[start : start + MOST_ROWS // STRETCHES]
+        taken.append(some[(own != own[0]) & (own != own[-1])] if len(np.unique(own)) > 2 else some)
+    return np.unique(np.concatenate(taken))
+
+
+# What a small motion of the measuring frame does to readings; errors that a pose's readings share are such motions.
+
+
+def frame_motion(
+    model: Model,
+    o: Observations,
+    theta: Array,
+    frame: Frame,
+    weight: Array,
+    *,
+    middle: Array | None = None,
+) -> Array:
+    """Return the derivatives of weighted residuals with respect to a motion of the whole frame, (n, m, 6).
+
+    Translations along the machine's axes, then turns about the middle of the places that were measured. Directions are
+    only turned: (n, m, 3).
+
+    Parameters
+    ----------
+    theta, frame : ndarray, Frame
+        Of the fit.
+    weight : ndarray, shape (n, m)
+    middle : ndarray, shape (3,), optional
+        Another point than the middle.
+    """
+    found, whitening = _independent(model, o, theta, frame, weight, middle), o.whitening
+    return found if whitening is None else whitening @ found
+
+
+def _independent(
+    model: Model, o: Observations, theta: Array, frame: Frame, weight: Array, middle: Array | None
+) -> Array:
+    """Return them of independent errors."""
+    with one_thread_in_blas():
+        place = Problem(model, o).places(theta, frame)
+    axes, measurand = frame.rotation.T, model.structure.measurand
+    middle = place.mean(axis=0) if middle is None else middle
+    turns = np.stack([np.cross(axis, place - middle if measurand.moving else place) for axis in axes])
+    if measurand.has_zero:
+        line = model.line(theta)
+        if not measurand.has_axes:  # what rises above the horizon turns about a level axis
+            level = np.cross(place, line)
+            line = level / np.linalg.norm(level, axis=1, keepdims=True)
+        return np.asarray(-weight[:, :, None] * np.broadcast_to(line, place.shape)[:, None])
+    if measurand.has_attitude and not measurand.is_pose:
+        return np.asarray(-np.einsum("km,nm->nmk", axes, weight))
+    if not measurand.moving:
+        return np.asarray(-np.einsum("mni,kni,nm->nmk", np.stack(o.basis), turns, weight))
+    motions = np.concatenate([np.broadcast_to(axes[:, None], turns.shape), turns])
+    if measurand.has_attitude:
+        turned = np.concatenate([np.zeros((3, 3)), axes])[:, None] * o.arm
+        motions = np.concatenate([motions, np.broadcast_to(turned, motions.shape)], axis=2)
+    if measurand.is_place:
+        return np.asarray(-np.einsum("kni,ni->nik", motions, weight))
+    arm = place - np.asarray(model.machine.measured.origin)
+    away = arm / np.linalg.norm(arm, axis=1, keepdims=True)
+    return np.asarray(-np.einsum("kni,ni,nm->nmk", motions, away, weight))

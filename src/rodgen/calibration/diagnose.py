@@ -1,0 +1,526 @@
+"""Which physical effects a machine's model lacks: fit, evidence, the cheapest set, full fits, verdict.
+
+The evidence (`evidence`) weighs sets of effects by linear columns; `selection` finds the cheapest. Full fits have the
+last word: what they do not confirm is left out, and the rest is selected anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from rodgen.array_types import Array, Mask
+from rodgen.calibration.bounds import are_wrong, held_at_bounds
+from rodgen.calibration.candidates import Candidate
+from rodgen.calibration.decidability import (
+    on_unmoved_joints,
+    unread_targets,
+    why_undecidable,
+)
+from rodgen.calibration.detectable import Detectable, detectable
+from rodgen.calibration.diagnosis import (
+    Alias,
+    DiagnosedEffect,
+    Diagnosis,
+    Rms,
+    SetAlias,
+    Unexplained,
+    WrongGeometry,
+)
+from rodgen.calibration.displaced_stretch import DisplacedStretch
+from rodgen.calibration.effect_estimates import EffectEstimates
+from rodgen.calibration.evidence import Evidence
+from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.forms import propose, sharpened
+from rodgen.calibration.geometry import is_wrong_as_a_whole, with_geometry
+from rodgen.calibration.held_out import HeldOut
+from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.problem.blocks import observed
+from rodgen.calibration.remaining_error import disagreement, moved_one_way, uneven, unknown_approach
+from rodgen.calibration.rows import displaced_stretch, wrong_rows
+from rodgen.calibration.selection import equals, log10_of, ordered, ranking, select, worth
+from rodgen.calibration.signs import lifted, on_preferred
+from rodgen.calibration.solve.staged_fit import FitError
+from rodgen.calibration.summary import contradictions
+from rodgen.calibration.validation import bind_validation, on_another_machine, validation_error
+from rodgen.calibration.words import NAMES, capitalized, uncapitalized
+from rodgen.errors import InputFileError, joined
+from rodgen.machines.machine import Effect, Machine
+from rodgen.machines.observations import Observations
+from rodgen.stages import Progress, reporting, stage
+from rodgen.statistics.thresholds import COST, SMALLEST_P, VERDICT
+
+ROUNDS = 3
+"""Times that effects are selected at most, with the outliers and the dependence of the readings found before."""
+MOST_FORMS = 3
+"""Times that forms are proposed: each may show when another is taken out."""
+MOST_REFUSED = 8
+"""Effects that full fits do not confirm, after each of which effects are selected anew."""
+
+
+def diagnose(
+    fitted: Fit | Machine,
+    data: Any = None,
+    *,
+    test: Any = None,
+    prefer: Collection[tuple[str, str | None]] = (),
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find out which physical effects are missing in a machine's model, from measurements alone.
+
+    Parameters
+    ----------
+    fitted : Fit or Machine
+        The model: fitted, or to be fitted to `data`.
+    data : Measurements, Observations or a table in memory, optional
+        Needed with a machine.
+    test : Measurements or a table in memory, optional
+        Others, of which the error is reported, too. Only the frame is fitted to them, where it is free.
+    prefer : collection of (name, place), optional
+        Effects that are named first among what the data cannot distinguish; place None is every place.
+    progress : callable, optional
+        As of :func:`rodgen.calibration.fit.fit`.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputFileError
+        When the data do not fit the machine.
+    FitError
+        When there is nothing to fit, or no data are given with a machine.
+    """
+    if isinstance(fitted, Fit):
+        others = None if test is None else bind_validation(fitted.machine, test)
+    else:
+        if data is None:
+            raise FitError("a machine without measurements; expected both, or a fit")
+        observations = observed(fitted, data)
+        # Before the fit, which may take long: a fault of the file is reported at once.
+        others = None if test is None else bind_validation(fitted, test)
+        with reporting(progress), stage("fitting"):
+            fitted = fit(fitted, observations)
+    with reporting(progress), one_thread_in_blas():
+        freed = without_wrong_bounds(fitted)
+        found = _diagnosed(_Subject(freed, others, prefer))
+        if found.final.machine.known == fitted.machine.known:
+            return found
+        bounded = found.final.refit(replace(found.final.machine, known=fitted.machine.known))
+        if bounded.without_bounds is None:  # with what was found, the bounds are right
+            return _diagnosed(_Subject(fitted, others, prefer))
+        return replace(found, wrong_bounds=held_at_bounds(bounded, found.final))
+
+
+def without_wrong_bounds(fit: Fit) -> Fit:
+    """Return a fit without the bounds that its readings contradict."""
+    freed = fit.without_bounds
+    return fit if freed is None or not are_wrong(fit, freed) else freed
+
+
+@dataclass(frozen=True, eq=False)
+class _Subject:
+    """What is diagnosed."""
+
+    fitted: Fit
+    others: Observations | None
+    """Further measurements, of which the error is reported."""
+    prefer: Collection[tuple[str, str | None]]
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """What is known between two steps.
+
+    Attributes
+    ----------
+    base : Fit
+        Without outliers, and without what was found.
+    evidence : Evidence
+        Of it.
+    chosen : list of Candidate
+    fits : list of Fit
+        The base, then with one effect after the other.
+    refused : dict
+        Why effects were not confirmed, by name and place.
+    stretch : DisplacedStretch or None
+        Rows that lie displaced: what they share is beside the effects.
+    """
+
+    base: Fit
+    evidence: Evidence
+    chosen: list[Candidate] = field(default_factory=list)
+    fits: list[Fit] = field(default_factory=list)
+    refused: dict[tuple[str, str | None], str] = field(default_factory=dict)
+    stretch: DisplacedStretch | None = None
+
+    @property
+    def last(self) -> Fit:
+        return self.fits[-1]
+
+
+def _diagnosed(subject: _Subject) -> Diagnosis:
+    """Return the diagnosis of a fit."""
+    base = subject.fitted
+    if reason := why_undecidable(base):
+        return _undecided(subject, base, reason)
+    geometry: WrongGeometry | None = None
+    known, refused = frozenset[tuple[str, str | None]](), dict[tuple[str, str | None], str]()
+    stretch: DisplacedStretch | None = None
+    for number in range(ROUNDS):
+        evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=_columns(base, stretch))
+        if not number and not base.outliers.any():
+            outliers = _wrong_rows(base, evidence)
+            if outliers.any():
+                base = base.refit(outliers=outliers)
+                if reason := why_undecidable(base):
+                    return _undecided(subject, base, reason)
+                evidence = Evidence.of(base, prefer=subject.prefer)
+        state = _confirmed(_State(base, evidence, refused=refused, stretch=stretch))
+        dearer = is_wrong_as_a_whole(evidence, state.chosen)
+        if geometry is None and dearer is not None and dearer > 0:
+            whole = _with_geometry(base)
+            if whole is not None:
+                geometry = WrongGeometry(whole.machine.estimate, log10_of(dearer), base, base.held_out().rms)
+                subject, base, known = replace(subject, fitted=whole), whole, frozenset()
+                continue
+        outliers = _wrong_rows(state.last)
+        again = frozenset(c.key for c in state.chosen if not c.effect.definition.follows_time)
+        same_rows = np.array_equal(outliers, base.outliers)
+        pushed = stretch or _stretch(state)
+        if same_rows and pushed is stretch and (again == known or evidence.correlation.independent):
+            break
+        known, stretch = again, pushed
+        if not same_rows:
+            base = base.refit(subject.fitted.machine, outliers=outliers)
+            if reason := why_undecidable(base):
+                return _undecided(subject, base, reason)
+    found = _assembled(subject, state)
+    if geometry is None:
+        return found
+    verdict = "wrong_geometry" if found.verdict in {"nothing_missing", "cannot_tell"} else found.verdict
+    rms = replace(found.rms, before=geometry.before.rms, before_held_out=geometry.rms_held_out)
+    return replace(found, geometry=geometry, verdict=verdict, rms=rms)
+
+
+@stage("looking for outliers")
+def _wrong_rows(fit: Fit, evidence: Evidence | None = None) -> Mask:
+    """Return the rows that are wrong; with evidence also given what its candidates may explain."""
+    columns = None
+    if evidence is not None and len(evidence.sensitivities.rows) == fit.observations.n:
+        none = evidence.sensitivities.model[:, :, :0]
+        columns = np.concatenate([none, *(c.columns for c in evidence.candidates)], axis=2)
+    return wrong_rows(fit, columns)
+
+
+@stage("looking for a displaced stretch")
+def _stretch(state: _State) -> DisplacedStretch | None:
+    """Return rows one after the other that lie displaced; None where that is improbable.
+
+    Errors that poses share, or that wander, may be likelier. A stretch may also be likelier than the effects: they are
+    then selected anew beside it.
+    """
+    base, last = state.base, state.last
+    likelier = last.dependence.correlation.gain + COST.something
+    if state.chosen:
+        alone = displaced_stretch(base, base.outliers)
+        fall = math.log(max(base.chi_square, SMALLEST_P) / max(last.chi_square, SMALLEST_P))
+        # what the effects cost is not counted: the stretch needs so much the more
+        if alone is not None and alone.gain > likelier + last.rows * last.problem.components * fall:
+            return alone
+    found = displaced_stretch(last, last.outliers)
+    return found if found is not None and found.gain > likelier else None
+
+
+def _columns(base: Fit, stretch: DisplacedStretch | None) -> Array | None:
+    """Return what a displaced stretch does to the readings that count, (n, m, k)."""
+    return None if stretch is None else stretch.columns[~base.outliers]
+
+
+@stage("further fits")
+def _with_geometry(base: Fit) -> Fit | None:
+    """Return the fit with all dimensions estimated; None where it fails, or predicts poses left out no better."""
+    machine = with_geometry(base.machine)
+    if machine is None:
+        return None
+    try:
+        found = base.refit(machine, outliers=base.outliers)
+    except FitError:
+        return None
+    return found if found.solution.converged and not found.held_out().rises_from(base.held_out()) else None
+
+
+def _confirmed(state: _State) -> _State:
+    """Return the cheapest set of effects of which full fits confirm every one."""
+    refused = dict(state.refused)
+    while True:
+        evidence = state.evidence.without(refused)
+        chosen = select(evidence) if len(refused) <= MOST_REFUSED else []
+        evidence, chosen = _with_forms(evidence, chosen)
+        fits, failed = _with_effects(state.base, evidence, chosen)
+        zero = [] if failed else _zero(chosen, fits)
+        if failed is None and not zero:
+            return replace(state, evidence=evidence, chosen=chosen, fits=fits, refused=refused)
+        refused |= {c.key: ZERO for c in zero}
+        if failed is not None:
+            refused[failed[0].key] = failed[1]
+
+
+@stage("forms outside the catalogue")
+def _with_forms(evidence: Evidence, chosen: list[Candidate]) -> tuple[Evidence, list[Candidate]]:
+    """Return the evidence with forms outside the catalogue among its candidates, and the cheapest set of all."""
+    if finer := sharpened(evidence, chosen):
+        evidence = evidence.including(finer)
+        chosen = select(evidence)
+    for _ in range(MOST_FORMS):
+        proposals = propose(evidence, chosen)
+        if not proposals:
+            break
+        evidence, before = evidence.including(proposals), chosen
+        chosen = select(evidence)
+        if all(c in before for c in chosen):
+            break
+    return evidence, ordered(evidence, chosen)
+
+
+@stage("further fits")
+def _with_effects(
+    base: Fit, evidence: Evidence, chosen: Sequence[Candidate]
+) -> tuple[list[Fit], tuple[Candidate, str] | None]:
+    """Fit the model with one effect after the other; an effect with which there is no fit is returned, with why."""
+    fits, sizes, end = [base], evidence.estimated(chosen).theta, 0
+    for c in chosen:
+        own = sizes[end : (end := end + len(c.names))]
+        start = {c.effect.key(name): value for name, value in c.searched.items()}
+        if not c.driver:
+            start |= dict(zip(c.names, own.tolist(), strict=True))
+        try:
+            fit = fits[-1].extended(c.effect, start)
+            if not fit.solution.converged:  # slow along a narrow valley: once more, from where it ended
+                fit = base.refit(fit.machine, outliers=base.outliers)
+        except FitError:
+            return fits, (c, "with it the model has no solution near these readings")
+        if not fit.solution.converged:
+            return fits, (c, "the fit with it does not converge")
+        fits.append(without_wrong_bounds(fit))
+    return fits, None
+
+
+ZERO = (
+    "the fit of the whole model, which weighs all readings alike, estimates {} as zero within the uncertainty"
+)
+
+
+def _zero(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
+    """Return effects that the full fit estimates as zero within their uncertainty.
+
+    The last one alone where readings are independent: another may be determined without it.
+    """
+    estimates = EffectEstimates(fits[-1])
+    found = [c for c in reversed(chosen) if estimates.significance(c.effect) > VERDICT.zero]
+    return found[:1] if fits[-1].dependence.independent else found
+
+
+# The answer ------------------------------------------------------------------------------------------------------
+
+
+def _undecided(subject: _Subject, base: Fit, reason: str) -> Diagnosis:
+    """Return the diagnosis of data that allow no answer, for a reason."""
+    # the error on poses left out of a wrong geometry means nothing, and its fits take long
+    rms = Rms(base.rms, base.rms, None, None, base.noise.value, base.unit)
+    rms, _ = _tested(subject, rms, [base])
+    return Diagnosis(
+        "cannot_tell",
+        reason,
+        base.problem.count,
+        tuple(base.outlier_numbers),
+        rms,
+        (),
+        (),
+        (),
+        (base,),
+        notes=tuple(_on_rows(subject)),
+        estimates=base.estimates,
+    )
+
+
+def _on_rows(subject: _Subject) -> list[str]:
+    known = (subject.fitted.observations, subject.others)
+    return [sentence for o in known if o is not None for sentence in o.on_rows]
+
+
+def _assembled(subject: _Subject, state: _State) -> Diagnosis:
+    """Return the diagnosis of what full fits confirm."""
+    evidence, chosen, fits, last = state.evidence, state.chosen, state.fits, state.last
+    estimates = EffectEstimates(last)
+    held_out = [fit.held_out() for fit in fits]
+    steps, sets = _steps(state, estimates, held_out)
+    forms = _forms(state, estimates, held_out)
+    rms = Rms(fits[0].rms, last.rms, held_out[0].rms, held_out[-1].rms, last.noise.value, last.unit)
+    correlation = evidence.correlation
+    if not correlation.independent and chosen:
+        correlation = last.dependence.correlation
+    # candidates that are not there may hide a wander, and a wander what is there
+    seen = last.dependence.correlation if correlation.independent and not chosen else correlation
+    with stage("testing the final residuals"):
+        moved = [
+            _on_stretch(subject, state),
+            moved_one_way(evidence.sensitivities, seen),
+        ]
+        rest = uneven(last, 0) or disagreement(last, correlation)
+    refused = _on_refused(state)
+    if len(state.refused) > MOST_REFUSED and not rest:
+        rest, refused = " ".join(refused), []
+    verdict, reason = "nothing_missing", None
+    if steps or forms:
+        verdict = "unknown_effect" if forms else "effects_missing"
+    elif rest or state.stretch is not None:
+        verdict, reason = "cannot_tell", " ".join(filter(None, [rest, *moved]))
+    notes = [*_on_rows(subject), *on_unmoved_joints(state.base)]
+    notes += refused
+    if reason is None:
+        notes += [*moved, seen.text]
+    if evidence.unusable:
+        names = joined(list(dict.fromkeys(c.effect.title for c in evidence.unusable)))
+        notes.append(f"Left out, because its formula has no value in some row: {names}.")
+    notes += [
+        _stated(last.machine, steps),
+        unknown_approach(subject.fitted.observations),
+        *contradictions(last),
+    ]
+    if not last.dependence.independent:
+        notes.append(last.dependence.text)
+    if unread := unread_targets(subject.fitted.observations):
+        notes.append(f"No row has the target{'s' * (len(unread) > 1)} {joined(unread)}.")
+    notes += map(capitalized, lifted(last.machine, [step.effect for step in steps], last.estimates))
+    notes += on_preferred(evidence, chosen, subject.prefer)
+    if steps and rest:
+        notes.append(f"This is not all: {uncapitalized(rest)}")
+    rms, unknown = _tested(subject, rms, fits)
+    return Diagnosis(
+        verdict,
+        reason,
+        subject.fitted.problem.count,
+        tuple(state.base.outlier_numbers),
+        rms,
+        tuple(steps),
+        tuple(forms),
+        ranking(evidence),
+        tuple(fits[: 1 + len(steps)]),
+        seen,
+        tuple(filter(None, [*notes, unknown])),
+        last.estimates,
+        _could_hide(evidence) if verdict == "nothing_missing" else (),
+        tuple(sets),
+        log10_of(evidence.cost([]) - evidence.cost(chosen)),
+    )
+
+
+def _odds(cost: float) -> float:
+    return math.exp(-max(min(cost, 1000.0), -1000.0) / 2)
+
+
+def _steps(
+    state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut]
+) -> tuple[list[DiagnosedEffect], list[SetAlias]]:
+    """Return the effects that were found, and what may be there in the place of several of them."""
+    evidence, chosen = state.evidence, state.chosen
+    found = equals(evidence, chosen)
+    steps = []
+    for k, c in enumerate(c for c in chosen if not c.driver):
+        own = [one for one in found if len(one.replaced) == 1 and one.replaced[0] is c]
+        aliases = [Alias(tuple(x.effect for x in one.candidates), _odds(one.cost)) for one in own]
+        steps.append(
+            DiagnosedEffect(
+                c.effect,
+                log10_of(worth(evidence, chosen, c)),
+                state.fits[k + 1].rms,
+                held_out[k + 1].rms,
+                estimates.of(c.effect),
+                tuple(aliases),
+            )
+        )
+    sets = [
+        SetAlias(
+            tuple(x.effect for x in one.replaced), tuple(x.effect for x in one.candidates), _odds(one.cost)
+        )
+        for one in found
+        if len(one.replaced) > 1
+    ]
+    return steps, sets
+
+
+def _forms(state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut]) -> list[Unexplained]:
+    """Return the forms outside the catalogue that were found."""
+    return [
+        Unexplained(
+            fit.machine.effects[-1],
+            c.driver,
+            log10_of(worth(state.evidence, state.chosen, c)),
+            fit.rms,
+            unseen.rms,
+            estimates.of(c.effect),
+            fit,
+        )
+        for c, fit, unseen in zip(state.chosen, state.fits[1:], held_out[1:], strict=True)
+        if c.driver
+    ]
+
+
+def _on_refused(state: _State) -> list[str]:
+    """Return why effects that the evidence selects are not reported, in a sentence for each reason."""
+    found = []
+    for why in dict.fromkeys(state.refused.values()):
+        out = [key for key, one in state.refused.items() if one == why]
+        titles = joined([state.base.machine.effect(*key).title for key in out], most=NAMES)
+        are, it = ("is", "it") if len(out) == 1 else ("are", "them")
+        found.append(f"{titles} {are} not reported: {why.format(it)}.")
+    return found
+
+
+def _on_stretch(subject: _Subject, state: _State) -> str:
+    """Return a sentence on rows that lie displaced; empty where none do."""
+    stretch = state.stretch
+    if stretch is None:
+        return ""
+    place = subject.fitted.observations.data.place
+    first, last = place(stretch.first), place(stretch.last)
+    return (
+        f"The readings from {first} to {last} lie displaced against the others: the set-up may have been another "
+        "there. Note the set-ups in a column run, and diagnose again."
+    )
+
+
+@stage("what could hide")
+def _could_hide(evidence: Evidence) -> tuple[Detectable, ...]:
+    return detectable(evidence)
+
+
+def _tested(subject: _Subject, rms: Rms, fits: Sequence[Fit]) -> tuple[Rms, str]:
+    """Return the errors with those on further measurements, and a sentence where these are not known, or far larger."""
+    if subject.others is None:
+        return rms, ""
+    before = validation_error(fits[0], subject.others)
+    try:
+        tested = replace(rms, before_test=before, after_test=validation_error(fits[-1], subject.others))
+        return tested, on_another_machine(tested, fits, subject.others)
+    except InputFileError as error:  # without a column that an effect needs, which was found only now
+        unknown = f"The error on the further measurements with these effects is not known: {error}."
+        return replace(rms, before_test=before), unknown
+
+
+def _stated(machine: Machine, steps: Sequence[DiagnosedEffect]) -> str:
+    """Return which of the effects named and listed the machine file says the odds or sizes of; empty if none."""
+    listed: list[Effect] = [
+        e
+        for step in steps
+        for e in (step.effect, *(x for a in step.indistinguishable_from for x in a.effects))
+    ]
+    found = list(dict.fromkeys(e.title for e in listed if {e.key(""), e.name} & machine.plausible.keys()))
+    are = "is" if len(found) == 1 else "are"
+    return f"[plausibility] of the machine file says how likely {joined(found)} {are}." if found else ""

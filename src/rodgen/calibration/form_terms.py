@@ -1,0 +1,500 @@
+"""The terms of a form outside the catalogue: functions of recorded quantities that a formula can write.
+
+A factor is a family of one or a few functions of one driver, such as a sine with its cosine; some have values that are
+searched: a period, a place. A term is a factor, or a product of two.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import mul
+
+import numpy as np
+
+from rodgen.array_types import Array
+from rodgen.calibration.solve.starting_values import most_waves
+from rodgen.data.units import ANGLE, ONE, Dimension, UnitError, display_unit, parse_unit
+from rodgen.machines.drivers import Driver
+from rodgen.machines.effects.catalogue import NAMES
+from rodgen.machines.effects.custom import own_effect
+from rodgen.machines.effects.definition import component_dimension
+from rodgen.machines.effects.formula import FUNCTION_NAMES
+from rodgen.machines.machine import Effect, Machine
+from rodgen.machines.measured import READING_COLUMNS
+from rodgen.machines.observations import Observations
+
+HARMONICS, HARMONICS_IN_PRODUCTS, HARMONICS_OF_TWO, DEGREE = 12, 4, 2, 3
+"""Most waves of a turn, alone, in products, and in products of two joints; and the highest power: a curve of a higher
+degree bends somewhere, which a local function shows better."""
+FEWEST_WAVES, MOST_WAVES = 0.75, 25.0
+"""Waves over the range of the data; a drive's fine waves are in the catalogue."""
+PLACES = 12
+"""Where a step, a bend or a bump is tried; between them it is looked for later."""
+WIDTHS = (1 / 6, 1 / 16)
+"""Of a bump, in ranges of the data."""
+DECAYS = 9
+"""Time constants, from a thirtieth of the duration to three times it."""
+STANDS_STILL = 1e-3
+"""Part of the largest range of joints of its kind below which a joint stands still: it moves by a servo's jitter."""
+LARGEST = 1e100
+"""Functions with values beyond are left out: their squares leave the range of a double."""
+_LETTERS = "abcghkmnpuwABCDEGHKLMNQRSUVXYZ"
+_OF_KIND = {"joint": "q", "approach": "s", "velocity": "v", "temperature": "T", "time": "t", "load": "F"}
+"""What a formula calls a driver; those of a joint at their own joint only."""
+_WORDS = frozenset({*_OF_KIND.values(), "pi"}) | FUNCTION_NAMES | READING_COLUMNS
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+
+
+# drivers -------------------------------------------------------------------------------------------------------------
+
+
+def drivers_of(o: Observations) -> list[Driver]:
+    """Return the drivers that vary and that a formula can name: joint by joint, then those of the whole machine."""
+    of_joints = sorted(o.drivers("joint", "approach", "velocity", "temperature"), key=lambda d: d.number or 0)
+    every = [
+        replace(driver, values=np.asarray(driver.values, float))
+        for driver in (*of_joints, *o.drivers("time", "load", "column"))
+        if word(driver, driver.joint, o.machine)
+    ]
+    every = [driver for driver in every if driver.levels > 1 and np.isfinite(driver.span)]
+    widest = {
+        turns: max((d.span for d in every if d.kind == "joint" and d.revolute == turns), default=0.0)
+        for turns in (True, False)
+    }
+    return [d for d in every if d.kind != "joint" or d.span > STANDS_STILL * widest[d.revolute]]
+
+
+def word(driver: Driver, place: str | None, machine: Machine) -> str | None:
+    """Return what a formula at a place calls a driver; None where it has no word for it.
+
+    A letter that is also the name of a joint stands in no formula.
+    """
+    nameable = _IDENTIFIER.fullmatch(driver.name) is not None and driver.name not in _WORDS
+    if driver.kind == "column":
+        return driver.name if nameable else None
+    letter: str | None = _OF_KIND[driver.kind]
+    if letter in {joint.name for joint in machine.joints}:
+        letter = None
+    if driver.joint is None or (place == driver.joint and letter):
+        return letter
+    return driver.name if driver.kind == "joint" and nameable else None
+
+
+def _far(driver: Driver) -> bool:
+    """Whether the values are all farther from zero than their range is wide."""
+    return bool(min(abs(driver.distinct[0]), abs(driver.distinct[-1])) > driver.span)
+
+
+def _middle(driver: Driver) -> float:
+    """Return about the middle of the range, in few digits."""
+    middle = round(driver.low + driver.span / 2, 1 - int(np.floor(np.log10(driver.span))))
+    return 0.0 if abs(middle) < 0.05 * driver.span else middle
+
+
+def _origin(driver: Driver) -> float:
+    """Return where powers are zero: the middle of the range where zero is far from it."""
+    return _middle(driver) if _far(driver) else 0.0
+
+
+# factors -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A family of functions of one driver, whose coefficients are estimated."""
+
+    driver: int
+    """Its number."""
+    kind: str
+    """``power`` (order: the exponent), ``series`` (all powers up to the order), ``curve`` (without the first),
+    ``polynomial`` (with a constant; in products), ``harmonic`` (sine and cosine of so many times the angle), ``wave``
+    (of any angular frequency), ``step``, ``kink``, ``bump``, ``decay``, ``signed`` (x·|x|)."""
+    order: int = 1
+    values: tuple[float, ...] = ()
+    """What was searched for, internal units: the frequency of a wave; the place of a step or a kink; place and width of
+    a bump; the time constant of a decay."""
+    origin: float = 0.0
+    """From where a decay counts the time, a power its column, and where a step or a kink is that was not searched."""
+
+    @property
+    def count(self) -> int:
+        """Number of functions."""
+        exponents = _exponents(self.kind, self.order)
+        return len(exponents) if exponents else 2 if self.kind in {"harmonic", "wave"} else 1
+
+    def functions(self, x: Array) -> list[Array]:
+        """Return the functions at x, (n,) each."""
+        since = x - self.origin
+        if exponents := _exponents(self.kind, self.order):
+            return [since**d for d in exponents]
+        match self.kind:
+            case "harmonic":
+                return [np.sin(self.order * x), np.cos(self.order * x)]
+            case "wave":
+                return [np.sin(self.values[0] * x), np.cos(self.values[0] * x)]
+            case "step":
+                return [np.sign(x - (self.values or (self.origin,))[0])]
+            case "kink":
+                return [np.abs(x - (self.values or (self.origin,))[0])]
+            case "bump":
+                return [np.exp(-(((x - self.values[0]) / self.values[1]) ** 2))]
+            case "decay":
+                return [1 - np.exp(-since / self.values[0])]
+            case "signed":
+                return [x * np.abs(x)]
+        raise AssertionError(self.kind)
+
+    def texts(self, word: str, numbers: Sequence[str]) -> list[str]:
+        """Write the functions.
+
+        Parameters
+        ----------
+        word : str
+            What the formula calls the driver.
+        numbers : sequence of str
+            What it calls the searched values: numbers, or names of parameters.
+        """
+        since = f"({_less(word, _written(self.origin))})" if self.origin else word
+        if exponents := _exponents(self.kind, self.order):
+            return ["" if d == 0 else since if d == 1 else f"{since}**{d}" for d in exponents]
+        match self.kind:
+            case "harmonic":
+                angle = word if self.order == 1 else f"{self.order}*{word}"
+                return [f"sin({angle})", f"cos({angle})"]
+            case "wave":
+                angle = f"2*pi*{word}/{numbers[0]}" if numbers[0][0].isalpha() else f"{numbers[0]}*{word}"
+                return [f"sin({angle})", f"cos({angle})"]
+            case "step":
+                return [f"sign({_less(word, (*numbers, _written(self.origin))[0])})"]
+            case "kink":
+                return [f"abs({_less(word, (*numbers, _written(self.origin))[0])})"]
+            case "bump":
+                return [f"exp(-(({_less(word, numbers[0])})/{numbers[1]})**2)"]
+            case "decay":
+                return [f"(1 - exp(-{since}/{numbers[0]}))"]
+            case "signed":
+                return [f"{word}*abs({word})"]
+        raise AssertionError(self.kind)
+
+    @property
+    def powers(self) -> list[int]:
+        """Of the driver, in each function: its dimension."""
+        return _exponents(self.kind, self.order) or [{"kink": 1, "signed": 2}.get(self.kind, 0)] * self.count
+
+
+def _exponents(kind: str, order: int) -> list[int]:
+    """Return the powers that a factor consists of; none where it is no polynomial."""
+    first = {"power": order, "polynomial": 0, "series": 1, "curve": 2}
+    return [*range(first[kind], order + 1)] if kind in first else []
+
+
+def _less(word: str, number: str) -> str:
+    if number == "0":
+        return word
+    return f"{word} + {number[1:]}" if number.startswith("-") else f"{word} - {number}"
+
+
+def _written(value: float) -> str:
+    """Write a number as a formula has it."""
+    return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
+
+
+@dataclass(frozen=True)
+class Term:
+    """A product of factors: every function of one times every function of the others."""
+
+    factors: tuple[Factor, ...]
+    choices: float = 1.0
+    """Among how many such terms it is one: kinds, orders, values on the grid, further drivers."""
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients."""
+        return math.prod(factor.count for factor in self.factors)
+
+    @property
+    def searched(self) -> tuple[float, ...]:
+        """The values that were searched for."""
+        return tuple(value for factor in self.factors for value in factor.values)
+
+    @property
+    def family(self) -> tuple[tuple[int, str], ...]:
+        """Drivers and kinds, whatever the orders and values."""
+        return tuple((factor.driver, factor.kind) for factor in self.factors)
+
+    def with_values(self, values: Sequence[float]) -> Term:
+        """Return it with other searched values."""
+        rest = iter(values)
+        factors = tuple(replace(f, values=tuple(float(next(rest)) for _ in f.values)) for f in self.factors)
+        return replace(self, factors=factors)
+
+    def functions(self, drivers: Sequence[Driver]) -> Array:
+        """Return its functions in every row, (n, count); zero where they are too large to be squared."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            parts = [factor.functions(drivers[factor.driver].values) for factor in self.factors]
+            found = np.stack([reduce(np.multiply, several) for several in itertools.product(*parts)], axis=1)
+        return found if np.abs(found).max(initial=0.0) < LARGEST else np.zeros_like(found)
+
+
+# the terms that are tried --------------------------------------------------------------------------------------------
+
+
+def terms(drivers: Sequence[Driver]) -> list[Term]:
+    """Return the terms that are tried first, searched values on a coarse grid."""
+    found = [Term((f,), n) for i, d in enumerate(drivers) for f, n in _counted(_alone(i, d))]
+    for i, k in itertools.combinations(range(len(drivers)), 2):
+        one, other = drivers[i], drivers[k]
+        if one.kind != "joint" or not _multiply(one, other):
+            continue
+        if other.kind == "joint":
+            first, second = (_low(j, drivers[j])[: 1 + HARMONICS_OF_TWO] for j in (i, k))
+        else:
+            first = [*_low(i, one), *_local(i, one, PLACES // 3, WIDTHS[:1])]
+            second = _low(k, other)
+        choices = float(len(first) * len(second))
+        found += [Term(pair, choices) for pair in itertools.product(first, second)]
+    return found
+
+
+def multiplied(term: Term, drivers: Sequence[Driver]) -> list[Term]:
+    """Return products of a term with a low function of each driver that it does not follow; of two, further powers."""
+    if len(term.factors) > 1:
+        return [
+            Term(tuple(_polynomial(f) if i == k else f for i, f in enumerate(term.factors)), term.choices)
+            for k, factor in enumerate(term.factors)
+            if factor.kind == "power" and drivers[factor.driver].levels > DEGREE
+        ]
+    (factor,) = term.factors
+    curve = factor.kind in {"power", "series", "curve"} and drivers[factor.driver].levels > DEGREE
+    return [
+        Term((own, other), term.choices * len(low))
+        for k, driver in enumerate(drivers)
+        if k != factor.driver and _multiply(drivers[factor.driver], driver)
+        for low in [_low(k, driver)]
+        for other in low
+        for own in (factor, *([_polynomial(factor)] if curve else []))
+    ]
+
+
+def _polynomial(factor: Factor) -> Factor:
+    return replace(factor, kind="polynomial", order=DEGREE)
+
+
+def _multiply(one: Driver, other: Driver) -> bool:
+    """Return whether products of two drivers are formed: what belongs to a joint is multiplied with its coordinate."""
+    of_one = [d for d in (one, other) if d.joint is not None and d.kind != "joint"]
+    return all(one.joint == other.joint and "joint" in {one.kind, other.kind} for _ in of_one)
+
+
+def _counted(factors: Sequence[Factor]) -> Iterator[tuple[Factor, float]]:
+    """Yield factors, each with the number of choices: among kinds, and among those of its kind."""
+    kinds = [factor.kind for factor in factors]
+    yield from ((factor, float(len(set(kinds)) * kinds.count(factor.kind))) for factor in factors)
+
+
+def _alone(i: int, driver: Driver) -> list[Factor]:
+    crossed = driver.low < 0 < driver.low + driver.span
+    at_zero = [Factor(i, "step"), Factor(i, "kink")] if crossed else []
+    match driver.kind:
+        case "joint":
+            return [
+                *(_harmonics(i, driver, HARMONICS) if driver.revolute else []),
+                *_powers(i, driver),
+                *at_zero,
+                *_local(i, driver, PLACES, WIDTHS),
+                *_waves(i, driver),
+            ]
+        case "time":
+            return [*_powers(i, driver), *_decays(i, driver), *_waves(i, driver)]
+        case "approach":
+            return [Factor(i, "power")]
+        case "velocity":
+            return [*_powers(i, driver), *at_zero, Factor(i, "signed")]
+    return [*_powers(i, driver), *at_zero, *_local(i, driver, PLACES // 2, ())]
+
+
+def _low(i: int, driver: Driver) -> list[Factor]:
+    """Return what takes part in products, the simplest first."""
+    origins = dict.fromkeys([_origin(driver), _middle(driver)])
+    lines = [Factor(i, "power", origin=origin) for origin in origins]
+    if driver.kind == "joint":
+        waves = _harmonics(i, driver, HARMONICS_IN_PRODUCTS) if driver.revolute else []
+        return [
+            lines[-1],
+            *waves,
+            *lines[:-1],
+            *(f for f in _powers(i, driver) if f == replace(f, kind="power", order=2)),
+        ]
+    if driver.kind == "time":
+        return [*lines, *_decays(i, driver)[1::3]]
+    if driver.kind == "load" and driver.levels > 2:
+        return [*lines, Factor(i, "power", 2, origin=_origin(driver))]
+    return lines
+
+
+def _powers(i: int, driver: Driver) -> list[Factor]:
+    highest = min(DEGREE, driver.levels - 1)
+    origin = _origin(driver)
+    powers = [Factor(i, "power", d, origin=origin) for d in range(1, highest + 1)]
+    series = [Factor(i, "series", d, origin=origin) for d in range(2, highest + 1)]
+    return [*powers, *series, *(Factor(i, "curve", d, origin=origin) for d in range(3, highest + 1))]
+
+
+def _harmonics(i: int, driver: Driver, highest: int) -> list[Factor]:
+    """Return the harmonics that the angles of the data distinguish from lower ones."""
+    angles = len(np.unique(np.round(driver.distinct % (2 * np.pi), 9)))
+    return [Factor(i, "harmonic", h) for h in range(1, min(highest, (angles - 1) // 2) + 1)]
+
+
+def _waves(i: int, driver: Driver) -> list[Factor]:
+    unit, highest = 2 * np.pi / driver.span, min(MOST_WAVES, most_waves(driver.distinct))
+    return [Factor(i, "wave", 1, (unit * w,)) for w in np.arange(FEWEST_WAVES, highest + 0.25, 0.5)]
+
+
+def _local(i: int, driver: Driver, places: int, widths: Sequence[float]) -> list[Factor]:
+    x = driver.distinct
+    if len(x) < 4:
+        return []
+    between = np.unique(np.linspace(1, len(x) - 1, min(places, len(x) - 1), dtype=int))
+    at = [float(a) for a in (x[between] + x[between - 1]) / 2]
+    found = [Factor(i, kind, 1, (a,)) for kind in ("step", "kink") for a in at]
+    for width in widths:
+        centres = np.linspace(x[0], x[-1], round(0.75 / width) + 1)
+        found += [Factor(i, "bump", 1, (float(c), width * driver.span)) for c in centres]
+    return found
+
+
+def _decays(i: int, driver: Driver) -> list[Factor]:
+    # a time is counted from its zero, unless the measurements began long after
+    origin = driver.low if _far(driver) else 0.0
+    times = np.geomspace(driver.span / 30, driver.span * 3, DECAYS)
+    return [Factor(i, "decay", 1, (float(tau),), origin) for tau in times]
+
+
+# searched values -----------------------------------------------------------------------------------------------------
+
+
+def neighbours(term: Term, drivers: Sequence[Driver], part: float) -> Iterator[Term]:
+    """Yield a term with one of its searched values changed by a part of the step of the grid, to either side."""
+    values = [(drivers[f.driver], f.kind, k, v) for f in term.factors for k, v in enumerate(f.values)]
+    for number, (driver, kind, k, value) in enumerate(values):
+        if kind == "decay" or k == 1:  # a time constant, or a width
+            near = [value * 2 ** (sign * part) for sign in (-1, 1)]
+            near = [v for v in near if driver.span / 200 <= v <= 10 * driver.span]
+        elif kind == "wave":
+            near = [max(value + sign * part * np.pi / driver.span, np.pi / driver.span) for sign in (-1, 1)]
+        else:
+            near = [value + sign * part * driver.span / PLACES for sign in (-1, 1)]
+            near = [v for v in near if driver.low < v < driver.low + driver.span]
+        for v in near:
+            yield term.with_values([v if i == number else known[3] for i, known in enumerate(values)])
+
+
+def rounded(term: Term, digits: int, drivers: Sequence[Driver]) -> Term:
+    """Return a term whose searched values have so many digits."""
+    values: list[float] = []
+    for factor in term.factors:
+        driver = drivers[factor.driver]
+        if factor.kind == "wave" and driver.dimension != ANGLE:
+            values.append(2 * np.pi / float(f"{2 * np.pi / factor.values[0]:.{digits}g}"))
+        elif factor.kind in {"wave", "decay"}:
+            values.append(float(f"{factor.values[0]:.{digits}g}"))
+        elif factor.values:  # a place has decimals relative to the range
+            values.append(round(factor.values[0], digits - 1 - int(np.floor(np.log10(driver.span)))) + 0.0)
+            values += [float(f"{width:.{digits}g}") for width in factor.values[1:]]
+    return term.with_values(values)
+
+
+# as a formula --------------------------------------------------------------------------------------------------------
+
+
+def effect_of(
+    term: Term, place: str | None, component: str, drivers: Sequence[Driver], o: Observations
+) -> Effect:
+    """Return a term at a component of a place as an effect that a user could have written.
+
+    What was searched and has a unit is a parameter that is held; other searched values are numbers in the formula.
+    """
+    machine = o.machine
+    taken = {*_WORDS, *(joint.name for joint in machine.joints), *o.data.columns}
+    units: dict[str, str] = {}
+    hold: dict[str, float] = {}
+    texts, dimensions = list[list[str]](), list[list[Dimension]]()
+    for factor in term.factors:
+        driver = drivers[factor.driver]
+        numbers = [_written(value) for value in factor.values]
+        unit = display_unit(driver.dimension, machine.length_unit).text
+        names = {"wave": (0, "P"), "bump": (1, "W"), "decay": (0, "tau")}
+        if factor.kind in names and not driver.dimension.fits(ONE):
+            k, letter = names[factor.kind]
+            value = 2 * np.pi / factor.values[0] if factor.kind == "wave" else factor.values[k]
+            numbers[k] = _free(letter, taken | units.keys())
+            units[numbers[k]], hold[numbers[k]] = unit, float(f"{value:.12g}")
+        called = word(driver, place, machine)
+        assert called is not None
+        texts.append(factor.texts(called, numbers))
+        dimensions.append([driver.dimension**p for p in factor.powers])
+    wanted = component_dimension(component, machine.kind_of(place), machine.measurand)
+    own = [drivers[factor.driver] for factor in term.factors]
+    coefficients: dict[str, str] = {}
+    parts = list[str]()
+    letters = (letter for letter in _LETTERS if letter not in taken | units.keys())
+    for several, of in zip(itertools.product(*texts), itertools.product(*dimensions), strict=True):
+        name = next(letters)
+        coefficients[name] = _unit(wanted, reduce(mul, of, ONE), own, machine)
+        parts.append("*".join(filter(None, [name, *several])))
+    driven = follows(term, drivers)
+    name = re.sub(r"[^A-Za-z0-9]+", "_", f"{component}_by_{driven}")[:50].strip("_")
+    where = f"{component} at {place}" if place else f"{component} of the whole machine"
+    definition = own_effect(
+        name,
+        component,
+        " + ".join(parts),
+        coefficients | units,
+        f"Found by a diagnosis: {where} follows {driven}.",
+        at=machine.kind_of(place),
+        joints=machine.quantities,
+        measurand=machine.measurand,
+        file=machine.file or machine.name,
+        place=f"form at {place}",
+    )
+    return Effect(definition, place, hold)
+
+
+def named(effect: Effect, machine: Machine, others: Sequence[Effect]) -> Effect:
+    """Return an effect with a name that no other has."""
+    taken = {*NAMES, *(e.name for e in (*machine.effects, *others))}
+    taken |= {joint.name for joint in machine.joints} | {target.name for target in machine.targets}
+    return replace(effect, definition=replace(effect.definition, name=_free(effect.name, taken, "_")))
+
+
+def follows(term: Term, drivers: Sequence[Driver]) -> str:
+    """Return what drives a term, in words: columns before joints, each once; of a direction of approach its joint."""
+    own = [drivers[factor.driver] for factor in term.factors]
+    ordered = sorted(own, key=lambda d: d.kind in {"joint", "approach"})
+    return " and ".join(dict.fromkeys(str(d.joint) if d.kind == "approach" else d.name for d in ordered))
+
+
+def _free(name: str, taken: set[str], between: str = "") -> str:
+    return next(n for n in (name, *(f"{name}{between}{k}" for k in range(2, 1000))) if n not in taken)
+
+
+def _unit(wanted: Dimension, function: Dimension, drivers: Sequence[Driver], machine: Machine) -> str:
+    """Return the unit of a coefficient; an angle in a function is a plain number."""
+    function = Dimension.of((name, power) for name, power in function.powers if name != "angle")
+    own = "arcsec" if wanted == ANGLE else machine.length_unit
+    if function == ONE:
+        return own
+    for driver in drivers:
+        if driver.kind == "column" and driver.unit and parse_unit(driver.unit).dimension == function:
+            try:
+                if parse_unit(f"{own}/{driver.unit}").dimension == wanted / function:
+                    return f"{own}/{driver.unit}"
+            except UnitError:
+                pass
+    return display_unit(wanted / function, machine.length_unit).text

@@ -1,0 +1,627 @@
+"""Forms outside the catalogue: what a recorded quantity does to a component of a place, by no effect of the catalogue.
+
+A form is a candidate like any other: columns of derivatives times the functions of a term, and odds. These are those of
+something that nobody has named, shared among all places, drivers and terms that are tried; each value that is searched
+costs ln n, besides. So a form is chosen only where no effects of the catalogue come near. What is no form at all is not
+proposed: columns that effects of the catalogue at the place span; what errors of single poses, or of single positions
+of a joint, explain at the same cost.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.array_types import Array, Ints, Mask
+from rodgen.calibration.candidates import Candidate, with_searched
+from rodgen.calibration.evidence import Columns, Evidence, Space
+from rodgen.calibration.form_terms import (
+    Term,
+    drivers_of,
+    effect_of,
+    follows,
+    multiplied,
+    named,
+    neighbours,
+    rounded,
+    terms,
+    word,
+)
+from rodgen.calibration.positions import position_numbers
+from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.sensitivities import Place, is_direct
+from rodgen.machines.drivers import Driver
+from rodgen.machines.effects.definition import StartSearch
+from rodgen.machines.machine import Effect
+from rodgen.machines.plausibility import Plausibility
+from rodgen.stages import stage
+from rodgen.statistics.columns import (
+    falls_from_products,
+    orthonormal_basis,
+    project_out,
+    unchanged,
+    unit_columns,
+)
+from rodgen.statistics.decompositions import eigh, svd
+from rodgen.statistics.thresholds import COST
+
+SOMETHING_UNNAMED = 0.01
+"""Odds that something acts that nobody has named, compared with what nearly every machine has: one machine in a
+hundred. They are shared among all that is tried."""
+GROSS, FEW_POSES = 0.01, 6
+"""How often a pose is wrong for a reason of its own, and how many of them may be there in place of a form."""
+MOST = 10
+"""Forms that are proposed."""
+COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
+ROUGH_ROWS = 1_000
+"""Rows on which all terms are compared."""
+SHORT_LIST, ALIKE = 160, 2
+"""Terms that are compared on all rows, and how many of one family at one component."""
+REFINED, ROUNDS = 8, 6
+"""Terms whose searched values are refined, and how often the step is halved."""
+MULTIPLIED = 5
+"""Terms that are multiplied by functions of further drivers."""
+UNDETERMINED = 1e-6
+"""Part of the sum of squares of a form's columns that must remain beyond the model: less is rounding."""
+SIMILAR = 0.3
+"""Part of a form's columns beyond another form below which the two are variants, of which the cheaper one is proposed:
+they correlate by 95 %."""
+DIGITS, LOST = 4, 0.3
+"""Most digits of a searched value, and what fewer of them may lose in chi-square: a third of a standard deviation."""
+COSINES = 12
+"""Of each freedom of the frame: how a drift is seen on a part of the rows."""
+SCATTERED = 40
+"""Positions beyond which a curve is always likelier than an error of each."""
+
+
+class Piece(NamedTuple):
+    """A term at a component of a place, by number."""
+
+    term: Term
+    at: int
+
+
+@stage("forms outside the catalogue")
+def propose(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
+    """Return the most promising forms outside the catalogue, ten at most, given chosen candidates.
+
+    Each would lower the cost of the chosen set, or that of all effects of the catalogue, or that of none: what effects
+    hide shows once they are taken out, and what they imitate shows without them.
+    """
+    search = _Search.of(evidence)
+    if search is None:
+        return []
+    found = list[Candidate]()
+    with one_thread_in_blas():
+        for given in search.bases(chosen):
+            found += search.candidates(given, found, MOST - len(found))
+    return found
+
+
+def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
+    """Return chosen effects whose searched value is better between those that were tried.
+
+    At a period of the grid a wave leaves a part of itself, which a form of just the right period would take away.
+    """
+    found = []
+    for c in chosen:
+        if len(c.searched) == 1 and not c.effect.definition.own and not is_direct(c.effect):
+            given = _Given.of(evidence, [other for other in chosen if other is not c])
+            best = _sharper(evidence, given, c)
+            before, after = given.falls([c.columns, best.columns])
+            if after - before > LOST * (given.left - after) / given.dof:
+                found.append(best)
+    return found
+
+
+def _sharper(evidence: Evidence, given: _Given, c: Candidate) -> Candidate:
+    """Return a candidate at the best value near the one that was tried."""
+    from scipy import optimize
+
+    ((name, value),) = c.searched.items()
+    low, high = value / 2, 2 * value
+    if c.effect.definition.searched[name] is StartSearch.PERIOD:
+        j = evidence.sensitivities.fit.machine.number_of(str(c.effect.place))
+        waves = float(np.ptp(evidence.sensitivities.observations.q[:, j])) / value
+        low, high = value * waves / (waves + 0.5), value * waves / max(waves - 0.5, 0.5)
+
+    def at(log: float) -> Candidate:
+        searched = {name: math.exp(log)}
+        columns = with_searched(evidence.sensitivities, c.effect, searched).columns
+        return replace(c, searched=searched, columns=columns)
+
+    def left(log: float) -> float:
+        return -float(given.falls([at(log).columns])[0])
+
+    bounds = math.log(low), math.log(high)
+    return at(optimize.minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 1e-4}).x)
+
+
+@dataclass(frozen=True)
+class _Search:
+    evidence: Evidence
+    drivers: list[Driver]
+    places: list[tuple[Place, str]]
+    follow: list[Array]
+    """How the weighted residuals follow each component of a place, (n, m)."""
+    terms: list[Term]
+
+    @classmethod
+    def of(cls, evidence: Evidence) -> _Search | None:
+        """Return a prepared search; None where there is nothing to look for, or to look with."""
+        sensitivities = evidence.sensitivities
+        o = sensitivities.observations
+        drivers = drivers_of(o)
+        every = itertools.product((*(joint.name for joint in o.machine.joints), None), COMPONENTS)
+        found = [
+            (place, column)
+            for place in every
+            if (column := sensitivities.component(*place)) is not None and np.any(column)
+        ]
+        if not drivers or not found or evidence.dof < 1 or not evidence.models[0].square > 0:
+            return None
+        places, follow = zip(*found, strict=True)
+        return cls(evidence, drivers, list(places), list(follow), terms(drivers))
+
+    def bases(self, chosen: Sequence[Candidate]) -> Iterator[list[Candidate]]:
+        """Yield sets of candidates that are taken out of the residuals."""
+        yield [*chosen]
+        every = {c.key: c for c in self.evidence.candidates if not c.searched and not c.effect.definition.own}
+        if sum(len(c.names) for c in every.values()) < self.evidence.dof // 2:
+            yield [*every.values()]
+        if chosen:
+            yield []
+
+    def candidates(
+        self, chosen: Sequence[Candidate], before: Sequence[Candidate], most: int
+    ) -> list[Candidate]:
+        """Return the best forms given chosen candidates, with names that no candidate has."""
+        given = _Given.of(self.evidence, chosen)
+        if not given.left > 0:
+            return []
+        found = list[Candidate]()
+        every = (*self.evidence.candidates, *self.evidence.unseen, *before)
+        known = [c for c in every if c.effect.definition.own]
+        similar = [orthonormal_basis(given.beyond(c.columns)) for c in known]
+        for cost, piece in self._scored(given, chosen):
+            if cost >= 0 or len(found) >= most:
+                break
+            piece = self._refined(given, piece)
+            own = given.beyond(self.columns(piece))
+            most_like = min((np.linalg.norm(project_out(basis, own)) for basis in similar), default=math.inf)
+            if most_like < SIMILAR * np.linalg.norm(own):
+                continue
+            columns = self._independent(piece)
+            if columns is None or self._is_catalogued(piece) or self._is_error(given, piece, own):
+                continue
+            similar.append(orthonormal_basis(own))
+            found.append(self._candidate(piece, columns, [c.effect for c in (*known, *found)]))
+        return found
+
+    def _candidate(self, piece: Piece, columns: Array, others: Sequence[Effect]) -> Candidate:
+        o = self.evidence.sensitivities.observations
+        place, component = self.places[piece.at]
+        effect = named(effect_of(piece.term, place, component, self.drivers, o), o.machine, others)
+        linear = [name for name in effect.definition.parameters if name not in effect.hold]
+        odds = Plausibility(math.log(SOMETHING_UNNAMED))
+        return Candidate(
+            effect,
+            tuple(map(effect.key, linear)),
+            columns,
+            {},
+            self._tries(piece),
+            odds,
+            follows(piece.term, self.drivers),
+        )
+
+    def _independent(self, piece: Piece) -> Array | None:
+        """Return independent combinations of a piece's columns; None where a coefficient is not determined.
+
+        The powers of a curve are much alike: of their coefficients the usual sizes would say nothing.
+        """
+        columns = self.columns(piece)
+        length = np.maximum(np.linalg.norm(columns, axis=(0, 1)), 1e-300)
+        columns, own = columns / length, self._beyond_model(piece) / length
+        values, vectors = eigh(own.T @ own)
+        if values[0] < UNDETERMINED:
+            return None
+        return np.asarray(columns @ vectors / np.sqrt(values)) * float(np.linalg.norm(self.follow[piece.at]))
+
+    def columns(self, piece: Piece) -> Array:
+        """Return the derivatives of the weighted residuals by the coefficients of a piece, (n, m, k)."""
+        return np.asarray(self.follow[piece.at][:, :, None] * piece.term.functions(self.drivers)[:, None, :])
+
+    # the cost ---------------------------------------------------------------------------------------------------------
+
+    def _tries(self, piece: Piece) -> float:
+        """Return among how many forms a piece is one: places, drivers, terms, and values that the data distinguish.
+
+        What belongs to a joint rather follows what that joint does, and is rather an error along its own motion.
+        """
+        return float(np.exp(self._log_tries([piece.term], [piece.at])[0, 0]))
+
+    def _log_tries(self, some: Sequence[Term], places: Sequence[int]) -> Array:
+        """Return the logarithms of the number of tries of terms at components, (places, terms)."""
+        dof, drivers = math.log(self.evidence.dof), math.log(len(self.drivers))
+        of_terms = [
+            math.log(term.choices) + drivers * len(term.factors) + dof * len(term.searched) / 2
+            for term in some
+        ]
+        belongs = np.array(
+            [[self._belongs(driver, self.places[at][0]) for driver in self.drivers] for at in places]
+        )
+        elsewhere = ~_any(belongs, some)
+        across = np.array([self.places[at][1] != "reading" for at in places])
+        doublings = elsewhere.astype(float) + across[:, None]
+        return np.asarray(math.log(len(self.places)) + np.array(of_terms) + math.log(2) * doublings)
+
+    def _belongs(self, driver: Driver, place: Place) -> bool:
+        """Return whether a driver acts at a place rather than elsewhere; a load bends joints, not the whole machine."""
+        return place is not None if driver.kind == "load" else driver.joint == place
+
+    def _costs(self, given: _Given, pieces: Sequence[Piece], falls: Array) -> Array:
+        """Return by how much pieces raise the cost of a set, by their falls of the sum of squares."""
+        tries = np.array([self._log_tries([piece.term], [piece.at])[0, 0] for piece in pieces])
+        return self._dearer(given, np.array([piece.term.count for piece in pieces]), tries, falls)
+
+    def _dearer(self, given: _Given, counts: Ints, log_tries: Array, falls: Array) -> Array:
+        """Return the same from numbers of functions and logarithms of the number of tries."""
+        n = given.dof
+        gain = n * np.log1p(-np.minimum(falls / given.left, 1 - 1e-12))
+        price = 2 * (self.evidence.log_choices - math.log(SOMETHING_UNNAMED) + log_tries)
+        return np.asarray(gain + price + counts * math.log(n))
+
+    def _exact(self, given: _Given, pieces: Sequence[Piece]) -> list[tuple[float, Piece]]:
+        """Return pieces with their costs by all rows, the cheapest first."""
+        pieces = list(dict.fromkeys(pieces))
+        if not pieces:
+            return []
+        falls = given.falls([self.columns(piece) for piece in pieces])
+        costs = self._costs(given, pieces, falls)
+        return [(float(costs[i]), pieces[i]) for i in np.argsort(costs, kind="stable")]
+
+    # the search -------------------------------------------------------------------------------------------------------
+
+    def _scored(self, given: _Given, chosen: Sequence[Candidate]) -> list[tuple[float, Piece]]:
+        rough = _Rough.of(given, chosen, self.follow)
+        short_list = self._best(given, rough, self.terms, range(len(self.places)), SHORT_LIST)
+        scored = self._exact(given, short_list)
+        if not scored:
+            return []
+        searched = [piece for _, piece in scored if piece.term.searched]
+        pieces = [self._refined(given, piece) for piece in searched[:REFINED]]
+        scored = self._exact(given, [*(piece for _, piece in scored), *pieces])
+        products = [
+            product
+            for _, piece in scored[:MULTIPLIED]
+            for product in self._best(given, rough, multiplied(piece.term, self.drivers), [piece.at], ALIKE)
+        ]
+        products = [self._refined(given, piece) for piece in products]
+        return self._exact(given, [*(piece for _, piece in scored), *products])
+
+    def _best(
+        self, given: _Given, rough: _Rough, tried: Sequence[Term], places: Sequence[int], most: int
+    ) -> list[Piece]:
+        """Return the cheapest pieces by some rows, not too many of one family at one component."""
+        machine = self.evidence.sensitivities.observations.machine
+        unnamed = np.array(
+            [[not word(driver, self.places[at][0], machine) for driver in self.drivers] for at in places]
+        )
+        costs, ordered = list[Array](), list[Term]()
+        for some, functions in rough.groups(tried, self.drivers):
+            own = self._dearer(
+                given,
+                np.array([term.count for term in some]),
+                self._log_tries(some, places),
+                rough.falls(places, functions),
+            )
+            costs.append(np.where(_any(unnamed, some), math.inf, own))
+            ordered += some
+        if not ordered:
+            return []
+        every = np.concatenate(costs, axis=1)
+        found, times = list[Piece](), Counter[object]()
+        waves = [self._reading_wave(term) for term in ordered]
+        for i in np.argsort(every, axis=None, kind="stable"):
+            number, k = divmod(int(i), len(ordered))
+            if every[number, k] == math.inf or len(found) >= most:
+                break
+            piece = Piece(ordered[k], places[number])
+            key = piece.term.family, piece.at
+            if times[key] < ALIKE and waves[k] != piece.at:
+                times[key] += 1
+                found.append(piece)
+        return found
+
+    def _refined(self, given: _Given, piece: Piece) -> Piece:
+        """Return a piece with better searched values, of as few digits as the data determine."""
+        if not piece.term.searched:
+            return piece
+        (fall,) = given.falls([self.columns(piece)])
+        for k in range(ROUNDS):
+            tried = [Piece(term, piece.at) for term in neighbours(piece.term, self.drivers, 0.5**k)]
+            if not tried:
+                break
+            falls = given.falls([self.columns(one) for one in tried])
+            best = int(np.argmax(falls))
+            if falls[best] > fall:
+                fall, piece = float(falls[best]), tried[best]
+        short = [
+            Piece(rounded(piece.term, digits, self.drivers), piece.at) for digits in range(1, DIGITS + 1)
+        ]
+        enough = fall - LOST * (given.left - fall) / given.dof
+        falls = given.falls([self.columns(one) for one in short])
+        return next((one for one, own in zip(short, falls, strict=True) if own >= enough), piece)
+
+    # what is no form --------------------------------------------------------------------------------------------------
+
+    def _reading_wave(self, term: Term) -> int | None:
+        """Return where a wave of one joint is an effect of the catalogue of any period: the number of its reading."""
+        waves = [factor for factor in term.factors if factor.kind in {"wave", "harmonic"}]
+        if len(waves) != 1:
+            return None
+        joint = self.drivers[waves[0].driver].joint
+        machine = self.evidence.sensitivities.observations.machine
+        if joint is None or machine.joint(joint).period is not None:
+            return None
+        return self.places.index((joint, "reading")) if (joint, "reading") in self.places else None
+
+    def _is_catalogued(self, piece: Piece) -> bool:
+        """Return whether effects of the catalogue, at the place or at the joint that it follows, span a form."""
+        evidence, model = self.evidence, self.evidence.models[0]
+        place = self.places[piece.at][0]
+        if place is None and [factor.kind for factor in piece.term.factors] == ["decay"]:
+            return True
+        at = {place, *(self.drivers[f.driver].joint for f in piece.term.factors)}
+        there = [
+            evidence.parts[id(c)]
+            for c in evidence.candidates
+            if c.effect.place in at and not c.searched and not c.effect.definition.own
+        ]
+        span = [model.across[:, np.concatenate([np.zeros(0, int), *there])]]
+        if (reading := self._reading_wave(piece.term)) is not None:
+            wave = tuple(f for f in piece.term.factors if f.kind in {"wave", "harmonic"})
+            span.append(self._beyond_model(Piece(Term(wave), reading)))
+        own = self._beyond_model(piece)
+        basis = orthonormal_basis(np.concatenate(span, axis=1), relative=COST.visible)
+        return bool(np.linalg.norm(project_out(basis, own)) < COST.imperfect * np.linalg.norm(own))
+
+    def _beyond_model(self, piece: Piece) -> Array:
+        space = self.evidence.models[0].space
+        return space.seen(self.columns(piece))
+
+    def _is_error(self, given: _Given, piece: Piece, own: Array) -> bool:
+        """Return whether errors of single poses, or of single positions, explain as much at the same cost."""
+        basis = orthonormal_basis(own)
+        explained = basis @ (basis.T @ given.y)
+        rest = given.y - explained
+        variance = float(rest @ rest) / given.dof
+        fall = float(explained @ explained)
+        price = float(self._costs(given, [piece], np.zeros(1))[0])
+        gain = fall / variance - price
+        return (
+            self._gain_of_poses(given, variance) > gain
+            or self._gain_of_positions(given, piece, variance) > gain
+        )
+
+    def _gain_of_poses(self, given: _Given, variance: float) -> float:
+        """Return what errors of their own of a few poses gain, in chi-square: the worst one, and then the next."""
+        sensitivities = self.evidence.sensitivities
+        n, m = sensitivities.residual.shape
+        number = np.unique(sensitivities.observations.pose, return_inverse=True)[1]
+        readings = np.bincount(number) * m
+        y, basis, price, best = given.y, np.zeros((n * m, 0)), 0.0, 0.0
+        for _ in range(FEW_POSES):
+            worst = int(np.argmax(np.bincount(number, np.sum(y.reshape(n, m) ** 2, axis=1)) / readings))
+            rows = np.flatnonzero(number == worst)
+            own = np.zeros((n, m, len(rows), m))
+            for k, row in enumerate(rows):
+                own[row, :, k] = np.eye(m)
+            own = given.beyond(own.reshape(n, m, -1))
+            basis = np.concatenate(
+                [basis, orthonormal_basis(project_out(basis, own), relative=UNDETERMINED)], axis=1
+            )
+            before, y = y, project_out(basis, given.y)
+            fall = float(before @ before - y @ y) / variance
+            price += readings[worst] * math.log(max(fall / readings[worst], 1.0)) - 2 * math.log(GROSS)
+            best = max(best, (given.left - float(y @ y)) / variance - price)
+        return best
+
+    def _gain_of_positions(self, given: _Given, piece: Piece, variance: float) -> float:
+        """Return what errors of single positions of the joint gain that a form follows; -inf where it is none."""
+        driven = {f.driver for f in piece.term.factors if self.drivers[f.driver].kind == "joint"}
+        if len(driven) != 1:
+            return -math.inf
+        number = position_numbers(self.drivers[driven.pop()].values)
+        count = int(number.max()) + 1
+        if count > SCATTERED:
+            return -math.inf
+        indicators = np.eye(count)[number]
+        own = given.beyond(self.follow[piece.at][:, :, None] * indicators[:, None, :])
+        values, vectors = eigh(own.T @ own)
+        values = np.maximum(values, 0.0)
+        along = vectors.T @ (own.T @ given.y)
+        gains = [
+            float(np.sum(along**2 / variance * tau / (1 + tau * values) - np.log1p(tau * values)))
+            for tau in np.geomspace(1e-2, 1e6, 9) / max(float(np.mean(values)), 1e-300)
+        ]
+        return max(gains) - 2 * math.log(len(gains))
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What chosen candidates leave of the whitened readings."""
+
+    evidence: Evidence
+    model: Columns
+    basis: Array
+    """Orthonormal, of the chosen candidates' columns, (N, r)."""
+    y: Array
+    left: float
+    """|y|²."""
+    dof: int
+
+    @classmethod
+    def of(cls, evidence: Evidence, chosen: Sequence[Candidate]) -> _Given:
+        model = evidence.model_for(chosen)
+        index = np.concatenate([np.zeros(0, int), *(evidence.parts[id(c)] for c in chosen)])
+        basis = orthonormal_basis(model.across[:, index])
+        y = project_out(basis, model.space.residual)
+        return cls(evidence, model, basis, y, float(y @ y), max(evidence.dof - basis.shape[1], 1))
+
+    @cached_property
+    def out(self) -> Array:
+        """Orthonormal, of the model's columns and those of chosen candidates, (N, p + r)."""
+        return np.concatenate([self.model.space.basis, self.basis], axis=1)
+
+    def beyond(self, columns: Array) -> Array:
+        """Return what of columns, (n, m, K), neither the model nor chosen candidates imitate, (N, K)."""
+        return project_out(self.basis, self.model.space.seen(columns))
+
+    def falls(self, columns: Sequence[Array]) -> Array:
+        """Return by how much each set of columns, (n, m, k), lowers the sum of squares."""
+        if not columns:
+            return np.zeros(0)
+        whole = unit_columns_of(np.concatenate(columns, axis=2))
+        white = self.model.space.shrunk(self.model.space.whiten(whole).reshape(len(self.y), -1))
+        # the products beyond the model and what was chosen, from whose rounding the least part is far
+        along, pull = self.out.T @ white, white.T @ self.y
+        found, sizes = np.zeros(len(columns)), np.array([c.shape[2] for c in columns])
+        starts = np.cumsum(sizes) - sizes
+        for size in np.unique(sizes):
+            these = np.flatnonzero(sizes == size)
+            part = starts[these][:, None] + np.arange(size)
+            x, a = np.moveaxis(white[:, part], 0, 1), np.moveaxis(along[:, part], 0, 1)
+            gram = np.swapaxes(x, 1, 2) @ x - np.swapaxes(a, 1, 2) @ a
+            found[these] = falls_from_products(gram, pull[part], least=COST.visible**2)
+        return found
+
+
+def unit_columns_of(columns: Array) -> Array:
+    """Return columns (n, m, K) of length 1."""
+    return unit_columns(columns.reshape(-1, columns.shape[2])).reshape(columns.shape)
+
+
+@dataclass(frozen=True)
+class _Rough:
+    """Some rows, on which products of a component and a function are sums over rows."""
+
+    rows: NDArray[np.int_]
+    squares: list[Array]
+    """Of each component, (n,)."""
+    sums: list[Array]
+    """Products of each component with what is taken out, (n, r), ..."""
+    pulls: list[Array]
+    """... and with what is to be explained, (n,)."""
+    part: float
+    """By how much less is to be explained than on all rows."""
+
+    @classmethod
+    def of(cls, given: _Given, chosen: Sequence[Candidate], follow: Sequence[Array]) -> _Rough:
+        """Return all rows where they are few and independent; else some, with a drift in place of the whitening."""
+        sensitivities = given.evidence.sensitivities
+        n, m = sensitivities.residual.shape
+        rows, space, basis, y = np.arange(n), given.model.space, given.basis, given.y
+        if n > ROUGH_ROWS or space.whiten is not unchanged:
+            rows = np.unique(np.linspace(0, n - 1, min(n, ROUGH_ROWS)).astype(int))
+            known = np.concatenate([sensitivities.model, *(c.columns for c in chosen)], axis=2)[rows]
+            drift = _drift(given, rows)
+            u, s, _ = svd(drift)
+            residual = sensitivities.residual[rows].ravel()
+            space = Space.of(known.reshape(len(residual), -1), residual, u, 1 / np.sqrt(1 + s**2), 0.0)
+            basis, y = np.zeros((len(residual), 0)), space.residual
+        out = np.concatenate(
+            [
+                space.directions * np.sqrt(1 - space.shrinks**2),
+                space.shrunk(np.concatenate([space.basis, basis], 1)),
+            ],
+            1,
+        ).reshape(len(rows), m, -1)
+        pull = space.shrunk(y).reshape(len(rows), m)
+        some = [column[rows] for column in follow]
+        return cls(
+            rows,
+            [np.sum(column**2, axis=1) for column in some],
+            [sum(column[:, k, None] * out[:, k] for k in range(m)) for column in some],
+            [np.sum(column * pull, axis=1) for column in some],
+            given.left / max(float(y @ y), 1e-300),
+        )
+
+    def groups(self, tried: Sequence[Term], drivers: Sequence[Driver]) -> list[tuple[list[Term], Array]]:
+        """Return terms of as many functions, with these in the rows, (n, terms, functions)."""
+        some = [replace(driver, values=driver.values[self.rows]) for driver in drivers]
+        alike: dict[int, list[Term]] = {}
+        for term in tried:
+            alike.setdefault(term.count, []).append(term)
+        return [(own, np.stack([term.functions(some) for term in own], axis=1)) for own in alike.values()]
+
+    def falls(self, places: Sequence[int], functions: Array) -> Array:
+        """Return by how much terms, (n, terms, functions), lower the sum of squares of all rows at components.
+
+        Returns
+        -------
+        ndarray, shape (places, terms)
+        """
+        n, terms, count = functions.shape
+        weight = np.stack([self.squares[at] for at in places])
+        # function by function, (count, n, terms), so that each is in one piece
+        single = np.ascontiguousarray(np.moveaxis(functions, 2, 0) / _length(functions).T[:, None, :])
+        gram, pull = np.zeros((len(places), terms, count, count)), np.zeros((len(places), terms, count))
+        pulls = np.stack([self.pulls[at] for at in places])
+        for k in range(count):
+            pull[:, :, k] = pulls @ single[k]
+            for other in range(k + 1):
+                gram[:, :, k, other] = weight @ (single[k] * single[other])
+        flat = single.transpose(1, 0, 2).reshape(n, -1).astype(np.float32)
+        for number, at in enumerate(places):
+            # in single precision: only which terms are compared on all rows depends on it
+            along = (self.sums[at].T.astype(np.float32) @ flat).reshape(-1, count, terms)
+            for k in range(count):
+                for other in range(k + 1):
+                    gram[number, :, k, other] -= np.einsum("rt,rt->t", along[:, k], along[:, other])
+        size = np.sqrt(np.stack([weight @ single[k] ** 2 for k in range(count)], axis=2))
+        size = np.where(size > 0, size, 1.0)
+        gram, pull = gram / size[:, :, :, None] / size[:, :, None, :], pull / size
+        if count == 1:
+            gram = gram[:, :, 0, 0]
+            seen = gram > COST.visible**2
+            return np.asarray(np.where(seen, pull[:, :, 0] ** 2 / np.where(seen, gram, 1.0), 0.0) * self.part)
+        return falls_from_products(gram, pull, least=COST.visible**2) * self.part
+
+
+def _length(functions: Array) -> Array:
+    """Return the lengths of functions, (n, terms, count), 1 in the place of none."""
+    size = np.sqrt(np.einsum("ntk,ntk->tk", functions, functions))
+    return np.where(size > 0, size, 1.0)
+
+
+def _any(of_drivers: Mask, some: Sequence[Term]) -> Mask:
+    """Return whether something is true, (places, drivers), of any driver of a term, (places, terms)."""
+    follows_it = np.zeros((of_drivers.shape[1], len(some)), int)
+    for k, term in enumerate(some):
+        follows_it[[factor.driver for factor in term.factors], k] = 1
+    return np.asarray(of_drivers.astype(int) @ follows_it > 0)
+
+
+def _drift(given: _Given, rows: NDArray[np.int_]) -> Array:
+    """Return columns of variance 1 of a drift of the frame in some rows, (N, d), as the whitening has it.
+
+    The frame's freedoms times cosines over the row are nearly what the covariance of a drift only stretches: by how
+    much is seen from what whitening makes of them.
+    """
+    frame = given.evidence.sensitivities.frame
+    n = len(frame)
+    waves = np.cos(np.pi * np.outer((np.arange(n) + 0.5) / n, np.arange(COSINES)))
+    columns = (frame[:, :, :, None] * waves[:, None, None, :]).reshape(n, frame.shape[1], -1)
+    columns = unit_columns_of(columns)
+    left = np.sum(given.model.space.whiten(columns) ** 2, axis=(0, 1))
+    stretched = np.maximum(1 / np.maximum(left, 1e-12) - 1, 0.0)
+    return np.asarray((columns * np.sqrt(stretched))[rows].reshape(-1, columns.shape[2]))

@@ -1,0 +1,186 @@
+"""Readings that are grossly wrong, and outliers that were taken out: which they are, and how far they are off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.array_types import Array, Mask
+from rodgen.calibration.rows import RowsOfFit, wrong_rows
+from rodgen.calibration.words import capitalized, in_component, sized
+from rodgen.data.set_aside import rows_text
+from rodgen.machines.machine import Machine
+from rodgen.machines.observations import Observations
+from rodgen.views import with_html
+
+NAMED = 8
+"""Readings whose errors a sentence gives."""
+
+
+class ReadingsOfFit(RowsOfFit, Protocol):
+    """What is asked of a fit whose readings are judged."""
+
+    @property
+    def machine(self) -> Machine:
+        """With the fitted values."""
+
+    @property
+    def observations(self) -> Observations:
+        """All rows."""
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Numbers of the parameters that were adjusted."""
+
+    @property
+    def outliers(self) -> Mask:
+        """Rows that were left out, (n,)."""
+
+    @property
+    def residuals(self) -> Array:
+        """Measured less predicted, (n, m), in `unit`."""
+
+    @property
+    def unit(self) -> str:
+        """Of residuals."""
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """What each component of a residual is shown in."""
+
+    @property
+    def in_units(self) -> Array:
+        """What brings components of residuals from `unit` to `units`, (m,)."""
+
+    @property
+    def gross_readings(self) -> tuple[GrossReading, ...]:
+        """See `gross_readings`."""
+
+    def refit(self, machine: Machine | None = None, *, outliers: Mask | None = None) -> Self:
+        """Return a fit of another machine without some rows."""
+
+
+@with_html
+@dataclass(frozen=True)
+class GrossReading:
+    """A reading that is grossly wrong.
+
+    Attributes
+    ----------
+    row : int
+        From 0, of the observations.
+    component : str
+        The component that is the farthest off.
+    off : float
+        Measured less predicted by a fit to the other rows, in the fit's unit.
+    others : float
+        Largest residual of the other rows there.
+    """
+
+    row: int
+    component: str
+    off: float
+    others: float
+
+    def to_dict(self, observations: Observations) -> dict[str, Any]:
+        """Return it as plain data, with the number of its row in the data as they were given."""
+        return asdict(self) | {"row": int(observations.given(np.array(self.row)))}
+
+
+def gross_readings(fit: ReadingsOfFit) -> tuple[GrossReading, ...]:
+    """Return the readings that are grossly wrong, in the order of the rows; two fits at most.
+
+    Parameters
+    ----------
+    fit : ReadingsOfFit
+        None are looked for where rows were left out already.
+    """
+    if fit.outliers.any():
+        return ()
+    found = wrong_rows(fit)
+    if not found.any():
+        return ()
+    # not from what was fitted, where such a row may have turned an axis by a whole turn
+    fitted = {fit.problem.model.parameters[i].key for i in fit.free}
+    values = {key: value for key, value in fit.machine.values.items() if key not in fitted}
+    without = fit.refit(replace(fit.machine, values=values), outliers=found)
+    wrong = wrong_rows(without)
+    if not np.array_equal(found, wrong):
+        without = without.refit(outliers=wrong)
+    rows = np.flatnonzero(wrong)
+    others = float(np.abs(without.residuals[~wrong]).max())
+    return tuple(
+        GrossReading(int(row), component, off, others)
+        for row, off, component in zip(rows, *_worst(without, rows), strict=True)
+    )
+
+
+def _worst(fit: ReadingsOfFit, rows: NDArray[np.int_]) -> tuple[list[float], list[str]]:
+    """Return the largest residual of each row, in the fit's unit, and its component."""
+    residuals, names = fit.residuals[rows], fit.machine.measurand.components
+    worst = np.argmax(np.abs(residuals), axis=1)
+    return residuals[np.arange(len(rows)), worst].tolist(), [names[i] for i in worst]
+
+
+def how_far_off(fit: ReadingsOfFit, offs: Sequence[float], components: Sequence[str]) -> str:
+    """Return by how much readings are off, as a sentence lists it: of many the first few.
+
+    Parameters
+    ----------
+    offs : sequence of float
+        In its unit.
+    components : sequence of str
+        Of the readings.
+    """
+    names = fit.machine.measurand.components
+    shown = dict(zip(names, zip(fit.in_units, fit.units, strict=True), strict=True))
+    listed = [
+        f"{_signed(off * shown[name][0])} {shown[name][1]}{f' {in_component(name)}' if len(names) > 1 else ''}"
+        for off, name in zip(offs[:NAMED], components, strict=False)
+    ]
+    more = f" and {len(offs) - NAMED} more" if len(offs) > NAMED else ""
+    return f"{', '.join(listed)}{more}"
+
+
+def _signed(off: float) -> str:
+    """Return a number with its sign and three digits, without an exponent where that is readable."""
+    return f"{off:+.0f}" if 1e3 <= abs(off) < 1e6 else f"{off:+.3g}"
+
+
+def on_outliers(fit: ReadingsOfFit, rows: NDArray[np.bool_]) -> str:
+    """Return which rows were taken out and by how much they are off; empty where none were.
+
+    Parameters
+    ----------
+    fit : ReadingsOfFit
+        Without them.
+    rows : ndarray of bool, shape (n,)
+    """
+    out = np.flatnonzero(rows)
+    if not len(out):
+        return ""
+    off = how_far_off(fit, *_worst(fit, out))
+    places = fit.observations.data.places(out)
+    return f"{len(out)} outlier{'s' * (len(out) != 1)}, taken out: {places}, off by {off}."
+
+
+def on_gross_readings(fit: ReadingsOfFit) -> str:
+    """Return a sentence on the readings that are grossly wrong; empty where there are none."""
+    gross = fit.gross_readings
+    if not gross:
+        return ""
+    data = fit.observations.data
+    wrong = [one.row for one in gross]
+    place = capitalized(data.places(wrong))
+    off = how_far_off(fit, [one.off for one in gross], [one.component for one in gross])
+    are, them, it = ("are", "these rows", "them") if len(gross) > 1 else ("is", "this row", "it")
+    rows = rows_text(data.numbers(wrong).tolist()).replace(" ", "")
+    return (
+        f"{place} {are} off by {off}, all other rows by {sized(gross[0].others, fit.unit, '.3g')} at most: "
+        f"correct {them}, or exclude {it} with rodgen exclude --rows {rows}, or fit with --loss huber; a fit by "
+        "least squares follows such errors."
+    )

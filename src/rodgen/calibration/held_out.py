@@ -1,0 +1,359 @@
+"""How well a fit predicts poses that it did not see.
+
+The poses are dealt into folds, each spread over the whole run. The model is fitted anew without the poses of one fold,
+and predicts these; so every pose is predicted once by a fit that did not know it. Which weights at later joints were
+taken in, which rows are outliers, and where the machine stands along directions of which its file says more than the
+readings, is as in the full fit: elsewhere the noise of a few poses would lead the new fits far, and slowly.
+
+In coordinates in which all information is the identity, a fold has a share S of it and pulls at the full fit by
+g = Bᵀr, B the derivative of its residuals r. Without it the fit is, to first order, (1 - S)⁻¹ g away: the new fit
+starts there, or from the full fit where that is nearer. Along an eigenvector of S with eigenvalue 1 the other folds
+know nothing. A pose that alone determines something, such as the only one of its set-up, is predicted by nothing, and
+left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rodgen.array_types import Array, Ints, Mask
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.problem.blocks import FOLDS as FOLDS_OF_PARTS
+from rodgen.calibration.problem.blocks import BlockProblem
+from rodgen.calibration.solve.least_squares import NEAR, NearFile, Solution, minimise, minimise_without, moved
+from rodgen.calibration.whitened import Whitened
+from rodgen.calibration.words import sized
+from rodgen.data.poses import groups
+from rodgen.errors import RodgenError, joined
+from rodgen.stages import each, stage
+from rodgen.statistics.decompositions import eigh
+from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
+from rodgen.views import Result
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
+    from rodgen.machines.model import Frame
+    from rodgen.machines.observations import Observations
+
+
+ONE_AT_A_TIME = 100
+"""Up to so many poses each is a fold of its own."""
+FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
+"""Folds of more poses, and folds where there are this many rows, so that every fit takes seconds."""
+FEWEST_APART = 5
+"""Replicates are kept together where the poses are at so many different places at least."""
+TOGETHER = 4096
+"""Rows of several fits that are evaluated at once, so that few numbers are held. Two fits or more have half of them at
+most: few enough that the search asks for nothing but normal equations."""
+NAMED = 3
+ENOUGH = 100
+"""Readings for each parameter at which the error on poses left out is that of the fit to half a per cent."""
+MOVED = 0.01
+"""Standard deviations by which a fit to the readings of the fit before moves a number at most."""
+
+
+@dataclass(frozen=True, repr=False)
+class HeldOut(Result):
+    """The error on poses that the fit did not see.
+
+    Attributes
+    ----------
+    rms : float or None
+        Per scalar reading, in `unit`, without outliers; None where no pose can be predicted from others.
+    unit : str
+    folds : int
+        How many fits were made.
+    poses : int
+        How many poses were dealt.
+    unpredicted : tuple of int
+        Rows that are left out, because only their own fold determines something that they depend on.
+    because : tuple of str
+        Keys of the parameters that this is.
+    converged : bool
+        Whether every fit ended.
+    """
+
+    rms: float | None
+    unit: str
+    folds: int
+    poses: int
+    unpredicted: tuple[int, ...] = ()
+    because: tuple[str, ...] = ()
+    converged: bool = True
+
+    _keys = "rms unit folds poses unpredicted because converged text"
+
+    @property
+    def text(self) -> str:
+        """One or two sentences."""
+        return " ".join(self._sentences())
+
+    def rises_from(self, before: HeldOut) -> bool:
+        """Return whether it is no smaller than before; False where one of them is not known."""
+        return self.rms is not None and before.rms is not None and not self.rms < before.rms
+
+    def _sentences(self) -> Iterator[str]:
+        if self.rms is None:
+            yield "No pose can be predicted from the others, so that there is no held-out error."
+        else:
+            how = "one at a time" if self.folds == self.poses else f"in {self.folds} folds"
+            poses = f"{self.poses} poses, {how}"
+            yield f"On poses that the fit did not see the rms is {sized(self.rms, self.unit, '.3g')} ({poses})."
+        if self.unpredicted:
+            names = joined(self.because, most=NAMED)
+            rows = f"{len(self.unpredicted)} row{'s' * (len(self.unpredicted) != 1)}"
+            yield f"Left out: {rows} without which nothing determines {names}."
+        if not self.converged:
+            yield "Not all of these fits converged."
+
+
+@dataclass(frozen=True)
+class HeldOutGeometry(Result):
+    """The error on poses that the fit did not see, with the estimated axes and points of joints and without."""
+
+    fitted: HeldOut
+    nominal: HeldOut
+
+    _keys = "fitted=fitted.rms nominal=nominal.rms unit=fitted.unit lowers"
+
+    @property
+    def lowers(self) -> bool:
+        """Whether it falls by what is estimated, or is not known."""
+        return not self.fitted.rises_from(self.nominal)
+
+    @property
+    def text(self) -> str:
+        """A sentence."""
+        with_, without = (
+            "unknown" if each.rms is None else sized(each.rms, each.unit, ".3g")
+            for each in (self.fitted, self.nominal)
+        )
+        falls = "falls" if self.lowers else "does not fall"
+        return (
+            f"Axes and points of joints are estimated, and the rms on poses that the fit did not see {falls} by that: "
+            f"{with_} with it, {without} without."
+        )
+
+
+def held_out_geometry(fit: FittedModel) -> HeldOutGeometry | None:
+    """Compare a fit with one to the same readings whose joints are where the file has them.
+
+    None where no axis or point is estimated, or all are where the file has them, as in a file that a fit wrote; and
+    where there are so many readings that no parameter can follow their noise.
+    """
+    machine = fit.machine
+    parts = {entry for entry in machine.estimate if entry.rpartition(".")[2] in ("axis", "point")}
+    if not parts or fit.problem.count * fit.problem.components > ENOUGH * len(fit.free):
+        return None
+    geometry = [estimate for key, estimate in fit.estimates.items() if key.rpartition(".")[0] in parts]
+    if not any(abs(one.value) > (MOVED * one.std if one.std else 0.0) for one in geometry if not one.held):
+        return None
+
+    def without_geometry(by_key: Any) -> Any:
+        return {key: x for key, x in by_key.items() if key.rpartition(".")[0] not in parts}
+
+    nominal = replace(
+        machine,
+        estimate=tuple(entry for entry in machine.estimate if entry not in parts),
+        values=without_geometry(machine.values),
+        ties=without_geometry(machine.ties),
+        known=without_geometry(machine.known),
+    )
+    if any(f"{part}." in str(tie) for part in parts for tie in nominal.ties.values()):
+        return None
+    return HeldOutGeometry(fit.held_out(FOLDS), fit.refit(nominal).held_out(FOLDS))
+
+
+@stage("error on poses left out")
+def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
+    """Predict every pose by a fit to others.
+
+    Parameters
+    ----------
+    fit : FittedModel
+        To all poses.
+    folds : int, optional
+        Into how many parts the poses are dealt, 2 or more; as many as there are poses, if that is fewer. Left out:
+        each of up to 100 poses alone where the fit converged, else 10, or 5 of more than 50 000 rows.
+
+    Raises
+    ------
+    RodgenError
+        For fewer than two folds.
+    """
+    if folds is not None and folds < 2:
+        raise RodgenError(f"held out in {folds} folds; expected 2 or more")
+    if isinstance(fit.problem, BlockProblem):
+        return _of_all_parts(fit, fit.problem)
+    o = fit.observations
+    pose, poses = _poses_to_deal(o)
+    if folds is None:
+        many = FOLDS_OF_MANY if o.n > MANY_ROWS else FOLDS
+        folds = poses if poses <= ONE_AT_A_TIME and fit.solution.converged else many
+    folds = min(folds, poses)
+    if folds < 2:
+        return HeldOut(None, fit.unit, 0, poses)
+    fold = deal(poses, folds)[pose]
+    problem = Problem(fit.problem.model, o)
+    squares, converged = 0.0, True
+    with one_thread_in_blas():
+        without = _Without(fit, fold, folds)
+        wanted = ~fit.outliers & ~without.unpredicted
+        predicted = [k for k in range(folds) if (wanted & (fold == k)).any()]
+        together = without.together(problem, predicted)
+        for k in each("error on poses left out", predicted):
+            held = wanted & (fold == k)
+            ends, residuals = next(together, (False, None))
+            if not ends or residuals is None:
+                problem.leave_out((fold == k) | fit.outliers)
+                solution = without.fitted(problem, k)
+                ends, residuals = (
+                    solution.converged,
+                    replace(fit, problem=problem, solution=solution).residuals,
+                )
+            converged &= ends
+            squares += float(np.sum(residuals[held] ** 2))
+    count = int(wanted.sum()) * problem.components
+    return HeldOut(
+        float(np.sqrt(squares / count)) if count else None,
+        fit.unit,
+        folds,
+        poses,
+        tuple(fit.observations.given(np.flatnonzero(without.unpredicted)).tolist()),
+        without.because,
+        converged,
+    )
+
+
+def _of_all_parts(fit: FittedModel, problem: BlockProblem) -> HeldOut:
+    """Return the error on poses of a scan that the fit did not see, whatever the number of folds that is asked for.
+
+    The fit without a fold is taken to first order: a fold of so many rows moves it by little.
+    """
+    theta, frame = fit.solution.theta, fit.solution.frame
+    with one_thread_in_blas():
+        root = Whitened(fit).root
+        points = []
+        for _, square, gradient in problem.equations_of_folds(theta, frame):
+            away = undo_leverage(root.T @ square @ root, root.T @ gradient, 1.0)
+            points.append(moved(problem, theta, frame, root @ away))
+        squares = float(problem.squares_of_folds(points).sum()) / fit.unit_factor**2
+    return HeldOut(
+        float(np.sqrt(squares / (fit.rows * problem.components))), fit.unit, FOLDS_OF_PARTS, problem.poses
+    )
+
+
+def _poses_to_deal(o: Observations) -> tuple[Ints, int]:
+    """Return the number of each row's pose, (n,), and how many there are; replicates of a pose count as that pose.
+
+    Equal commands, directions of approach and load are those of the first row of a pose.
+    """
+    _, first, pose = np.unique(o.pose, return_index=True, return_inverse=True)
+    load = [] if o.load is None else [o.load[first]]
+    place = groups([*o.q[first].T, *o.s[first].T, *load], len(first))
+    if int(place.max(initial=0)) + 1 < min(FEWEST_APART, len(first)):
+        return pose, len(first)
+    _, seen, number = np.unique(place, return_index=True, return_inverse=True)
+    rank = np.empty(len(seen), int)
+    rank[np.argsort(seen)] = np.arange(len(seen))  # in the order in which they were taken
+    return rank[number][pose], len(seen)
+
+
+class _Without:
+    """A fit without one of its folds, to first order.
+
+    Attributes
+    ----------
+    unpredicted : ndarray of bool, shape (n,)
+        Rows that depend on what only their own fold determines.
+    because : tuple of str
+        Keys of the parameters that this is.
+    """
+
+    def __init__(self, fit: FittedModel, fold: Ints, folds: int) -> None:
+        self.fit, self.fold = fit, fold
+        _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
+        near = NearFile(fit.problem, np.asarray(fit.free, int))
+        self.flat = near.idle(square, fit.solution.cost / fit.problem.freedom(len(fit.free)))
+        self.largest = near.largest(square)
+        self.whitened = whitened = Whitened(fit)
+        r = whitened.root.shape[1]
+        residuals = fit.problem.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
+        squares = np.sum(residuals**2, axis=1)
+        self.left = squares.sum() - np.bincount(fold, squares, folds)  # without each fold
+        self.shares, self.pulls = np.zeros((folds, r, r)), np.zeros((folds, r))
+        for rows, jacobian in whitened.jacobian_blocks():
+            for k in np.unique(fold[rows]):
+                here = fold[rows] == k
+                part = np.concatenate(jacobian[here])
+                self.shares[k] += part.T @ part
+                self.pulls[k] += part.T @ residuals[rows[here]].ravel()
+        self.unpredicted, self.because = self._alone(fold)
+
+    def fitted(self, problem: Problem, k: int) -> Solution:
+        """Return the fit without a fold, to a problem from which its rows are left out.
+
+        It starts where it is to first order, unless the full fit is better there.
+        """
+        solution, free, near = self.fit.solution, self.fit.free, self._near(problem, k)
+        # the equations are kept, and the fit begins with them
+        if problem.normal_equations(*near)[0] <= self.left[k]:
+            return minimise(problem, *near, free, damping=NEAR, kept=self.flat)
+        return minimise(problem, solution.theta, solution.frame, free, kept=self.flat)
+
+    def together(self, problem: Problem, folds: Sequence[int]) -> Iterator[tuple[bool, Array]]:
+        """Yield for each fold whether the fit without it ended soon, and all residuals of it; several at a time.
+
+        Yields nothing for compiled models and many rows, of which single fits are as fast, nor for closed chains, whose
+        fits need more than normal equations.
+        """
+        some = TOGETHER // max(problem.rows, 1)
+        if some < 2 or problem.model.compiled or problem.is_closed_chain or not self.fit.free:
+            return
+        fit = self.fit
+        for start in range(0, len(folds), some):
+            numbers = folds[start : start + some]
+            problem.leave_out(fit.outliers)
+            without = np.stack([self.fold == k for k in numbers])
+            starts = [self._near(problem, k) for k in numbers]
+            solutions = minimise_without(problem, starts, without, fit.free, damping=NEAR, kept=self.flat)
+            residuals = problem.residuals_at([(s.theta, s.frame) for s in solutions])
+            for k, solution, residual in zip(numbers, solutions, residuals, strict=True):
+                ends = bool(solution.converged and solution.cost <= self.left[k])
+                yield ends, fit.machine.measurand.error(residual, fit.observations.arm) / fit.unit_factor
+
+    def _near(self, problem: Problem, k: int) -> tuple[Array, Frame]:
+        """Return where the fit without a fold is to first order."""
+        away = undo_leverage(self.shares[k], self.pulls[k], 1.0)
+        solution = self.fit.solution
+        step = self.whitened.root @ away
+        if len(self.flat):
+            free = np.asarray(self.fit.free)
+            step[free] -= (self.flat * self.largest**2).T @ (self.flat @ step[free])
+        return moved(problem, solution.theta, solution.frame, step)
+
+    def _alone(self, fold: Ints) -> tuple[Mask, tuple[str, ...]]:
+        known: dict[int, Array] = {}
+        for k, share in enumerate(self.shares):
+            values, vectors = eigh(share)
+            if (values > 1 - ALONE).any():
+                known[k] = vectors[:, values > 1 - ALONE]
+        alone = np.zeros(len(fold), bool)
+        if not known:
+            return alone, ()
+        for rows, jacobian in self.whitened.jacobian_blocks():
+            for k, direction in known.items():
+                felt = np.linalg.norm(jacobian @ direction, axis=(1, 2)) ** 2 > ALONE
+                alone[rows[felt & (fold[rows] == k)]] = True
+        # of its variance, or, where that rests on a choice of coordinates, of what it does to the readings
+        chosen = self.fit.determinacy.undetermined[:, None]
+        parts_of = np.where(chosen, self.whitened.inverse.T, self.whitened.root)
+        size = np.linalg.norm(parts_of, axis=1)
+        size[size == 0.0] = 1.0
+        parts = np.max([np.linalg.norm(parts_of @ d, axis=1) / size for d in known.values()], axis=0)
+        parameters = zip(self.fit.parameters, parts, strict=True)
+        return alone, tuple(parameter.key for parameter, part in parameters if part**2 > 0.5)

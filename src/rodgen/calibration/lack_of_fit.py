@@ -1,0 +1,136 @@
+"""Whether the residuals are larger than the noise, that is, whether the model misses something.
+
+Where poses were repeated, the squares of the residuals split into those from the mean of the replicates (pure error)
+and those of that mean from the model, and their ratio is held against F. Where a noise is stated, their sum is held
+against chi-square with it. A stated noise may be too small, and replicates that follow each other share errors and
+scatter too little: so where both are known the residuals exceed the noise only if they exceed either. Readings of one
+pose depend on each other, so the degrees of freedom are those of as many independent readings as scatter alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.noise_floor import FEW_POSES, Replicates, independent_share, replicates
+from rodgen.calibration.words import chance
+from rodgen.data.poses import stretches
+from rodgen.statistics.f_tests import f_tail
+from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
+from rodgen.views import Result
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
+
+MOST_COLUMNS = 60
+"""Readings of a pose that are compared with each other; more count as repeating these."""
+
+
+@dataclass(frozen=True)
+class LackOfFit(Result):
+    """Whether the residuals are larger than the noise.
+
+    Attributes
+    ----------
+    p_value : float
+        Probability of residuals as large, were the model right; at least 1e-300.
+    ratio : float
+        Residuals over noise, as standard deviations with their degrees of freedom.
+    against : {"replicates", "stated"}
+        What the noise is known from.
+    statistic : float
+        F against replicates, chi-square against the stated noise.
+    degrees_of_freedom : tuple of float
+        Of F, or one of chi-square; effective ones.
+    text : str
+        One sentence.
+    """
+
+    p_value: float
+    ratio: float
+    against: str
+    statistic: float
+    degrees_of_freedom: tuple[float, ...]
+
+    _keys = "p_value ratio against statistic degrees_of_freedom text"
+
+    @property
+    def misses(self) -> bool:
+        """Whether the model misses something."""
+        return self.p_value < LACK_OF_FIT.rare
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        noise = "the stated noise" if self.against == "stated" else "the noise"
+        p = chance(self.p_value)
+        if self.misses:
+            return f"The residuals are {self.ratio:.3g} times {noise}: the model misses something ({p})."
+        if self.against == "stated" and self.p_value > 1 - LACK_OF_FIT.rare / 2:
+            return f"The residuals are only {self.ratio:.3g} times {noise}: the noise is less than stated."
+        return f"The residuals agree with {noise} ({self.ratio:.3g} times it, {p})."
+
+
+def lack_of_fit(fit: FittedModel) -> LackOfFit | None:
+    """Return the test of the residuals against the noise.
+
+    Returns
+    -------
+    LackOfFit or None
+        None where the noise is not known or zero, or no degree of freedom is left.
+    """
+    if fit.observations.sigma is None:
+        return _against_replicates(fit, replicates(fit))
+    pure, by_stated = replicates(fit, weighted=True), _against_stated(fit)
+    found = _against_replicates(fit, pure) if pure.deviations.poses >= FEW_POSES else None
+    if found is None or by_stated is None:
+        return by_stated
+    too_large = (
+        by_stated.p_value > 1 - LACK_OF_FIT.rare / 2
+    )  # a noise that the residuals contradict says nothing
+    return found if too_large or found.p_value > by_stated.p_value else by_stated
+
+
+def _against_replicates(fit: FittedModel, pure: Replicates) -> LackOfFit | None:
+    error = pure.deviations
+    cells = pure.cells * fit.problem.components - fit.determinacy.rank
+    residual_dof = cells - error.count
+    if error.count < 1 or residual_dof < 1 or not error.variance > 0:
+        return None
+    squares = max(pure.cell_squares - error.sum_of_squares, 0.0)
+    share = error.share
+    dof = (max(share * residual_dof, 1.0), max(share * error.count, 1.0))
+    statistic = squares / residual_dof / error.variance
+    ratio = float(np.sqrt(pure.cell_squares / cells / error.variance))
+    p = max(f_tail(statistic, *dof), SMALLEST_P)
+    return LackOfFit(p, ratio, "replicates", statistic, dof)
+
+
+def _against_stated(fit: FittedModel) -> LackOfFit | None:
+    """Return the test of the residuals against the stated noise; None where no degree of freedom is left."""
+    from scipy import special
+
+    o, left = fit.observations, fit.degrees_of_freedom
+    if left < 1:
+        return None
+    kept = ~fit.outliers
+    value = fit.residuals[kept] * fit.problem.base_weight[kept] * fit.unit_factor
+    share = _share(value, o.pose[kept], o.target[kept])
+    dof = max(share * left, 1.0)
+    ratio = (float(np.sum(value**2)) if o.blocks is None else fit.chi_square) / left
+    p = max(float(special.chdtrc(dof, dof * ratio)), SMALLEST_P)
+    return LackOfFit(p, float(np.sqrt(ratio)), "stated", dof * ratio, (dof,))
+
+
+def _share(value: NDArray[np.float64], pose: NDArray[np.int32], target: NDArray[np.int32]) -> float:
+    """Return the share of the degrees of freedom that the fit leaves; repeats of a target are columns, too."""
+    targets = int(target.max()) + 1
+    order = np.lexsort((target, pose))
+    repeat = np.empty(len(order), int)
+    repeat[order] = np.arange(len(order)) - np.repeat(*stretches(pose[order], target[order]))
+    some = repeat < max(MOST_COLUMNS // targets, 1)
+    column = repeat[some] * targets + target[some]
+    return float(some.mean()) * independent_share(value[some], np.ones_like(value[some]), pose[some], column)

@@ -1,0 +1,158 @@
+"""Sentences on the residuals with a verdict: they exceed the noise, joints moved once from end to end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rodgen.array_types import Array
+from rodgen.calibration.dependence import Correlation
+from rodgen.calibration.positions import distinct_positions
+from rodgen.calibration.sensitivities import Sensitivities
+from rodgen.calibration.words import chance, sized, uncapitalized
+from rodgen.data.poses import moved_one_way as joints_one_way
+from rodgen.errors import joined
+from rodgen.statistics.f_tests import f_tail
+from rodgen.statistics.robust import HALF_OF_NORMAL, has_heavy_tails
+from rodgen.statistics.thresholds import LACK_OF_FIT, VERDICT
+
+ROUNDING = 1e-12
+"""Residuals of a component, relative to the largest component's, that are none."""
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
+    from rodgen.machines.observations import Observations
+
+
+def disagreement(final: FittedModel, correlation: Correlation) -> str:
+    """Return a sentence on how the residuals exceed the noise; empty where they agree with it.
+
+    Parameters
+    ----------
+    correlation : Correlation
+        Of its residuals.
+    """
+    lack = final.lack_of_fit
+    if lack is None or not lack.p_value < LACK_OF_FIT.rare:
+        return ""
+    noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
+    if not correlation.claimed:
+        larger = f"The residuals are {lack.ratio:.3g} times {noise} ({chance(lack.p_value)})"
+        where = "the poses" if lack.against == "replicates" else _repeat_at(final)
+        if where:
+            return f"{larger} and repeat at {where}, but follow no function that the data could show."
+        return (
+            f"{larger}, but no effect explains that beyond chance: the noise is larger than that, or several effects "
+            "act that are too small to be found, or something that was not recorded."
+        )
+    if lack.ratio > VERDICT.wander:
+        return (
+            f"The residuals are {lack.ratio:.3g} times {noise}. {correlation.text} No effect explains this dependence "
+            "beyond chance."
+        )
+    if lack.against == "stated" and correlation.white > VERDICT.independent_error:
+        independent = f"The independent error of a reading is {correlation.white:.3g} times {noise}"
+        return f"{independent}, and {uncapitalized(correlation.text)}"
+    return ""
+
+
+def _repeat_at(final: FittedModel) -> str:
+    """Return at which joint's positions the residuals of different poses are alike; empty where they are not."""
+    kept = ~final.outliers
+    o = final.observations.take(np.flatnonzero(kept))
+    residuals = (final.residuals * final.problem.base_weight)[kept]
+    n, m = residuals.shape
+    for joint, q in zip(o.machine.joints, o.q.T, strict=True):
+        number = distinct_positions(q, len(np.unique(o.pose)))
+        if number is None or not number.any():
+            continue
+        count = np.bincount(number)
+        means = np.stack([np.bincount(number, column) for column in residuals.T], axis=1) / count[:, None]
+        along, across = (
+            float(count @ np.sum(means**2, axis=1)),
+            float(np.sum((residuals - means[number]) ** 2)),
+        )
+        dof = m * (len(count) - 1), m * (n - len(count))
+        if not across > 0 or min(dof) < 1:
+            continue
+        p = f_tail(along / dof[0] / (across / dof[1]), *dof)
+        if p * len(o.machine.joints) < LACK_OF_FIT.rare:
+            return f"the {len(count)} positions of {joint.name}"
+    return ""
+
+
+def uneven(final: FittedModel, too_many: int) -> str:
+    """Return a sentence on residuals of which many are far larger than most, so that no fit is sure; empty without.
+
+    Parameters
+    ----------
+    too_many : int
+        Rows that disagree with the others where these are too many to leave out, else 0.
+    """
+    either = (
+        "either many rows are wrong, such as misidentified targets, or something acts that was not recorded"
+    )
+    if too_many:
+        n = final.observations.n
+        return f"{too_many} of {n} rows disagree with the others by far more than these do: {either}."
+    sizes = _sizes(final)
+    half, worst = np.quantile(np.abs(sizes), [0.5, 0.95])
+    if not VERDICT.uneven * half < HALF_OF_NORMAL or not has_heavy_tails(sizes):
+        return ""
+    return (
+        f"Half of the residuals are within {sized(half * final.rms, final.unit, '.2g')}, but one of twenty is beyond "
+        f"{sized(worst * final.rms, final.unit, '.2g')}, far more than normal errors are: {either}."
+    )
+
+
+def _sizes(final: FittedModel) -> Array:
+    """Return the residuals of one reading of each pose that is believed, (poses, m); of each component the rms is 1.
+
+    A component that has none but rounding, such as that of a direction across a plane, is left out.
+    """
+    kept = np.flatnonzero(~final.outliers)
+    first = kept[np.unique(final.observations.pose[kept], return_index=True)[1]]
+    residuals: Array = final.residuals[first] * final.problem.base_weight[first]
+    size = np.sqrt(np.mean(residuals**2, axis=0))
+    seen = size > ROUNDING * np.max(size)
+    relative: Array = residuals[:, seen] / size[seen]
+    return relative
+
+
+def unknown_approach(o: Observations) -> str:
+    """Return a sentence on joints that moved, from which side is not known; empty where there are none."""
+    names = [
+        joint.name
+        for joint, q, told in zip(o.machine.joints, o.q.T, o.approach_known | o.approach_assumed, strict=True)
+        if np.ptp(q) > 0 and not told
+    ]
+    if not names:
+        return ""
+    return (
+        f"Backlash is not seen: from which side {joined(names)} came is not known, and the order of these rows does "
+        f"not tell. Note it in {joined([f'dir_{name}' for name in names])}, +1 or -1."
+    )
+
+
+def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str:
+    """Return a sentence on joints that went from end to end once while the set-up wandered; empty where there are none.
+
+    An error that follows such a joint slowly looks the same as the wander.
+
+    Parameters
+    ----------
+    correlation : Correlation
+        Of the residuals.
+    """
+    if not (correlation.wanders and correlation.claimed):
+        return ""
+    one_way = joints_one_way(sensitivities.observations.q)
+    names = [j.name for j, is_one in zip(sensitivities.fit.machine.joints, one_way, strict=True) if is_one]
+    if not names:
+        return ""
+    its, them = ("its", "it") if len(names) == 1 else ("their", "them")
+    return (
+        f"{joined(names)} went through {its} range once while the set-up wandered: an error that follows {them} slowly "
+        "looks the same as that. Measure in another order, or there and back."
+    )

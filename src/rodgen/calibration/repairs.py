@@ -1,0 +1,635 @@
+"""What people get wrong in machine files and tables of measurements, each as the change that puts it right."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, pairwise, permutations, product
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.array_types import Array
+from rodgen.calibration.problem.assembly_modes import closed
+from rodgen.calibration.problem.attitudes import attitude_numbers
+from rodgen.data.tables.writer import write_columns
+from rodgen.data.units import parse_unit
+from rodgen.errors import joined
+from rodgen.machines.machine import Machine
+from rodgen.machines.measured import TURNS
+from rodgen.machines.model import Model
+from rodgen.machines.observations import Observations
+from rodgen.machines.parts import BRANCHES, Joint, Vector
+from rodgen.machines.rigid import rotation_vector
+from rodgen.views import plain
+
+LENGTHS = ("mm", "inch", "m", "cm", "ft", "µm")
+ANGLES = ("deg", "rad", "gon", "arcmin", "arcsec", "turn", "mrad")
+"""Units that numbers may be in, the likely ones first."""
+RATIOS = {2.0: "twice", 0.5: "half of", 4.0: "four times", 0.25: "a quarter of"}
+"""How far a joint may go of what is commanded: counters count one, two or four edges of a line of an encoder."""
+SAME = 1e-6
+"""Relative difference of two names of one unit."""
+MOST_TARGETS = 6
+"""With more targets no two are exchanged: they are stars, or there are too many pairs."""
+PARALLEL = 0.999
+"""Cosine between axes of joints that a parallelogram may couple."""
+ALONG = 0.9
+"""Cosine from which on an axis is one of the machine, written by hand."""
+DIRECTIONS: tuple[Vector, ...] = (
+    (1.0, 0.0, 0.0),
+    (-1.0, 0.0, 0.0),
+    (0.0, 1.0, 0.0),
+    (0.0, -1.0, 0.0),
+    (0.0, 0.0, 1.0),
+    (0.0, 0.0, -1.0),
+)
+"""Those along the axes of the machine."""
+
+OfMachine: TypeAlias = Callable[[Machine], Machine]
+OfRows: TypeAlias = Callable[[Observations], Observations]
+
+
+@dataclass(frozen=True)
+class Repair:
+    """A change of the machine file, or of the data, that may put right what is wrong."""
+
+    words: str
+    """What is wrong, and how to write it: ``"A turns the other way: axis = [-1, 0, 0]"``."""
+    kind: str
+    """Repairs of one kind are alternatives to each other; those of two kinds can be made together."""
+    effort: int
+    """How much is changed; of repairs that are equally probable the one with the least is named first."""
+    machine: OfMachine | None = field(default=None, repr=False)
+    """The change of the machine; None: it stays."""
+    rows: OfRows | None = field(default=None, repr=False)
+    """The change of the observations, which are of the changed machine already; None: they stay."""
+    offset: int = 0
+    """Rows by which the readings are moved to earlier commands."""
+    commands_only: bool = False
+    """Whether targets and other columns stay with the readings then."""
+    enlarges: float = 1.0
+    """By which the readings are multiplied."""
+    instead: OfRows | None = field(default=None, repr=False)
+    """The change of observations that comes to the same as that of the machine, which would need new equations."""
+    parts: tuple[Repair, ...] = field(default=(), repr=False)
+    """Where it is several changes, these."""
+    in_figures: Callable[[Model, Array], str] | None = field(default=None, repr=False)
+    """Its words with what a fit with it shows, given model and parameters of the fit."""
+
+    @property
+    def of_machine(self) -> bool:
+        """Whether the machine file is changed."""
+        return self.machine is not None or any(part.of_machine for part in self.parts)
+
+    @property
+    def of_data(self) -> bool:
+        """Whether the data are changed."""
+        return self.rows is not None or self.offset != 0 or any(part.of_data for part in self.parts)
+
+    def in_words(self, model: Model, theta: Array) -> Repair:
+        """Return it with what a fit with it shows in its words."""
+        return self if self.in_figures is None else replace(self, words=self.in_figures(model, theta))
+
+    def then(self, second: Repair) -> Repair:
+        """Return both, one after the other; each finds joints by their names, wherever they are then."""
+        return Repair(
+            f"{self.words}; and {second.words}",
+            f"{self.kind}, {second.kind}",
+            self.effort + second.effort,
+            offset=self.offset + second.offset,
+            commands_only=self.commands_only or second.commands_only,
+            enlarges=self.enlarges * second.enlarges,
+            parts=(self, second),
+        )
+
+    def applied(
+        self, machine: Machine, observations: Observations, chosen: NDArray[np.int_] | None = None
+    ) -> tuple[Machine, Observations]:
+        """Return the machine and the observations after the change, or some rows; without those that are `unpaired`.
+
+        Raises
+        ------
+        RodgenError
+            When there can be no such machine, or its legs do not close.
+        """
+        rows = np.arange(observations.n) if chosen is None else chosen
+        if self.offset:
+            rows = rows[(rows + self.offset >= 0) & (rows + self.offset < observations.n)]
+        here = observations.take(rows) if self.offset or chosen is not None else observations
+        if self.offset:
+            there = observations.take(rows + self.offset)
+            here = (
+                replace(here, q=there.q, s=there.s, v=there.v) if self.commands_only else there.read_as(here)
+            )
+        for part in self.parts or (self,):
+            if part.instead is not None and chosen is not None:
+                here = part.instead(here)
+            else:
+                machine, here = part._changed(machine, here)
+        return machine, closed(here) if machine.kinematics.is_closed else here
+
+    def _changed(self, machine: Machine, observations: Observations) -> tuple[Machine, Observations]:
+        changed = machine if self.machine is None else self.machine(machine)
+        names = [joint.name for joint in machine.joints]
+        order = [names.index(joint.name) for joint in changed.joints]
+        here = replace(_with_joints(observations, order), machine=changed)
+        return changed, here if self.rows is None else self.rows(here)
+
+    def unpaired(self, observations: Observations) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+        """Return the rows whose commands have no readings any more, and those whose readings have no commands."""
+        n, rows = observations.n, np.arange(observations.n)
+        commands, readings = (rows + shift for shift in (-self.offset, self.offset))
+        return rows[(commands < 0) | (commands >= n)], rows[(readings < 0) | (readings >= n)]
+
+    def to_dict(self, observations: Observations) -> dict[str, Any]:
+        """Return it as plain data, with the numbers of the rows that it drops."""
+        commands, readings = (observations.given(rows).tolist() for rows in self.unpaired(observations))
+        return {
+            **plain(self, "change=words of_machine of_data"),
+            "rows": observations.n - len(readings),
+            "commands_without_readings": commands,
+            "readings_without_commands": readings,
+        }
+
+    def on_rows(self, observations: Observations) -> str:
+        """Return a sentence on how many rows the repaired data have, and which are dropped."""
+        commands, readings = self.unpaired(observations)
+        left = f"{observations.n - len(readings)} of {observations.n} rows"
+        if not len(readings):
+            return f"{left}."
+        places = observations.data.places
+        return f"{left}: the commands of {places(commands)} and the readings of {places(readings)} have no partner."
+
+
+def _with_joints(o: Observations, order: Sequence[int]) -> Observations:
+    """Return observations with the columns of the joints in another order."""
+    if list(order) == sorted(order):
+        return o
+    return replace(o, q=o.q[:, order], s=o.s[:, order], v=o.v[:, order], travel=o.travel[order])
+
+
+def repairs(machine: Machine, observations: Observations) -> list[Repair]:
+    """Return the changes that may put right what is wrong with a machine file or its data, the smallest first."""
+    moves = np.ptp(observations.q, axis=0) > 0
+    read = np.array([joint.is_read for joint in machine.joints])
+    found = [
+        *(_of_legs(machine) if machine.kinematics.is_closed else _of_joints(machine, moves)),
+        *_of_couplings(machine, moves),
+        *_of_readings(machine),
+        *_of_units(machine, observations, moves & read),
+        *_of_ratios(machine, moves & read),
+        *_of_columns(machine, moves & read),
+        *_of_targets(machine, observations),
+        *_of_runs(machine, observations),
+        *_of_gravity(machine),
+        *(_of_rows(observations) if moves.any() else ()),
+    ]
+    return sorted(found, key=lambda repair: repair.effort)
+
+
+# the machine file ------------------------------------------------------------------------------------------
+
+
+def _with_joint(name: str, change: Callable[[Joint], dict[str, Any]]) -> OfMachine:
+    """Return the change of some keys of a joint."""
+    return lambda machine: replace(
+        machine, joints=tuple(replace(j, **change(j)) if j.name == name else j for j in machine.joints)
+    )
+
+
+def _written(vector: Vector) -> str:
+    return f"[{', '.join(f'{x + 0.0:.6g}' for x in vector)}]"
+
+
+def _times(factor: float, vector: Vector) -> Vector:
+    x, y, z = (factor * component + 0.0 for component in vector)  # no -0
+    return x, y, z
+
+
+def _of_joints(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+    joints = machine.joints
+    for joint in (joint for joint, moving in zip(joints, moves, strict=True) if moving):
+        verb, about = ("turns", "about") if joint.revolute else ("moves", "along")
+        yield Repair(
+            f"{joint.name} {verb} the other way: axis = {_written(_times(-1, joint.axis))}",
+            f"axis {joint.name}",
+            1,
+            _with_joint(joint.name, lambda joint: {"axis": _times(-1, joint.axis)}),
+        )
+        if max(map(abs, joint.axis)) > ALONG:
+            for axis in DIRECTIONS:
+                if abs(np.dot(axis, joint.axis)) < ALONG:
+                    yield Repair(
+                        f"{joint.name} {verb} {about} another axis: axis = {_written(axis)}",
+                        f"axis {joint.name}",
+                        3,
+                        _with_joint(joint.name, lambda _, axis=axis: {"axis": axis}),  # type: ignore[misc]
+                    )
+    numbers = range(len(joints))
+    for order, effort, words in _orders(len(joints)):
+        if any((order[i] < machine.inner) != (i < machine.inner) for i in numbers):
+            continue  # a joint stays in its branch
+        if any(moves[i] for i in numbers if order[i] != i):
+            names = [joints[i].name for i in order]
+            words = f"{words}: the order of the chain is {joined(names, most=len(names))}"
+            yield Repair(words, "order", effort, _reordered(order))
+    if machine.branches:
+        (other,) = {*BRANCHES} - {machine.measured.instrument}
+        words = f'the instrument is on the {other}, the targets are not: instrument = "{other}"'
+        yield Repair(words, "order", 1, lambda machine: _seen_from(machine, other))
+    elif len(joints) > 1:
+        words = "the chain is written from the tool to the base: "
+        words += "reverse the order of the joints and the sign of each axis"
+        yield Repair(words, "order", 5, _inverted)
+    for i, j in combinations(numbers, 2):
+        a, b = joints[i], joints[j]
+        if a.type == b.type and a.axis != b.axis and (moves[i] or moves[j]):
+            words = (
+                f"the axes of {a.name} and {b.name} are exchanged: {_written(b.axis)} and {_written(a.axis)}"
+            )
+            yield Repair(words, "axes", 4, _exchanged_of("joints", "axis", a.name, b.name))
+
+
+def _of_couplings(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+    """Yield couplings with the other sign, joints that are coupled with none, and parallel ones that are coupled."""
+
+    def coordinate(joint: Joint, words: str, effort: int, **keys: Any) -> Repair:
+        return Repair(words, f"axis {joint.name}", effort, _with_joint(joint.name, lambda _: keys))
+
+    for (i, first), (j, joint) in pairwise(enumerate(machine.joints)):
+        parallel = first.revolute and joint.revolute and abs(np.dot(first.axis, joint.axis)) > PARALLEL
+        if parallel and moves[i] and moves[j] and not joint.coordinate and first.branch == joint.branch:
+            for sign in "-+":
+                text = f"{joint.column} {sign} {first.name}"
+                words = f'{joint.name} moves with {first.name}, too: reading = "{joint.column}", coordinate = "{text}"'
+                yield coordinate(joint, words, 2, reading=joint.column, coordinate=text)
+    for joint, stated in zip(
+        machine.joints, machine.couplings.stated if machine.couplings else (), strict=False
+    ):
+        if stated is None:
+            continue
+        alike = all(machine.quantities[name] == joint.type for name, _ in stated.factors)
+        if alike and not stated.constant and {name for name, _ in stated.factors} != {joint.reading}:
+            parts = [(name, x if name == joint.reading else -x) for name, x in stated.factors]
+            text = " ".join(_part(name, float(x)) for name, x in parts).removeprefix("+ ")
+            text = f"-{text[2:]}" if text.startswith("- ") else text
+            yield coordinate(
+                joint, f'{joint.name} follows the other way: coordinate = "{text}"', 1, coordinate=text
+            )
+        if joint.is_read and len(stated.factors) > 1:
+            words = f"{joint.name} moves by its own reading alone: no coordinate"
+            yield coordinate(joint, words, 1, coordinate=None, reading_travel=None)
+
+
+def _part(name: str, factor: float) -> str:
+    size = "" if abs(factor) == 1 else f"{abs(factor):.12g}*"
+    return f"{'-' if factor < 0 else '+'} {size}{name}"
+
+
+def _of_ratios(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+    """Yield joints that go another way than is commanded by a factor, as of a gear or of counted edges."""
+    if machine.kinematics.is_closed:
+        return
+    for joint in (joint for joint, moving in zip(machine.joints, moves, strict=True) if moving):
+        for ratio, words in RATIOS.items() if not joint.coordinate else ():
+            text = f"{ratio:g}*{joint.column}"
+            keys = {"reading": joint.column, "coordinate": text}
+            yield Repair(
+                f"{joint.name} {'turns' if joint.revolute else 'moves'} by {words} what its reading says: "
+                f'reading = "{joint.column}", coordinate = "{text}"',
+                f"unit {joint.column}",
+                2,
+                _with_joint(joint.name, lambda _, keys=keys: keys),  # type: ignore[misc]
+                instead=_columns_scaled([joint.column], ratio),
+            )
+
+
+def _orders(n: int) -> Iterator[tuple[tuple[int, ...], int, str]]:
+    """Yield orders in which joints may be meant: two exchanged, one elsewhere, all reversed."""
+    seen = {tuple(range(n))}
+    for i, j in combinations(range(n), 2):
+        order = list(range(n))
+        order[i], order[j] = j, i
+        seen.add(tuple(order))
+        yield tuple(order), 3, "joints are in the wrong order"
+    for i, j in permutations(range(n), 2):
+        order = list(range(n))
+        order.insert(j, order.pop(i))
+        if tuple(order) not in seen:
+            seen.add(tuple(order))
+            yield tuple(order), 4, "a joint stands at the wrong place in the chain"
+    if tuple(reversed(range(n))) not in seen:
+        yield tuple(reversed(range(n))), 4, "the joints are written from the tool to the base"
+
+
+def _reordered(order: Sequence[int]) -> OfMachine:
+    return lambda machine: replace(machine, joints=tuple(machine.joints[i] for i in order))
+
+
+def _seen_from(machine: Machine, instrument: str) -> Machine:
+    """Return a machine of two branches with the instrument on one of them."""
+    measured = replace(machine.measured, instrument=instrument)
+    return replace(machine, joints=machine.joints[::-1], measured=measured)
+
+
+def _inverted(machine: Machine) -> Machine:
+    joints = tuple(replace(joint, axis=_times(-1, joint.axis)) for joint in reversed(machine.joints))
+    return replace(machine, joints=joints)
+
+
+def _exchanged_of(of: str, key: str, first: str, second: str) -> OfMachine:
+    """Return the change that exchanges a key of two joints, or of two targets."""
+
+    def changed(machine: Machine) -> Machine:
+        parts = {part.name: part for part in getattr(machine, of)}
+        keys = {first: getattr(parts[second], key), second: getattr(parts[first], key)}
+        several = tuple(replace(p, **{key: keys.get(p.name, getattr(p, key))}) for p in parts.values())
+        return replace(machine, **{of: several})  # type: ignore[arg-type]
+
+    return changed
+
+
+def _of_legs(machine: Machine) -> Iterator[Repair]:
+    kinematics = machine.kinematics
+    if {"R", "r"} <= set(kinematics.numbers):
+        (outer,), (inner,) = kinematics.number("R"), kinematics.number("r")
+        changed = replace(kinematics, R=inner, r=outer)  # type: ignore[call-arg]
+        yield Repair(
+            f"base and platform are exchanged: R = {inner:g}, r = {outer:g}",
+            "geometry",
+            2,
+            lambda machine: replace(machine, kinematics=changed),
+        )
+
+
+def _of_gravity(machine: Machine) -> Iterator[Repair]:
+    """Yield other directions of gravity, where weight does anything in the model."""
+    if any(term.uses_gravity or term.uses_moment for term in machine.structure.terms):
+        for direction in sorted(DIRECTIONS, key=lambda d: float(np.dot(d, machine.gravity))):
+            if np.dot(direction, machine.gravity) < ALONG:
+                yield Repair(
+                    f"weight acts in another direction: gravity = {_written(direction)}",
+                    "gravity",
+                    1 if np.dot(direction, machine.gravity) < -ALONG else 2,
+                    lambda machine, direction=direction: replace(machine, gravity=direction),  # type: ignore[misc]
+                )
+
+
+# units -----------------------------------------------------------------------------------------------------
+
+
+def _of_units(machine: Machine, observations: Observations, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+    """Yield numbers that are in another unit than is written with them."""
+    columns = observations.data.columns
+    for revolute in (True, False):
+        those = [
+            j.column
+            for j, moving in zip(machine.joints, moves, strict=True)
+            if moving and j.revolute == revolute
+        ]
+        for names in [*([name] for name in those), *([those] if len(those) > 1 else [])]:
+            for words, factor in _other_units(names, columns[names[0]].unit, ANGLES if revolute else LENGTHS):
+                rows = _columns_scaled(names, factor)
+                yield Repair(words, f"unit {joined(names)}", min(len(names), 2), rows=rows)
+    if not machine.measurand.moving:
+        return
+    readings, length = machine.measurand.columns[:3], machine.length_unit
+    for words, factor in _other_units(readings, columns[readings[0]].unit, LENGTHS):
+        yield Repair(words, "unit readings", 1, rows=_readings_scaled(factor), enlarges=factor)
+    for words, factor in _other_units(("the lengths of the machine file", ""), length, LENGTHS):
+        yield Repair(
+            words,
+            "unit file",
+            2,
+            lambda machine, factor=factor: _enlarged(machine, factor),  # type: ignore[misc]
+        )
+
+
+def _other_units(
+    names: Sequence[str], written: str | None, units: Sequence[str]
+) -> Iterator[tuple[str, float]]:
+    """Yield that numbers are in other units, with the factor that brings them to the unit that is written."""
+    one = parse_unit(str(written)).factor()
+    for unit in units:
+        factor = parse_unit(unit).factor() / one
+        if abs(factor - 1) > SAME:
+            subject, verb = joined([name for name in names if name]), "are" if len(names) > 1 else "is"
+            yield f"{subject} {verb} in {unit}, not in {written}", factor
+
+
+def _columns_scaled(names: Sequence[str], factor: float) -> OfRows:
+    def changed(o: Observations) -> Observations:
+        scale = np.array([factor if joint.column in names else 1.0 for joint in o.machine.joints])
+        return replace(o, q=o.q * scale, travel=o.travel * scale[:, None])
+
+    return changed
+
+
+def _readings_scaled(factor: float) -> OfRows:
+    def changed(o: Observations) -> Observations:
+        sigma = None if o.sigma is None else o.sigma * factor
+        return replace(o, reading=o.reading * factor, sigma=sigma, arm=o.arm * factor)
+
+    return changed
+
+
+def _enlarged(machine: Machine, factor: float) -> Machine:
+    kinematics = machine.kinematics
+    numbers = {name: tuple(factor * x for x in kinematics.number(name)) for name in kinematics.numbers}
+    changed = {name: x if len(x) > 1 else x[0] for name, x in numbers.items()}
+    origin = machine.measured.origin
+    return replace(
+        machine,
+        joints=tuple(replace(joint, point=_times(factor, joint.point)) for joint in machine.joints),
+        targets=tuple(replace(target, point=_times(factor, target.point)) for target in machine.targets),
+        measured=replace(machine.measured, origin=None if origin is None else _times(factor, origin)),
+        kinematics=replace(kinematics, **changed),
+    )
+
+
+# the data --------------------------------------------------------------------------------------------------
+
+
+def _of_readings(machine: Machine) -> Iterator[Repair]:
+    """Yield the ways in which three columns may be exchanged, or have other signs."""
+    if machine.measurand.has_attitude:
+        words = "the attitudes are those of the measuring frame in the body, not of the body in the measuring frame"
+        yield Repair(words, "attitudes", 2, rows=_attitudes_inverted)
+    if not machine.measurand.is_place:
+        return
+    columns = machine.measurand.columns[:3]
+    if machine.measured.frame == "free":  # a free frame turns as it likes: only the handedness counts
+        words = f"the readings are in a left-handed frame: negate {columns[0]}, or exchange two of {joined(columns)}"
+        yield Repair(words, "readings", 1, rows=_readings_turned([0, 1, 2], [-1, 1, 1]))
+        return
+    for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
+        changed = sum(order[i] != i for i in range(3))
+        negative = [columns[i] for i in range(3) if signs[i] < 0]
+        if not 0 < changed + len(negative) <= 3:
+            continue
+        named = ", ".join(columns[i] for i in order)
+        parts = [f"the sign of {joined(negative)} is wrong"] if negative else []
+        if changed:
+            parts.append(f"the order is {named}" if negative else f"the readings are in the order {named}")
+        effort = 1 + changed + len(negative) - bool(changed)
+        yield Repair(" and ".join(parts), "readings", effort, rows=_readings_turned(order, signs))
+
+
+def _readings_turned(order: Sequence[int], signs: Sequence[int]) -> OfRows:
+    def changed(o: Observations) -> Observations:
+        sigma = None if o.sigma is None else o.sigma[:, [*order, *range(3, o.sigma.shape[1])]]
+        return replace(o, reading=o.reading[:, list(order)] * np.array(signs, float), sigma=sigma)
+
+    return changed
+
+
+def _attitudes_inverted(o: Observations) -> Observations:
+    assert o.attitude is not None
+    return replace(o, attitude=np.ascontiguousarray(o.attitude.swapaxes(1, 2)))
+
+
+def _of_columns(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+    for (i, a), (j, b) in combinations(enumerate(machine.joints), 2):
+        if a.dimension == b.dimension and (moves[i] or moves[j]):
+            words = f"the columns {a.column} and {b.column} are exchanged"
+            yield Repair(words, "columns", 2, rows=_exchanged(a.name, b.name))
+
+
+def _exchanged(first: str, second: str) -> OfRows:
+    def changed(o: Observations) -> Observations:
+        names = [joint.name for joint in o.machine.joints]
+        other = {first: second, second: first}
+        return _with_joints(o, [names.index(other.get(name, name)) for name in names])
+
+    return changed
+
+
+def _of_targets(machine: Machine, observations: Observations) -> Iterator[Repair]:
+    targets = machine.targets
+    seen = np.unique(observations.target)
+    if len(targets) <= MOST_TARGETS:
+        for (i, a), (j, b) in combinations(enumerate(targets), 2):
+            if i in seen or j in seen:
+                words = f"the targets {a.name} and {b.name} are exchanged"
+                yield Repair(words, "targets", 2, _exchanged_of("targets", "point", a.name, b.name))
+    if len(targets) == 1 and machine.measurand.is_direction:
+        for point in DIRECTIONS:
+            if np.dot(point, targets[0].point) < ALONG:
+                elsewhere = (replace(targets[0], point=point),)
+                yield Repair(
+                    f"{targets[0].name} looks elsewhere: point = {_written(point)}",
+                    "targets",
+                    3,
+                    lambda machine, elsewhere=elsewhere: replace(machine, targets=elsewhere),  # type: ignore[misc]
+                )
+
+
+def _of_runs(machine: Machine, observations: Observations) -> Iterator[Repair]:
+    """Yield that a target was mounted anew between runs: each run has one of its own."""
+    runs, count = observations.run_names, len(machine.targets)
+    seen = np.unique(observations.target * len(runs) + observations.run)
+    if len(runs) == 1 or len(seen) == len(np.unique(observations.target)) or len(seen) > MOST_TARGETS * count:
+        return
+    names = [f"{target.name}_{run}" for target in machine.targets for run in runs]
+    targets = tuple(replace(machine.targets[k // len(runs)], name=names[k]) for k in seen)
+    estimate = machine.estimate if "target" in machine.estimate else (*machine.estimate, "target")
+
+    def rows(o: Observations) -> Observations:
+        return replace(o, target=np.searchsorted(seen, o.target * len(runs) + o.run).astype(np.int32))
+
+    def words(figures: str) -> str:
+        one = f"each run alone fits: the target sits differently in each run{figures}; give each run its own target"
+        return f"{one}, {joined([target.name for target in targets])}"
+
+    yield Repair(
+        words(""),
+        "targets",
+        2,
+        lambda machine: replace(machine, targets=targets, estimate=estimate),
+        rows,
+        in_figures=lambda model, theta: words(_remounted(model, theta)),
+    )
+
+
+def _remounted(model: Model, theta: Array) -> str:
+    """Return how far the targets of later runs are turned, or moved, from that of the first."""
+    every = range(len(model.machine.targets))
+    if model.structure.measurand.has_attitude:
+        first, *others = (model.attitude(theta, k) for k in every)
+        turns = [np.linalg.norm(rotation_vector(other @ first.T)) for other in others]
+        return f" (turned by {joined([f'{np.degrees(turn):.3g}°' for turn in turns])})"
+    if not model.structure.moving:
+        return ""
+    first, *others = (model.target(theta, k)[0] for k in every)
+    ways = [f"{np.linalg.norm(other - first):.3g} {model.machine.length_unit}" for other in others]
+    return f" (moved by {joined(ways)})"
+
+
+def far_offsets(observations: Observations) -> tuple[int, ...]:
+    """Return by how many rows readings may be shifted against commands: 1 and 2, and the targets of a pose."""
+    targets = len(np.unique(observations.target))
+    far = {1, 2} | ({targets} if targets <= MOST_TARGETS else set())
+    return tuple(sign * k for k in sorted(far) for sign in (1, -1))
+
+
+def _of_rows(observations: Observations) -> Iterator[Repair]:
+    several_targets = len(np.unique(observations.target)) > 1
+    offsets = far_offsets(observations)
+    for offset in offsets if observations.n > 4 * max(offsets) else ():
+        rows = f"{abs(offset)} row{'s' * (abs(offset) > 1)} {'later' if offset > 0 else 'earlier'}"
+        words = f"the readings are shifted against the commands: each belongs to those {rows}"
+        if not several_targets:
+            yield Repair(words, "rows", 2, offset=offset)
+            continue
+        yield Repair(f"{words}, with its target", "rows", 2, offset=offset)
+        yield Repair(f"{words}, while its target is right", "rows", 2, offset=offset, commands_only=True)
+
+
+def write_repaired_data(
+    repaired: Observations, observations: Observations, path: str | os.PathLike[str]
+) -> None:
+    """Write the table of repaired observations; what was not changed keeps its digits.
+
+    Parameters
+    ----------
+    repaired, observations : Observations
+        After and before the change.
+    path : str or os.PathLike
+        Ends in ``.csv``, ``.csv.gz`` or ``.parquet``.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be written.
+    """
+    machine, data = observations.machine, repaired.data
+    numbers = {joint.name: j for j, joint in enumerate(repaired.machine.joints)}
+    changed: dict[str, NDArray[np.float64]] = {}
+    for joint in machine.joints:
+        j = numbers[joint.name]
+        changed[joint.column] = repaired.q[:, j]
+        changed[f"v_{joint.column}"] = repaired.v[:, j]
+        changed[f"dir_{joint.column}"] = repaired.s[:, j].astype(float)
+    for i, name in enumerate(machine.measurand.columns):
+        if i < repaired.reading.shape[1]:
+            changed[name] = repaired.reading[:, i]
+        if repaired.sigma is not None:
+            changed[f"u_{name}"] = repaired.sigma[:, i] / (repaired.arm if name in TURNS else 1.0)
+    if repaired.attitude is not None:
+        changed |= attitude_numbers(repaired.attitude, data)
+    columns: dict[str, Any] = {}
+    for name, column in data.columns.items():
+        values = column.values
+        if name in changed:
+            factor = parse_unit(column.unit).factor(machine.length_unit) if column.unit else 1.0
+            new = np.array([float(f"{x:.12g}") for x in changed[name] / factor])
+            if not np.allclose(new, values, rtol=1e-11, atol=0):
+                values = new
+        columns[column.text] = values
+    if len(repaired.machine.targets) != len(machine.targets):
+        names = np.array([target.name for target in repaired.machine.targets])
+        columns["target"] = names[repaired.target]
+    write_columns(path, columns)

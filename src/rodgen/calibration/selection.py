@@ -1,0 +1,261 @@
+"""The cheapest set of effects, and what else would do in the place of each of them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rodgen.calibration.candidates import Candidate
+from rodgen.calibration.diagnosis import Ranked
+from rodgen.calibration.evidence import Evidence
+from rodgen.stages import stage
+from rodgen.statistics.thresholds import COST
+
+BEAM = 6
+"""Sets that are kept from one size to the next."""
+PROMISING = 24
+"""Candidates, the likeliest by a bound, whose cost is computed for each set."""
+LOOKAHEAD = 6.0
+"""How much dearer a larger set may be than the best one before the search ends: two effects may hide each other."""
+FEW = 8
+"""Candidates of which pairs with their best partners are looked at."""
+
+
+@stage("testing effects")
+def select(evidence: Evidence) -> list[Candidate]:
+    """Return the cheapest set of candidates: a beam forwards, then exchanges, removals and merges.
+
+    Empty where no set is so many times as probable as none; see `COST.something`.
+    """
+    best = _beam(evidence)
+    while (better := _improved(evidence, best)) is not None:
+        best = better
+    best = _needed(evidence, best)
+    if evidence.cost([]) - evidence.cost(best) < COST.something:
+        return []
+    return _needed(evidence, _named(evidence, _plausible(evidence, best)))
+
+
+def ordered(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
+    """Return a set in the order in which its effects lower the cost most, those of the catalogue before forms."""
+    left, found = list(chosen), list[Candidate]()
+    while left:
+        best = min(left, key=lambda c: (bool(c.driver), evidence.cost([*found, c])))
+        found.append(best)
+        left = [c for c in left if c is not best]
+    return found
+
+
+def _beam(evidence: Evidence) -> list[Candidate]:
+    best, beam = list[Candidate](), [list[Candidate]()]
+    for _ in range(COST.most):
+        grown = dict[frozenset[tuple[str, str | None]], list[Candidate]]()
+        for chosen in beam:
+            for c in evidence.promising(chosen, PROMISING):
+                tried = [*chosen, c]
+                key = frozenset(one.key for one in tried)
+                if key not in grown or evidence.cost(tried) < evidence.cost(grown[key]):
+                    grown[key] = tried
+        beam = sorted(grown.values(), key=evidence.cost)[:BEAM]
+        if not beam or evidence.cost(beam[0]) > evidence.cost(best) + LOOKAHEAD:
+            break
+        best = min([best, beam[0]], key=evidence.cost)
+    return best
+
+
+def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | None:
+    """Return a cheaper set, with one less, one or two in the place of one, or one in that of several; None without."""
+    others = [chosen[:i] + chosen[i + 1 :] for i in range(len(chosen))]
+    tried = [*others]
+    for rest in others:
+        near = evidence.promising(rest, PROMISING)
+        tried += [[*rest, c] for c in near]
+        tried += [[*rest, a, b] for a, b in _pairs(evidence, rest, near)]
+    for c in evidence.promising(chosen, PROMISING):
+        tried.append(merged := [*chosen, c])
+        while len(merged) > 2:
+            merged = min(([*merged[:i], *merged[i + 1 :]] for i in range(len(merged) - 1)), key=evidence.cost)
+            tried.append(merged)
+    better = min(tried, key=evidence.cost, default=chosen)
+    return better if evidence.cost(better) < evidence.cost(chosen) - 1e-6 else None
+
+
+def _pairs(
+    evidence: Evidence, rest: Sequence[Candidate], near: Sequence[Candidate]
+) -> list[tuple[Candidate, Candidate]]:
+    """Return the pairs of candidates that may explain most beside a set: each likely one with its best partner."""
+    found = dict[frozenset[tuple[str, str | None]], tuple[Candidate, Candidate]]()
+    for a in near[:FEW]:
+        for b in evidence.promising([*rest, a], 2):
+            found.setdefault(frozenset({a.key, b.key}), (a, b))
+    return list(found.values())
+
+
+def _needed(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
+    """Return the set without effects that it hardly needs."""
+    while chosen:
+        weak = min(chosen, key=lambda c: worth(evidence, chosen, c))
+        if worth(evidence, chosen, weak) >= COST.needed:
+            break
+        chosen = [c for c in chosen if c is not weak]
+    return chosen
+
+
+def worth(evidence: Evidence, chosen: Sequence[Candidate], one: Candidate) -> float:
+    """Return what a set costs more without one effect; nothing where others' formulas need only be a little wrong.
+
+    An effect whose formula is imperfect leaves a part that another effect at the same place, or of the whole machine,
+    may look like.
+    """
+    others = [c for c in chosen if c is not one]
+    if any(c.effect.place in {one.effect.place, None} or one.effect.place is None for c in others):
+        explained = evidence.explained(others)
+        if evidence.explained(chosen) - explained < COST.imperfect**2 * explained:
+            return 0.0
+    return evidence.cost(others) - evidence.cost(chosen)
+
+
+def _plausible(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
+    """Return the set with each effect exchanged for what such machines rather have, where formulas decide no more."""
+    for k in range(len(chosen)):
+        rest = [c for c in chosen if c is not chosen[k]]
+        near = evidence.promising(rest, PROMISING)
+        best = min(near, key=lambda c: _dearer(evidence, chosen, rest, [c]), default=chosen[k])
+        if _dearer(evidence, chosen, rest, [best]) < 0:
+            chosen = [*chosen[:k], best, *chosen[k + 1 :]]
+    return chosen
+
+
+def _named(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
+    """Return the set with effects of the catalogue in the place of forms that fit the readings hardly better.
+
+    What nobody has named has no usual size, so that the size of what has one decides nothing between the two.
+    """
+    for form in [c for c in chosen if c.driver]:
+        rest = [c for c in chosen if c is not form]
+        near = [c for c in evidence.promising(rest, 2 * PROMISING) if not c.driver]
+        best = min(near, key=lambda c: evidence.misfit([*rest, c]), default=None)
+        if best is not None and evidence.misfit([*rest, best]) < evidence.misfit(chosen) + COST.needed:
+            chosen = [*rest, best]
+    return chosen
+
+
+def _dearer(
+    evidence: Evidence, chosen: Sequence[Candidate], rest: Sequence[Candidate], new: Sequence[Candidate]
+) -> float:
+    """Return how much dearer a set is with other effects in the place of some, as far as formulas are exact.
+
+    What the effects in question explain they explain to a part `COST.imperfect`: a difference in chi-square that is
+    smaller says nothing.
+    """
+    tried = [*rest, *new]
+    more = evidence.cost(tried) - evidence.cost(chosen)
+    if not math.isfinite(more):
+        return more
+    # errors that readings share may explain what the other effects do not
+    model = evidence.model_for(tried)
+    variance, whole = evidence.variance(model, chosen), evidence.explained(chosen, model)
+    known = COST.imperfect**2 * (whole - evidence.explained(rest, model)) / variance
+    better = (whole - evidence.explained(tried, model)) / variance
+    return more - min(max(better, -known), known)
+
+
+@dataclass(frozen=True)
+class Equal:
+    """Effects that may be in the place of others that were chosen.
+
+    Attributes
+    ----------
+    replaced : tuple of Candidate
+        One or two of the set.
+    candidates : tuple of Candidate
+        One or more in their place.
+    cost : float
+        How much dearer the set is with them.
+    """
+
+    replaced: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]
+    cost: float
+
+
+def _parts(evidence: Evidence, rest: Sequence[Candidate], one: Candidate) -> list[Candidate]:
+    """Return effects of fewer columns that together may be in the place of one, such as zeros in that of an offset.
+
+    As many as it has columns at most: each explains most of what those before it leave.
+    """
+    left = [c for c in evidence.candidates if len(c.names) < len(one.names) and not c.driver]
+    found = list[Candidate]()
+    for _ in one.names:
+        there = {c.key for c in (*rest, *found)}
+        left = [c for c in left if c.key not in there]
+        if left:
+            found.append(max(left, key=lambda c: evidence.explained([*rest, *found, c])))
+    return found
+
+
+@stage("what else would explain it")
+def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
+    """Return what these data cannot distinguish from the effects of a set, the likeliest first.
+
+    One effect in the place of one, two or as many as it has columns in the place of one, and one in that of several.
+    """
+    found = list[Equal]()
+    for one in chosen:
+        rest = [c for c in chosen if c is not one]
+        near = evidence.promising(rest, PROMISING)
+        singles = dict[tuple[str, str | None], Equal]()
+        for c in near:
+            cost = _dearer(evidence, chosen, rest, [c])
+            if (
+                c.key != one.key
+                and not c.driver
+                and cost < min(COST.tied, singles[c.key].cost if c.key in singles else math.inf)
+            ):
+                singles[c.key] = Equal((one,), (c,), cost)
+        found += singles.values()
+        for a, b in _pairs(evidence, rest, near):
+            if one.key in {a.key, b.key} or a.driver or b.driver:
+                continue
+            cost = _dearer(evidence, chosen, rest, [a, b])
+            alone = min((singles[c.key].cost for c in (a, b) if c.key in singles), default=math.inf)
+            if cost < min(COST.tied, alone - COST.needed):
+                found.append(Equal((one,), (a, b), cost))
+        parts = _parts(evidence, rest, one)
+        for n in range(3, len(parts) + 1):
+            cost, keys = _dearer(evidence, chosen, rest, parts[:n]), {c.key for c in parts[:n]}
+            fewer = [x.cost for x in found if x.replaced == (one,) and {c.key for c in x.candidates} <= keys]
+            if cost < min([COST.tied, *(other - COST.needed for other in fewer)]):
+                found.append(Equal((one,), tuple(parts[:n]), cost))
+    for several in (s for n in range(2, len(chosen) + 1) for s in itertools.combinations(chosen, n)):
+        rest = [c for c in chosen if c not in several]
+        best = dict[tuple[str, str | None], Equal]()
+        for c in evidence.promising(rest, FEW):
+            cost = _dearer(evidence, chosen, rest, [c])
+            if cost < COST.tied and not c.driver and all(c.key != one.key for one in several):
+                best.setdefault(c.key, Equal(several, (c,), cost))
+        found += best.values()
+        if len(several) == 3:
+            break
+    return sorted(found, key=lambda one: one.cost)
+
+
+def ranking(evidence: Evidence) -> tuple[Ranked, ...]:
+    """Return every effect of the catalogue, weighed on the model without anything, the most probable first."""
+    nothing, total = evidence.cost([]), evidence.models[0].square
+    best: dict[tuple[str, str | None], Ranked] = {}
+    for c in (one for one in evidence.candidates if not one.driver):
+        explains = evidence.explained([c]) / total if total > 0 else 0.0
+        one = Ranked(c.effect, log10_of(nothing - evidence.cost([c])), evidence.visible(c), explains)
+        if c.key not in best or one.log10_odds > best[c.key].log10_odds:
+            best[c.key] = one
+    for c in evidence.unseen:
+        best.setdefault(c.key, Ranked(c.effect, -math.inf, evidence.visible(c), 0.0))
+    return tuple(sorted(best.values(), key=lambda one: -one.log10_odds))
+
+
+def log10_of(cost: float) -> float:
+    """Return the logarithm of the odds that a difference of costs is."""
+    return cost / 2 / math.log(10)

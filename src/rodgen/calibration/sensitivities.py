@@ -1,0 +1,125 @@
+"""The derivative of the readings by every component of every joint, from which the columns of candidates are made.
+
+An effect adds a formula to a component of a place: the reading of a joint, a translation or a rotation behind it, the
+frame. To first order it changes the readings by the derivative with respect to that component, times the formula. So
+one model with a bare parameter at every component, evaluated once, serves all effects that are such products, those
+of the catalogue and those outside of it. Effects that are not such a product (moments of the weight, beams,
+the geometry, the instrument) are in that model themselves, at zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.array_types import Array
+from rodgen.calibration.dependence import frame_motion, sample_of
+from rodgen.calibration.possible_effects import bare_effects, bare_key, problem_with
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.machines.machine import Effect
+from rodgen.machines.observations import Observations
+from rodgen.machines.structure import CLOSED, GRAVITY, TENSION
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
+
+Place: TypeAlias = str | None
+
+DIRECT = (
+    frozenset({"axis", "point", "target", "remounting", "frame_shift", "factor", "axes", "lift", "sag"})
+    | CLOSED
+)
+"""Components of effects that are in the model themselves, ..."""
+MOMENTS = frozenset({"M", "M_perp", "M_across", "M_guide"})
+"""... as do effects whose formula has one of these."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """A fit's residuals and their derivatives with respect to everything that an effect may change."""
+
+    fit: FittedModel
+    """At whose parameters the derivatives are taken."""
+    rows: NDArray[np.int_]
+    """Rows of the fit's observations that decisions are made on; no outliers, (n,)."""
+    observations: Observations
+    """These rows."""
+    weight: Array
+    residual: Array
+    """Weights, and weighted residuals, (n, m)."""
+    columns: Array
+    """Derivatives of the weighted residuals, (n, m, parameters)."""
+    index: Mapping[str, int]
+    """Number of each parameter's column, by its key."""
+    words: dict[Place, dict[str, Any]] = field(default_factory=dict, repr=False)
+    """What formulas may use at each place, once it was asked for."""
+
+    @classmethod
+    def of(cls, fit: FittedModel, effects: Sequence[Effect] = ()) -> Sensitivities:
+        """Return the sensitivities at a fit.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            Candidates; those that are not such a product are in the model themselves.
+        """
+        machine = fit.machine
+        direct = [effect for effect in effects if is_direct(effect)]
+        rows = sample_of(fit.observations, ~fit.outliers)
+        problem, theta = problem_with(fit, [*direct, *bare_effects(machine)], rows)
+        with one_thread_in_blas():
+            columns = problem.jacobian(theta, fit.solution.frame)
+            residual = problem.residuals(theta, fit.solution.frame, weighted=True)
+        columns = np.moveaxis(
+            np.ascontiguousarray(np.moveaxis(columns, 2, 0)), 0, 2
+        )  # a column is in one piece
+        index = {parameter.key: i for i, parameter in enumerate(problem.model.parameters)}
+        return cls(fit, rows, problem.observations, problem.weight, residual, columns, index)
+
+    @property
+    def model(self) -> Array:
+        """Derivatives with respect to the parameters that the fit can change, (n, m, p)."""
+        moving = [self.index[self.fit.parameters[i].key] for i in self.fit.moving]
+        return np.asarray(self.columns[:, :, moving])
+
+    @cached_property
+    def frame(self) -> Array:
+        """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions."""
+        model, solution = self.fit.problem.model, self.fit.solution
+        return frame_motion(model, self.observations, solution.theta, solution.frame, self.weight)
+
+    @property
+    def middle(self) -> Array:
+        """The middle of the places that were measured, (3,)."""
+        solution = self.fit.solution
+        places = Problem(self.fit.problem.model, self.observations).places(solution.theta, solution.frame)
+        return np.asarray(places.mean(axis=0))
+
+    def component(self, place: Place, component: str) -> Array | None:
+        """Return the derivative with respect to a component of a place, (n, m); None where the place lacks it.
+
+        A leg of a closed chain has a reading only.
+
+        Parameters
+        ----------
+        place : str or None
+            A joint; None for the whole machine.
+        component : str
+            ``"reading"`` of a joint, or one of ``tx ty tz rx ry rz``.
+        """
+        key = bare_key(place, component)
+        return None if key not in self.index else np.asarray(self.columns[:, :, self.index[key]])
+
+
+def is_direct(effect: Effect) -> bool:
+    """Return whether an effect is in the model itself, because it is not a component times a number per row."""
+    definition = effect.definition
+    names = definition.formula.names
+    return not definition.own and (
+        definition.component in DIRECT or bool(names & (MOMENTS | GRAVITY | {TENSION}))
+    )
