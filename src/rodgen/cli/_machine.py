@@ -12,12 +12,12 @@ from rodgen.errors import RodgenError
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose import Diagnosis
+    from rodgen.calibration.diagnosis import Diagnosis
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.measurements import Measurements, Scan
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
+    from rodgen.machines.observations import Observations
 
 
 FILES = """\
@@ -114,7 +114,7 @@ def remark_on_rows(observations: Observations) -> None:
 
 def remark_on_readings(fit: FittedModel) -> None:
     """Name readings that are grossly wrong, on standard error."""
-    from rodgen.calibration.checks.gross import on_gross_readings
+    from rodgen.calibration.gross_readings import on_gross_readings
 
     if gross := on_gross_readings(fit):
         notify(gross)

@@ -15,13 +15,15 @@ from rodgen.files import write_file
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
-    from rodgen.calibration.file_check import Check, Mend
+    from rodgen.calibration.check import Check
+    from rodgen.calibration.repairs import Repair
 
 _CHECK = f"""\
 Check whether a machine file and its measurements can belong together, before anything is explained by them. Where they
 cannot, what people get wrong is tried: signs and directions of axes, the order of joints and of columns, the
-handedness of the readings, degrees and radians, units of length, base and tool exchanged, rows shifted. The smallest
-change that mends the files is named, with others that do the same. The exit code is 1 where something is wrong.
+handedness of the readings, degrees and radians, units of length, ratios, base and tool exchanged, the direction of
+gravity, a target mounted anew in each run, rows shifted. The smallest change that puts the files right is named, with
+others that are equally probable. The exit code is 1 where something is wrong.
 
 {FILES}"""
 
@@ -48,8 +50,8 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     with stage("starting"):
-        from rodgen.calibration.file_check import check
-        from rodgen.calibration.file_check.repairs import write_repaired_data
+        from rodgen.calibration.check import check
+        from rodgen.calibration.repairs import write_repaired_data
         from rodgen.machines.files.edit import text_with_geometry
         from rodgen.machines.machine import Machine
 
@@ -88,14 +90,15 @@ def _run(options: argparse.Namespace) -> int:
     return FAILED if found.wrong else OK
 
 
-def _mending(options: argparse.Namespace, found: Check, mend: Mend | None) -> Iterator[str]:
+def _mending(options: argparse.Namespace, found: Check, mend: Repair | None) -> Iterator[str]:
     """Yield which mended files were written, or which option writes them."""
     written = [path for path in (options.output, options.mended_data) if path]
     if written:
         yield f"Mended: {', '.join(written)}"
         if options.mended_data and mend:
             yield f"{options.mended_data} has {mend.on_rows(found.observations)}"
-    elif mend and mend.of_data:
+        return
+    if mend and mend.of_data:
         yield "The data must be changed; --mended-data FILE writes them."
-    elif mend:
+    if mend and mend.of_machine:
         yield "-o MENDED.toml writes the machine file with that change."

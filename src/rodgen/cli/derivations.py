@@ -16,7 +16,7 @@ import sys
 import traceback
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import FAILED, OK, Command, conclude, notify, refused, show
 from rodgen.cli._values import InputFile, OutputFile, OutputFolder
@@ -100,7 +100,10 @@ def _kernels(options: argparse.Namespace) -> int:
     folder = Path(options.output)
     own = options.derivation is None
     # rodgen's own kernels are a NumPy extension, too
-    written_as = {"targets": options.target or USUAL_TARGETS, "extension": own and not options.target}
+    written_as: dict[str, Any] = {
+        "targets": options.target or USUAL_TARGETS,
+        "extension": own and not options.target,
+    }
     try:
         if not options.check:
             with stage("writing kernels"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rodgen.cli._console import Command, UsageError, after_fits, refused, show_result
@@ -12,13 +13,13 @@ from rodgen.errors import joined
 from rodgen.files import write_file
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose import Diagnosis
+    from rodgen.calibration.diagnosis import Diagnosis
 
 _DIAGNOSE = f"""\
 Fit a machine, and find the physical effect that its model lacks. Every effect of the catalogue is tested at every
-joint; those that the data support are added one at a time, each with the effects that these data cannot distinguish
-from it. Among these the one that such machines most often have is named first, unless --prefer says otherwise. An
-error that no effect of the catalogue explains is given as a formula. "Nothing is missing" and "these data cannot tell"
+joint; the most probable set of them is named, each with its odds, and with the effects that these data cannot
+distinguish from it. What such machines most often have is more probable, unless --prefer says otherwise. An error
+that no effect of the catalogue explains is given as a formula. "Nothing is missing" and "these data cannot tell"
 are possible answers. Outliers are left out, which -o notes in the new machine file, and the correlation of readings is
 estimated.
 
@@ -76,7 +77,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _write(options: argparse.Namespace, found: Diagnosis) -> str:
     """Write the machine file with what was found, and return what it has more than the one before."""
-    from rodgen.machines.files.edit import text_with_effects, text_with_set_aside
+    from rodgen.machines.files.edit import text_with_effects, text_with_geometry, text_with_set_aside
 
     if options.only and max(options.only) > len(found.found):
         expected = (
@@ -84,15 +85,21 @@ def _write(options: argparse.Namespace, found: Diagnosis) -> str:
         )
         raise refused("--only", f"{max(options.only)}", expected)
     effects = [one.effect for n, one in enumerate(found.found, 1) if not options.only or n in options.only]
-    text = text_with_effects(options.machine, effects)
+    text = None
+    if found.geometry is not None:
+        estimated = replace(found.geometry.before.machine, estimate=found.geometry.estimate)
+        text = text_with_geometry(options.machine, estimated)
+    text = text_with_effects(options.machine, effects, text)
     if found.further_exclusions:
         text = text_with_set_aside(options.machine, found.machine.measured.set_aside, text)
     write_file(options.output, text.encode())
-    what = f"with {joined(effect.title for effect in effects)}" if effects else "without a change"
+    more = ["its dimensions estimated"] if found.geometry is not None else []
+    more += [effect.title for effect in effects]
+    what = f"with {joined(more)}" if more else "without a change"
     if count := len(found.outliers):
         outliers = f"{count} outlier{'s' * (count > 1)}"
         if found.further_exclusions:
-            what = f"{what if effects else 'with the same model'}; {outliers} set aside"
+            what = f"{what if more else 'with the same model'}; {outliers} set aside"
         else:
             what = f"{what}; {outliers} not set aside: that is done in one file that is read whole"
     return f"{options.output}: {options.machine} {what}"

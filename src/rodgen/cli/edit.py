@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 _ADD = f"""\
 Copy a machine file and add an effect of the catalogue or of your own formula; the rest of the file, including comments,
 is unchanged. What a diagnosis found is added by 'rodgen diagnose -o'. With DATA the machine is fitted without and with
-the effect: the error on the poses of the fit and on poses left out, compared with the noise, whether the effect is
-significant, and its remedy. F and p are of each effect, given all others; a diagnosis prints the same p.
+the effect: the error on the poses of the fit and on poses left out, compared with the noise, how many
+times as probable the readings are with the effect as without it, given all others, and its remedy.
 
 {FILES}
   rodgen add mount.toml gravity_windup stars.csv --joint EL --hold k2=0
@@ -112,10 +112,10 @@ def add_to(command: Command) -> None:
 
 
 def _add(options: argparse.Namespace) -> int:
-    from rodgen.machines.effects.rules import UnfitEffectError
-    from rodgen.machines.effects.typed import assignments, effect_with, holding
     from rodgen.machines.files.edit import text_with_effects
     from rodgen.machines.machine import Machine
+    from rodgen.machines.rules import UnfitEffectError
+    from rodgen.machines.typed_effects import assignments, effect_with, holding
 
     if options.formula is None and (options.component or options.parameter):
         found = "--component or --parameter without --formula"
@@ -276,7 +276,7 @@ def _set(options: argparse.Namespace) -> int:
         expected = joined([*machine.known, *machine.ties]) or "an entry; there is none"
         raise InputFileError(file, "[known] and [ties]", f"nothing of {shown(key)}", expected)
     output = write_machine(options, text, key.split("."))
-    changed = machine_of(text, output, Machine)
+    changed = machine_of(text, output)
     entries = {
         "known": known_line(changed, key, changed.known[key]) if key in changed.known else None,
         "tied_to": changed.ties[key].text if key in changed.ties else None,
@@ -419,9 +419,9 @@ def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
 
 
 def _advice(effect: Effect, rung: Rung, *, added: bool) -> Iterator[str]:
-    """Describe the effect, and its remedy when it is significant."""
+    """Describe the effect, and its remedy when the readings need it."""
     definition = effect.definition
-    real = rung.step is not None and rung.step.significant
+    real = rung.step is not None and rung.step.needed
     if added:
         yield from definition.paragraphs("Meaning", "Usual size", *(["Remedy"] if real else []))
     elif real:

@@ -88,11 +88,10 @@ def _run(options: argparse.Namespace) -> int:
         with stage("writing files"):
             write_file(options.output, machine_text(fixed_machine(fit.excluding_outliers())).encode())
     if options.residuals:
-        from rodgen.calibration.residuals import residual_columns
         from rodgen.data.tables import copy_with
 
         with stage("writing files"):
-            copy_with(options.data, options.residuals, residual_columns(fit))
+            copy_with(options.data, options.residuals, fit.residual_columns())
     show_result(options, lambda: fit.to_dict() | ({"wrong_file": wrong} if wrong else {}), lambda: text)
     return after_fits(fit.solution.converged)
 

@@ -136,7 +136,6 @@ def _add_options(made: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.files.read import machine_of
-    from rodgen.machines.machine import Machine
 
     figures = figures_for(options.plot)
     made, given = _imported(options)
@@ -149,12 +148,12 @@ def _run(options: argparse.Namespace) -> int:
     machine = made.machine
     said = list(made.notes)
     if options.output:
-        machine = machine_of(made.text, options.output, Machine)
+        machine = machine_of(made.text, options.output)
         write_file(options.output, made.text.encode())
         said += ["", f"{options.output}:", machine.describe()]
     wrong, observations = False, None
     if made.columns:
-        from rodgen.calibration.file_check import check
+        from rodgen.calibration.check import check
 
         data = made.measurements()
         checked = check(machine, data)

@@ -54,7 +54,6 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.files.read import machine_of
-    from rodgen.machines.machine import Machine
     from rodgen.machines.templates import KINDS, machine_template
 
     kind, latitude = options.kind, options.latitude
@@ -67,7 +66,7 @@ def _run(options: argparse.Namespace) -> int:
         text = machine_template(
             kind, code=options.code, latitude=north, balls=options.balls, ballbar=options.ballbar
         )
-        machine = machine_of(text, options.output or kind, Machine)
+        machine = machine_of(text, options.output or kind)
         if options.output:
             write_file(options.output, text.encode())
     show(

@@ -12,7 +12,7 @@ from rodgen.errors import RodgenError
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose import Diagnosis
+    from rodgen.calibration.diagnosis import Diagnosis
 
 _PLAN = f"""\
 Plan what to measure next: readings within the machine's travel that distinguish the effects which the data cannot tell
@@ -100,7 +100,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _diagnosed(options: argparse.Namespace) -> Diagnosis:
     """Return the diagnosis; a remark names the rows that it left out."""
-    from rodgen.calibration.checks.gross import on_outliers
+    from rodgen.calibration.gross_readings import on_outliers
 
     found = diagnosed(options)
     if out := on_outliers(found.final_with_forms, found.base.outliers):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias
 
+from rodgen.calibration.check import Check
+from rodgen.data.measurements import Measurements
 from rodgen.data.set_aside import rows_text
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.files.edit import (
@@ -19,9 +21,7 @@ from rodgen.machines.files.edit import (
 )
 from rodgen.machines.files.read import effect_of
 from rodgen.machines.machine import Effect, Machine
-
-if TYPE_CHECKING:
-    from rodgen.workbench.session import State
+from rodgen.machines.observations import Observations
 
 __all__ = [
     "ACTIONS",
@@ -38,6 +38,34 @@ __all__ = [
 ]
 
 Place: TypeAlias = str | None
+
+
+class Edited(Protocol):
+    """The state of a session, :class:`rodgen.workbench.session.State`, that an action changes."""
+
+    @property
+    def file(self) -> str:
+        """The machine file."""
+
+    @property
+    def text(self) -> str:
+        """Its text."""
+
+    @property
+    def machine(self) -> Machine:
+        """The machine that it describes."""
+
+    @property
+    def data(self) -> Measurements:
+        """The measurements, with all rows."""
+
+    @property
+    def observations(self) -> Observations:
+        """Those that count, bound to the machine."""
+
+    @property
+    def check(self) -> Check:
+        """Whether the files can be right."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +86,7 @@ class Action:
         """What it does, in a few words."""
         raise NotImplementedError
 
-    def text(self, state: State) -> str:
+    def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
         return state.text
 
@@ -109,7 +137,7 @@ class Add(_OfEffect):
         """What it does, in a few words."""
         return f"+ {_titled(self.name, self.place)}"
 
-    def text(self, state: State) -> str:
+    def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
         return text_with_effects(state.file, [self.made(state.machine)], state.text)
 
@@ -127,7 +155,7 @@ class Written(_OfEffect):
         what = f"{held} held" if held else "nothing held"
         return f"{_titled(self.name, self.place)}: {what}"
 
-    def text(self, state: State) -> str:
+    def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
         without = state.machine.without_effect(self.name, self.place)
         return text_with_effect(state.file, self.made(without), state.text)
@@ -152,7 +180,7 @@ class Remove(Action):
         """What it does, in a few words."""
         return f"- {_titled(self.name, self.place)}"
 
-    def text(self, state: State) -> str:
+    def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
         return text_without_effect(state.file, self.name, self.place, state.text)
 
@@ -181,7 +209,7 @@ class Known(Action):
             said.append("within " + " and ".join(map(str, self.content["bounds"])))
         return f"{self.key}: {', '.join(said) or 'nothing is known of it'}"
 
-    def text(self, state: State) -> str:
+    def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
         return text_with_known(state.file, self.key, self.content, state.text)
 
@@ -207,7 +235,7 @@ class Tie(Action):
         """What it does, in a few words."""
         return f"{self.key} = {self.to}" if self.to else f"{self.key}: tied no more"
 
-    def text(self, state: State) -> str:
+    def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
         return text_with_tie(state.file, self.key, self.to, state.text)
 
@@ -243,7 +271,7 @@ class _OfRows(Action):
         rows = f"{len(self.rows)} row{'s' * (len(self.rows) != 1)}" if len(self.rows) else "all rows"
         return f"{self.where or (f'run {self.run}' if self.run else rows)} {self._done}"
 
-    def text(self, state: State) -> str:
+    def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
         changed: Machine = getattr(state.machine, self._method)(state.data, **self._said)
         return text_with_set_aside(state.file, changed.measured.set_aside, state.text)
@@ -289,7 +317,7 @@ class Mend(Action):
         """What it does, in a few words."""
         return f"mended: {self.words}"
 
-    def text(self, state: State) -> str:
+    def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
         for mend in state.check.repairs:
             if mend.words == self.words and not mend.of_data:

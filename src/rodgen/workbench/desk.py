@@ -12,27 +12,64 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.errors import RodgenError
+from rodgen.machines.machine import Effect
 from rodgen.stages import listening
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose import Diagnosis
-    from rodgen.calibration.diagnose.suspects import Suspects
+    from rodgen.calibration.diagnosis import Diagnosis
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.plan import Plan
+    from rodgen.calibration.suspects import Suspects
     from rodgen.workbench.actions import Action
-    from rodgen.workbench.planning import Wish
     from rodgen.workbench.session import Session, State
 
-__all__ = ["Desk", "Window", "Work"]
+__all__ = ["LIMITS", "Desk", "Window", "Wish", "Work"]
 
 T = TypeVar("T")
 
 
+LIMITS = "limits.toml"
+"""What commands call the file of constraints."""
+
+
 class Window(Protocol):
-    """A window that shows a desk."""
+    """A window that shows a desk, :class:`rodgen.workbench.page.Page`."""
+
+    desk: Desk
+    plots: dict[str, Any]
+
+    @property
+    def state(self) -> State:
+        """What holds now."""
+
+    def show(self, name: str, place: Any, figure: Any, *, kind: str = "", revision: str = "") -> Any:
+        """Draw a figure at its place."""
 
     async def refresh(self, what: str) -> None:
         """Show anew: ``"state"``, ``"suspects"``, ``"work"``, ``"plan"``."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a plan is to be for."""
+
+    n: int
+    wanted: tuple[str, ...] = ()
+    """Keys of parameters, or of effects, that are to be sharpened."""
+    alternatives: tuple[Effect, ...] = ()
+    """Effects that are to be told apart."""
+    constraints: str = ""
+    """Text of a file of constraints; empty: none."""
+
+    def plan(self, state: State, subject: Fit | Diagnosis) -> Plan:
+        """Return the plan, of a fit or a diagnosis of a state."""
+        from rodgen.calibration.plan import plan, plan_for
+        from rodgen.calibration.plan.constraints import constraints_of
+
+        limits = constraints_of(self.constraints, LIMITS, state.machine) if self.constraints else None
+        if self.alternatives:
+            return plan_for(state.fit, [self.alternatives], self.n, constraints=limits)
+        return plan(subject, self.n, wanted=self.wanted or None, constraints=limits)
 
 
 class _StoppedError(Exception):
@@ -186,7 +223,7 @@ class Desk:
 
     @staticmethod
     def _suspects_of(state: State) -> Suspects | None:
-        from rodgen.calibration.diagnose.suspects import suspects
+        from rodgen.calibration.suspects import suspects
 
         try:
             return suspects(state.fit)

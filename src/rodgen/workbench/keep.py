@@ -21,7 +21,7 @@ from rodgen.workbench.parts import button, dialog
 from rodgen.workbench.session import ENDING
 
 if TYPE_CHECKING:
-    from rodgen.workbench.page import Page
+    from rodgen.workbench.desk import Window
 
 __all__ = ["Keeping", "file_in"]
 
@@ -48,10 +48,10 @@ class Keeping:
 
     Parameters
     ----------
-    page : Page
+    page : Window
     """
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: Window) -> None:
         self.page = page
         session = page.desk.session
         self.folder = os.path.dirname(os.path.abspath(session.state.file))

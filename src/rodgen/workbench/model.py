@@ -18,7 +18,7 @@ from rodgen.workbench.parts import anew, button, card, completing, dialog
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate
-    from rodgen.workbench.page import Page
+    from rodgen.workbench.desk import Window
 
 __all__ = ["Model", "keys"]
 
@@ -41,10 +41,10 @@ class Model:
 
     Parameters
     ----------
-    page : Page
+    page : Window
     """
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: Window) -> None:
         self.page = page
         self.card = card("Model").classes("last")
         self.own = _Own(page)
@@ -166,7 +166,7 @@ def _number(text: str) -> float:
 class _Own:
     """The card of a formula of the user's own: checked while it is typed."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: Window) -> None:
         self.page = page
         machine = page.state.machine
         places = {joint.name: f"joint {joint.name}" for joint in machine.joints}

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from nicegui import ui
 
-from rodgen.calibration.words import probability
-from rodgen.data.drivers import Driver
+from rodgen.calibration.words import odds_text
 from rodgen.errors import RodgenError, listed
+from rodgen.machines.drivers import Driver
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
 from rodgen.output.figures.drawn_rows import DrawnRows
@@ -31,8 +31,8 @@ from rodgen.workbench.planning import Planning
 if TYPE_CHECKING:
     from nicegui.elements.plotly import Plotly
 
-    from rodgen.calibration.diagnose.suspects import Suspect
     from rodgen.calibration.plan import Plan
+    from rodgen.calibration.suspects import Suspect
     from rodgen.workbench.desk import Desk
     from rodgen.workbench.session import State
 
@@ -251,7 +251,7 @@ class Page:
         with anew(self.ladder, "Ladder of the error"):
             with ui.element("table").classes("ladder").props('aria-label="Errors of the models"'):
                 with ui.element("tr"):
-                    for words in ("model", f"fitted [{fit.unit}]", "held out", "F", "p"):
+                    for words in ("model", f"fitted [{fit.unit}]", "held out", "odds"):
                         _in_cell("th", words)
                 for number, state in enumerate(session.states):
                     with ui.element("tr").style("opacity:.5" if number > session.at else ""):
@@ -279,8 +279,7 @@ class Page:
         numbers = [
             figure(state.fit.rms),
             figure(rung.held_out.rms) if rung else "…",
-            f"{step.statistic:.4g}" if step else "",
-            probability(step.p_value) if step else "",
+            odds_text(step.odds) if step else "",
         ]
         for words in numbers:
             _in_cell("td", words)
@@ -294,10 +293,13 @@ class Page:
                 ui.label("Every effect of the catalogue is tested …").classes("soft")
                 return
             listed = found.listed if self.all_suspects else found.listed[:FIRST_SUSPECTS]
-            ui.label(
-                "Evidence: p, that chance explains as much. Odds: how common it is. The error that it would leave."
-            ).classes("soft")
+            ui.label("Odds: how many times as probable the model is with it alone as without.").classes(
+                "soft"
+            )
+            worse = next((s for s in listed if not s.chosen and s.like is None and s.odds < 1), None)
             for suspect in listed:
+                if suspect is worse:
+                    ui.label("Below this, no better than nothing:").classes("soft")
                 self._suspect(suspect)
             if len(listed) < len(found.listed):
                 button(f"All {len(found.listed)}", self._list_all, bare=False)
@@ -317,14 +319,10 @@ class Page:
             with ui.element("div").classes("what"):
                 ui.label(title)
                 unit = self.state.fit.unit
-                said = [f"p {probability(suspect.p_value)}".replace("p <", "p <")]
-                said.append(f"odds {suspect.odds:.2g}")
-                said.append(f"would leave {suspect.rms:.3g} {unit}")
-                if not suspect.possible:
-                    said.append("of a size or sign that no machine has")
-                ui.label(", ".join(said)).classes("soft")
-                if suspect.why:
-                    ui.label(suspect.why).classes("soft")
+                said = f"odds {odds_text(suspect.odds)}, would leave {suspect.rms:.3g} {unit}"
+                ui.label(said).classes("soft")
+                if suspect.like is not None:
+                    ui.label(f"indistinguishable from {suspect.like.title}").classes("soft")
         for event in ("mouseenter", "focusin"):
             row.on(event, partial(self._preview, suspect.effect), args=[])
         for event in ("mouseleave", "focusout"):
@@ -718,7 +716,7 @@ class Page:
                     take.set_enabled(one.effect.identity not in there)
                     with ui.element("div").classes("what"):
                         ui.label(one.effect.title)
-                        said = f"p {probability(one.p_value)}, leaves {one.rms:.3g} {state.fit.unit}"
+                        said = f"odds {odds_text(one.odds)}, leaves {one.rms:.3g} {state.fit.unit}"
                         ui.label(said).classes("soft")
             if rows := diagnosis.outlier_rows:
                 count = f"{len(rows)} outlier{'s' * (len(rows) > 1)}"
@@ -730,7 +728,7 @@ class Page:
                 ui.label(diagnosis.summary()).classes("code")
 
     async def _exclude(self, rows: list[int]) -> None:
-        from rodgen.calibration.diagnose.diagnosis import EXCLUDED
+        from rodgen.calibration.diagnosis import EXCLUDED
 
         await self.desk.do(Aside(rows=rows, why=EXCLUDED))
 

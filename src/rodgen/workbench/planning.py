@@ -3,52 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 from nicegui import ui
 
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
+from rodgen.workbench.desk import LIMITS, Window, Wish
 from rodgen.workbench.parts import anew, button, card, completing, dialog, downloaded
 
-if TYPE_CHECKING:
-    from rodgen.calibration.diagnose import Diagnosis
-    from rodgen.calibration.fit import Fit
-    from rodgen.calibration.plan import Plan
-    from rodgen.workbench.page import Page
-    from rodgen.workbench.session import State
-
-LIMITS = "limits.toml"
-"""What commands call the file of constraints."""
 _EXAMPLE = 'allowed = ["altitude > 20 deg"]\n[limits]\nC = [0, 270]\n[session]\nreadings = 20'
 PART = 8
 """Readings at most to part effects."""
-
-
-@dataclass(frozen=True)
-class Wish:
-    """What a plan is to be for."""
-
-    n: int
-    wanted: tuple[str, ...] = ()
-    """Keys of parameters, or of effects, that are to be sharpened."""
-    alternatives: tuple[Effect, ...] = ()
-    """Effects that are to be told apart."""
-    constraints: str = ""
-    """Text of a file of constraints; empty: none."""
-
-    def plan(self, state: State, subject: Fit | Diagnosis) -> Plan:
-        """Return the plan, of a fit or a diagnosis of a state."""
-        from rodgen.calibration.plan import plan, plan_for
-        from rodgen.calibration.plan.constraints import constraints_of
-
-        limits = constraints_of(self.constraints, LIMITS, state.machine) if self.constraints else None
-        if self.alternatives:
-            return plan_for(state.fit, [self.alternatives], self.n, constraints=limits)
-        return plan(subject, self.n, wanted=self.wanted or None, constraints=limits)
 
 
 class Planning:
@@ -56,10 +23,10 @@ class Planning:
 
     Parameters
     ----------
-    page : Page
+    page : Window
     """
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: Window) -> None:
         self.page = page
         self.card = card("Plan")
         with dialog("What to measure next") as self.dialog:

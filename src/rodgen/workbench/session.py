@@ -24,16 +24,16 @@ from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.ladder import Ladder, Rung, first_rung, fit_after, next_rung
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.data.measurements import Measurements
-from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.files import open_input, read_input, write_file
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
 from rodgen.machines.machine import Machine
+from rodgen.machines.observations import Observations
 from rodgen.workbench.actions import Action, action_of
 
 if TYPE_CHECKING:
-    from rodgen.calibration.file_check import Check
+    from rodgen.calibration.check import Check
 
 __all__ = ["ENDING", "Session", "State"]
 
@@ -82,7 +82,7 @@ class State:
     @classmethod
     def first(cls, file: str, text: str, data: Measurements) -> State:
         """Return the state of a machine file and measurements, before anything was done."""
-        machine = machine_of(text, file, Machine)
+        machine = machine_of(text, file)
         observations = _all_of(machine, data)
         aside = _aside(machine, data, observations)
         return cls(file, text, machine, data, observations, aside, fit(machine, observations, outliers=aside))
@@ -96,7 +96,7 @@ class State:
             When it cannot be done.
         """
         text, data = action.text(self), self.data
-        machine = self.machine if text == self.text else machine_of(text, self.file, Machine)
+        machine = self.machine if text == self.text else machine_of(text, self.file)
         observations, aside = self.observations, self.aside
         if machine.measured.set_aside != self.machine.measured.set_aside:
             aside = _aside(machine, data, observations)
@@ -122,7 +122,8 @@ class State:
     @cached_property
     def check(self) -> Check:
         """Whether the files can be right."""
-        return self.fit.check()
+        found: Check = self.fit.check()
+        return found
 
 
 def _carriers(machine: Machine) -> tuple[Any, ...]:

@@ -19,7 +19,6 @@ from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.imports.denavit_hartenberg import is_table
 from rodgen.machines.imports.imported import Imported
-from rodgen.machines.machine import Machine
 from rodgen.machines.templates import CODES, KINDS, machine_template
 from rodgen.workbench.keep import file_in
 from rodgen.workbench.parts import STYLE, anew, button, card, downloaded, guarded, heading
@@ -145,7 +144,7 @@ class Dropped:
         def check() -> None:
             self.files[name] = str(text.value).encode()
             try:
-                said.set_text(machine_of(str(text.value), name, Machine).describe())
+                said.set_text(machine_of(str(text.value), name).describe())
             except RodgenError as error:
                 said.set_text(str(error))
 

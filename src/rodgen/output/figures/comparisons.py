@@ -13,7 +13,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from rodgen.array_types import Array, Index
-from rodgen.calibration.reading_motion import error_of_reading
+from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
 from rodgen.data.units import ARCSEC
 from rodgen.output.figures.distributions import distribution_of_residuals
 from rodgen.output.figures.drawn_rows import DrawnRows
@@ -22,9 +22,9 @@ from rodgen.output.figures.residuals import MEAN, MOST_RUNS, components_of, read
 from rodgen.output.figures.style import INK, add_trace, label
 
 if TYPE_CHECKING:
-    from rodgen.calibration.compare.comparison import Comparison
-    from rodgen.calibration.compare.sample import Sample
-    from rodgen.data.drivers import Driver
+    from rodgen.calibration.compare import Comparison
+    from rodgen.calibration.sensitivities import Sensitivities
+    from rodgen.machines.drivers import Driver
 
 
 def comparison(comparison: Comparison) -> Iterator[go.Figure]:
@@ -45,15 +45,16 @@ def comparison(comparison: Comparison) -> Iterator[go.Figure]:
         while name.casefold() in used:
             name += "_"
         used.add(name.casefold())
-        yield _against(rows, comparison.sample, covariate, name)
+        yield _against(rows, comparison.sensitivities, covariate, name)
 
 
 # against a covariate -----------------------------------------------------------------------------------------------
 
 
-def _against(rows: DrawnRows, sample: Sample, covariate: Driver, name: str) -> go.Figure:
+def _against(rows: DrawnRows, sample: Sensitivities, covariate: Driver, name: str) -> go.Figure:
     panels = components_of(rows)
-    cells = [*(sample.residual * rows.factors).T]
+    cells = [*(rows.base.residuals[sample.rows] * rows.factors).T]
+    pose = np.unique(sample.observations.pose, return_inverse=True)[1]
     if covariate.number is not None and (reading := reading_of(rows, covariate.number)):
         panels.append(reading[0])
         cells.append(_reading(rows, sample, covariate.number))
@@ -68,15 +69,16 @@ def _against(rows: DrawnRows, sample: Sample, covariate: Driver, name: str) -> g
     )
     for number, (y, panel) in enumerate(zip(cells, panels, strict=True)):
         if groups:
-            _means(figure, number, sample.pose, covariate, y, panel.unit)
+            _means(figure, number, pose, covariate, y, panel.unit)
         else:
-            _curve(figure, number, sample.pose, covariate, y)
+            _curve(figure, number, pose, covariate, y)
     return figure
 
 
-def _reading(rows: DrawnRows, sample: Sample, joint: int) -> Array:
+def _reading(rows: DrawnRows, sample: Sensitivities, joint: int) -> Array:
     """Return the error of a joint's reading that would explain each residual best, in the unit shown."""
-    error = error_of_reading(sample.motions[:, :, joint], sample.y)
+    motion = motion_with_reading(sample.fit, sample.observations, joint, weighted=True)
+    error = error_of_reading(motion, sample.residual)
     return error / ARCSEC if rows.base.machine.joints[joint].revolute else error * rows.shown.factor
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
@@ -12,7 +11,8 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.calibration.diagnose.diagnosis import Diagnosis, Unexplained
+from rodgen.calibration.diagnosis import Diagnosis
+from rodgen.calibration.diagnosis_text import rungs as models
 from rodgen.calibration.words import plain
 from rodgen.output.figures.distributions import autocorrelation_of_residuals, quantiles_of_residuals
 from rodgen.output.figures.drawn_rows import MOST_MARKS, PLANNED, DrawnRows, coordinate, planned_rows
@@ -26,16 +26,14 @@ from rodgen.output.numbers import Shown, percent, shown_unit
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan import Plan
-    from rodgen.data.drivers import Driver
+    from rodgen.machines.drivers import Driver
 
 MOST_RANKED, MOST_MEASURED, MOST_POLAR = 10, 1000, 3
-LEVEL = 0.01
-"""Probability of a false alarm among all candidates together."""
 SAME = 0.999
 """Drivers that are correlated more than this count as one."""
 
-Rung: TypeAlias = tuple[str, float, float | None, float | None]
-"""Title, rms fitted, held out, on further measurements."""
+Rung: TypeAlias = tuple[str, float, float | None, float | None, str]
+"""Title, rms fitted, held out, on further measurements, odds."""
 
 
 def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Figure]:
@@ -43,7 +41,7 @@ def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Fig
 
     Parameters
     ----------
-    diagnosis : rodgen.calibration.diagnose.Diagnosis
+    diagnosis : rodgen.calibration.diagnosis.Diagnosis
     plan : rodgen.calibration.plan.Plan, optional
         What to measure next.
     """
@@ -83,17 +81,15 @@ def unit_of(diagnosis: Diagnosis) -> Shown:
 
 
 def rungs(diagnosis: Diagnosis) -> list[Rung]:
-    """Return the models from the base on, each with its errors in the diagnosis' unit."""
-    rms = diagnosis.rms
-    every = diagnosis.found
-    found: list[Rung] = [("base", rms.before, rms.before_held_out, rms.before_test)]
-    for i, step in enumerate(every, 1):
-        title = plain(step.effect.title, 60)
-        if isinstance(step, Unexplained):
-            title = f"{plain(step.form, 40)}{f' at {plain(step.joint)}' if step.joint else ''}, outside the catalogue"
-        title = f"+ {title}"
-        found.append((title, step.rms, step.rms_held_out, rms.after_test if i == len(every) else None))
-    return found
+    """Return the model of the file and the one after each step and form."""
+    rms, found = diagnosis.rms, models(diagnosis)
+    further = [rms.before_test, *(None for _ in found[1:])]
+    if len(found) > 1:
+        further[-1] = rms.after_test
+    return [
+        (plain(title, 60), fitted, held_out, test, odds)
+        for (title, fitted, held_out, odds), test in zip(found, further, strict=True)
+    ]
 
 
 def errors_of(diagnosis: Diagnosis, shown: Shown) -> go.Figure:
@@ -247,7 +243,7 @@ def candidates(diagnosis: Diagnosis) -> go.Figure:
                     marker={"color": colour, "line": {"width": 0}}, hoverinfo="skip",
                 )
             )  # fmt: skip
-    said = [percent(r.explains) + (", by chance" if r.log10_p > math.log10(LEVEL) else "") for r in best]
+    said = [percent(r.explains) + (", no better than nothing" if r.log10_odds < 0 else "") for r in best]
     for i, r in enumerate(best):
         figure.add_annotation(
             x=0, y=i, text=f"<b>{label(plain(r.effect.title, 40))}</b>  {label(said[i])}", xanchor="left",

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from rodgen.calibration.fitted import FittedModel
-    from rodgen.data.observations import Observations
+    from rodgen.machines.observations import Observations
 
 PANEL = 150
 """Height, in pixels."""

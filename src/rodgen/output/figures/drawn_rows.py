@@ -15,11 +15,11 @@ from rodgen.array_types import Array, Index
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
 from rodgen.calibration.words import plain, three_digits
-from rodgen.data.drivers import Driver, drivers_of_place, order_of_rows
-from rodgen.data.observations import Observations
 from rodgen.data.tables.table import row_place
 from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError, RodgenError, joined
+from rodgen.machines.drivers import Driver, drivers_of_place
+from rodgen.machines.observations import Observations, order_of_rows
 from rodgen.output.figures.style import BLUE, add_trace, evenly, label
 from rodgen.output.numbers import Shown, minus, shown_unit
 

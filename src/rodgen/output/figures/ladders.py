@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
-from rodgen.calibration.words import probability
+from rodgen.calibration.words import odds_text
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
@@ -66,9 +66,7 @@ def ladder(ladder: Ladder, *, most: int = MOST_ROWS) -> go.Figure:
         unit=shown.unit,
         title=rungs[0].fit.machine.name,
         texts=[_numbers(shown, rungs[i].fit.rms, rungs[i].held_out.rms) for i in drawn],
-        tests=[
-            "" if (step := rungs[i].step) is None else f"p {_sign(probability(step.p_value))}" for i in drawn
-        ],
+        tests=["" if (step := rungs[i].step) is None else f"odds {odds_text(step.odds)}" for i in drawn],
         numbers=drawn,
         noise=size(noise.value),
         name_of_noise=noise_name(noise.source),
@@ -76,10 +74,6 @@ def ladder(ladder: Ladder, *, most: int = MOST_ROWS) -> go.Figure:
         note=" ".join(note),
         alt=f"Rms in {shown.unit}: {words}; noise {'not known' if noise.value is None else shown(noise.value)}.",
     )
-
-
-def _sign(text: str) -> str:
-    return text if text.startswith("<") else f"= {text}"
 
 
 def _numbers(shown: Shown, fitted: float, held_out: float | None) -> str:

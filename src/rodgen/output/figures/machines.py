@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan import Plan
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Joint, Machine
+    from rodgen.machines.observations import Observations
 
 
 HEIGHT = 560

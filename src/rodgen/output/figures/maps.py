@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Index
-from rodgen.data.drivers import horizontal
+from rodgen.machines.drivers import horizontal
 from rodgen.output.figures.drawn_rows import DrawnRows, PlannedRows, planned_rows
 from rodgen.output.figures.style import (
     BLUE,
@@ -35,7 +35,7 @@ from rodgen.output.figures.style import (
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan import Plan
-    from rodgen.data.observations import Observations
+    from rodgen.machines.observations import Observations
 
 FLAT, TALL = 0.5, 1.1
 """Least and largest height of a map, as a share of its width."""

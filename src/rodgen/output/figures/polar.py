@@ -12,8 +12,8 @@ import plotly.graph_objects as go
 from rodgen.array_types import Array
 from rodgen.calibration.reading_motion import directions_about
 from rodgen.calibration.words import plain
-from rodgen.data.drivers import goes_round
 from rodgen.errors import RodgenError, joined
+from rodgen.machines.drivers import goes_round
 from rodgen.output.figures.drawn_rows import MOST_MARKS, DrawnRows, PlannedRows, planned_rows
 from rodgen.output.figures.residuals import Marks, ResidualPanel, add_rows, components_of, file_name
 from rodgen.output.figures.style import (

@@ -47,7 +47,7 @@ from rodgen.output.figures.style import (
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan import Plan
-    from rodgen.data.drivers import Driver
+    from rodgen.machines.drivers import Driver
 
 SEVERAL, SINGLE = 140, 260
 """Heights of a panel among others, and alone, in pixels."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import shlex
 from collections.abc import Iterator, Mapping
@@ -11,32 +10,32 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
-from rodgen.calibration.diagnose.summary import (
-    alias_lists,
-    drivers,
+from rodgen.calibration.diagnosis import Alias, DiagnosedEffect, Diagnosis
+from rodgen.calibration.diagnosis_text import (
     far_from_usual,
+    headline,
+    how_to_distinguish,
     in_uncertainties,
-    odds,
+    nearest,
+    of_one_kind,
     on_sets,
     only_together,
+    together,
 )
 from rodgen.calibration.fit import Estimate
 from rodgen.calibration.words import (
-    capitalized,
-    chance,
-    fall,
+    comparison,
+    odds_text,
     plain,
-    probability,
     three_digits,
     two_digits,
 )
-from rodgen.data.drivers import order_of_rows
 from rodgen.data.measurements import Names
 from rodgen.data.units import unit_factor
 from rodgen.errors import joined
 from rodgen.machines.files.edit import name_with
-from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
+from rodgen.machines.observations import order_of_rows
+from rodgen.output.figures.diagnoses import MOST_RANKED, rungs
 from rodgen.output.figures.drawn_rows import coordinate
 from rodgen.output.numbers import Shown, minus, noise_name, percent
 from rodgen.output.report.hardware import eccentricity, in_hardware, own_errors
@@ -46,17 +45,16 @@ if TYPE_CHECKING:
 
 Content: TypeAlias = dict[str, Any]
 
-FEW = 2
-"""Most effects that the first sentence names as indistinguishable from the one found."""
-AT_NOISE = 1.15
-"""An error up to this multiple of the noise counts as the noise."""
 NAMED = 12
 """Most targets that are listed; the others are only counted."""
 LONG = 300
+LARGEST = 1e4
+"""Power of ten that no odds are sorted below."""
 
 _VERDICTS = {
-    "nothing_missing": "Nothing is missing that these data could show",
+    "nothing_missing": "Nothing is missing",
     "effects_missing": "{} missing",
+    "wrong_geometry": "The dimensions are not those of the file",
     "unknown_effect": "Something is missing that is not in the catalogue",
     "cannot_tell": "These data cannot tell",
 }
@@ -78,7 +76,7 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
         ),
         "verdict": diagnosis.verdict,
         "verdict_word": _VERDICTS[diagnosis.verdict].format(_counted(len(diagnosis.steps))),
-        "sentence": _sentence(diagnosis, shown),
+        "sentence": plain(headline(diagnosis), LONG * 4),
         "next": _next(diagnosis, plan),
         "figures": list(_figures(diagnosis, shown)),
         "unit": shown.unit,
@@ -115,9 +113,9 @@ def _file(name: str | None) -> str:
 
 
 def _version() -> str:
-    from rodgen import __version__
+    from importlib.metadata import version
 
-    return str(__version__)
+    return version("rodgen")
 
 
 # the verdict -------------------------------------------------------------------------------------------------------
@@ -126,89 +124,6 @@ def _version() -> str:
 def _counted(effects: int) -> str:
     words = ("No effect is", "One effect is", "Two effects are", "Three effects are")
     return words[effects] if effects < len(words) else f"{effects} effects are"
-
-
-def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
-    rms, unit = diagnosis.rms, shown.unit
-    forms = list(diagnosis.unexplained)
-    if diagnosis.verdict == "cannot_tell":
-        return plain(_sentence_of(diagnosis.reason or "there are too few readings"), LONG * 2)
-    if diagnosis.verdict == "nothing_missing":
-        of = f"of {len(diagnosis.ranking)} candidates none" if diagnosis.ranking else "no candidate"
-        return (
-            f"{capitalized(of)} explains more than chance would. The remaining error, {shown(rms.after)} {unit} "
-            f"a reading, {_left(diagnosis, shown)}."
-        )
-    if diagnosis.steps:
-        after = diagnosis.steps[-1].rms
-        fell = f"the error falls from {shown(rms.before)} to {shown(after)} {unit} a reading"
-        fell += _against_noise(diagnosis, shown, after)
-        weighted = in_uncertainties(diagnosis)
-        if weighted and not forms:
-            fell = f"the error {fall(*weighted)}"
-        names = joined([_or_others(step) for step in diagnosis.steps])
-        what = f"With {names} {fell}."
-        if forms:
-            what += (
-                f" The remaining error follows {drivers(diagnosis)} in a way that the effects of the "
-                f"catalogue do not explain as well; with the form below it is {shown(forms[-1].rms)} {unit}."
-            )
-        return what
-    if forms:
-        fell = f"falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading"
-        fell += _against_noise(diagnosis, shown, rms.after)
-        return (
-            f"The error follows {drivers(diagnosis)} in a way that the effects of the catalogue do not explain as "
-            f"well; with the form below it {fell}."
-        )
-    return f"The error, {shown(rms.after)} {unit} a reading, is larger than the noise, and no form was found for it."
-
-
-def _sentence_of(text: str) -> str:
-    text = capitalized(text.strip())
-    return text if text.endswith((".", "!", "?")) else text + "."
-
-
-def _or_others(step: DiagnosedEffect) -> str:
-    """Name an effect and those that these data cannot distinguish from it."""
-    name = plain(step.effect.title, 60)
-    others = [alias for alias in step.indistinguishable_from if not alias.improbable]
-    if not others:
-        return name
-    if len(others) <= FEW:
-        named = " or ".join(plain(alias.effect.title, 60) for alias in others)
-        return f"{name} (or {named}, which these data cannot distinguish from it)"
-    return f"{name} (or one of {len(others)} others, named below, that these data cannot distinguish from it)"
-
-
-def _against_noise(diagnosis: Diagnosis, shown: Shown, after: float) -> str:
-    rms = diagnosis.rms
-    if not rms.noise:
-        return "; the noise is not known"
-    noise = f"{shown(rms.noise)} {shown.unit}"
-    if after < rms.noise / AT_NOISE:
-        return f", less than the noise ({noise}), which is smaller than {_known_from(diagnosis)}"
-    return (
-        f", which agrees with the noise ({noise})"
-        if after <= AT_NOISE * rms.noise
-        else f"; the noise is {noise}"
-    )
-
-
-def _known_from(diagnosis: Diagnosis) -> str:
-    return "stated" if diagnosis.final.noise.source == "stated" else "the replicates say"
-
-
-def _left(diagnosis: Diagnosis, shown: Shown) -> str:
-    rms = diagnosis.rms
-    if not rms.noise:
-        return "cannot be compared with the noise, which is not known"
-    if rms.after < rms.noise / AT_NOISE:
-        noise = f"{shown(rms.noise)} {shown.unit}"
-        return f"is less than the noise ({noise}), which is smaller than {_known_from(diagnosis)}"
-    if rms.after <= AT_NOISE * rms.noise:
-        return f"agrees with the noise ({shown(rms.noise)} {shown.unit})"
-    return f"is {three_digits(rms.after / rms.noise)} times the noise ({shown(rms.noise)} {shown.unit})"
 
 
 def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
@@ -389,24 +304,25 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
     """Return the notes of a diagnosis except those that the facts already contain."""
     known = diagnosis.correlation.text if diagnosis.correlation is not None else ""
     notes = [note for note in diagnosis.notes if note != known]
-    return [*filter(None, [only_together(diagnosis)]), *on_sets(diagnosis), *notes]
+    first = [nearest(diagnosis)] if diagnosis.verdict == "nothing_missing" and diagnosis.ranking else []
+    more = [only_together(diagnosis), *on_sets(diagnosis), how_to_distinguish(diagnosis)]
+    return [*first, *filter(None, more), *notes]
 
 
 # the ladder, the model ---------------------------------------------------------------------------------------------
 
 
 def _rungs(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
-    found = rungs(diagnosis)
-    fits = [*diagnosis.fits, *(form.fit for form in diagnosis.unexplained)]
-    p = ["", *(probability(step.p_value) for step in diagnosis.found)]
-    for i, (title, fitted, held, test) in enumerate(found):
+    file = [diagnosis.geometry.before] if diagnosis.geometry is not None else []
+    fits = [*file, *diagnosis.fits, *(form.fit for form in diagnosis.unexplained)]
+    for (title, fitted, held, test, odds), fit in zip(rungs(diagnosis), fits, strict=True):
         yield {
             "title": title,
             "fitted": shown(fitted),
             "held": shown(held),
             "test": shown(test),
-            "p": p[i] if i < len(p) else "",
-            "free": len(fits[i].free),
+            "odds": odds,
+            "free": len(fit.free),
         }
 
 
@@ -442,7 +358,8 @@ def _step(
     diagnosis: Diagnosis, step: DiagnosedEffect, number: int, shown: Shown, radii: Mapping[str, float]
 ) -> Content:
     effect, definition = step.effect, step.effect.definition
-    before = rungs(diagnosis)[number - 1]
+    before = rungs(diagnosis)[number - len(diagnosis.found) - 2]
+    first = any(one[0] is step for one in of_one_kind(diagnosis.steps))
     radius = radii.get(str(effect.place))
     per_mm = None
     if effect.name == "encoder_eccentricity" and not definition.own:
@@ -454,12 +371,12 @@ def _step(
         "place": plain(effect.place, 60) if effect.place else "the whole machine",
         "equation": plain(definition.equation, LONG),
         "iso": definition.iso,
-        "meaning": plain(definition.meaning, LONG * 2),
-        "usual": plain(definition.usual_size, LONG),
+        "meaning": plain(definition.meaning, LONG * 2) if first else "",
+        "usual": plain(definition.usual_size, LONG) if first else "",
         "unusual": far_from_usual(step, diagnosis.base.machine),
-        "remedy": plain(definition.remedy, LONG * 2),
+        "remedy": plain(definition.remedy, LONG * 2) if first else "",
         "source": plain(definition.source, LONG),
-        "p": chance(step.p_value),
+        "odds": odds_text(step.odds),
         "from": shown(before[1]),
         "to": shown(step.rms),
         "held_from": shown(before[2]),
@@ -468,20 +385,17 @@ def _step(
         "hardware": in_hardware(effect, step.parameters, diagnosis.final, radius),
         "per_mm": None if per_mm is None else f"{per_mm[0]:.6g}",
         "radius": None if radius is None else f"{radius:g}",
-        "aliases": [(title, [_alias(alias) for alias in aliases]) for title, aliases in alias_lists(step)],
+        "aliases": [_alias(alias) for alias in step.indistinguishable_from],
         "command": _add(diagnosis, number),
     }
 
 
 def _alias(alias: Alias) -> Content:
-    title, why = plain(alias.effect.title, 80), plain(f"{alias.why.strip()} {odds(alias)}", LONG)
-    # A reason that begins with the effect's name is not headed by that name again.
-    why = why.removeprefix(title) if why.startswith(title) else f": {why}" if why else ""
+    meanings = [effect.definition.meaning for effect in alias.effects]
     return {
-        "title": title,
-        "why": f"{why.rstrip('.')}." if why else ".",
-        "meaning": plain(alias.effect.definition.meaning, LONG * 2),
-        "chi_square": minus(f"{alias.chi_square:+.1f}"),
+        "title": plain(together(alias), 160),
+        "odds": comparison(alias.odds),
+        "meaning": plain(" ".join(meanings), LONG * 4),
     }
 
 
@@ -513,7 +427,7 @@ def _unexplained(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
         **{f"r{x}": f"rotation about {x}" for x in "xyz"},
     }
     for number, form in enumerate(diagnosis.unexplained, len(diagnosis.steps)):
-        before = rungs(diagnosis)[number]
+        before = rungs(diagnosis)[number - len(diagnosis.found) - 1]
         component = what[form.component]
         yield {
             "driver": plain(form.driver),
@@ -521,7 +435,7 @@ def _unexplained(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
             if form.joint
             else f"{component} of the whole machine",
             "form": plain(form.form, LONG),
-            "p": chance(form.p_value),
+            "odds": odds_text(form.odds),
             "from": shown(before[1]),
             "to": shown(form.rms),
             "held_from": shown(before[2]),
@@ -539,7 +453,8 @@ def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
     aliases: dict[tuple[str, str | None], list[str]] = {}
     for i, step in enumerate(diagnosis.steps, 1):
         for alias in step.indistinguishable_from:
-            aliases.setdefault(alias.effect.identity, []).append(str(i))
+            if len(alias.effects) == 1:
+                aliases.setdefault(alias.effect.identity, []).append(str(i))
     for rank, r in enumerate(diagnosis.ranking, 1):
         key = r.effect.identity
         mark = ""
@@ -553,7 +468,8 @@ def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
             "place": plain(r.effect.place, 40) if r.effect.place else "machine",
             "mark": mark,
             "taken": key in taken,
-            "alone": "beyond chance" if r.log10_p <= math.log10(LEVEL) else "by chance",
+            "odds": odds_text(r.odds),
+            "odds_number": f"{max(r.log10_odds, -LARGEST):.3f}",
             "explains": percent(r.explains),
             "explains_number": f"{100 * min(max(r.explains, 0.0), 1.0):.1f}",
             "visible": percent(r.visible),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import jinja2
 from markupsafe import Markup
 
-from rodgen.calibration.diagnose.diagnosis import Diagnosis
+from rodgen.calibration.diagnosis import Diagnosis
 from rodgen.errors import InputFileError, joined
 from rodgen.files import OutputSet, write_file
 from rodgen.output.figures import diagnosis as figures_of
