@@ -107,8 +107,9 @@ notebooks: .venv/notebooks ## execute the derivations into build/notebooks, as .
 bench: .venv/test-slow ## measure the speed, compared with other libraries and the limits of the hardware (ONLY=fits, axis, tricept, three_sps_s, robots, spatial, diagnose or workbench: one part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
 
-study: .venv/study ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent, plan or wrong: one part)
+study: .venv/study ## measure how often a diagnosis and a plan are right by two simulators (N=60 machines per group; ONLY=innocent, plan or wrong: one part)
 	$(if $(filter plan wrong,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
+	$(if $(filter plan wrong,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)") --simulator physics)
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 	$(if $(filter-out wrong,$(ONLY)),,$(BIN)/python study/wrong_files.py $(if $(N),-n $(N)))
 

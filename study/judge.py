@@ -54,7 +54,8 @@ def judged(
 
     steps: list[Title] = [(s.effect.name, s.effect.place) for s in found.steps]
     same: list[list[Title]] = [
-        [(a.effect.name, a.effect.place) for a in s.indistinguishable_from] for s in found.steps
+        [(a.effect.name, a.effect.place) for a in s.indistinguishable_from if not a.effects[1:]]
+        for s in found.steps
     ]
     record: dict[str, Any] = {
         "case": case.name,
@@ -64,7 +65,7 @@ def judged(
         "truth": [list(title) for title in truth.effects],
         "values": {key: float(x) for key, x in truth.values.items()},
         "steps": [list(title) for title in steps],
-        "p": [s.log10_p for s in found.steps],
+        "p": [-s.log10_odds for s in found.steps],
         "same": [[list(title) for title in titles] for titles in same],
         "unexplained": [[u.driver, u.component, u.joint, u.form] for u in found.unexplained],
         "rms": found.rms.to_dict(),

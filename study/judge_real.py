@@ -10,9 +10,9 @@ from hidden_effects import Title, Truth
 from scipy import stats
 
 import rodgen
-from rodgen.calibration.diagnose.validation import bind_validation, validation_error
 from rodgen.calibration.fit import Estimate, Fit, fit
 from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.validation import bind_validation, validation_error
 from rodgen.machines.machine import Effect
 
 SECONDS, MILLIMETRES = 1800.0, 1.0
@@ -73,8 +73,9 @@ def judged_real(
     for s in found.steps:
         if s.effect.identity in replaced:
             continue
-        alone = {s.effect.identity, *(a.effect.identity for a in s.indistinguishable_from)}
-        pairs_listed = [{e.identity for e in a.effects} for a in s.indistinguishable_pairs]
+        aliases = s.indistinguishable_from
+        alone = {s.effect.identity, *(a.effect.identity for a in aliases if not a.effects[1:])}
+        pairs_listed = [{e.identity for e in a.effects} for a in aliases if a.effects[1:]]
         true_pair = next((pair for pair in pairs_listed if pair <= there), None)
         for members in [alone] if alone & there or not true_pair else [{one} for one in true_pair]:
             names.append(s.effect.identity)

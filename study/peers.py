@@ -27,10 +27,10 @@ import numpy as np
 from scipy import stats
 from scipy.linalg import qr
 
-from rodgen.calibration.diagnose.candidates import candidates
-from rodgen.calibration.diagnose.sensitivities import Sensitivities
+from rodgen.calibration.candidates import candidates
 from rodgen.calibration.fit import Fit
 from rodgen.calibration.possible_effects import catalogue_effects
+from rodgen.calibration.sensitivities import Sensitivities
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Title = tuple[str, str | None]

@@ -34,7 +34,7 @@ CHANGES = {
     "tilt_error_motion at A": "A.tilt_error_motion.u_c1",
 }
 BENCH = hidden_effects.trunnion(np.random.default_rng(11))
-MACHINE = machine_of(BENCH.text.replace("{noise}", ""), "trunnion", rodgen.Machine)
+MACHINE = machine_of(BENCH.text.replace("{noise}", ""), "trunnion")
 
 
 def readings(rows: int, random: np.random.Generator, heavy: bool = False, **effects: float) -> dict:

@@ -38,11 +38,10 @@ sys.path[:0] = [str(path) for path in (HERE, ROOT / "tests") if str(path) not in
 from hidden_effects import BENCHES, Bench, _drawn, _scaled  # noqa: E402
 from real_machines import KINDS, real  # noqa: E402
 
-from rodgen.calibration.file_check import check  # noqa: E402
-from rodgen.calibration.file_check.near_file import motion  # noqa: E402
-from rodgen.calibration.file_check.repairs import ALONG  # noqa: E402
+from rodgen.calibration.check import check, motion  # noqa: E402
 from rodgen.calibration.problem import Problem  # noqa: E402
 from rodgen.calibration.problem.binding import bind  # noqa: E402
+from rodgen.calibration.repairs import ALONG  # noqa: E402
 from rodgen.calibration.solve.starting_values import nearest_frames  # noqa: E402
 from rodgen.data.measurements import Measurements  # noqa: E402
 from rodgen.errors import RodgenError  # noqa: E402
