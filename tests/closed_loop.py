@@ -17,7 +17,7 @@ import numpy as np
 from machine_cases import ARCSEC, Case, joint, machine_file
 from simulated_fits import measure
 
-from rodgen.calibration.diagnose import Diagnosis
+from rodgen.calibration.diagnosis import Diagnosis
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.plan import Plan, plan_for
 from rodgen.data.measurements import Measurements
@@ -127,7 +127,7 @@ class Trial:
         named = [
             {
                 (e.name, e.place)
-                for e in (step.effect, *(alias.effect for alias in step.indistinguishable_from))
+                for e in (step.effect, *(e for alias in step.indistinguishable_from for e in alias.effects))
             }
             for step in found.steps
         ]

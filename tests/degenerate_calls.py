@@ -8,18 +8,15 @@ from __future__ import annotations
 import itertools
 import math
 import os
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from rodgen.calibration.compare.serial_correlation import RandomWalk
 from rodgen.codegen import rows
 from rodgen.codegen.program import Program
 from rodgen.codegen.tape import Tape
 from rodgen.kinematics.backend import kernels
 from rodgen.statistics import whitening
-from rodgen.statistics.columns import Coordinates
 from rodgen.statistics.decompositions import eigh, lstsq, svd
 
 FEW = (0, 1, 2, 9)
@@ -50,20 +47,9 @@ def bands() -> None:
         factor, side = whitening._triangle(band), random(n, k)
         lower = sum(np.diag(factor[d, : n - d], -d) for d in range(min(width, n)))
         agree(lower @ whitening._forward(factor, side), side)
-        agree(lower.T @ whitening._backward(factor, side), side)
-        walk = RandomWalk(SimpleNamespace(number=np.arange(n + 1)), 0.5)  # type: ignore[arg-type]
-        assert walk.steps(random(n + 1, k)).shape == (n, k)
+        agree(lower @ (lower.T @ whitening._solved(band, side)), side)
         chain = whitening._Chain.of(np.array([np.inf, *[1.0] * (n - 1)]), 2.0)
-        assert chain.covariance_of_slope(random(n, k)).shape == (n, k)
-    assert RandomWalk(SimpleNamespace(number=np.arange(1)), 0.5).steps(random(1, 2)).shape == (0, 2)  # type: ignore[arg-type]
-
-
-def reflections() -> None:
-    """Take values to coordinates in the space of any number of columns."""
-    for n, k in itertools.product((0, 1, 2, 60), (0, 1, 2, 70)):
-        columns, values = random(n, k), random(n)
-        found = Coordinates(columns)
-        agree(found.triangle.T @ found.of(values), columns.T @ values)
+        assert whitening._solved(chain.band(1), random(n, k)).shape == (n, k)
 
 
 def decompositions() -> None:
@@ -206,7 +192,7 @@ def extension() -> None:
                     raise AssertionError(f"{name} took {wrong} for {core}")
 
 
-CALLS = (bands, reflections, decompositions, row_kernels, extension)
+CALLS = (bands, decompositions, row_kernels, extension)
 
 if __name__ == "__main__":
     rows.FLAGS = tuple("-O0" if flag == "-O2" else flag for flag in rows.FLAGS)

@@ -20,7 +20,7 @@ from hidden_effects import Hidden, Truth
 from machine_simulator import RADIANS, Simulated
 
 import rodgen
-from rodgen.calibration.diagnose.diagnosis import Diagnosis
+from rodgen.calibration.diagnosis import Diagnosis
 from rodgen.calibration.fit import Fit, fit
 from rodgen.machines.machine import Machine
 
@@ -46,12 +46,15 @@ def diagnosed(case: Hidden, folder: str | Path) -> tuple[Diagnosis, Truth]:
 def groups(found: Diagnosis) -> list[set[tuple[str, str | None]]]:
     """Return each step with the effects indistinguishable from it."""
     return [
-        {step.effect.identity, *(alias.effect.identity for alias in step.indistinguishable_from)}
+        {
+            step.effect.identity,
+            *(a.effect.identity for a in step.indistinguishable_from if len(a.effects) == 1),
+        }
         for step in found.steps
     ]
 
 
-VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
+VERDICTS = ("nothing_missing", "effects_missing", "wrong_geometry", "unknown_effect", "cannot_tell")
 
 
 def check_numbers(found: Mapping[str, Any], rows: int) -> None:
@@ -77,12 +80,18 @@ def check_numbers(found: Mapping[str, Any], rows: int) -> None:
     errors = [rms["before"], *(each["rms"] for each in (*steps, *forms))]
     assert all(later <= 1.05 * former for former, later in pairwise(errors))
     assert math.isclose(errors[-1], rms["after"], rel_tol=1e-9)
-    assert all(1e-300 <= each["p_value"] <= 1 for each in (*steps, *forms))
+    assert all(1 < each["odds"] <= 1e300 for each in (*steps, *forms))
     titles = [(step["effect"], step["joint"]) for step in steps]
     assert len({*titles}) == len(titles)
     for step, title in zip(steps, titles, strict=True):
-        alike = [(alias["effect"], alias["joint"]) for alias in step["indistinguishable_from"]]
-        assert len({title, *alike}) == 1 + len(alike)
+        alike = [
+            frozenset((e["effect"], e["joint"]) for e in alias["effects"])
+            for alias in step["indistinguishable_from"]
+        ]
+        assert len({frozenset([title]), *alike}) == 1 + len(alike)
+        odds = [alias["odds"] for alias in step["indistinguishable_from"]]
+        assert odds == sorted(odds, reverse=True)
+        assert all(one > 0.01 for one in odds)
         assert step["parameters"]
     for form in forms:
         assert form["effect"]["formula"] == form["form"]
@@ -157,7 +166,7 @@ def far_aliases(base: Machine, data: rodgen.Measurements, found: Mapping[str, An
     out = found["outliers"]
     rows = found["rows"] - len(out)
     for n, step in enumerate(found["steps"]):
-        for alias in step["indistinguishable_from"]:
+        for alias in (a["effects"][0] for a in step["indistinguishable_from"] if len(a["effects"]) == 1):
             differences = []
             for others in (steps[:n], steps[:n] + steps[n + 1 :]):
                 machine = base

@@ -26,11 +26,11 @@ from rodgen.calibration.predict import Predictor, in_known_runs
 from rodgen.calibration.problem.attitudes import matrices
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
-from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import MEASURANDS
+from rodgen.machines.observations import Observations
 from rodgen.machines.parts import BRANCHES
 from rodgen.machines.templates import KINDS, machine_template
 

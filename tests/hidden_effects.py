@@ -105,7 +105,13 @@ class Sealed:
     def open(self, diagnosis: Any) -> Truth:
         """Give the truth; `diagnosis` is one, or the dictionary that the command line prints."""
         verdict = diagnosis["verdict"] if isinstance(diagnosis, Mapping) else diagnosis.verdict
-        if verdict not in {"nothing_missing", "effects_missing", "unknown_effect", "cannot_tell"}:
+        if verdict not in {
+            "nothing_missing",
+            "effects_missing",
+            "wrong_geometry",
+            "unknown_effect",
+            "cannot_tell",
+        }:
             raise ValueError(f"verdict {verdict!r}: no finished diagnosis; the truth stays sealed")
         self.opened = True
         return self._read()

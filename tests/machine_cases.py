@@ -20,10 +20,10 @@ from machine_simulator import COMPONENTS, Simulated, rotation
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
-from rodgen.data.observations import Observations
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
+from rodgen.machines.observations import Observations
 
 ARCSEC = np.pi / 648000
 READINGS = {
@@ -109,7 +109,7 @@ def possible(file: Mapping[str, Any], *, places: Iterable[str | None] | None = N
                 found.append(effect(definition.name, name))
         if "machine" in definition.at and None in chosen:
             found.append(effect(definition.name))
-        if "target" in definition.at and "target" not in estimated:
+        if "target" in definition.at and ("target" not in estimated or definition.per_run):
             found += [
                 effect(definition.name, t["name"], target=True) for t in file["target"] if t["name"] in chosen
             ]

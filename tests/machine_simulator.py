@@ -286,6 +286,13 @@ def encoder_ellipticity(j: Joint, a: float = 0, b: float = 0) -> Change:
     return {"reading": a * np.cos(2 * j.phase) + b * np.sin(2 * j.phase)}
 
 
+def encoder_harmonics(j: Joint, **p: float) -> Change:
+    waves = [
+        p.get(f"a{k}", 0) * np.cos(k * j.phase) + p.get(f"b{k}", 0) * np.sin(k * j.phase) for k in (4, 8)
+    ]
+    return {"reading": sum(waves)}
+
+
 def periodic_drive_error(j: Joint, a: float = 0, b: float = 0, P: float | None = None) -> Change:
     period = j.period if P is None else P
     if period is None:
@@ -474,6 +481,7 @@ EFFECTS: dict[str, dict[str, Callable[..., Change]]] = {
         for f in (
             encoder_eccentricity,
             encoder_ellipticity,
+            encoder_harmonics,
             radial_error_motion,
             axial_error_motion,
             tilt_error_motion,
@@ -511,6 +519,7 @@ AXIS = {
 }  # parameters that turn the axis
 POINT = {"point", "axis_offset"}  # and those that move the point
 MACHINE = {"frame", "frame_shift", "warm_up_drift", "linear_drift", "instrument_scale"}
+BY_RUN = {"frame_shift", "target_remounting"}
 MACHINE |= {"refraction", "tube_flexure", "instrument_axis_scales", "instrument_squareness"}
 
 
@@ -588,8 +597,8 @@ class Simulated:
         elif place in types:
             known = {*EFFECTS[types[place]], *AXIS[types[place]], *POINT}
         else:
-            known = {"target", "target_offset"} if place in self.target_names else set()
-        if effect not in known or (run is not None and effect != "frame_shift"):
+            known = {"target", "target_offset", "target_remounting"} if place in self.target_names else set()
+        if effect not in known or (run is not None and effect not in BY_RUN):
             raise KeyError(f"{key!r} is no effect that this machine can have")
         if effect == "frame" and self.file["measured"].get("frame", "machine") != "free":
             raise KeyError(f"{key!r}: the frame of this machine is not free")
@@ -616,13 +625,15 @@ class Simulated:
         c, d = self._sum(joint["name"], POINT, "ab")
         return rotation(a * u + b * v) @ n, u, v, np.array(joint.get("point", [0, 0, 0])) + c * u + d * v
 
-    def _targets(self) -> Array:
-        """Give the targets at zero, (targets, 3)."""
+    def _targets(self, run: str | None = None) -> Array:
+        """Give the targets at zero, (targets, 3), as they sit in a run."""
         targets = []
         for target in self.file["target"]:
             p = np.array(target.get("point", (0, 0, 1)), dtype=float)
             names = {"direction": ("a", "b"), "pose": SIX, "angle": ("zero", "", "")}.get(self.kind, SIX[:3])
             moved = self._sum(target["name"], {"target", "target_offset"}, names)[:3]
+            if run is not None:
+                moved = moved + self._sum(target["name"], {"target_remounting"}, names, run)[:3]
             if self.kind == "direction":
                 u, v = complete(unit(p))
                 a, b = moved * self.radian
@@ -632,15 +643,25 @@ class Simulated:
             targets.append(p)
         return np.array(targets)
 
-    def _attitudes(self) -> Array:
-        """Give the attitudes of the targets at zero, (targets, 4, 4): turned by the file, then by what is wrong."""
+    def _attitudes(self, run: str | None = None) -> Array:
+        """Give the attitudes of the targets at zero, (targets, 4, 4): by the file, by what is wrong, by the run."""
         found = []
         if self.kind == "angle":
             return np.array([np.eye(4)] * len(self.target_names))
         for target in self.file["target"]:
             own = self._sum(target["name"], {"target", "target_offset"}, SIX)[3:] * self.radian
-            found.append(rigid(own) @ rigid(np.array(target.get("attitude", [0, 0, 0])) * self.radian))
+            again = self._sum(target["name"], {"target_remounting"}, SIX, run)[3:] * self.radian
+            of_file = rigid(np.array(target.get("attitude", [0, 0, 0])) * self.radian)
+            found.append(rigid(again) @ rigid(own) @ of_file)
         return np.array(found)
+
+    def _of_rows(
+        self, of_run: Callable[[str | None], Array], names: Sequence[str], labels: Sequence[str | None]
+    ) -> Array:
+        """Give, for each row, what is the target's in its run."""
+        by_run = {label: of_run(label) for label in labels}
+        rows = zip(names, labels, strict=True)
+        return np.array([by_run[label][self.target_names.index(name)] for name, label in rows])
 
     def _motion(self, joint: Mapping[str, Any], n: Array, point: Array, q: Array) -> Array:
         """Give the motions J of one joint, for coordinates in units of the file."""
@@ -803,7 +824,8 @@ class Simulated:
             real[way] = real[way] @ error @ self._motion(joint, n, point, q[:, j] + change["reading"])
             before = before @ ideal[j]
 
-        seen = targets[[self.target_names.index(name) for name in names]]
+        labels = [None] * rows if run is None else [str(label) for label in run]
+        seen = self._of_rows(self._targets, names, labels)
         moves = np.stack(
             [self._of_targets(names, ("r" if directions else "t") + x, columns) for x in "xyz"], -1
         )
@@ -814,12 +836,16 @@ class Simulated:
         read = self._read(carried(back, at_bed, directions=directions), columns, run)
         if self.kind not in {"pose", "angle"}:
             return read
-        turned = back @ real["targets"] @ self._attitudes()[[self.target_names.index(name) for name in names]]
+        turned = back @ real["targets"] @ self._of_rows(self._attitudes, names, labels)
         for motion in (self._drift(columns, rows), self._set_up(run, rows), self._frame()):
             turned = motion @ turned
         if self.kind == "angle":
             zeros = {name: self._sum(name, {"target", "target_offset"}, ["zero"])[0] for name in set(names)}
             zero = np.array([zeros[name] for name in names])
+            zero = zero + [
+                self._sum(name, {"target_remounting"}, ["zero"], label)[0]
+                for name, label in zip(names, labels, strict=True)
+            ]
             return (twist(turned[:, :3, :3], unit(self.file["measured"]["about"])) / self.radian + zero)[
                 :, None
             ]

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rodgen.calibration.checks.held_out import held_out
-from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Ranked, Rms, Unexplained
+from rodgen.calibration.diagnosis import Alias, DiagnosedEffect, Diagnosis, Ranked, Rms, Unexplained
 from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.held_out import held_out
 from rodgen.calibration.ladder import ladder
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
@@ -25,16 +25,11 @@ HOSTILE = "</script><img src=x onerror=alert(1)>\"'&<b>µ"
 """A name that wants out of whatever it is written into."""
 
 
-def ranked(effects: Sequence[Effect], first: float = -60.0) -> tuple[Ranked, ...]:
+def ranked(effects: Sequence[Effect], first: float = 60.0) -> tuple[Ranked, ...]:
     """Rank effects as they are listed."""
-    found = []
-    for i, effect in enumerate(effects):
-        log10_p = min(first + 6.0 * i, -0.01 / (1 + i))
-        explains = max(0.9 * 0.6**i, 0.0)
-        found.append(
-            Ranked(effect, 10**log10_p, log10_p, 500.0 / (1 + i), (2.0, 70.0), 1 / (1 + i), explains)
-        )
-    return tuple(found)
+    return tuple(
+        Ranked(effect, first - 6.0 * i, 1 / (1 + i), 0.9 * 0.6**i) for i, effect in enumerate(effects)
+    )
 
 
 def diagnosis_of(
@@ -69,7 +64,7 @@ def diagnosis_of(
             if key.startswith(f"{prefix}.")
         }
         same = tuple(aliases) if i == 1 else ()
-        steps.append(DiagnosedEffect(effect, 1e-60, -60.0, fits[i].rms, unseen[i], parameters, same))
+        steps.append(DiagnosedEffect(effect, 60.0, fits[i].rms, unseen[i], parameters, same))
     forms = tuple(formed(fits[-1], unexplained))
     last, held = (forms[-1].rms, forms[-1].rms_held_out) if forms else (fits[-1].rms, unseen[-1])
     rms = Rms(fits[0].rms, last, unseen[0], held, fits[-1].noise.value, fits[0].unit, *(test or ()))
@@ -99,7 +94,7 @@ def formed(final: Fit, blocks: Sequence[str]) -> Iterator[Unexplained]:
         machine = machine.with_effect(effect)
         found = fit(machine, final.observations, outliers=final.outliers)
         parameters = {key.rpartition(".")[2]: e for key, e in found.estimates.items() if effect.owns(key)}
-        yield Unexplained(effect, "C", 1e-12, found.rms, held_out(found, folds=3).rms, parameters, found)
+        yield Unexplained(effect, "C", 12.0, found.rms, held_out(found, folds=3).rms, parameters, found)
 
 
 @cache
@@ -117,7 +112,7 @@ def mount() -> Diagnosis:
         machine,
         data,
         [windup, machine.effect("refraction")],
-        aliases=[Alias((others[0],), "its cosine is the same over these altitudes, its sine an offset", 3.2)],
+        aliases=[Alias((others[0],), 0.3)],
         ranking=others,
         notes=("Neither axis was approached from both sides.",),
     )

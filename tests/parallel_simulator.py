@@ -313,7 +313,8 @@ class Parallel(Simulated):
             "F": None if load is None else np.asarray(load, dtype=float),
         }
         directions = self.kind == "direction"
-        seen = self._targets()[[self.target_names.index(name) for name in names]]
+        labels = [None] * rows if run is None else [str(label) for label in run]
+        seen = self._of_rows(self._targets, names, labels)
         if self.family == "tricept" and not directions:
             seen = seen + [self.number(x) for x in ("q.x", "q.y", "q.z")]
 

@@ -16,7 +16,7 @@ from machine_cases import ROWS, TARGETS, Case, data_for, effect, frame, joint, m
 from test_emit import emitted
 from test_machine_jacobians import columns_off, near
 
-from rodgen.calibration.file_check import check
+from rodgen.calibration.check import check
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.emit._geometry import CONSTANT, geometry_of
@@ -85,6 +85,8 @@ def test_every_effect_in_a_branch_is_that_of_the_simulator_and_its_column_the_de
         return  # its residual is that of any chain
     rows = np.ones(ROWS, bool)
     if kind == "direction":
+        # refraction bends most sharply near the horizon, where differences say little
+        values, keys = values | {"refraction.a": 0.0}, [key for key in keys if key != "refraction.a"]
         case = case.changed(data=case.data | near(case, values))
     off = columns_off(case, values, keys[:: 4 if kind == "point" else 7], rows)
     assert {key for key in off if key != "Z.load_sag.k0"} == set()

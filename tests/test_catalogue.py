@@ -68,6 +68,9 @@ EXPECTED = {
         "reading", {"a": AS, "b": AS}, lambda p, w: p["a"] * math.cos(w.q) + p["b"] * math.sin(w.q)),
     ("revolute", "encoder_ellipticity"): (
         "reading", {"a": AS, "b": AS}, lambda p, w: p["a"] * math.cos(2 * w.q) + p["b"] * math.sin(2 * w.q)),
+    ("revolute", "encoder_harmonics"): (
+        "reading", in_units(arcsec="a4 b4 a8 b8"),
+        lambda p, w: sum(p[f"a{k}"] * math.cos(k * w.q) + p[f"b{k}"] * math.sin(k * w.q) for k in (4, 8))),
     ("revolute", "periodic_drive_error"): (
         "reading", {"a": AS, "b": AS, "P": "deg"},
         lambda p, w: p["a"] * math.sin(math.tau * w.q / p["P"]) + p["b"] * math.cos(math.tau * w.q / p["P"])),
@@ -126,6 +129,7 @@ EXPECTED = {
     ("machine", "tube_flexure"): ("lift", {"a": AS}, lambda p, w: -p["a"] * w.sin_zenith),
     ("machine", "refraction"): ("lift", {"a": AS}, lambda p, w: p["a"] * w.tan_zenith),
     ("target", "target_offset"): ("target", dict.fromkeys("xyz", MM), lambda p, w: xyz(p)),
+    ("target", "target_remounting"): ("remounting", dict.fromkeys("xyz", MM), lambda p, w: xyz(p)),
     ("leg", "base_joint_offset"): ("base_joint", dict.fromkeys("xyz", MM), lambda p, w: xyz(p)),
     ("leg", "platform_joint_offset"): ("platform_joint", dict.fromkeys("xyz", MM), lambda p, w: xyz(p)),
     ("leg", "leg_zero_offset"): ("reading", {"a": MM}, lambda p, w: p["a"]),

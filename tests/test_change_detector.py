@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.watch.watch import SETTLED
 from rodgen.statistics.change_detector import ChangeDetector
 from rodgen.statistics.stream_whitening import StreamWhitener
-from rodgen.statistics.thresholds import WATCH
 from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion, Whitener
 
 GROUPS = [[0], [1], [2, 3], [4]]
@@ -88,7 +88,7 @@ def test_a_change_is_found_named_sized_and_dated(moved, group, within) -> None:
     delay = bench.watch(detector, 100, 100, change=change(*moved))
     assert delay is not None
     assert delay <= within
-    for i in range(WATCH.settled):
+    for i in range(SETTLED):
         detector.update(*bench.rows(1, change(*moved)), 1.0, np.array([[100.0 + delay + i]]))
     found = detector.found()
     assert int(np.argmax(found.weights)) == group
@@ -109,7 +109,7 @@ def test_another_noise_is_found_and_then_usual() -> None:
     assert bench.watch(detector, 100) is None
     delay = bench.watch(detector, 60, 100, factor=3.0)
     assert delay is not None
-    for i in range(WATCH.settled):
+    for i in range(SETTLED):
         detector.update(*bench.rows(1, factor=3.0), 1.0, np.array([[100.0 + delay + i]]))
     found = detector.found()
     assert int(np.argmax(found.weights)) == len(GROUPS) + 1

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from hidden_effects import BENCHES
 
-from rodgen.calibration.file_check import Check, check
+from rodgen.calibration.check import Check, check
 from rodgen.calibration.fit import fit
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements

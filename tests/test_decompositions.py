@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rodgen.statistics.columns import orthonormal_basis
-from rodgen.statistics.decompositions import eigh, lstsq, singular_values, svd
+from rodgen.statistics.decompositions import eigh, lstsq, svd
 
 SOURCE = Path(__file__).parent.parent / "src" / "rodgen"
 SHAPES = ((5, 3), (3, 5), (4, 4), (2, 3, 6, 4), (0, 3), (3, 0))
@@ -43,7 +43,6 @@ def test_svd_by_the_other_driver(shape, full, stubborn):
     assert vt.shape[-2:] == (shape[-1] if full else k, shape[-1])
     assert np.allclose((u[..., :k] * s[..., None, :]) @ vt[..., :k, :], a, rtol=0, atol=1e-13)
     assert np.all(np.diff(s, axis=-1) <= 0)
-    assert np.array_equal(singular_values(a), s) or not full
 
 
 def test_eigenvalues_and_least_squares_by_the_other_driver(stubborn):

@@ -6,8 +6,8 @@ import pytest
 
 from conftest import group_of
 from rodgen.cli.derivations import load_derivation, packaged_derivations
-from rodgen.symbolic._display import LINES, WIDTH
 from rodgen.symbolic._latex import rendered_width
+from rodgen.symbolic.display import LINES, WIDTH
 
 QUICK = {"axis_fit", "instantaneous_euler_inverse", "rotations", "trig_equation"}
 """Of these all proofs and their pages take a second each."""

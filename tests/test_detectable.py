@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hidden_effects import hidden
+from linear_evidence import evidence_of
 from simulated_fits import fit_to, joint, machine_file, measure
 
 import rodgen
+from rodgen.calibration.dependence import Correlation
 from rodgen.calibration.diagnose import diagnose
-from rodgen.calibration.diagnose.candidate_space import CandidateSpace
-from rodgen.calibration.diagnose.evidence import Screening
-from rodgen.calibration.diagnose.poses import Blocks, Clusters
-from rodgen.calibration.diagnose.selection import Selection
-from rodgen.calibration.diagnose.verdict import disagreement
-from rodgen.calibration.noise.correlation import Correlation
+from rodgen.calibration.evidence import Evidence
+from rodgen.calibration.remaining_error import disagreement
+from rodgen.calibration.selection import select
 from rodgen.data.units import unit_factor
-from rodgen.statistics.columns import unchanged
 
 DRAWS = 20
 
@@ -31,21 +27,17 @@ def innocent(tmp_path_factory):
 
 def share_found(base, one, factor):
     """Return the share of simulated data sets in which an effect of some times the stated size is found."""
-    screening = Screening.at(base)
-    sensitivities = screening.sensitivities
-    space = CandidateSpace(sensitivities.model, screening.candidates, unchanged)
-    own = next(c for c in screening.candidates if c.effect.title == one.effect.title)
-    i = [name.rpartition(".")[2] for name in own.names].index(one.parameter)
+    evidence = Evidence.of(base)
+    rows = evidence.sensitivities
+    own = next(c for c in evidence.candidates if c.effect.title == one.effect.title)
+    i = own.short_names.index(one.parameter)
     size = factor * one.size * unit_factor(one.unit, base.machine.length_unit)[0]
     rng = np.random.default_rng(0)
-    scale = np.std(sensitivities.residual)
+    scale = np.std(rows.residual)
     count = 0
     for _ in range(DRAWS):
-        residual = scale * rng.standard_normal(sensitivities.residual.shape) + size * own.columns[:, :, i]
-        seen = replace(sensitivities, residual=residual)
-        blocks = Blocks(seen.observations, seen.model, residual)
-        selection = Selection(space, blocks, base.observations.n, Clusters(seen, unchanged))
-        count += bool(selection.run())
+        residual = scale * rng.standard_normal(rows.residual.shape) - size * own.columns[:, :, i]
+        count += bool(select(evidence_of(evidence.candidates, -residual, rows.model, base)))
     return count / DRAWS
 
 
@@ -95,7 +87,7 @@ def test_residuals_that_repeat_at_few_positions_are_said_to(repeats):
     own = 0.006 * random.normal(size=(3, 120))
     for axis, errors in zip("xyz", own, strict=True):
         data[f"{axis} [mm]"] = data[f"{axis} [mm]"] + errors[number if repeats else np.arange(120)]
-    independent = Correlation(1.0, 0.0, 0.0, 0.0, 0.0, np.inf, "")
+    independent = Correlation(1.0)
     said = disagreement(fit_to(file, data), independent)
     assert said.startswith("The residuals are ")
     assert ("repeat at the 10 positions of C" in said) is repeats

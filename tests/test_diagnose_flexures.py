@@ -76,8 +76,8 @@ FRAME = {
     ("title", "key", "same"),
     [
         (("tube_flexure", None), "tube_flexure.a", set()),
-        # cos h of the hour angle is HCEC, and tan of the declination NP
-        (("axis_flexure", "DEC"), "DEC.axis_flexure.a", {("encoder_eccentricity", "HA")}),
+        # cos h of the hour angle is what weight does there, and tan of the declination NP
+        (("axis_flexure", "DEC"), "DEC.axis_flexure.a", {("gravity_windup", "HA")}),
         (("fork_flexure", "DEC"), "DEC.fork_flexure.a", set()),
     ],
 )

@@ -1,4 +1,4 @@
-"""What a diagnosis says of sizes and of effects that do the same: no more than its numbers allow."""
+"""What a diagnosis says of sizes, of odds, and of effects that the data cannot distinguish."""
 
 from __future__ import annotations
 
@@ -7,9 +7,17 @@ from dataclasses import replace
 import pytest
 from made_diagnoses import mount
 
-from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
-from rodgen.calibration.diagnose.summary import at_reach, far_from_usual
+from rodgen.calibration.diagnosis import Alias, DiagnosedEffect, Diagnosis, WrongGeometry
+from rodgen.calibration.diagnosis_text import (
+    alternatives,
+    at_reach,
+    far_from_usual,
+    headline,
+    of_effects,
+    rungs,
+)
 from rodgen.calibration.fitted import Estimate
+from rodgen.calibration.words import comparison, plain
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.output.report import report_page
 
@@ -28,7 +36,7 @@ def found(machine: Machine, name: str, **estimates: tuple[float, float, str]) ->
         key: Estimate(f"J1.{name}.{key}", unit, value, std, held=False, determined=True)
         for key, (value, std, unit) in estimates.items()
     }
-    return DiagnosedEffect(machine.effect(name, machine.joints[0].name), 1e-9, -9.0, 1.0, 1.0, parameters)
+    return DiagnosedEffect(machine.effect(name, machine.joints[0].name), 9.0, 1.0, 1.0, parameters)
 
 
 def test_a_windup_per_lever_arm_is_compared_with_usual_sizes_at_the_machine_s_reach():
@@ -52,47 +60,108 @@ def test_a_size_is_called_unusual_only_where_it_is_surely_ten_times_the_usual(va
         assert said.startswith("a is 45 times the size that is usual.")
 
 
-@pytest.mark.thorough
-def test_what_is_improbable_with_the_data_is_not_said_to_be_indistinguishable():
-    machine = mount().base.machine
-    likely = Alias((machine.effect("scale", "EL"),), "scale at EL does the same.", 1.0, 0.5, 0.4)
-    improbable = Alias((machine.effect("backlash", "EL"),), "backlash at EL does the same.", 2.0, 0.5, 1e-4)
-
-    def with_aliases(*aliases: Alias) -> Diagnosis:
-        first, *others = mount().steps
-        return replace(mount(), steps=(replace(first, indistinguishable_from=aliases), *others))
-
-    both = with_aliases(likely, improbable)
-    text = " ".join(both.summary().split())
-    assert "or effects that do the same to these data" in text
-    before, _, after = text.partition("Similar, but improbable with these data:")
-    assert "cannot distinguish it from: - scale at EL" in before
-    assert after.startswith(" backlash at EL.")
-    assert "- backlash" not in before
-    assert "<h4>Similar, but improbable with these data</h4>" in report_page(both)
-    alone = with_aliases(improbable)
-    assert "These are missing: gravity_windup at EL and refraction" in alone.summary()
-    assert "cannot distinguish" not in alone.summary()
+def with_alternatives(*aliases: Alias) -> Diagnosis:
+    """Return the telescope's diagnosis with alternatives of its first effect."""
+    first, *others = mount().steps
+    return replace(mount(), steps=(replace(first, indistinguishable_from=aliases), *others), log10_odds=42.0)
 
 
-def test_of_many_effects_that_do_the_same_the_likeliest_are_explained_and_the_others_named():
-    machine = mount().base.machine
+def alias(*names: str, odds: float) -> Alias:
+    return Alias(tuple(mount().base.machine.effect(name, "EL") for name in names), odds)
+
+
+def test_the_verdict_names_the_alternatives_that_are_nearly_as_probable():
+    found = with_alternatives(alias("scale", odds=0.4), alias("backlash", odds=0.02))
+    assert headline(found) == (
+        "These are missing: gravity_windup at EL (here indistinguishable from scale at EL) and refraction; the error "
+        "falls from 2.71 to 0.659 arcsec. The odds for that are more than a million to 1."
+    )
+    assert alternatives(found.steps[0]) == [
+        "scale at EL, about as probable",
+        "backlash at EL, 50 times less probable",
+    ]
+    assert "gravity_windup at EL and refraction; " in headline(with_alternatives(alias("scale", odds=0.02)))
+    many = [alias(name, odds=0.1) for name in ("scale", "backlash", "servo_lag")]
+    assert "(here indistinguishable from 3 others)" in headline(with_alternatives(*many))
+
+
+def test_text_report_and_json_have_the_same_alternatives_with_the_same_odds():
+    found = with_alternatives(alias("scale", odds=0.02), alias("backlash", "servo_lag", odds=5.0))
+    text, page = " ".join(found.summary().split()), report_page(found)
+    for title, said in (
+        ("scale at EL", "50 times less probable"),
+        ("backlash at EL with servo_lag at EL", "5.0 times more probable"),
+    ):
+        assert f"{title}, {said}" in text
+        assert f"<strong>{title}</strong>, {said}" in page
+    assert plain(headline(found), 1200) in page
+    (scale, pair) = found.to_dict()["steps"][0]["indistinguishable_from"]
+    assert scale == {"effects": [{"effect": "scale", "joint": "EL"}], "odds": 0.02}
+    assert [e["effect"] for e in pair["effects"]] == ["backlash", "servo_lag"]
+
+
+def test_of_many_alternatives_the_most_probable_are_listed_and_the_others_counted():
     names = (
         "backlash",
         "scale",
         "encoder_eccentricity",
         "encoder_ellipticity",
         "servo_lag",
-        "gravity_windup",
+        "lateral_windup",
     )
-    aliases = [
-        Alias((effect := machine.effect(name, "EL"),), f"{effect.title} does the same.", 1.0, 1.0, 0.1 * k)
-        for k, name in enumerate(names, 1)
-    ]
-    first, *others = mount().steps
-    step = replace(first, indistinguishable_from=tuple(aliases))
-    _, _, said = replace(mount(), steps=(step, *others)).summary().partition("cannot distinguish it from:\n")
-    lines = [line.strip() for line in said.splitlines()[:9] if line.startswith("    - ")]
-    assert lines[0].startswith("- gravity_windup at EL does the same.")
-    assert [line.split()[1] for line in lines[:4]] == list(names[:1:-1])
-    assert lines[4] == "- nor from scale at EL and backlash at EL."
+    found = with_alternatives(*(alias(name, odds=0.1 * k) for k, name in enumerate(names, 1)))
+    listed = alternatives(found.steps[0])
+    assert [text.split()[0] for text in listed[:4]] == list(names[:1:-1])
+    assert listed[4:] == ["2 more, in --json"]
+
+
+def test_dimensions_that_are_not_those_of_the_file_are_named_first():
+    first, second = mount().fits[:2]
+    geometry = WrongGeometry(("AZ.axis",), 5.0, first, 2.79)
+    found = replace(
+        mount(), verdict="wrong_geometry", steps=(), fits=(second,), geometry=geometry,
+        rms=replace(mount().rms, after=second.rms),
+    )  # fmt: skip
+    said = "The dimensions of the machine are not those of the file: with estimated ones the error falls from 2.71 to"
+    assert headline(found).startswith(said)
+    assert "100 000 times more probable than single effects in its place." in headline(found)
+    assert [rung.title for rung in rungs(found)] == ["the file", "+ its dimensions"]
+    assert said in report_page(found)
+    beside = replace(
+        found,
+        verdict="effects_missing",
+        steps=mount().steps[1:],
+        fits=(second, mount().final),
+        rms=mount().rms,
+    )
+    assert "writes. Apart from that, this is missing: refraction; the error falls from 0." in headline(beside)
+    assert len(rungs(beside)) == 3
+    assert "+ refraction" in report_page(beside)
+
+
+def test_one_effect_at_several_places_has_its_meaning_once():
+    machine = replace(arm(), joints=(*arm().joints, Joint("J2", "revolute", (0.0, 1.0, 0.0))))
+    steps = [
+        DiagnosedEffect(
+            machine.effect("backlash", joint), 9.0, 1.0, 1.0,
+            {"b": Estimate(f"{joint}.backlash.b", "arcsec", 9.0, 1.0, held=False, determined=True)},
+        )
+        for joint in ("J1", "J2")
+    ]  # fmt: skip
+    text = "\n".join(of_effects(steps, machine))
+    assert text.startswith(
+        "backlash at J1 and J2\n  b at J1      9.0 ± 1.0 arcsec\n  b at J2      9.0 ± 1.0 arcsec\n"
+    )
+    assert text.count("Meaning") == text.count("Remedy") == 1
+
+
+@pytest.mark.parametrize(
+    ("odds", "words"),
+    [
+        (1.0, "about as probable"), (0.4, "about as probable"), (0.2, "5.0 times less probable"),
+        (123.0, "120 times more probable"), (1 / 4321, "4 300 times less probable"),
+        (1e7, "more than a million times more probable"), (0.0, "more than a million times less probable"),
+    ],
+)  # fmt: skip
+def test_odds_in_words(odds, words):
+    assert comparison(odds) == words

@@ -48,14 +48,18 @@ def stars_off_by(tmp_path, off, *, noted=False):
     return diagnosed(tmp_path, az, el, u, runs)
 
 
-@pytest.mark.parametrize("first", [20, 40])
-def test_a_mount_that_was_pushed_jumps_and_one_that_turns_to_and_fro_over_a_day_does_not(first, tmp_path):
+@pytest.mark.parametrize(("first", "lines"), [(20, (2, 21)), (40, (42, 81))])
+def test_a_mount_that_was_pushed_is_displaced_and_one_that_turns_to_and_fro_over_a_day_is_not(
+    first, lines, tmp_path
+):
+    """Of the two sides of a push the shorter one is displaced; its lines are under the header."""
     order = np.arange(STARS)
-    jumps = f"The readings jump after line {first + 1}"  # under the header
     pushed = stars_off_by(tmp_path, 4.0 * (order >= first))
-    assert any(note.startswith(jumps) for note in pushed.notes)
+    assert pushed.verdict == "cannot_tell"
+    assert f"The readings from line {lines[0]} to line {lines[1]} lie displaced" in pushed.reason
     day = stars_off_by(tmp_path, 2.0 * np.sin(2 * np.pi * (order - first + 40) / STARS))
-    assert not any("The readings jump" in note for note in day.notes)
+    assert day.verdict == "nothing_missing"
+    assert not any("displaced" in note for note in day.notes)
     assert any("The set-up wanders" in note for note in day.notes)
 
 
@@ -64,10 +68,10 @@ def test_a_displaced_stretch_is_told_with_its_lines(shift, tmp_path):
     found = stars(tmp_path, shift)
     assert found.steps == ()
     assert found.unexplained == ()
-    notes = " ".join(found.notes)
-    assert "from line 32 to line 42" in notes  # under the header
-    assert "Note the set-ups in a column run" in notes
-    assert found.outliers == (tuple(range(FIRST, FIRST + COUNT)) if shift > 10 else ())
+    assert found.verdict == "cannot_tell"
+    assert "from line 32 to line 42" in found.reason  # under the header
+    assert "Note the set-ups in a column run" in found.reason
+    assert found.outliers == ()
 
 
 @pytest.mark.parametrize("shift", [3.0, 60.0])
@@ -75,14 +79,6 @@ def test_it_is_a_shift_of_the_frame_once_set_ups_are_noted(shift, tmp_path):
     found = stars(tmp_path, shift, noted=True)
     assert [step.effect.title for step in found.steps] == ["frame_shift"]
     assert found.outliers == ()
-
-
-def test_a_star_of_a_displaced_stretch_that_is_hardly_off_is_left_out_with_it(tmp_path):
-    """Of eleven stars that lie 5 arcsec off, one looks right by itself."""
-    found = stars(tmp_path, 5.0)
-    assert 10 <= len(found.outliers) <= COUNT
-    assert np.ptp(found.outliers) == len(found.outliers) - 1
-    assert "taken one after the other" in " ".join(found.notes)
 
 
 def misidentified(tmp_path, count, wrong, size):
@@ -97,33 +93,21 @@ def misidentified(tmp_path, count, wrong, size):
     return diagnosed(tmp_path, az, el, u), others
 
 
-@pytest.mark.quick("90-20")
-@pytest.mark.parametrize(("count", "size"), [(80, 300), (80, 4000), (90, 20), (120, 300)])
-def test_flexure_is_found_among_stars_of_which_many_are_misidentified(count, size, tmp_path):
-    """27 of 80 to 120: up to a third, and least squares shows hardly one of them."""
-    found, others = misidentified(tmp_path, count, 27, size)
+@pytest.mark.quick("90-27-20")
+@pytest.mark.parametrize(
+    ("count", "wrong", "size"),
+    [(80, 27, 300), (80, 27, 4000), (90, 27, 20), (120, 27, 300), (90, 36, 300), (80, 40, 20)],
+)
+def test_flexure_is_found_among_stars_of_which_many_are_misidentified(count, wrong, size, tmp_path):
+    """Up to half of the stars, and least squares shows hardly one of them."""
+    found, others = misidentified(tmp_path, count, wrong, size)
     assert found.outliers == tuple(others.tolist())
     (step,) = found.steps
-    same = {step.effect.name, *(alias.effect.name for alias in step.indistinguishable_from)}
-    assert {"tube_flexure", "gravity_windup"} <= same
+    assert step.effect.name == "tube_flexure"
     assert found.unexplained == ()
     assert 0.6 < found.rms.after < 0.9
-    assert all("Backlash is not seen" in note for note in found.notes)
-
-
-@pytest.mark.parametrize(
-    ("count", "wrong", "size", "reason"),
-    [
-        (90, 36, 300, "36 of 90 rows disagree with the others"),
-        (80, 40, 20, "Half of the residuals are within"),
-    ],
-)
-def test_nothing_is_sure_among_more_stars_that_are_misidentified(count, wrong, size, reason, tmp_path):
-    found, _ = misidentified(tmp_path, count, wrong, size)
-    assert found.verdict == "cannot_tell"
-    assert found.steps == found.unexplained == ()
-    assert found.reason.startswith(reason)
-    assert "rows are wrong" in found.reason
+    if wrong == 27:
+        assert all("Backlash is not seen" in note for note in found.notes)
 
 
 def test_heavy_noise_loses_few_stars(tmp_path):

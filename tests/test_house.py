@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import functools
 import graphlib
+import importlib
 import inspect
 import re
 import subprocess
@@ -15,6 +16,7 @@ from pathlib import Path
 import pytest
 
 import rodgen
+from rodgen import facade
 
 ROOT = Path(__file__).parent.parent
 FUNCTIONS = [name for name in rodgen.__all__ if inspect.isfunction(getattr(rodgen, name))]
@@ -102,15 +104,11 @@ def imported_names(file: Path) -> set[str]:
 
 
 class Imports(ast.NodeVisitor):
-    """The names that a module imports, also within functions, but not those for type checkers alone."""
+    """The names that a module imports, also within functions and for type checkers alone."""
 
     def __init__(self, file: Path) -> None:
         self.names: set[str] = set()
         self.visit(ast.parse(file.read_text(encoding="utf-8")))
-
-    def visit_If(self, node: ast.If) -> None:
-        if "TYPE_CHECKING" not in ast.unparse(node.test):
-            self.generic_visit(node)
 
     def visit_Import(self, node: ast.Import) -> None:
         self.names |= {alias.name for alias in node.names}
@@ -198,14 +196,35 @@ def test_files_are_written_by_the_set_of_outputs_alone() -> None:
 
 
 @pytest.mark.thorough
-def test_modules_import_each_other_in_no_circle_but_for_the_facade() -> None:
+def test_modules_import_each_other_in_no_circle() -> None:
     graph = {
         module: {target for name in imported_names(file) if (target := module_of(name)) not in (None, module)}
         for module, file in MODULES.items()
     }
-    graph["rodgen.machines.machine"].remove("rodgen.calibration.fit")  # Machine.fit
-    graph["rodgen.machines.machine"].remove("rodgen.machines.emit")  # Machine.emit
     assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(MODULES)
+
+
+def test_only_the_top_says_which_function_a_method_is() -> None:
+    asked = [m for m, file in MODULES.items() if "rodgen.methods.implement" in imported_names(file)]
+    assert asked == ["rodgen.facade"]
+
+
+@pytest.mark.thorough
+def test_each_method_that_a_class_names_has_its_function() -> None:
+    named = {
+        f"{of.name}.{target.id}"
+        for file in MODULES.values()
+        for of in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(of, ast.ClassDef)
+        for each in of.body
+        if isinstance(each, ast.Assign) and re.search(r"\b(method|attribute)\(", ast.unparse(each.value))
+        for target in ast.walk(each.targets[0])
+        if isinstance(target, ast.Name)
+    }
+    assert named == set(facade.FUNCTIONS)
+    for function in facade.FUNCTIONS.values():
+        module, _, name = function.rpartition(".")
+        assert callable(getattr(importlib.import_module(module), name)), function
 
 
 def test_cases_of_a_group_run_in_one_process(request: pytest.FixtureRequest) -> None:

@@ -54,7 +54,7 @@ def columns_of(machine: str, *files: Path, **options) -> tuple[dict, list[str]]:
     from rodgen.machines.files.read import machine_of
 
     stated = {name: column_source(text) for name, text in options.pop("stated", {}).items()}
-    machine = machine_of(machine, "m.toml", Machine)
+    machine = machine_of(machine, "m.toml")
     return measurements_of(machine, list(map(str, files)), stated, **options)[:2]
 
 

@@ -114,7 +114,7 @@ NOISE = 'a positive number, or one with its unit, such as "2 um"'
 
 
 def load(text: str) -> Machine:
-    return machine_of(text, "machine.toml", Machine)
+    return machine_of(text, "machine.toml")
 
 
 # what a file says --------------------------------------------------------------------------------------------------

@@ -30,8 +30,9 @@ from rodgen.codegen import Kernel
 from rodgen.codegen.program import Program
 from rodgen.codegen.rows import row_kernels
 from rodgen.machines.closed_chain_derivation import pose_of
-from rodgen.machines.derivation import ModelSteps, derive_programs
+from rodgen.machines.derivation import derive_programs, model_kernel
 from rodgen.machines.model import _key
+from rodgen.machines.model_steps import ModelSteps
 from rodgen.machines.structure import Structure
 
 KINDS = ["point", "direction", "distance"]
@@ -181,8 +182,8 @@ def test_c_and_numpy_give_the_same_numbers_to_rounding(kind, compiler, monkeypat
 
 def derive_kernels(structure: Structure) -> list[Kernel]:
     """Return the kernels of a machine by SymPy, whose values the programs of its fit must have."""
-    place = ModelSteps(structure, "place", with_residual=False).kernel()
-    residual = ModelSteps(structure, "residual").kernel()
+    place = model_kernel(ModelSteps(structure, "place", with_residual=False))
+    residual = model_kernel(ModelSteps(structure, "residual"))
     wrt = [name for name, wanted in (("freedom", structure.slots), ("e", structure.parameters)) if wanted]
     kernels = [place, residual]
     if wrt:

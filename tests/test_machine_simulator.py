@@ -434,6 +434,13 @@ def test_set_ups_move_the_frame() -> None:
     assert close(Simulated(mount(), {"frame_shift.z": 90.0}).measure([[0, 0]]), [[-1, 0, 0]])
 
 
+def test_a_target_sits_differently_in_another_run() -> None:
+    q = [[90]] * 3
+    effects = {"p0.target_remounting[2].x": 1.0, "p0.target_remounting[b].y": 2.0}
+    reading = Simulated(table(), effects).measure(q, run=[1, 2, "b"])
+    assert close(reading, [[0, 100, 0], [0, 101, 0], [-2, 100, 0]])
+
+
 def test_drift_comes_before_set_up_and_set_up_before_the_free_frame() -> None:
     of = table(measured={"frame": "free"})
     effects = {

@@ -156,7 +156,7 @@ def test_a_fitted_file_that_is_fitted_again_stays_as_it_is(name: str) -> None:
     assert file is not None
     from rodgen.machines.files.read import machine_of
 
-    again = machine_text(fixed_machine(fit(machine_of(once, file, Machine), data).machine))
+    again = machine_text(fixed_machine(fit(machine_of(once, file), data).machine))
     assert again == once
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rodgen
-from rodgen.calibration.file_check import check
+from rodgen.calibration.check import check
 from rodgen.data.measurements import Measurements
 from rodgen.errors import RodgenError
 from rodgen.machines.files.read import machine_of
@@ -24,7 +24,7 @@ LATITUDE = np.radians(48.1)
 
 def made(kind: str, code: str | None = None) -> Machine:
     latitude = LATITUDE if kind.startswith("equatorial") else None
-    return machine_of(machine_template(kind, code=code, latitude=latitude), f"{kind}.toml", Machine)
+    return machine_of(machine_template(kind, code=code, latitude=latitude), f"{kind}.toml")
 
 
 def design(kind: str, machine: Machine) -> Measurements:
@@ -99,7 +99,7 @@ def test_a_machine_tool_is_its_two_branches(kind):
 @pytest.mark.parametrize("code", ["[w C A b X Y Z t]", "[w C' B' b X Y Z t]", "[w A X b Z Y t]"])
 def test_balls_on_the_table_are_where_the_tool_meets_them(code):
     """The tool at the place of a ball is, in the workpiece's axes, where the ball is with all joints at zero."""
-    probed = machine_of(machine_template("table-table", code=code, balls=2), "m.toml", Machine)
+    probed = machine_of(machine_template("table-table", code=code, balls=2), "m.toml")
     tool = made("table-table", code)
     rng = np.random.default_rng(3)
     for ball in probed.targets:

@@ -140,7 +140,7 @@ def test_no_drift_is_seen_where_there_is_none() -> None:
     for seed in range(50):
         data = measure(on_table(), TWICE, TRUTH, noise=NOISE, random=np.random.default_rng(seed))
         found = fit_to(on_table(), data).noise
-        seen += len(found.drifts) + len(found.distance_drifts)
+        seen += len(found.drifts)
     assert seen == 0  # one in 10 000 by chance
 
 
@@ -208,18 +208,6 @@ def test_targets_at_one_place_have_no_distance() -> None:
     for noise in (0.0, NOISE):
         data = measure(file, columns, noise=noise, random=np.random.default_rng(3))
         assert fit_to(file, data).noise.distances is None
-
-
-def test_a_scale_that_follows_the_temperature_is_reported() -> None:
-    random = np.random.default_rng(9)
-    columns = {"C [rad]": np.repeat(np.linspace(0, 6, 80), 2), "target": ["p", "r"] * 80}
-    warmth = np.repeat(random.uniform(18, 24, 80), 2)
-    data = measure(on_table(), columns | {"T_C [degC]": warmth}, TRUTH, noise=NOISE, random=random)
-    grown = add(data, readings(data) * 1e-4 * (warmth[:, None] - 20))  # a fiftieth of a millimetre
-    found = fit_to(on_table(), grown).noise
-    assert found.distance_drifts == ("T_C",)
-    assert found.distances.low < NOISE < found.distances.high
-    assert "when their scale, which follows T_C, is taken out" in found.text
 
 
 # what is stated --------------------------------------------------------------------------------------------------

@@ -16,10 +16,10 @@ from rodgen.calibration.diagnose import diagnose
 from rodgen.cli import main as cli
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import CATALOGUE
-from rodgen.machines.effects.plausibility import kind_of_machine, plausibility
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Measured, Target
+from rodgen.machines.plausibility import kind_of_machine, plausibility
 
 ROOT = Path(__file__).parent.parent
 MOUNT = ROOT / "examples" / "machines" / "mount"
@@ -103,15 +103,8 @@ def test_sizes_are_those_of_the_machine_s_reach_and_units():
     assert offset == pytest.approx([0.5, 0.0005])
 
 
-def test_a_size_or_a_sign_is_impossible_only_beyond_its_uncertainty():
+def test_a_size_costs_what_a_cauchy_distribution_says():
     prior = plausibility(robot(), robot().effect("lateral_windup", "J1"))
-    largest = prior.sizes["a"].largest
-    assert prior.is_possible(["a"], [0.5 * largest], [0.0])
-    assert not prior.is_possible(["a"], [1.5 * largest], [0.1 * largest])
-    assert not prior.is_possible(["a"], [1.5 * largest], [0.2 * largest])
-    assert prior.is_possible(["a"], [1.5 * largest], [0.3 * largest])
-    assert not prior.is_possible(["a"], [-0.1 * largest], [0.03 * largest])
-    assert prior.is_possible(["a"], [-0.1 * largest], [0.04 * largest])
     assert prior.size_cost(["a"], [10 * prior.sizes["a"].usual]) == pytest.approx(2 * math.log(101))
 
 
@@ -123,13 +116,9 @@ def test_the_user_s_word_and_the_joint_s_keys_overrule_the_odds_on_the_telescope
     assert named == [("tube_flexure", None), ("refraction", None)]  # TPOINT's TF and TX
     sizes = [step.parameters["a"].value for step in found.steps]
     assert sizes == pytest.approx([21.4118, 2.7165], abs=5e-3)
-    scale = next(a for a in found.steps[0].indistinguishable_from if a.effect.name == "scale")
-    assert 0.01 < scale.odds < 0.1
-    assert "Before these data it is less likely by" in found.summary()
     aliases = [alias for step in found.steps for alias in step.indistinguishable_from]
-    assert aliases
-    # what is named is the likeliest, all considered
-    assert max(alias.odds_with_data for alias in aliases) <= 1.0
+    assert "scale" in {alias.effect.name for alias in aliases}
+    assert max(alias.odds for alias in aliases) <= 1.0  # what is named is the most probable
     preferred = diagnose(mount(), data, prefer=[("scale", "EL")])
     assert preferred.steps[0].effect.identity == ("scale", "EL")
     direct = diagnose(mount(encoder="axis"), data)
@@ -153,7 +142,7 @@ def test_a_preferred_effect_needs_a_place_of_the_machine(capsys: pytest.CaptureF
 
 def with_table(text: str) -> rodgen.Machine:
     whole = (MOUNT / "machine.toml").read_text(encoding="utf-8")
-    return machine_of(f"{whole}\n[plausibility]\n{text}\n", "m.toml", rodgen.Machine)
+    return machine_of(f"{whole}\n[plausibility]\n{text}\n", "m.toml")
 
 
 def test_the_table_of_the_file_overrules_odds_sizes_and_signs():
@@ -167,7 +156,7 @@ def test_the_table_of_the_file_overrules_odds_sizes_and_signs():
     assert said.largest == 0.05
     assert not plausibility(mount(), mount().effect("gravity_windup", "EL")).sizes["k"].positive
     assert plausibility(machine, machine.effect("gravity_windup", "EL")).sizes["k"].positive
-    assert machine_of(machine_text(machine), "m.toml", rodgen.Machine) == machine
+    assert machine_of(machine_text(machine), "m.toml") == machine
 
 
 def test_the_table_of_the_file_decides_what_is_named():

@@ -29,7 +29,6 @@ from scipy.spatial.transform import Rotation
 from test_machine_jacobians import STENCILS, moved, step
 
 from rodgen.calibration.fit import Fit
-from rodgen.calibration.residuals import residual_columns
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
@@ -176,7 +175,7 @@ def test_the_four_notations_say_the_same():
         case = Case(ARM, {**columns, **written(notation, attitude)})
         assert np.abs(case.observations.attitude - attitude).max() < 1e-12, notation
         fit = case.machine.fit(Measurements.from_frame(case.data))
-        back = residual_columns(fit)
+        back = fit.residual_columns()
         for name, values in written(
             notation, fit.problem.attitudes(fit.solution.theta, fit.solution.frame)
         ).items():
@@ -316,7 +315,7 @@ def test_correlated_errors_of_place_and_attitude_are_whitened():
         found = whole.problem.residuals(*at, weighted=True)[..., None]
         np.testing.assert_allclose(found, whitening @ other, rtol=1e-9, atol=1e-9)
     text = machine_text(whole.machine)
-    assert machine_of(text, "again.toml", Machine).measured == whole.machine.measured
+    assert machine_of(text, "again.toml").measured == whole.machine.measured
     for wrong in (
         correlation[:3].tolist(),
         (correlation * 1.5).tolist(),
@@ -376,7 +375,7 @@ def test_correlations_of_each_row_are_those_of_one_or_of_its_covariance():
     assert all(one.estimates[key].std < 0.8 * plain.estimates[key].std for key in keys)
     assert one.predict(Measurements.from_frame(joints)).u.shape == (rows, 3)
     assert one.diagnose().verdict == "nothing_missing"
-    assert machine_of(machine_text(one.machine), "again.toml", Machine).measured == one.machine.measured
+    assert machine_of(machine_text(one.machine), "again.toml").measured == one.machine.measured
 
 
 @pytest.mark.parametrize(
@@ -552,7 +551,7 @@ def test_attitudes_alone_say_what_they_say_in_poses():
     for key in turns_of:
         one, other = alone.estimates[key], poses.estimates[key]
         assert one.value == pytest.approx(other.value, abs=0.05 * other.std)
-    columns = residual_columns(alone)
+    columns = alone.residual_columns()
     assert {"predicted_qw", "residual_rx [arcsec]"} <= columns.keys()
     prediction = alone.predict(Measurements.from_frame(data)).columns()
     assert {"predicted_qw", "model_u_rx [arcsec]"} <= prediction.keys()
@@ -628,7 +627,7 @@ def test_angles_say_what_turns_about_their_axis():
     assert {"encoder_eccentricity", "axis_tilt"} <= {effect for effect, _ in named(found)}
     final = found.final
     assert final.estimates["C.encoder_eccentricity.a"].value == pytest.approx(2e-3 * 648000 / np.pi, abs=10)
-    columns = residual_columns(final)
+    columns = final.residual_columns()
     off = np.asarray(columns["predicted_angle [rad]"]) + columns["residual_angle [rad]"] - data["angle [rad]"]
     assert np.abs(off).max() < 1e-9
     prediction = final.predict(Measurements.from_frame({k: v for k, v in data.items() if k != "angle [rad]"}))

@@ -155,7 +155,7 @@ def test_results_are_dataframes_on_request(fit, diagnosis, columns):
     assert list(residuals)[:5] == list(columns)
     np.testing.assert_array_equal(residuals["residual_y [mm]"], fit.residuals[:, 1])
     table = fit.compare().table.to_pandas()
-    assert list(table) == ["covariate", "unit", "component", "explained", "p_value", "p_value_of_all"]
+    assert list(table) == ["covariate", "unit", "component", "explained", "log10_odds"]
     steps = diagnosis.steps.to_pandas()
     assert list(steps["effect"]) == ["encoder_eccentricity"]
     assert re.fullmatch(

@@ -23,7 +23,7 @@ from made_diagnoses import HOSTILE, MACHINES
 from plotly.offline import get_plotlyjs
 
 from rodgen import figures
-from rodgen.calibration.diagnose import Diagnosis
+from rodgen.calibration.diagnosis import Diagnosis
 from rodgen.calibration.fit import Estimate
 from rodgen.calibration.plan import Gain, Goal, Plan
 from rodgen.calibration.volumetric import volumetric_error
@@ -145,16 +145,20 @@ VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell
 @pytest.mark.parametrize(
     ("verdict", "word", "more"),
     [
-        ("nothing_missing", "Nothing is missing", "Of 4 candidates none explains more than chance would."),
+        (
+            "nothing_missing",
+            "Nothing is missing",
+            "that these data could show; the error is 1.85 um, which agrees with the noise (2.00 um).",
+        ),
         (
             "effects_missing",
             "Two effects are missing",
-            "the error falls from 2.711 to 0.659 arcsec a reading",
+            "refraction; the error falls from 2.71 to 0.659 arcsec.",
         ),
         (
             "unknown_effect",
             "Something is missing that is not in the catalogue",
-            "The remaining error follows C",
+            "In addition to encoder_eccentricity at C, something outside the catalogue follows C; the error falls",
         ),
         ("cannot_tell", "These data cannot tell", "Only 3 poses; a test needs at least 4."),
     ],

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from rodgen.calibration.diagnose import Diagnosis, diagnose
+from rodgen.calibration.diagnose import diagnose
+from rodgen.calibration.diagnosis import Diagnosis
 from rodgen.calibration.fit import fit
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements

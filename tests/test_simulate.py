@@ -18,8 +18,8 @@ from rodgen.calibration.simulate.simulate import read_truth, truth_as_json
 from rodgen.data.tables import copy_with
 from rodgen.data.units import number_and_unit
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.machines.effects.rules import UnfitEffectError
-from rodgen.machines.effects.typed import assignments, typed_effect
+from rodgen.machines.rules import UnfitEffectError
+from rodgen.machines.typed_effects import assignments, typed_effect
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 
@@ -161,7 +161,7 @@ def test_a_hidden_effect_shows_and_is_found_again(name, seed):
     (truth,) = made.truth["effects"]
     size, left = made.truth["noise"]["rms"], made.truth["change"]["left_by_a_fit"]
     assert 1.9 * size < left < 5.1 * size
-    assert left <= made.truth["change"]["rms"] < 5.1 * left
+    assert left * (1 - 1e-9) <= made.truth["change"]["rms"] < 5.1 * left
     before = machine.fit(made.data)
     assert before.rms == pytest.approx(np.hypot(size, left), rel=0.1)
     place = {"joint": truth["place"]} if truth["place"] else {}
@@ -170,7 +170,7 @@ def test_a_hidden_effect_shows_and_is_found_again(name, seed):
     for key, number in truth["parameters"].items():
         found = after.estimates[key]
         assert found.unit == number["unit"]
-        if found.std is not None:
+        if found.std is not None and not found.convention:
             # beyond 5 standard deviations once in two million draws; the t distribution is wider, but for 60 readings
             assert abs(found.value - number["value"]) < 5 * found.std
 

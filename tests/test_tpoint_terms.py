@@ -33,7 +33,7 @@ def moved(name, mount, first, second):
         f'name = "m"\n[units]\nlength = "mm"\nangle = "rad"\n{joints}[[target]]\nname = "p"\npoint = {target}\n'
         f'[measured]\nkind = "direction"\nframe = "machine"\n{own_term(name).block}\n'
     )
-    machine = machine_of(text, "m.toml", rodgen.Machine)
+    machine = machine_of(text, "m.toml")
     columns = {f"{one} [rad]": first, f"{other} [rad]": second}
     columns |= dict(zip(("ux", "uy", "uz"), np.tile([[1.0], [0.0], [0.0]], len(first)), strict=True))
     o = bind(machine, rodgen.Measurements.from_frame(columns))

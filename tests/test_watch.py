@@ -112,8 +112,8 @@ def test_a_hidden_change_raises_an_alarm_and_gets_its_name_size_and_time(title, 
 
 
 def test_a_rare_effect_that_the_first_readings_show_as_well_is_listed_with_the_common_one() -> None:
-    """Over a quarter of a turn an eccentricity, and an ellipticity, are nearly an offset."""
-    value = 4.0 / sigmas(**{"C.encoder_eccentricity.a": 0.01}) * 0.01
+    """Over a few readings of a quarter of a turn an eccentricity, and an ellipticity, are nearly an offset."""
+    value = 2.0 / sigmas(**{"C.encoder_eccentricity.a": 0.01}) * 0.01
     changed = readings(600, 4, **{"C.encoder_eccentricity.a": value})
     sector = (changed["C [deg]"] < 40) | (changed["C [deg]"] > 320)
     watch = Watch(reference(), rate="100/h")
