@@ -1,7 +1,7 @@
 """Diagnoses: machines of the study, the examples, files from the field, and real data.
 
-A record has the verdict, what was found in its order, what is indistinguishable from it, every parameter with its
-standard deviation, the errors, those on poses left out, and the outliers.
+A record has the verdict, what was found in its order, what is indistinguishable from it, the odds of all that, every
+parameter with its standard deviation, the errors, those on poses left out, and the outliers.
 """
 
 from __future__ import annotations
@@ -83,6 +83,14 @@ def digest(*texts: str) -> str:
 def record_of(found: Any) -> dict[str, Any]:
     """Return what a diagnosis says, as plain data."""
     rms = found.rms
+    replaced = [
+        *(((s.effect,), a) for s in found.steps for a in s.indistinguishable_from),
+        *((one.named, one) for one in found.indistinguishable_sets),
+    ]
+    equals = {
+        f"{' and '.join(e.title for e in several)} = {' and '.join(e.title for e in one.effects)}": one.odds
+        for several, one in replaced
+    }
     return {
         "verdict": found.verdict,
         "reason": found.reason or found.wrong_bounds,
@@ -93,16 +101,10 @@ def record_of(found: Any) -> dict[str, Any]:
                 for form in found.unexplained
             ),
         ],
-        "equals": [
-            *(
-                f"{step.effect.title} = {' and '.join(e.title for e in alias.effects)}"
-                for step in found.steps
-                for alias in (*step.indistinguishable_from, *step.indistinguishable_pairs)
-            ),
-            *(
-                f"{' and '.join(e.title for e in one.named)} = {' and '.join(e.title for e in one.effects)}"
-                for one in found.indistinguishable_sets
-            ),
+        "equals": list(equals),
+        "odds": [
+            *(f"{one.effect.title}: {rounded(one.odds)}" for one in found.found),
+            *(f"{text}: {rounded(odds)}" for text, odds in equals.items()),
         ],
         "sizes": {key: [number(e.value, 9), number(e.std, 5)] for key, e in found.estimates.items()},
         "rms": [number(x, 8) for x in (rms.before, rms.after, rms.noise)],
@@ -114,3 +116,8 @@ def record_of(found: Any) -> dict[str, Any]:
 def number(x: float | None, digits: int) -> float | None:
     """Return a number with so many digits."""
     return None if x is None else float(f"{x:.{digits}g}")
+
+
+def rounded(odds: float) -> str:
+    """Return odds with two digits, at most a million."""
+    return f"{min(odds, 1e6):.1e}"

@@ -72,7 +72,7 @@ def of_template(kind: str, options: dict[str, Any]) -> Question:
     text = machine_template(kind, **options).replace(
         'instrument = "workpiece"', f'instrument = "{instrument}"'
     )
-    machine = machine_of(text, f"{kind}.toml", Machine)
+    machine = machine_of(text, f"{kind}.toml")
     if machine.kinematics.is_closed and kind != "hexapod":
         data = Measurements.load(EXAMPLES / kind.replace("3-sps-s", "three_sps_s") / "data.csv")
         columns = {c.text: c.values[:ROWS] for c in data.columns.values()}
