@@ -764,6 +764,8 @@ d.check(
 # | rotation vector of an error motion | $(L\vec\delta)\times E(J\vec x-\vec P)$ | by-error-motion |
 # | target | $\vec\delta$, carried by all joints | carried-change |
 # | target that is a direction | as the tilt of an axis | by-tilt-of-the-axis |
+# | last turn of a target that is put on again, $R_r R_t$ | $L_r\vec\delta$, carried by all joints | by-error-motion |
+# | its turn before that | $R_r L_t\vec\delta$, carried by all joints | carried-change |
 # | drift or shift of the frame, $W$, $S$ | as an error motion about the origin | by-error-motion |
 # | free frame, $B$ | $\vec\delta$; $R_B(\vec\delta\times\vec x)$ | by-frame |
 # | scale of the instrument | the point that it multiplies | by-scale |

@@ -96,8 +96,8 @@ print(fit_complete.summary())
 # %% [markdown]
 # The two coefficients agree with those that TPOINT, a program of astronomers for this purpose, found in these data:
 # 21.41 and 2.72 arc seconds. `rodgen diagnose` finds the same model, with `tube_flexure` as the name of the sagging,
-# and says that other effects do the same to these data, such as a wrong ratio of the elevation drive (`scale` at EL),
-# which telescopes have less often.
+# and says that these data cannot distinguish it from others, such as a wrong ratio of the elevation drive (`scale` at
+# EL), which telescopes have less often.
 #
 # ## Are the effects real?
 #

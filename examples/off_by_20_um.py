@@ -84,8 +84,8 @@ figure.show()
 #
 # ## Diagnose: what is it?
 #
-# Every effect of the catalogue is tried at every joint. The effects that the data support are added, each with a list
-# of the others that would change these readings in the same way. The second day takes no part in the search; it is only
+# Every effect of the catalogue is tried at every joint. The most probable set of effects is named, each with what these
+# data cannot distinguish from it. The second day takes no part in the search; it is only
 # predicted.
 
 # %%
@@ -94,13 +94,13 @@ print(found)
 
 # %% [markdown]
 # The error falls to the noise of the tracker, on the second day as well. How clear is the decision? The five best
-# candidates, with the probability that chance explains as much, as a power of ten, and the share of the variance that
-# each explains:
+# candidates, with the odds of the model with each alone, as a power of ten, and the share of the variance that it
+# explains:
 
 # %%
-print("effect                           chance   explains")
+print("effect                             odds   explains")
 for candidate in found.ranking[:5]:
-    print(f"{candidate.effect.title:28}   10^{candidate.log10_p:<8.1f} {candidate.explains:5.0%}")
+    print(f"{candidate.effect.title:28}   10^{candidate.log10_odds:<8.1f} {candidate.explains:5.0%}")
 
 # %% [markdown]
 # Neither the distance alone (`scale`) nor the temperature alone (`thermal_offset`) explains the error: their product

@@ -18,9 +18,9 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.attitudes import nearest_frame
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
-from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
+from rodgen.machines.observations import Observations
 from rodgen.machines.rigid import rotation_matrix
 
 HERE = Path(__file__).resolve().parent

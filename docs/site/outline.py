@@ -149,7 +149,7 @@ MODULES = {
     "rodgen.calibration.diagnose": "The physical effect that a model lacks.",
     "rodgen.calibration.plan": "What to measure next.",
     "rodgen.calibration.watch": "New readings, watched for a change of the machine.",
-    "rodgen.calibration.noise": "The noise of readings.",
+    "rodgen.calibration.noise_floor": "The noise of readings.",
     "rodgen.calibration.determinacy": "What the data determine.",
     "rodgen.calibration.simulate": "Simulated measurements.",
     "rodgen.machines.emit": "Emitted code of a fitted machine.",
