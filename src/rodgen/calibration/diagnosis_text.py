@@ -235,7 +235,7 @@ def nearest(diagnosis: Diagnosis) -> str:
     needed = "" if odds < 1 else f"; a claim needs {odds_text(math.exp(COST.something / 2))}"
     if -2 * math.log(odds) < -COST.something:
         needed = "; full fits do not confirm it"
-    return f"Of {count} candidates, {best.effect.title} comes nearest: {comparison(odds)} than none{needed}."
+    return f"Of {count} candidates, {best.effect.title} comes nearest: {comparison(odds, than=' than none')}{needed}."
 
 
 def _could_hide(d: Diagnosis) -> Iterator[str]:

@@ -144,12 +144,12 @@ def probability(p: float) -> str:
     return f"< 1e-{min(math.floor(-math.log10(max(p, SMALLEST_P))), LEAST_P)}"
 
 
-def comparison(odds: float) -> str:
-    """Return odds in words, such as "50 times less probable"."""
+def comparison(odds: float, *, than: str = "") -> str:
+    """Return odds in words, such as "50 times less probable", with what they are compared with."""
     times = max(odds, 1 / max(odds, 1e-300))
     if times < EQUAL_ODDS:
-        return "about as probable"
-    return f"{odds_text(times)} times {'more' if odds > 1 else 'less'} probable"
+        return f"about as probable{than.replace(' than ', ' as ')}"
+    return f"{odds_text(times)} times {'more' if odds > 1 else 'less'} probable{than}"
 
 
 def capitalized(sentence: str) -> str:
