@@ -13,9 +13,9 @@ from rodgen.calibration.evidence import Evidence
 from rodgen.stages import stage
 from rodgen.statistics.thresholds import COST
 
-BEAM = 6
+BEAM = 4
 """Sets that are kept from one size to the next."""
-PROMISING = 24
+PROMISING = 12
 """Candidates, the likeliest by a bound, whose cost is computed for each set."""
 LOOKAHEAD = 6.0
 """How much dearer a larger set may be than the best one before the search ends: two effects may hide each other."""
