@@ -104,8 +104,7 @@ def diagnose(
         observations = observed(fitted, data)
         # Before the fit, which may take long: a fault of the file is reported at once.
         others = None if test is None else bind_validation(fitted, test)
-        with reporting(progress), stage("fitting"):
-            fitted = fit(fitted, observations)
+        fitted = fit(fitted, observations, progress=progress)
     with reporting(progress), one_thread_in_blas():
         freed = without_wrong_bounds(fitted)
         found = _diagnosed(_Subject(freed, others, prefer))
@@ -172,8 +171,10 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
     geometry: WrongGeometry | None = None
     known, refused = frozenset[tuple[str, str | None]](), dict[tuple[str, str | None], str]()
     stretch: DisplacedStretch | None = None
+    evidence: Evidence | None = None
     for number in range(ROUNDS):
-        evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=_columns(base, stretch))
+        beside = _columns(base, stretch)
+        evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, like=evidence)
         if not number and not base.outliers.any():
             outliers = _wrong_rows(base, evidence)
             if outliers.any():
@@ -208,7 +209,6 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
     return replace(found, geometry=geometry, verdict=verdict, rms=rms)
 
 
-@stage("looking for outliers")
 def _wrong_rows(fit: Fit, evidence: Evidence | None = None) -> Mask:
     """Return the rows that are wrong; with evidence also given what its candidates may explain."""
     columns = None

@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
+from functools import cached_property
 
 import numpy as np
 
@@ -31,7 +32,15 @@ from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.sensitivities import Sensitivities
 from rodgen.machines.plausibility import Size
 from rodgen.stages import stage
-from rodgen.statistics.columns import Whiten, orthonormal_basis, project_out, unchanged
+from rodgen.statistics.columns import (
+    Whiten,
+    falls_from_products,
+    orthonormal_basis,
+    project_out,
+    unchanged,
+    unit_columns,
+    unit_diagonal,
+)
 from rodgen.statistics.decompositions import eigh, svd
 from rodgen.statistics.thresholds import COST
 
@@ -170,6 +179,8 @@ class Evidence:
         Those whose formula has no finite value in some row.
     dof : int
         Readings less the parameters that were fitted.
+    screened : list of Candidate
+        All effects of the catalogue that the machine may have.
     """
 
     base: FittedModel
@@ -180,6 +191,7 @@ class Evidence:
     unusable: list[Candidate]
     dof: int
     models: list[Columns] = field(repr=False)
+    screened: list[Candidate] = field(default_factory=list, repr=False)
     parts: dict[int, Ints] = field(default_factory=dict, repr=False)
     shares: dict[int, float] = field(default_factory=dict, repr=False)
     ranks: dict[int, int] = field(default_factory=dict, repr=False)
@@ -188,7 +200,6 @@ class Evidence:
     positive: Mask = field(default_factory=lambda: np.zeros(0, bool), repr=False)
     groups: Ints = field(default_factory=lambda: np.zeros(0, int), repr=False)
     relative: Mask = field(default_factory=lambda: np.zeros(0, bool), repr=False)
-    _costs: dict[frozenset[int], float] = field(default_factory=dict, repr=False)
     _estimates: dict[frozenset[int], Estimated] = field(default_factory=dict, repr=False)
 
     # the columns ------------------------------------------------------------------------------------------------------
@@ -202,6 +213,7 @@ class Evidence:
         known: Collection[tuple[str, str | None]] = (),
         beside: Array | None = None,
         further: Sequence[Candidate] = (),
+        like: Evidence | None = None,
     ) -> Evidence:
         """Return the evidence of a fit.
 
@@ -215,11 +227,17 @@ class Evidence:
             Derivatives of the weighted residuals by what else is there, in the rows that count.
         further : sequence of Candidate
             Effects of a user, in the place of those of the catalogue that have their names and places.
+        like : Evidence, optional
+            Made before with the same preference: that of the same fit has the candidates already.
         """
-        with stage("sensitivities of the candidates"):
-            effects = catalogue_effects(base.machine, base.observations)
-            rows = Sensitivities.of(base, effects)
-            every = _with(candidates(rows, effects, prefer), further)
+        if like is not None and like.base is base:
+            rows, screened = like.sensitivities, like.screened
+        else:
+            with stage("sensitivities of the candidates"):
+                effects = catalogue_effects(base.machine, base.observations)
+                rows = Sensitivities.of(base, effects)
+                screened = candidates(rows, effects, prefer)
+        every = _in_place(screened, further)
         unusable = [c for c in every if not np.isfinite(c.columns).all()]
         every = [c for c in every if np.isfinite(c.columns).all()]
         more = None if beside is None or len(beside) != len(rows.residual) else beside
@@ -234,7 +252,7 @@ class Evidence:
                 ],
                 runs=_may_differ(every),
             )
-        return cls._weighed(base, rows, correlation, every, unusable, more)
+        return replace(cls._weighed(base, rows, correlation, every, unusable, more), screened=screened)
 
     @classmethod
     def without_candidates(
@@ -341,10 +359,8 @@ class Evidence:
             positive=np.concatenate([self.positive, own_positive]),
             groups=np.concatenate([self.groups, self._groups_of(found)]),
             relative=np.concatenate([self.relative, own_relative]),
-            _costs={},
             _estimates={},
             _log_choices=None,
-            _sizes=None,
         )
 
     def _groups_of(self, found: Sequence[Candidate]) -> Ints:
@@ -360,16 +376,14 @@ class Evidence:
 
     def cost(self, chosen: Sequence[Candidate]) -> float:
         """Return -2 ln of the probability of a set of candidates, up to a constant."""
-        key = frozenset(map(id, chosen))
-        if key not in self._costs:
-            self._estimates[key] = found = self._estimated(chosen)
-            self._costs[key] = found.cost
-        return self._costs[key]
+        return self.estimated(chosen).cost
 
     def estimated(self, chosen: Sequence[Candidate]) -> Estimated:
-        """Return the sizes of a set of candidates by their columns, and the variance that they leave."""
-        self.cost(chosen)
-        return self._estimates[frozenset(map(id, chosen))]
+        """Return the cost of a set of candidates, their sizes by their columns, and the variance that they leave."""
+        key = frozenset(map(id, chosen))
+        if key not in self._estimates:
+            self._estimates[key] = self._estimated(chosen)
+        return self._estimates[key]
 
     def misfit(self, chosen: Sequence[Candidate]) -> float:
         """Return the cost of a set without that of its odds and of the sizes of its effects."""
@@ -509,12 +523,8 @@ class Evidence:
             return 0.0
         model = model or self.models[0]
         index = np.concatenate([self.parts[id(c)] for c in chosen])
-        gram = model.gram[np.ix_(index, index)]
-        length = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        values, vectors = eigh(gram / length[:, None] / length)
-        along = vectors.T @ (model.pull[index] / length)
-        real = values > COST.visible**2
-        return float(np.sum(along[real] ** 2 / values[real]))
+        scaled, length = unit_diagonal(model.gram[np.ix_(index, index)])
+        return float(falls_from_products(scaled, model.pull[index] / length, least=COST.visible**2))
 
     def lengths(self, candidate: Candidate) -> Array:
         """Return the lengths of a candidate's columns beyond what the fitted parameters imitate, (k,).
@@ -537,7 +547,7 @@ class Evidence:
     def without(self, keys: Collection[tuple[str, str | None]]) -> Evidence:
         """Return the evidence without some candidates, by name and place."""
         kept = [c for c in self.candidates if c.key not in keys]
-        return replace(self, candidates=kept, _log_choices=self.log_choices, _sizes=None)
+        return replace(self, candidates=kept, _log_choices=self.log_choices)
 
     def promising(self, chosen: Sequence[Candidate], most: int) -> list[Candidate]:
         """Return the candidates that may lower the cost of a set most when they join it, by a bound of their fall."""
@@ -556,8 +566,8 @@ class Evidence:
         diagonal = np.maximum(np.diag(gram), 1e-300)
         if chosen:
             index = np.concatenate([self.parts[id(c)] for c in chosen])
-            length = np.sqrt(diagonal[index])
-            values, vectors = eigh(gram[np.ix_(index, index)] / length[:, None] / length)
+            scaled, length = unit_diagonal(gram[np.ix_(index, index)])
+            values, vectors = eigh(scaled)
             real = values > ROUNDING * values[-1]
             root = (vectors[:, real] / np.sqrt(values[real])) / length[:, None]
             cross = root.T @ gram[index]
@@ -567,7 +577,7 @@ class Evidence:
         else:
             cross, left = np.zeros((0, len(pull))), model.square
         falls = np.full(len(self.candidates), -np.inf)
-        for size, members in self._by_size().items():
+        for size, members in self._by_size.items():
             part = np.stack([self.parts[id(self.candidates[i])] for i in members])
             own = gram[part[:, :, None], part[:, None, :]]
             if len(cross):
@@ -586,13 +596,11 @@ class Evidence:
             return 0.0
         return self._of_choice(c, 0.0 if c.effect.name in kinds else self.log_choices)
 
+    @cached_property
     def _by_size(self) -> dict[int, Ints]:
-        if self._sizes is None:
-            sizes = np.array([len(self.parts[id(c)]) for c in self.candidates], int)
-            self._sizes = {int(s): np.flatnonzero(sizes == s) for s in np.unique(sizes)}
-        return self._sizes
-
-    _sizes: dict[int, Ints] | None = field(default=None, repr=False)
+        """Numbers of the candidates of each number of columns."""
+        sizes = np.array([len(self.parts[id(c)]) for c in self.candidates], int)
+        return {int(s): np.flatnonzero(sizes == s) for s in np.unique(sizes)}
 
 
 @dataclass
@@ -617,7 +625,7 @@ class Estimated:
     of_sizes: float = 0.0
 
 
-def _with(found: Sequence[Candidate], further: Sequence[Candidate]) -> list[Candidate]:
+def _in_place(found: Sequence[Candidate], further: Sequence[Candidate]) -> list[Candidate]:
     """Return candidates with a user's in the place of those that have the same names and places."""
     keys = {c.key for c in further}
     return [*(c for c in found if c.key not in keys), *further]
@@ -642,8 +650,7 @@ def _least(costs: Callable[[Array], Array], start: float, floor: float) -> float
 
 def _rank(gram: Array) -> int:
     """Return how many directions of an effect's columns are determined beside the fitted parameters."""
-    length = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    values = np.linalg.eigvalsh(gram / length[:, None] / length)
+    values = np.linalg.eigvalsh(unit_diagonal(gram)[0])
     return int(np.count_nonzero(values > COST.visible**2))
 
 
@@ -713,8 +720,7 @@ def _sharing(indicators: Array, model: Array, y: Array) -> Iterator[Space]:
     """
     u, s, _ = svd(indicators)
     u, s = u[:, s > 1e-9 * s[0]], s[s > 1e-9 * s[0]]
-    lengths = np.linalg.norm(model, axis=0)
-    unit = model / np.where(lengths > 0, lengths, 1.0)
+    unit = unit_columns(model)
     independent, tried = _log_determinant(unit), 2 * math.log(1 + len(POSITION_ERRORS))
     for tau in POSITION_ERRORS:
         enlarged = 1 + (tau * s) ** 2
