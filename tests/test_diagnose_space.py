@@ -245,33 +245,7 @@ def test_of_many_rows_whole_poses_are_looked_at():
     assert sample_of(SimpleNamespace(pose=np.arange(50)), few).tolist() == [*range(7), *range(8, 50)]  # type: ignore[arg-type]
 
 
-# probabilities that a double does not hold -------------------------------------------------------------------
-
-
-# rows that are wrong -----------------------------------------------------------------------------------------
-
-
-def design(n: int, m: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return smooth columns of a model and of candidates, and the way along which they go."""
-    q = np.sort(np.random.default_rng(0).uniform(0, 2 * np.pi, n))
-    waves = np.stack([f(k * q) for k in range(1, 6) for f in (np.sin, np.cos)], -1)
-    model = np.stack([np.broadcast_to(np.eye(m)[i], (n, m)) for i in range(m)], -1)
-    every = np.stack([wave[:, None] * np.eye(m)[i] for wave in waves.T for i in range(m)], -1)
-    return model, every, q
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("wrong", [0.5, -5.0])
-def test_a_gross_error_is_found_where_all_candidates_together_could_follow_it(wrong, tmp_path):
-    """One reading of the first row of a trunnion, after which its warm-up begins, is off by so many mm."""
-    header, first, *others = (EXAMPLES / "trunnion" / "data.csv").read_text().splitlines()
-    cells = first.split(",")
-    cells[6] = repr(float(cells[6]) + wrong)
-    file = tmp_path / "data.csv"
-    file.write_text("\n".join([header, ",".join(cells), *others]))
-    found = fit(Machine.load(EXAMPLES / "trunnion" / "machine.toml"), Measurements.load(file)).diagnose()
-    assert [step["effect"] for step in found.to_dict()["steps"]] == ["warm_up_drift"]
-    assert list(found.outliers) == [0]
+# effects that are in the model itself -------------------------------------------------------------------------
 
 
 EFFECT = Machine.load(EXAMPLES / "rotary_table" / "machine.toml").effect("backlash", "C")
