@@ -6,29 +6,29 @@ import math
 
 from rodgen.array_types import Array
 from rodgen.calibration.dependence import FitRows
-from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.words import comparison, fall
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import COST
 
 
-def are_wrong(bounded: FittedModel, freed: FittedModel) -> bool:
+def are_wrong(bounded: Fit, freed: Fit) -> bool:
     """Return whether the readings contradict bounds: it is likelier that the file is wrong there.
 
     Parameters
     ----------
-    bounded, freed : FittedModel
+    bounded, freed : Fit
         With bounds that hold it, and the same without these.
     """
     held = sum(bool(e.at_bound) for e in bounded.estimates.values())
     return cost_of_bounds(bounded, freed) > 2 * COST.impossible * held
 
 
-def cost_of_bounds(bounded: FittedModel, freed: FittedModel) -> float:
+def cost_of_bounds(bounded: Fit, freed: Fit) -> float:
     """Return by how much the bounds raise -2 ln of the likelihood, with the noise that the readings show."""
     correlation = freed.dependence.correlation
 
-    def squares(fit: FittedModel) -> float:
+    def squares(fit: Fit) -> float:
         residual: Array = correlation.whiten(FitRows.of(fit).residual[:, :, None])
         return float((residual**2).sum())
 
@@ -39,12 +39,12 @@ def cost_of_bounds(bounded: FittedModel, freed: FittedModel) -> float:
     return count * math.log(before / after) if after > 0 else math.inf
 
 
-def held_at_bounds(bounded: FittedModel, freed: FittedModel) -> str:
+def held_at_bounds(bounded: Fit, freed: Fit) -> str:
     """Return a sentence on bounds that hold a fit, and what they cost.
 
     Parameters
     ----------
-    bounded, freed : FittedModel
+    bounded, freed : Fit
         With bounds that hold it, and the same without these.
     """
     held = [e for e in bounded.estimates.values() if e.at_bound]

@@ -27,7 +27,7 @@ import numpy as np
 from scipy import special
 
 from rodgen.array_types import Array
-from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import other_mode
@@ -451,7 +451,7 @@ class Check(Result):
         return self.summary()
 
 
-def check(machine: Machine | FittedModel, data: Any = None) -> Check:
+def check(machine: Machine | Fit, data: Any = None) -> Check:
     """Return whether a machine file and its data are plausible, and what is wrong where they are not.
 
     Parameters
@@ -472,10 +472,10 @@ def check(machine: Machine | FittedModel, data: Any = None) -> Check:
     FitError
         When a machine comes without data.
     """
-    fit = machine if isinstance(machine, FittedModel) else None
+    fit = machine if isinstance(machine, Fit) else None
     if fit is None and data is None:
         raise FitError("a machine without measurements; expected both, or a fit")
-    if isinstance(machine, FittedModel):
+    if isinstance(machine, Fit):
         search = _Search(machine.problem.model.machine, machine.observations)
     else:
         search = _Search(machine, bind_once(machine, data))
@@ -494,7 +494,7 @@ class _Search:
         self.unit = machine.measurand.unit(machine.length_unit)
         self.factor = unit_factor(self.unit, machine.length_unit)[0]
 
-    def run(self, fit: FittedModel | None) -> Check:
+    def run(self, fit: Fit | None) -> Check:
         right = Check(self.machine, self.observations, (), False, None, None, self.unit)
         # what is tried starts from the poses of the wrong mode, too
         reason = other_mode(self.observations, self.machine)
@@ -534,7 +534,7 @@ class _Search:
     def _is_suspicious(self, near: NearFit) -> bool:
         return any(near.doubts("", 1.0)) or near.lifted[0] >= CHECK.decisive or self._is_loaded
 
-    def _of_fit(self, fit: FittedModel) -> NearFit:
+    def _of_fit(self, fit: Fit) -> NearFit:
         """Return a fit that was made as one near the file."""
         problem = _NearProblem(fit.problem.model, self.observations.take(self.rows))
         theta, frame = fit.solution.theta, fit.solution.frame

@@ -40,7 +40,7 @@ from rodgen.statistics.thresholds import COST
 from rodgen.views import Records, Result
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
 
 ROUNDING = 64 * np.finfo(float).eps
 """Residuals below this part of the largest reading are rounding, of which nothing is said."""
@@ -218,7 +218,7 @@ class Comparison(Result):
 
     Attributes
     ----------
-    fit : FittedModel
+    fit : Fit
     sensitivities : Sensitivities
         The rows that were looked at, without outliers.
     evidence : Evidence or None
@@ -233,7 +233,7 @@ class Comparison(Result):
         Where the model is worse than elsewhere, the clearest first.
     """
 
-    fit: FittedModel
+    fit: Fit
     sensitivities: Sensitivities
     evidence: Evidence | None
     covariates: tuple[Driver, ...]
@@ -360,7 +360,7 @@ class Comparison(Result):
         }
 
 
-def _row(one: Followed, fit: FittedModel) -> dict[str, Any]:
+def _row(one: Followed, fit: Fit) -> dict[str, Any]:
     return {
         "covariate": one.trial.name,
         "unit": one.trial.drivers[0].unit if len(one.trial.drivers) == 1 else "",
@@ -370,12 +370,12 @@ def _row(one: Followed, fit: FittedModel) -> dict[str, Any]:
     }
 
 
-def compare(fit: FittedModel) -> Comparison:
+def compare(fit: Fit) -> Comparison:
     """Return what the residuals of a fit follow: joints, directions, time, temperatures, places, columns.
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
         Its outliers are left out.
 
     Returns
@@ -465,9 +465,7 @@ class _Weighed:
     chosen: list[Candidate]
 
     @classmethod
-    def of(
-        cls, fit: FittedModel, rows: Sensitivities, several: Sequence[Sequence[Candidate]]
-    ) -> _Weighed | None:
+    def of(cls, fit: Fit, rows: Sensitivities, several: Sequence[Sequence[Candidate]]) -> _Weighed | None:
         """Weigh trials, each with its curves; None where no reading is beyond the fitted parameters.
 
         What was selected would seem to be errors that readings share, so that these are estimated with it again.

@@ -16,7 +16,7 @@ import numpy as np
 
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.evidence import Evidence
-from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.words import two_digits
 from rodgen.data.units import unit_factor
 from rodgen.machines.machine import Effect
@@ -119,7 +119,7 @@ def _fall(evidence: Evidence, candidate: Candidate) -> float:
     return float(evidence.dof * math.expm1(min(cost / evidence.dof, 50.0)))
 
 
-def _units(base: FittedModel, candidate: Candidate) -> Iterator[tuple[str, str, float]]:
+def _units(base: Fit, candidate: Candidate) -> Iterator[tuple[str, str, float]]:
     """Yield the short name of each parameter of a candidate, its unit, and the internal value of one of these."""
     units = candidate.effect.units(base.machine)
     for key in candidate.names:

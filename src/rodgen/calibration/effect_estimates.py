@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rodgen.calibration.fitted import Estimate, FittedModel
+from rodgen.calibration.fitted import Estimate, Fit
 from rodgen.machines.machine import Effect
 from rodgen.statistics.columns import inverse_root
 
@@ -12,7 +12,7 @@ from rodgen.statistics.columns import inverse_root
 class EffectEstimates:
     """The estimates of a fit's parameters, with standard deviations that allow for correlated readings."""
 
-    def __init__(self, final: FittedModel) -> None:
+    def __init__(self, final: Fit) -> None:
         self.final = final
         self.covariance = final.covariance
 

@@ -26,7 +26,7 @@ import numpy as np
 from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.candidates import Candidate, candidates
 from rodgen.calibration.dependence import INDEPENDENT, Correlation, estimate_correlation
-from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.positions import shared_positions
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.sensitivities import Sensitivities
@@ -167,7 +167,7 @@ class Evidence:
 
     Attributes
     ----------
-    base : FittedModel
+    base : Fit
     sensitivities : Sensitivities
     correlation : Correlation
         How readings depend on each other.
@@ -183,7 +183,7 @@ class Evidence:
         All effects of the catalogue that the machine may have.
     """
 
-    base: FittedModel
+    base: Fit
     sensitivities: Sensitivities
     correlation: Correlation
     candidates: list[Candidate]
@@ -207,7 +207,7 @@ class Evidence:
     @classmethod
     def of(
         cls,
-        base: FittedModel,
+        base: Fit,
         *,
         prefer: Collection[tuple[str, str | None]] = (),
         known: Collection[tuple[str, str | None]] = (),
@@ -257,7 +257,7 @@ class Evidence:
     @classmethod
     def without_candidates(
         cls,
-        base: FittedModel,
+        base: Fit,
         sensitivities: Sensitivities,
         nuisance: Sequence[Candidate],
         known: Sequence[Candidate] = (),
@@ -284,7 +284,7 @@ class Evidence:
     @stage("columns of the candidates")
     def _weighed(
         cls,
-        base: FittedModel,
+        base: Fit,
         rows: Sensitivities,
         correlation: Correlation,
         every: Sequence[Candidate],

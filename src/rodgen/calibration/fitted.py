@@ -465,9 +465,6 @@ class Fit:
         return emit(self.machine, lang, folder, **given | options)
 
 
-FittedModel = Fit
-
-
 def _values(parameters: Sequence[Parameter], solution: Solution) -> Array:
     """Return the values of all parameters, the frame as a rotation vector and a position."""
     values = solution.theta.copy()

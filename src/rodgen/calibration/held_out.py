@@ -35,7 +35,7 @@ from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
 from rodgen.views import Result
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.machines.model import Frame
     from rodgen.machines.observations import Observations
 
@@ -139,7 +139,7 @@ class HeldOutGeometry(Result):
         )
 
 
-def held_out_geometry(fit: FittedModel) -> HeldOutGeometry | None:
+def held_out_geometry(fit: Fit) -> HeldOutGeometry | None:
     """Compare a fit with one to the same readings whose joints are where the file has them.
 
     None where no axis or point is estimated, or all are where the file has them, as in a file that a fit wrote; and
@@ -169,12 +169,12 @@ def held_out_geometry(fit: FittedModel) -> HeldOutGeometry | None:
 
 
 @stage("error on poses left out")
-def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
+def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
     """Predict every pose by a fit to others.
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
         To all poses.
     folds : int, optional
         Into how many parts the poses are dealt, 2 or more; as many as there are poses, if that is fewer. Left out:
@@ -229,7 +229,7 @@ def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
     )
 
 
-def _of_all_parts(fit: FittedModel, problem: BlockProblem) -> HeldOut:
+def _of_all_parts(fit: Fit, problem: BlockProblem) -> HeldOut:
     """Return the error on poses of a scan that the fit did not see, whatever the number of folds that is asked for.
 
     The fit without a fold is taken to first order: a fold of so many rows moves it by little.
@@ -274,7 +274,7 @@ class _Without:
         Keys of the parameters that this is.
     """
 
-    def __init__(self, fit: FittedModel, fold: Ints, folds: int) -> None:
+    def __init__(self, fit: Fit, fold: Ints, folds: int) -> None:
         self.fit, self.fold = fit, fold
         _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
         near = NearFile(fit.problem, np.asarray(fit.free, int))

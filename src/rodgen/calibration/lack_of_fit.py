@@ -23,7 +23,7 @@ from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
 from rodgen.views import Result
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
 
 MOST_COLUMNS = 60
 """Readings of a pose that are compared with each other; more count as repeating these."""
@@ -74,7 +74,7 @@ class LackOfFit(Result):
         return f"The residuals agree with {noise} ({self.ratio:.3g} times it, {p})."
 
 
-def lack_of_fit(fit: FittedModel) -> LackOfFit | None:
+def lack_of_fit(fit: Fit) -> LackOfFit | None:
     """Return the test of the residuals against the noise.
 
     Returns
@@ -94,7 +94,7 @@ def lack_of_fit(fit: FittedModel) -> LackOfFit | None:
     return found if too_large or found.p_value > by_stated.p_value else by_stated
 
 
-def _against_replicates(fit: FittedModel, pure: Replicates) -> LackOfFit | None:
+def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
     error = pure.deviations
     cells = pure.cells * fit.problem.components - fit.determinacy.rank
     residual_dof = cells - error.count
@@ -109,7 +109,7 @@ def _against_replicates(fit: FittedModel, pure: Replicates) -> LackOfFit | None:
     return LackOfFit(p, ratio, "replicates", statistic, dof)
 
 
-def _against_stated(fit: FittedModel) -> LackOfFit | None:
+def _against_stated(fit: Fit) -> LackOfFit | None:
     """Return the test of the residuals against the stated noise; None where no degree of freedom is left."""
     from scipy import special
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.machines.machine import Effect
 
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 class OpenQuestions:
     """What a fit or a diagnosis leaves open."""
 
-    final: FittedModel
+    final: Fit
     """With all effects and forms that were found."""
     found: tuple[Effect, ...] | None = None
     """Effects and forms that were found; None where none were looked for."""

@@ -21,7 +21,7 @@ from rodgen.machines.structure import GRAVITY
 from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
 
 BARE = "bare_"
 """Prefix of the names of the bare parameters."""
@@ -131,7 +131,7 @@ def bare_key(place: str | None, component: str) -> str:
 
 
 def problem_with(
-    fit: FittedModel, effects: Iterable[Effect], rows: NDArray[np.int_]
+    fit: Fit, effects: Iterable[Effect], rows: NDArray[np.int_]
 ) -> tuple[Problem, NDArray[np.float64]]:
     """Return the problem of a fit with further effects, and its parameters there, these at zero.
 
@@ -152,7 +152,7 @@ def problem_with(
 
 
 def model_with(
-    fit: FittedModel, effects: Iterable[Effect], *, compiled: bool = False
+    fit: Fit, effects: Iterable[Effect], *, compiled: bool = False
 ) -> tuple[Model, NDArray[np.float64]]:
     """Return the model of a fit with further effects, and its parameters there, these at zero."""
     whole = replace(fit.machine, effects=(*fit.machine.effects, *effects))

@@ -34,7 +34,7 @@ from rodgen.statistics.digits import round_by
 from rodgen.views import Tabular, brief
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.data.tables.parts import Part
     from rodgen.machines.machine import Machine
     from rodgen.machines.model import Frame, Model
@@ -137,12 +137,12 @@ def _turn_of(header: str) -> float:
     return parse_unit(unit).factor() if unit else 2.0
 
 
-def predict(fit: FittedModel, design: Any) -> Prediction:
+def predict(fit: Fit, design: Any) -> Prediction:
     """Return where a fitted machine will be, with the covariance that comes from the fit.
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
     design : Measurements, or a table in memory
         What is commanded, and what else the effects depend on; readings are not needed and do not matter.
 
@@ -198,7 +198,7 @@ class Predictor:
     factor: float
 
     @classmethod
-    def of(cls, fit: FittedModel) -> Predictor:
+    def of(cls, fit: Fit) -> Predictor:
         """Return that of a fit."""
         solution, names = fit.solution, fit.observations.run_names
         at = fit.problem.model, solution.theta, solution.frame
@@ -234,7 +234,7 @@ class Predictor:
 
 
 def predict_parts(
-    fit: FittedModel,
+    fit: Fit,
     design: Scan,
     folder: str | os.PathLike[str],
     *,
@@ -248,7 +248,7 @@ def predict_parts(
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
     design : Scan
     folder : str or os.PathLike
         Is made, with a Parquet file for each part.

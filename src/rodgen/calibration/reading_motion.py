@@ -11,7 +11,7 @@ from rodgen.array_types import Array
 from rodgen.calibration.problem import Problem
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.machines.observations import Observations
 
 
@@ -24,9 +24,7 @@ SMALL_MOTION = 0.1
 """Where a joint moves the target less than this part of the median motion, residuals say nothing about its reading."""
 
 
-def motion_with_reading(
-    fit: FittedModel, observations: Observations, joint: int, *, weighted: bool = False
-) -> Array:
+def motion_with_reading(fit: Fit, observations: Observations, joint: int, *, weighted: bool = False) -> Array:
     """Return the derivative of the prediction with respect to a joint's reading, (n, m).
 
     Parameters
@@ -56,7 +54,7 @@ def motion_with_reading(
     return np.asarray((sides[1] - sides[0]) / (2 * step))
 
 
-def directions_about(fit: FittedModel, observations: Observations, joint: int) -> Array:
+def directions_about(fit: Fit, observations: Observations, joint: int) -> Array:
     """Return the radial, tangential and axial directions of measured points about a revolute joint, (n, 3, 3).
 
     Row by row unit vectors in the frame of the readings: away from the axis, ahead with the joint's reading, and along

@@ -21,11 +21,11 @@ ROUNDING = 1e-12
 """Residuals of a component, relative to the largest component's, that are none."""
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.machines.observations import Observations
 
 
-def disagreement(final: FittedModel, correlation: Correlation) -> str:
+def disagreement(final: Fit, correlation: Correlation) -> str:
     """Return a sentence on how the residuals exceed the noise; empty where they agree with it.
 
     Parameters
@@ -57,7 +57,7 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
     return ""
 
 
-def _repeat_at(final: FittedModel) -> str:
+def _repeat_at(final: Fit) -> str:
     """Return at which joint's positions the residuals of different poses are alike; empty where they are not."""
     kept = ~final.outliers
     o = final.observations.take(np.flatnonzero(kept))
@@ -82,7 +82,7 @@ def _repeat_at(final: FittedModel) -> str:
     return ""
 
 
-def uneven(final: FittedModel, too_many: int) -> str:
+def uneven(final: Fit, too_many: int) -> str:
     """Return a sentence on residuals of which many are far larger than most, so that no fit is sure; empty without.
 
     Parameters
@@ -106,7 +106,7 @@ def uneven(final: FittedModel, too_many: int) -> str:
     )
 
 
-def _sizes(final: FittedModel) -> Array:
+def _sizes(final: Fit) -> Array:
     """Return the residuals of one reading of each pose that is believed, (poses, m); of each component the rms is 1.
 
     A component that has none but rounding, such as that of a direction across a plane, is left out.

@@ -26,7 +26,7 @@ from rodgen.machines.observations import Observations
 from rodgen.machines.structure import CLOSED, GRAVITY, TENSION
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
 
 Place: TypeAlias = str | None
 
@@ -43,7 +43,7 @@ MOMENTS = frozenset({"M", "M_perp", "M_across", "M_guide"})
 class Sensitivities:
     """A fit's residuals and their derivatives with respect to everything that an effect may change."""
 
-    fit: FittedModel
+    fit: Fit
     """At whose parameters the derivatives are taken."""
     rows: NDArray[np.int_]
     """Rows of the fit's observations that decisions are made on; no outliers, (n,)."""
@@ -60,7 +60,7 @@ class Sensitivities:
     """What formulas may use at each place, once it was asked for."""
 
     @classmethod
-    def of(cls, fit: FittedModel, effects: Sequence[Effect] = ()) -> Sensitivities:
+    def of(cls, fit: Fit, effects: Sequence[Effect] = ()) -> Sensitivities:
         """Return the sensitivities at a fit.
 
         Parameters

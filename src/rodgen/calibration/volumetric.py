@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.data.units import ARCSEC
 from rodgen.machines.emit.own_errors import is_of_set_up, with_uncertainty
@@ -65,14 +65,14 @@ class VolumetricError:
     """Whether the errors rest on a choice among geometries that the data cannot distinguish."""
 
 
-def volumetric_error(fit: FittedModel) -> VolumetricError | None:
+def volumetric_error(fit: Fit) -> VolumetricError | None:
     """Return the errors of a fitted machine over its travel; None where only angles or attitudes are read.
 
     At the reference temperature, at rest, without load, at time 0, and with the median of other columns.
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
 
     Examples
     --------
@@ -98,7 +98,7 @@ def volumetric_error(fit: FittedModel) -> VolumetricError | None:
         return _over_travel(fit)
 
 
-def _over_travel(fit: FittedModel) -> VolumetricError:
+def _over_travel(fit: Fit) -> VolumetricError:
     measurand = fit.machine.measurand
     o, measured_only = _positions(fit)
     problem, theta = Problem(fit.problem.model, o), fit.values
@@ -157,7 +157,7 @@ def _without(errors: Array, moves: Sequence[Array]) -> Array:
 
 
 def _rests_on_a_choice(
-    fit: FittedModel, theta: Array, places: Callable[[Array], Array], errors: Callable[[Array], Array]
+    fit: Fit, theta: Array, places: Callable[[Array], Array], errors: Callable[[Array], Array]
 ) -> bool:
     before, at = errors(theta), places(theta)
     for null in fit.determinacy.null:
@@ -168,7 +168,7 @@ def _rests_on_a_choice(
     return False
 
 
-def _positions(fit: FittedModel) -> tuple[Observations, bool]:
+def _positions(fit: Fit) -> tuple[Observations, bool]:
     """Return observations at positions over the travel, each approached from both sides; and whether measured ones."""
     o, machine = fit.observations, fit.machine
     if not machine.kinematics.is_closed:

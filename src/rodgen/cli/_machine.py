@@ -13,8 +13,7 @@ from rodgen.stages import stage
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnosis import Diagnosis
-    from rodgen.calibration.fit import Fit
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.data.measurements import Measurements, Scan
     from rodgen.machines.machine import Machine
     from rodgen.machines.observations import Observations
@@ -112,7 +111,7 @@ def remark_on_rows(observations: Observations) -> None:
         notify(sentence)
 
 
-def remark_on_readings(fit: FittedModel) -> None:
+def remark_on_readings(fit: Fit) -> None:
     """Name readings that are grossly wrong, on standard error."""
     from rodgen.calibration.gross_readings import on_gross_readings
 

@@ -71,7 +71,7 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.calibration.plan import Constraints, PlanError, load_constraints, plan
     from rodgen.data.measurements import Measurements
     from rodgen.machines.machine import Machine
@@ -93,7 +93,7 @@ def _run(options: argparse.Namespace) -> int:
         found.save(options.output)
     elif options.output:
         notify(f"{options.output} is not written: there is nothing to measure")
-    fit = of if isinstance(of, FittedModel) else of.final_with_forms
+    fit = of if isinstance(of, Fit) else of.final_with_forms
     show_result(options, lambda: found.to_dict() | {"used": fit.used_rows}, found.summary)
     return OK
 

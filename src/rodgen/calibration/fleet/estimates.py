@@ -24,15 +24,15 @@ from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.thresholds import COST
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
 
 
-def estimates_of(fit: FittedModel) -> dict[str, Any]:
+def estimates_of(fit: Fit) -> dict[str, Any]:
     """Return what can be compared with other machines and nights, as plain data.
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
 
     Returns
     -------

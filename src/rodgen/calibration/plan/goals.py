@@ -14,7 +14,7 @@ from rodgen.errors import joined
 from rodgen.views import Result
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
 
 SHARPER = 0.5
 """Part to which a standard deviation must fall for readings to be said to determine the parameter."""
@@ -100,7 +100,7 @@ class Goal(Result):
         return " ".join(self.sentences)
 
 
-def goals_of(search: Search, fit: FittedModel) -> Iterator[Goal]:
+def goals_of(search: Search, fit: Fit) -> Iterator[Goal]:
     """Yield the goals of a plan for a fit: one for each group of alternatives, and one for all parameters."""
     gains = search.gains()
     for group, effects in enumerate(search.campaign.question.alternatives):
@@ -211,7 +211,7 @@ def _parameters(search: Search) -> list[Gain]:
     return found
 
 
-def _sharpening(search: Search, fit: FittedModel, every: Sequence[Gain]) -> Goal:
+def _sharpening(search: Search, fit: Fit, every: Sequence[Gain]) -> Goal:
     """Return the goal to determine or sharpen parameters."""
     question, unshown = search.campaign.question, search.campaign.unshown
     show = question.kind == "show"

@@ -20,7 +20,7 @@ from rodgen.errors import InputFileError, joined
 from rodgen.statistics.decompositions import svd
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.calibration.plan.constraints import Constraints
     from rodgen.machines.observations import Observations
 
@@ -180,7 +180,7 @@ class Pool:
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
         Says where the target is.
     travel : ndarray, shape (J, 2)
         Within the limits.
@@ -197,7 +197,7 @@ class Pool:
 
     def __init__(
         self,
-        fit: FittedModel,
+        fit: Fit,
         travel: Array,
         choice: Levels,
         surroundings: Surroundings,

@@ -11,7 +11,7 @@ from rodgen.calibration.words import NAMES
 from rodgen.errors import RodgenError, UnexpectedError, joined, listed, shown
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.machines.machine import Effect, Machine
     from rodgen.machines.parts import EffectIdentity
 
@@ -50,7 +50,7 @@ class Question:
 
 
 def ask(
-    fit: FittedModel,
+    fit: Fit,
     alternatives: Iterable[Sequence[Effect]],
     wanted: Iterable[str],
     *,
@@ -104,14 +104,14 @@ def ask(
     )
 
 
-def parameters_to_sharpen(fit: FittedModel, without: Sequence[str] = ()) -> list[str]:
+def parameters_to_sharpen(fit: Fit, without: Sequence[str] = ()) -> list[str]:
     """Return the parameters that the data determine, without the frame's; all where there are none."""
     out = {key for x in fit.determinacy.directions for key, _ in x.parts} | set(without)
     every = [fit.parameters[i].key for i in fit.free]
     return [key for key in every if key not in out and not key.startswith("frame.")] or every
 
 
-def determined_parameters(fit: FittedModel, effects: Sequence[Effect]) -> tuple[list[str], list[str]]:
+def determined_parameters(fit: Fit, effects: Sequence[Effect]) -> tuple[list[str], list[str]]:
     """Return the keys of effects' parameters that the data determine, and sentences on those that they do not."""
     prefixes = tuple(e.key("").rstrip(".") + x for e in effects for x in ".[")
     keys = [fit.parameters[i].key for i in fit.free if fit.parameters[i].key.startswith(prefixes)]
@@ -128,13 +128,13 @@ def determined_parameters(fit: FittedModel, effects: Sequence[Effect]) -> tuple[
     return [key for key in keys if key not in left_out], notes
 
 
-def undetermined_sentences(fit: FittedModel) -> list[str]:
+def undetermined_sentences(fit: Fit) -> list[str]:
     """Return a sentence on what more data would determine; choices of coordinates are not counted."""
     texts = [x.text for x in fit.determinacy.directions if not x.gauge]
     return [f"{texts[0]} {len(texts) - 1} more such." if len(texts) > 1 else texts[0]] if texts else []
 
 
-def _wanted(fit: FittedModel, text: str) -> tuple[list[str], Effect | None]:
+def _wanted(fit: Fit, text: str) -> tuple[list[str], Effect | None]:
     """Return the keys that a text means, and an effect that is not in the model yet."""
     keys = [fit.parameters[i].key for i in fit.free]
     inside = [key for key in keys if key == text or key.startswith((f"{text}.", f"{text}["))]

@@ -26,7 +26,7 @@ from rodgen.statistics.stream_whitening import StreamWhitener
 from rodgen.statistics.whitening import SHORTEST
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.data.measurements import Measurements
     from rodgen.machines.observations import Observations
 
@@ -89,7 +89,7 @@ class WatchedColumns:
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
         The reference.
 
     Attributes
@@ -107,7 +107,7 @@ class WatchedColumns:
         What the machine file sets aside by rule or run; rows by their numbers are those of the reference.
     """
 
-    def __init__(self, fit: FittedModel) -> None:
+    def __init__(self, fit: Fit) -> None:
         self.fit = fit
         self.rules = [entry for entry in fit.machine.measured.set_aside if not entry.rows]
         self._machine = replace(fit.machine, measured=replace(fit.machine.measured, set_aside=()))

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.calibration.fitted import Estimate, FittedModel
+from rodgen.calibration.fitted import Estimate, Fit
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.watch.columns import Alternative, WatchedColumns
 from rodgen.calibration.watch.events import Changed, Event, Likely, OutlierSeen, Range, Stuck
@@ -129,7 +129,7 @@ class Watch:
     """
 
     def __init__(
-        self, fit: FittedModel, *, rate: str | float | None = None, false_alarms: str | float = "1/year"
+        self, fit: Fit, *, rate: str | float | None = None, false_alarms: str | float = "1/year"
     ) -> None:
         self.fit = fit
         self._demand(fit.degrees_of_freedom)

@@ -24,7 +24,7 @@ from rodgen.output.figures.style import BLUE, GREY, Panel, column, describe, eve
 from rodgen.output.numbers import Shown, percent, shown_unit
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.calibration.plan import Plan
     from rodgen.machines.drivers import Driver
 
@@ -266,14 +266,12 @@ def candidates(diagnosis: Diagnosis) -> go.Figure:
 # what to measure next ----------------------------------------------------------------------------------------------
 
 
-def planned_poses(
-    fit: FittedModel, plan: Plan | None, asked: Collection[str | None] = ()
-) -> go.Figure | None:
+def planned_poses(fit: Fit, plan: Plan | None, asked: Collection[str | None] = ()) -> go.Figure | None:
     """Return planned poses among those measured, over the two joints that the plan moves most; None without a plan.
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
     plan : Plan or None
     asked : collection of str
         Joints that the question is about, which come first.
@@ -325,7 +323,7 @@ def planned_poses(
     )
 
 
-def planned_commands(fit: FittedModel, plan: Plan | None) -> Array | None:
+def planned_commands(fit: Fit, plan: Plan | None) -> Array | None:
     """Return the commanded coordinates of a plan, (poses, joints), in the units of the data; None without."""
     planned = planned_rows(fit, plan)
     if planned is None:

@@ -30,7 +30,7 @@ from rodgen.output.figures.style import (
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.machines.observations import Observations
 
 PANEL = 150
@@ -45,9 +45,9 @@ LIKELY = 1.96
 
 
 def quantiles_of_residuals(
-    fit: FittedModel,
+    fit: Fit,
     *,
-    before: FittedModel | None = None,
+    before: Fit | None = None,
     whitened: bool = False,
     selected: Collection[int] = (),
     most: int = MOST_MARKS,
@@ -59,8 +59,8 @@ def quantiles_of_residuals(
 
     Parameters
     ----------
-    fit : FittedModel
-    before : FittedModel, optional
+    fit : Fit
+    before : Fit, optional
         Another model of the same observations, whose residuals are drawn, too.
     whitened : bool, optional
         Whether residuals are in standard deviations, free of a stated correlation.
@@ -127,12 +127,12 @@ def _quantiles(
             add_rows(figure, number, "selected", rows, chosen, x, y, SELECTED, unit)
 
 
-def distribution_of_residuals(fit: FittedModel) -> go.Figure:
+def distribution_of_residuals(fit: Fit) -> go.Figure:
     """Return a histogram and a normal quantile plot of the residuals of each component, without outliers.
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
     """
     rows = DrawnRows(fit)
     parts, every = components_of(rows), rows.every(fit)
@@ -166,17 +166,15 @@ def distribution_of_residuals(fit: FittedModel) -> go.Figure:
     )
 
 
-def autocorrelation_of_residuals(
-    fit: FittedModel, *, before: FittedModel | None = None, against: str = "order"
-) -> go.Figure:
+def autocorrelation_of_residuals(fit: Fit, *, before: Fit | None = None, against: str = "order") -> go.Figure:
     """Return how alike the mean residuals of successive poses are, against how far apart they were measured.
 
     Dotted lines hold 95 % of the values of independent residuals. Poses of different runs do not count.
 
     Parameters
     ----------
-    fit : FittedModel
-    before : FittedModel, optional
+    fit : Fit
+    before : Fit, optional
         Another model of the same observations.
     against : str, optional
         ``"order"``: the distance is counted in poses; ``"t"``: it is that in time, the median of pairs of poses so many

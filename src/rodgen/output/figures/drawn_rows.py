@@ -24,7 +24,7 @@ from rodgen.output.figures.style import BLUE, add_trace, evenly, label
 from rodgen.output.numbers import Shown, minus, shown_unit
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.calibration.plan import Plan
 
 
@@ -44,7 +44,7 @@ class DrawnRows:
 
     Parameters
     ----------
-    last : FittedModel, optional
+    last : Fit, optional
         Another model of the same observations, drawn as "after".
     shown : Shown, optional
         The unit in which errors are shown; left out: one in which both have few digits.
@@ -58,8 +58,8 @@ class DrawnRows:
 
     def __init__(
         self,
-        base: FittedModel,
-        last: FittedModel | None = None,
+        base: Fit,
+        last: Fit | None = None,
         shown: Shown | None = None,
         *,
         kept: Collection[int] = (),
@@ -84,7 +84,7 @@ class DrawnRows:
         return self.final is not self.base
 
     @property
-    def sides(self) -> list[tuple[str, FittedModel]]:
+    def sides(self) -> list[tuple[str, Fit]]:
         """The models with what their residuals are called."""
         return [("before", self.base), ("after", self.final)] if self.two else [("residual", self.base)]
 
@@ -122,11 +122,11 @@ class DrawnRows:
         own = np.array([unit == self.base.unit for unit in self.base.units])
         return np.where(own, self.shown.factor, self.base.in_units)
 
-    def residuals(self, fit: FittedModel) -> Array:
+    def residuals(self, fit: Fit) -> Array:
         """Return residuals, (chosen, m), in the unit shown."""
         return np.asarray(fit.residuals[self.chosen] * self.shown.factor)
 
-    def every(self, fit: FittedModel, *, whitened: bool = False) -> Array:
+    def every(self, fit: Fit, *, whitened: bool = False) -> Array:
         """Return the residuals of all rows, (n, m), in `units`; or whitened, in standard deviations.
 
         Whitened: in stated standard deviations, less what a stated correlation explains; where none is stated, in those
@@ -181,7 +181,7 @@ class DrawnRows:
         """Where the model puts what was measured, (chosen, 3), in machine axes."""
         return self.base.places(self.o)
 
-    def along_reading(self, fit: FittedModel, joint: int) -> tuple[Array, str, Array]:
+    def along_reading(self, fit: Fit, joint: int) -> tuple[Array, str, Array]:
         """Return the error of a joint's reading that would explain each residual best, its unit, and what is across.
 
         The part across is the size of the residual without it, in the unit shown.
@@ -251,12 +251,12 @@ class PlannedRows:
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
     plan : Plan
         With rows.
     """
 
-    def __init__(self, fit: FittedModel, plan: Plan) -> None:
+    def __init__(self, fit: Fit, plan: Plan) -> None:
         self.fit = fit
         self.o = bind(fit.machine, plan.rows, allow_missing_readings=True)
         self.tips = [f"planned, no. {i + 1}" for i in range(self.o.n)]
@@ -288,7 +288,7 @@ class PlannedRows:
         return np.asarray(own.noted, float)
 
 
-def planned_rows(fit: FittedModel, plan: Plan | None) -> PlannedRows | None:
+def planned_rows(fit: Fit, plan: Plan | None) -> PlannedRows | None:
     """Return the rows of a plan; None without any, and of a plan for another machine."""
     if plan is None or not plan.count:
         return None

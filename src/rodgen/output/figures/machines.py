@@ -31,7 +31,7 @@ from rodgen.output.figures.style import (
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.calibration.plan import Plan
     from rodgen.machines.machine import Joint, Machine
     from rodgen.machines.observations import Observations
@@ -79,9 +79,9 @@ def skeleton(machine: Machine, observations: Observations | None = None) -> go.F
 
 
 def residual_vectors(
-    fit: FittedModel,
+    fit: Fit,
     *,
-    before: FittedModel | None = None,
+    before: Fit | None = None,
     exaggeration: float = 0.0,
     selected: Collection[int] = (),
     planned: Plan | None = None,
@@ -144,7 +144,7 @@ def residual_vectors(
     return describe(figure, "residual_vectors", "Residuals in space", note=" ".join(note))
 
 
-def _vectors(rows: DrawnRows, fit: FittedModel) -> Array:
+def _vectors(rows: DrawnRows, fit: Fit) -> Array:
     """Return the residuals as vectors in machine axes, (chosen, 3): in the unit of length, or radians of directions."""
     r = np.asarray(fit.residuals[rows.chosen]) * fit.unit_factor
     if fit.machine.measurand.is_direction:

@@ -33,7 +33,7 @@ from rodgen.output.figures.style import (
 )
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.calibration.plan import Plan
     from rodgen.machines.observations import Observations
 
@@ -59,9 +59,9 @@ SKY_NOTE = (
 
 
 def residual_map(
-    fit: FittedModel,
+    fit: Fit,
     *,
-    before: FittedModel | None = None,
+    before: Fit | None = None,
     exaggeration: float = 0.0,
     selected: Collection[int] = (),
     planned: Plan | None = None,
@@ -75,8 +75,8 @@ def residual_map(
 
     Parameters
     ----------
-    fit : FittedModel
-    before : FittedModel, optional
+    fit : Fit
+    before : Fit, optional
         Another model of the same observations, whose residuals are drawn, too.
     exaggeration : float, optional
         How many times as long as residuals their arrows are, which the note says; left out: so that they can be seen.
@@ -141,7 +141,7 @@ class Marks:
     """Which are selected, (n,)."""
 
 
-def in_machine_axes(fit: FittedModel, residuals: Array) -> Array:
+def in_machine_axes(fit: Fit, residuals: Array) -> Array:
     """Return residuals of points, also of poses, (n, 3), in machine axes; those of distances, (n, 1), as they are."""
     residuals = residuals[:, :3]
     if residuals.shape[1] == 3 and fit.machine.measured.frame == "free":
@@ -149,7 +149,7 @@ def in_machine_axes(fit: FittedModel, residuals: Array) -> Array:
     return residuals
 
 
-def up_of(fit: FittedModel) -> Array:
+def up_of(fit: Fit) -> Array:
     """Return the unit vector against gravity in the frame of the readings."""
     up = -np.asarray(fit.machine.gravity)
     return np.asarray(fit.solution.frame.rotation @ up if fit.machine.measured.frame == "free" else up)

@@ -31,7 +31,7 @@ from rodgen.output.figures.style import (
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.calibration.plan import Plan
 
 PANEL = 460
@@ -45,7 +45,7 @@ ROOM, OUTSIDE = 1.9, 1.72
 """From the middle to the edge, and to the numbers of the angle."""
 
 
-def joints_that_go_round(fit: FittedModel) -> list[str]:
+def joints_that_go_round(fit: Fit) -> list[str]:
     """Return the names of the revolute joints whose readings lie all around the circle.
 
     Of distances also the planes, ``"xy"``, ``"yz"``, ``"zx"``, in which a ball bar swept an arc around its centre.
@@ -59,7 +59,7 @@ def joints_that_go_round(fit: FittedModel) -> list[str]:
     return found
 
 
-def _in_plane(fit: FittedModel, places: Array, plane: str) -> Array:
+def _in_plane(fit: Fit, places: Array, plane: str) -> Array:
     """Return the angle of places about the centre of distances, (n,), radians; NaN of those off the plane."""
     arm = places - np.array(fit.machine.measured.origin)
     a, b = ("xyz".index(x) for x in plane)
@@ -68,10 +68,10 @@ def _in_plane(fit: FittedModel, places: Array, plane: str) -> Array:
 
 
 def polar_plot(
-    fit: FittedModel,
+    fit: Fit,
     joint: str,
     *,
-    before: FittedModel | None = None,
+    before: Fit | None = None,
     selected: Collection[int] = (),
     aside: Collection[int] = (),
     planned: Plan | None = None,
@@ -85,10 +85,10 @@ def polar_plot(
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
     joint : str
         One of `joints_that_go_round`, or another revolute joint. In a plane distances are drawn in their directions.
-    before : FittedModel, optional
+    before : Fit, optional
         Another model of the same observations, whose residuals are drawn, too.
     selected, aside : collection of int, optional
         Rows that are marked.

@@ -45,7 +45,7 @@ from rodgen.output.figures.style import (
 )
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
     from rodgen.calibration.plan import Plan
     from rodgen.machines.drivers import Driver
 
@@ -82,10 +82,10 @@ GROUPS = list(zip(SHAPES, (BLUE, ORANGE, PURPLE, INK, GREY) * 2, strict=True))
 
 
 def residual_plot(
-    fit: FittedModel,
+    fit: Fit,
     against: str = "order",
     *,
-    before: FittedModel | None = None,
+    before: Fit | None = None,
     parts: str = "apart",
     whitened: bool = False,
     approach: str = "",
@@ -100,10 +100,10 @@ def residual_plot(
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
     against : str, optional
         What the x axis shows: one of `DrawnRows.drivers`: a joint, ``"dir_C"``, a column, ``"t"``, ``"order"``, …
-    before : FittedModel, optional
+    before : Fit, optional
         Another model of the same observations, whose residuals are drawn, too.
     parts : str, optional
         ``"apart"``: a panel for each component. ``"together"``: the size of the residual. The name of a joint: the

@@ -23,7 +23,7 @@ from rodgen.output.numbers import minus, shown_unit
 from rodgen.statistics.digits import measured
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fitted import FittedModel
+    from rodgen.calibration.fitted import Fit
 
 
 VAGUE = 1.0
@@ -296,12 +296,12 @@ FEW = 12
 """Location errors that are shown without being unfolded."""
 
 
-def own_errors(fit: FittedModel) -> Content | None:
+def own_errors(fit: Fit) -> Content | None:
     """Return the errors of a fitted machine as texts; None where there is nothing to say.
 
     Parameters
     ----------
-    fit : FittedModel
+    fit : Fit
         With everything that was found.
     """
     keys = [p.key for p in fit.parameters]
@@ -336,7 +336,7 @@ def _number(value: float, u: float) -> str:
     return minus(measured(value, u)[0] if u else three_digits(value))
 
 
-def _volume(fit: FittedModel, found: VolumetricError) -> Content:
+def _volume(fit: Fit, found: VolumetricError) -> Content:
     shown = shown_unit(found.unit, [found.largest, found.most])
     machine, o = fit.machine, fit.observations
     units = [coordinate(o, j) for j in range(len(machine.joints))]
