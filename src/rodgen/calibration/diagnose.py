@@ -36,7 +36,7 @@ from rodgen.calibration.effect_estimates import EffectEstimates
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.forms import propose, sharpened
-from rodgen.calibration.geometry import is_wrong_as_a_whole, with_geometry
+from rodgen.calibration.geometry import gain_of_geometry, with_geometry
 from rodgen.calibration.held_out import HeldOut
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.blocks import observed
@@ -183,11 +183,12 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                     return _undecided(subject, base, reason)
                 evidence = Evidence.of(base, prefer=subject.prefer)
         state = _confirmed(_State(base, evidence, refused=refused, stretch=stretch))
-        dearer = is_wrong_as_a_whole(evidence, state.chosen)
-        if geometry is None and dearer is not None and dearer > 0:
+        open_ = geometry is None and number < ROUNDS - 1  # effects are looked for beside it
+        gain = gain_of_geometry(evidence, state.chosen) if open_ else None
+        if gain is not None and gain > 0:
             whole = _with_geometry(base)
             if whole is not None:
-                geometry = WrongGeometry(whole.machine.estimate, log10_of(dearer), base, base.held_out().rms)
+                geometry = WrongGeometry(whole.machine.estimate, log10_of(gain), base, base.held_out().rms)
                 subject, base, known = replace(subject, fitted=whole), whole, frozenset()
                 continue
         outliers = _wrong_rows(state.last)

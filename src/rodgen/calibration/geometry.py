@@ -28,7 +28,7 @@ SEVERAL = 3
 PARTS = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
 
 
-def is_wrong_as_a_whole(evidence: Evidence, chosen: Sequence[Candidate]) -> float | None:
+def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float | None:
     """Return how much dearer the effects that were chosen are than a geometry that differs everywhere from the file.
 
     None where so few dimensions are among them that there is no question. The geometry is one cause, of which the sizes
