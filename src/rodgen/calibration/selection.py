@@ -53,8 +53,12 @@ def _beam(evidence: Evidence) -> list[Candidate]:
     for _ in range(COST.most):
         grown = dict[frozenset[tuple[str, str | None]], list[Candidate]]()
         for chosen in beam:
-            for c in evidence.promising(chosen, PROMISING):
-                tried = [*chosen, c]
+            near = evidence.promising(chosen, PROMISING)
+            more = [[c] for c in near]
+            if chosen is beam[0]:
+                more += [[a, b] for a, b in _pairs(evidence, chosen, near)]  # two effects may hide each other
+            for new in more:
+                tried = [*chosen, *new]
                 key = frozenset(one.key for one in tried)
                 if key not in grown or evidence.cost(tried) < evidence.cost(grown[key]):
                     grown[key] = tried
