@@ -31,9 +31,5 @@ def evidence_of(
         models=[Columns.of(space, none)],
         parts={},
         shares={},
-        usual=np.zeros(0),
-        largest=np.zeros(0),
-        positive=np.zeros(0, bool),
-        relative=np.zeros(0, bool),
     )
     return empty.including(list(found))

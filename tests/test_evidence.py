@@ -17,7 +17,6 @@ from linear_evidence import evidence_of
 from scipy import integrate, linalg, optimize, stats
 
 from rodgen.calibration.candidates import Candidate
-from rodgen.calibration.evidence import POSITION_ERRORS, _sharing
 from rodgen.calibration.selection import equals, ranking, select
 from rodgen.machines.plausibility import Plausibility, Size
 
@@ -131,6 +130,16 @@ def test_odds_of_an_alternative_are_those_of_its_set():
     assert math.exp(-alias.cost / 2) == pytest.approx(0.1, rel=0.2)  # they are alike but for their odds
 
 
+def test_one_effect_may_be_in_the_place_of_any_three_of_four() -> None:
+    random = np.random.default_rng(7)
+    columns = random.normal(size=(N, 4))
+    parts = [candidate("zero", name, columns[:, i], usual=1.0) for i, name in enumerate("ABCD")]
+    whole = candidate("offset", "T", columns[:, 1:].sum(axis=1) + 0.01 * random.normal(size=N), usual=1.0)
+    readings = 3.0 * columns.sum(axis=1) + random.normal(size=N)
+    (found, *_) = equals(evidence_of([*parts, whole], readings), parts)
+    assert ([c.effect.place for c in found.replaced], found.candidates) == (["B", "C", "D"], (whole,))
+
+
 @pytest.mark.parametrize("times", [0.2, 3.0, 20.0])
 def test_a_size_far_from_usual_costs_what_a_cauchy_distribution_says(times):
     """Of one effect with its size determined well: the density of Cauchy's distribution integrated over all sizes."""
@@ -150,23 +159,6 @@ def test_a_size_far_from_usual_costs_what_a_cauchy_distribution_says(times):
     rest = (N - 1) * math.log(variance) + noise @ noise / variance
     exact = rest - 2 * math.log(likely)
     assert evidence.cost([one]) == pytest.approx(exact, abs=2.5 + 4 * math.log(max(times, 1)))
-
-
-def test_readings_of_one_position_share_an_error_as_dense_covariances_say():
-    random = np.random.default_rng(3)
-    number = np.repeat(np.arange(8), 6)
-    shared = (number[:, None] == np.arange(8)).astype(float)
-    model = np.stack([np.ones(48), np.cos(number)], axis=1)
-    y = shared @ random.normal(size=8) + 0.5 * random.normal(size=48)
-    basis = linalg.null_space(model.T)
-    for tau, space in zip(POSITION_ERRORS, _sharing(shared, model, y), strict=True):
-        covariance = np.eye(48) + tau**2 * shared @ shared.T
-        inverse = np.linalg.inv(covariance)
-        error = y - model @ np.linalg.solve(model.T @ inverse @ model, model.T @ inverse @ y)
-        assert space.residual @ space.residual == pytest.approx(error @ inverse @ error, rel=1e-9)
-        # the restricted likelihood is the likelihood of the readings beyond the model
-        restricted = np.linalg.slogdet(basis.T @ covariance @ basis)[1]
-        assert space.log_determinant - 2 * math.log(4) == pytest.approx(restricted, rel=1e-9)
 
 
 def test_two_effects_that_hide_each_other_are_found():

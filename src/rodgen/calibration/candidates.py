@@ -12,16 +12,15 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.calibration.dependence import FitRows
-from rodgen.calibration.positions import position_numbers
 from rodgen.calibration.sensitivities import MOMENTS, Place, Sensitivities, is_direct
 from rodgen.calibration.solve.starting_values import most_waves, wave_falls
+from rodgen.data.poses import positions
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.effects.formula import ARRAY_FUNCTIONS
 from rodgen.machines.machine import Effect
 from rodgen.machines.plausibility import Plausibility, plausibility, reach
 from rodgen.machines.rigid import complete_basis
-from rodgen.statistics.columns import DEPENDENT, orthonormal_basis, project_out
-from rodgen.statistics.decompositions import svd
+from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.thresholds import COST, EVIDENCE, SELECTION
 
 TAUS = 12
@@ -127,38 +126,6 @@ def unsearched(sensitivities: Sensitivities, effect: Effect) -> Candidate | None
         return None
     values = list(_tried(sensitivities, effect))
     return with_searched(sensitivities, effect, values[0]) if len(values) == 1 else None
-
-
-def without_imitated(found: Sequence[Candidate], model: Array) -> list[Candidate]:
-    """Return candidates without combinations of their columns of which the model imitates all that could be seen.
-
-    Part of a tilt that goes round with an axis is a constant one of the next axis, but for the square of the two. A
-    thousandth of a column remains there and, magnified a thousand times, would explain what is another effect's.
-
-    Parameters
-    ----------
-    model : ndarray, shape (n, m, p)
-        Columns of the model.
-    """
-    n, m, p = model.shape
-    basis = orthonormal_basis(model.reshape(n * m, p))
-    return [replace(c, columns=_without_imitated(basis, c.columns)) for c in found]
-
-
-def _without_imitated(basis: Array, columns: Array) -> Array:
-    if columns.shape[2] < 2 or not np.isfinite(columns).all():
-        return columns
-    flat = columns.reshape(len(basis), -1)
-    length = np.linalg.norm(flat, axis=0)
-    length[length == 0.0] = 1.0
-    triangle = np.asarray(np.linalg.qr(project_out(basis, flat / length), mode="r"))
-    _, visible, combinations = svd(triangle)
-    seen = combinations[visible > COST.visible]
-    if len(seen) in {0, len(visible)}:
-        return columns
-    found = flat / length @ seen.T @ seen
-    found[:, np.linalg.norm(found, axis=0) < DEPENDENT] = 0.0  # rounding is no column
-    return np.asarray((found * length).reshape(columns.shape))
 
 
 def _assumes_order(sensitivities: Sensitivities, effect: Effect) -> bool:
@@ -294,7 +261,7 @@ def _tried(sensitivities: FitRows | Sensitivities, effect: Effect) -> Iterator[d
         j = _number(sensitivities, effect)
         q = np.unique(sensitivities.observations.q[:, j])
         enough = EVIDENCE.positions_a_freedom * len(effect.definition.parameters)
-        if position_numbers(q).max(initial=0) + 1 >= enough:
+        if positions(q).max(initial=0) + 1 >= enough:
             highest = min(most_waves(q), MOST_WAVES)
             for waves in np.arange(FEWEST_WAVES, highest + WAVES_STEP / 2, WAVES_STEP):
                 yield {name: float((q[-1] - q[0]) / waves)}

@@ -8,26 +8,26 @@ formulas leaves. Then, with the eigenvalues Λ of the scaled products XᵀX and 
     cost(set) = n ln σ² + |y|²/σ² - uᵀ(Λ + σ²)⁻¹u / σ² + ln|1 + Λ/σ²| - 2 ln odds(set)
 
 is -2 ln of the probability of the set, up to a constant (MacKay 1992, Bayesian interpolation; Kass and Raftery 1995,
-Bayes factors). Readings at one position share an error of unknown size, and those of a pose share where its joints
-stopped. That competes with the effects: each size that is tried is a noise model with columns of its own, and a set
-costs what it costs with the best of them.
+Bayes factors). Readings of a pose, of a position or of a run share errors, or the set-up wanders (`dependence`). That
+competes with the effects: what is estimated beside all candidates, without any effect, and independence are noise
+models with columns of their own, and a set costs what it costs with the best of them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum, auto
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.candidates import Candidate, candidates
 from rodgen.calibration.dependence import INDEPENDENT, Correlation, estimate_correlation
 from rodgen.calibration.fitted import Fit
-from rodgen.calibration.positions import shared_positions
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.sensitivities import Sensitivities
 from rodgen.machines.plausibility import Size
@@ -38,17 +38,11 @@ from rodgen.statistics.columns import (
     orthonormal_basis,
     project_out,
     unchanged,
-    unit_columns,
     unit_diagonal,
 )
 from rodgen.statistics.decompositions import eigh, svd
 from rodgen.statistics.thresholds import COST
 
-POSITION_ERRORS = (1.0, 3.0, 10.0)
-"""Errors that the readings of one position may share, in errors of a reading: a factor of three from one to the next
-costs less than 1 in chi-square."""
-MOST_STOPS = 600
-"""Poses times joints beyond which it changes little of what is decided where each joint stopped."""
 SCALES = frozenset({"scale", "instrument_scale", "instrument_axis_scales", "leg_scale"})
 """Effects that multiply a reading."""
 FEW_COLUMNS = 2
@@ -152,13 +146,21 @@ class Columns:
         return self.space.log_determinant
 
 
-class Sparse(Enum):
-    """Which columns of an effect of many may be left out."""
-
-    NONE = auto()
-    COLUMNS = auto()
-    UNITS = auto()
-    """All of one unit together, such as the turns of a set-up that was shifted only."""
+KNOWN = np.dtype(
+    [
+        ("usual", float),
+        ("largest", float),
+        ("positive", bool),
+        ("relative", bool),
+        ("effect", int),
+        ("group", int),
+        ("many", bool),
+        ("rank", float),
+    ]
+)
+"""What is known of a column before the readings: its usual and largest size, whether it has a sign, whether it
+multiplies a reading; a number that the columns of an effect share, and one of those with one usual size; whether the
+effect has more than few columns; and in the first column of one how many directions the readings determine of it."""
 
 
 @dataclass(eq=False)
@@ -181,6 +183,11 @@ class Evidence:
         Readings less the parameters that were fitted.
     screened : list of Candidate
         All effects of the catalogue that the machine may have.
+    dependences : sequence of Correlation
+        All that compete.
+    curves : bool
+        Whether the candidates are curves of several orders, not formulas: their own error is seen as noise, and all of
+        their columns are there.
     """
 
     base: Fit
@@ -194,13 +201,12 @@ class Evidence:
     screened: list[Candidate] = field(default_factory=list, repr=False)
     parts: dict[int, Ints] = field(default_factory=dict, repr=False)
     shares: dict[int, float] = field(default_factory=dict, repr=False)
-    ranks: dict[int, int] = field(default_factory=dict, repr=False)
-    usual: Array = field(default_factory=lambda: np.zeros(0), repr=False)
-    largest: Array = field(default_factory=lambda: np.zeros(0), repr=False)
-    positive: Mask = field(default_factory=lambda: np.zeros(0, bool), repr=False)
-    groups: Ints = field(default_factory=lambda: np.zeros(0, int), repr=False)
-    relative: Mask = field(default_factory=lambda: np.zeros(0, bool), repr=False)
-    _estimates: dict[frozenset[int], Estimated] = field(default_factory=dict, repr=False)
+    known: NDArray[Any] = field(default_factory=lambda: np.zeros(0, KNOWN), repr=False)
+    dependences: Sequence[Correlation] = ()
+    curves: bool = False
+    refused: Collection[tuple[str, str | None]] = ()
+    """Name and place of candidates that are in no set: full fits did not confirm them."""
+    _estimates: dict[frozenset[int], list[Estimated]] = field(default_factory=dict, repr=False)
 
     # the columns ------------------------------------------------------------------------------------------------------
 
@@ -224,7 +230,7 @@ class Evidence:
         known : collection of (name, place)
             Effects that are there, so that how readings depend on each other is estimated with them.
         beside : ndarray, shape (n, m, k), optional
-            Derivatives of the weighted residuals by what else is there, in the rows that count.
+            Derivatives of the weighted residuals of all rows by what else is there.
         further : sequence of Candidate
             Effects of a user, in the place of those of the catalogue that have their names and places.
         like : Evidence, optional
@@ -240,22 +246,12 @@ class Evidence:
         every = _in_place(screened, further)
         unusable = [c for c in every if not np.isfinite(c.columns).all()]
         every = [c for c in every if np.isfinite(c.columns).all()]
-        more = None if beside is None or len(beside) != len(rows.residual) else beside
-        with stage("estimating the correlation"):
-            correlation = estimate_correlation(
-                rows,
-                [c.columns for c in every],
-                [c.tries for c in every],
-                [
-                    *(c.columns for c in every if c.key in known or c in further),
-                    *([] if more is None else [more]),
-                ],
-                runs=_may_differ(every),
-            )
-        return replace(cls._weighed(base, rows, correlation, every, unusable, more), screened=screened)
+        more = None if beside is None else beside[rows.rows]
+        there = [c for c in every if c.key in known or c in further]
+        return replace(cls._weighed(base, rows, every, there, every, unusable, more), screened=screened)
 
     @classmethod
-    def without_candidates(
+    def of_curves(
         cls,
         base: Fit,
         sensitivities: Sensitivities,
@@ -263,7 +259,7 @@ class Evidence:
         known: Sequence[Candidate] = (),
         beside: Array | None = None,
     ) -> Evidence:
-        """Return the evidence of a fit for candidates other than the catalogue's, which are to be included.
+        """Return the evidence of a fit for curves in the place of the catalogue's effects, which are to be included.
 
         Parameters
         ----------
@@ -274,11 +270,7 @@ class Evidence:
         beside : ndarray, shape (n, m, K), optional
             Columns that count as those of the fitted parameters do.
         """
-        with stage("estimating the correlation"):
-            columns, tries = [c.columns for c in nuisance], [c.tries for c in nuisance]
-            there = [c.columns for c in known] + ([] if beside is None else [beside])
-            correlation = estimate_correlation(sensitivities, columns, tries, there)
-        return cls._weighed(base, sensitivities, correlation, [], [], beside)
+        return replace(cls._weighed(base, sensitivities, nuisance, known, [], [], beside), curves=True)
 
     @classmethod
     @stage("columns of the candidates")
@@ -286,24 +278,20 @@ class Evidence:
         cls,
         base: Fit,
         rows: Sensitivities,
-        correlation: Correlation,
+        nuisance: Sequence[Candidate],
+        known: Sequence[Candidate],
         every: Sequence[Candidate],
         unusable: list[Candidate],
         beside: Array | None,
     ) -> Evidence:
         model = rows.model if beside is None else np.concatenate([rows.model, beside], axis=2)
-        with stage("estimating the correlation"):
-            dependences = [
-                correlation,
-                *_other_dependences(rows, correlation, beside, runs=_may_differ(every)),
-            ]
-        spaces = list[Space]()
-        for number, one in enumerate(dependences):
-            spaces += _spaces(rows, model, one, shared=number == 0)
+        runs = not any(c.effect.definition.per_run for c in every)
+        dependences = _dependences(rows, nuisance, known, [] if beside is None else [beside], runs=runs)
+        spaces = [_space(rows, model, one) for one in dependences]
         none = np.zeros((rows.residual.size, 0))
         dof = rows.residual.size - spaces[0].basis.shape[1]
         models = [Columns.of(space, none) for space in spaces]
-        empty = cls(base, rows, correlation, [], [], unusable, dof, models)
+        empty = cls(base, rows, dependences[0], [], [], unusable, dof, models, dependences=dependences)
         return empty.including(every)
 
     def including(self, more: Sequence[Candidate]) -> Evidence:
@@ -336,146 +324,150 @@ class Evidence:
         found = [c for c, there in zip(more, seen, strict=True) if there]
         for c in found:
             parts[id(c)] = np.arange(end, end := end + c.columns.shape[2])
-        gram = models[0].gram
-        ranks = self.ranks | {id(c): _rank(gram[np.ix_(parts[id(c)], parts[id(c)])]) for c in found}
         every = [*self.candidates, *found]
         unseen = [*self.unseen, *(c for c, there in zip(more, seen, strict=True) if not there)]
-        first = self.models[0].across.shape[1]
-        unknown = Size(math.inf, math.inf)
-        sized = [c.prior.sizes.get(name, unknown) for c in found for name in c.short_names]
-        own_largest = np.array([size.largest for size in sized])
-        own_positive = np.array([size.positive for size in sized], bool)
-        own_relative = np.array([c.effect.name in SCALES for c in found for _ in c.names], bool)
         return replace(
             self,
             candidates=every,
             unseen=unseen,
             models=models,
             parts=parts,
-            ranks=ranks,
             shares=self.shares | {id(c): share for c, share in zip(more, largest, strict=True)},
-            usual=np.concatenate([self.usual, _usual_sizes(found, models[0], first)]),
-            largest=np.concatenate([self.largest, own_largest]),
-            positive=np.concatenate([self.positive, own_positive]),
-            groups=np.concatenate([self.groups, self._groups_of(found)]),
-            relative=np.concatenate([self.relative, own_relative]),
+            known=np.concatenate([self.known, *(_known(c, models[0], parts[id(c)]) for c in found)]),
             _estimates={},
             _log_choices=None,
         )
-
-    def _groups_of(self, found: Sequence[Candidate]) -> Ints:
-        """Return a number for each column, (K,), that those of one effect with one usual size share."""
-        groups, last = list[int](), int(np.max(self.groups, initial=-1))
-        for c in found:
-            sizes, own = np.unique(c.prior.usual(c.short_names), return_inverse=True)
-            groups += (last + 1 + own).tolist()
-            last += len(sizes)
-        return np.array(groups, int)
 
     # the cost of a set ------------------------------------------------------------------------------------------------
 
     def cost(self, chosen: Sequence[Candidate]) -> float:
         """Return -2 ln of the probability of a set of candidates, up to a constant."""
-        return self.estimated(chosen).cost
+        return min(one.cost for one in self._under_each(chosen)) + self.choice(chosen)
 
     def estimated(self, chosen: Sequence[Candidate]) -> Estimated:
         """Return the cost of a set of candidates, their sizes by their columns, and the variance that they leave."""
-        key = frozenset(map(id, chosen))
-        if key not in self._estimates:
-            self._estimates[key] = self._estimated(chosen)
-        return self._estimates[key]
+        best = min(self._under_each(chosen), key=lambda one: one.cost)
+        return replace(best, cost=best.cost + self.choice(chosen))
+
+    def sizes(self, chosen: Sequence[Candidate]) -> list[Array]:
+        """Return the sizes of each of a set of candidates by its columns."""
+        index, theta = self._index(chosen), self.estimated(chosen).theta
+        return [theta[np.searchsorted(index, self.parts[id(c)])] for c in chosen]
+
+    @property
+    def imperfect(self) -> float:
+        """Part of a candidate that may look like another one; see `CostPolicy`."""
+        return 0.0 if self.curves else COST.imperfect
 
     def misfit(self, chosen: Sequence[Candidate]) -> float:
         """Return the cost of a set without that of its odds and of the sizes of its effects."""
-        return self.cost(chosen) - self.choice(chosen) - self.estimated(chosen).of_sizes
-
-    def _estimated(self, chosen: Sequence[Candidate]) -> Estimated:
-        found = [self._under(model, chosen) for model in self.models]
-        best = min(found, key=lambda one: one.cost)
-        best.cost += self.choice(chosen)
-        return best
+        found = self.estimated(chosen)
+        return found.cost - self.choice(chosen) - found.of_sizes
 
     def model_for(self, chosen: Sequence[Candidate]) -> Columns:
         """Return the noise model under which a set of candidates costs least."""
-        return min(self.models, key=lambda model: self._under(model, chosen).cost)
+        costs = [one.cost for one in self._under_each(chosen)]
+        return self.models[int(np.argmin(costs))]
+
+    @property
+    def independent(self) -> Columns:
+        """The noise model of independent readings, as a fit weighs them."""
+        return self.models[0 if self.correlation.independent else -1]
+
+    def correlation_for(self, chosen: Sequence[Candidate]) -> Correlation:
+        """Return how readings depend on each other where a set of candidates costs least."""
+        whiten = self.model_for(chosen).space.whiten
+        return next(one for one in self.dependences if one.whiten == whiten)
+
+    def dearer(self, model: Columns, chosen: Sequence[Candidate]) -> float:
+        """Return how much dearer a set is under one noise model than under the best one."""
+        return self._under(model, chosen).cost + self.choice(chosen) - self.cost(chosen)
 
     def _under(self, model: Columns, chosen: Sequence[Candidate]) -> Estimated:
-        """Return the cost of a set under one noise model: with all columns of its effects, or with those that count."""
-        if all(len(c.names) <= FEW_COLUMNS for c in chosen):
-            return self._with(model, chosen, Sparse.NONE)
-        return min((self._with(model, chosen, sparse) for sparse in Sparse), key=lambda one: one.cost)
+        """Return the cost of a set under one noise model, but for its odds."""
+        return self._under_each(chosen)[self.models.index(model)]
 
-    def _with(self, model: Columns, chosen: Sequence[Candidate], sparse: Sparse) -> Estimated:
-        n, square = self.dof, model.square
-        floor = COST.bent**2 * square / n + 1e-300
-        if not chosen:
-            variance = square / n + 1e-300
-            none = np.zeros(0)
-            return Estimated(n * math.log(variance) + n + model.log_determinant, variance, none, none)
-        parts = [self.parts[id(c)] for c in chosen]
-        index, lengths = np.concatenate(parts), np.array([len(part) for part in parts])
-        starts = np.cumsum(lengths) - lengths
-        many = np.repeat(lengths > FEW_COLUMNS, lengths)
-        _, group = np.unique(self.groups[index], return_inverse=True)
-        narrow = np.where(np.bincount(group) > 1, NARROWEST, 1.0)
-        gram, pull, usual = model.gram[np.ix_(index, index)], model.pull[index], self.usual[index]
-        times, there = np.ones(len(index)), np.ones(len(index))
+    def _under_each(self, chosen: Sequence[Candidate]) -> list[Estimated]:
+        key = frozenset(map(id, chosen))
+        if key not in self._estimates:
+            self.weighed([[*chosen]])
+        return self._estimates[key]
+
+    def _index(self, chosen: Sequence[Candidate]) -> Ints:
+        """Return the numbers of the columns of a set, in their order."""
+        return np.sort(np.concatenate([np.zeros(0, int), *(self.parts[id(c)] for c in chosen)]))
+
+    def weighed(self, sets: Iterable[list[Candidate]]) -> list[list[Candidate]]:
+        """Return sets of candidates whose costs are known, those of as many columns computed together."""
+        found, alike = [*sets], dict[tuple[int, bool], dict[frozenset[int], Ints]]()
+        for chosen in found:
+            key = frozenset(map(id, chosen))
+            if key not in self._estimates:
+                index = self._index(chosen)
+                many = not self.curves and any(len(c.names) > FEW_COLUMNS for c in chosen)
+                alike.setdefault((len(index), many), {})[key] = index
+        for (_, many), some in alike.items():
+            self._estimates |= zip(some, self._weigh(np.array([*some.values()]), many), strict=True)
+        return found
+
+    def _weigh(self, index: Ints, many: bool) -> Iterator[list[Estimated]]:
+        """Yield the costs of sets of as many columns, (S, k), under each noise model: (variants, models, S, k).
+
+        Variants, where an effect has many columns: all are there; or those that count; or those of one unit that count
+        together, such as the turns of a set-up that was shifted only.
+        """
+        n, k = self.dof, index.shape[1]
+        known, (grams, pulls, squares, determinants) = self.known[index], self._products
+        gram, pull = grams[:, index[:, :, None], index[:, None, :]], pulls[:, index]
+        square = squares[:, None]
+        floor = (ROUNDING if self.curves else COST.bent**2) * square / n + 1e-300
+        same = known["group"][:, :, None] == known["group"][:, None, :]
+        first = ~np.any(np.tril(same, -1), axis=2)
+        narrow = np.where(same.sum(axis=2) > 1, NARROWEST, 1.0)
+        usual, times, there = known["usual"], np.ones(index.shape), np.ones((1, *pull.shape))
         for _ in range(3):
             width = usual * times * there
-            values, vectors = eigh(width[:, None] * gram * width)
-            values, along = np.maximum(values, 0.0), vectors.T @ (width * pull)
-            real = values > ROUNDING * values[-1]
-            explained = float(np.sum(along[real] ** 2 / values[real]))
-            variance = max((square - explained) / max(n - len(index), 1), floor)
-            theta = width * (vectors @ (along / (values + variance)))
-            ratio = np.zeros(len(narrow))
-            np.maximum.at(ratio, group, np.abs(theta) / np.where(usual > 0, usual, np.inf))
-            scale = np.clip(ratio, narrow, WIDEST)
-            times = scale[group]
-            if sparse is not Sparse.NONE:
-                of = np.arange(len(index)) if sparse is Sparse.COLUMNS else group
-                there = self._there(usual * times, gram, theta, variance, many, of)
-        sizes = 0.0
-        if sparse is Sparse.COLUMNS:
-            sizes = 2 * math.log(2) * sum(self.ranks[id(c)] for c in chosen if len(c.names) > FEW_COLUMNS)
-        elif sparse is Sparse.UNITS:
-            sizes = 2 * math.log(2) * len(np.unique(group[many]))
-        sized = np.where(scale > 1, np.log1p(scale**2), -np.log(scale))
-        sizes += 2 * float(np.sum(sized, where=np.bincount(group, there) > 0))
+            values, vectors = eigh(width[..., None] * gram * width[..., None, :])
+            values, along = np.maximum(values, 0.0), ((width * pull)[..., None, :] @ vectors)[..., 0, :]
+            real = values > ROUNDING * values[..., -1:]
+            explained = np.sum(np.where(real, along**2 / np.where(real, values, 1.0), 0.0), axis=-1)
+            variance = np.maximum((square - explained) / max(n - k, 1), floor)
+            theta = width * (vectors @ (along / (values + variance[..., None]))[..., None])[..., 0]
+            ratio = np.abs(theta) / np.where(usual > 0, usual, np.inf)
+            ratio = np.max(np.where(same, ratio[..., None, :], 0.0), axis=-1, initial=0.0)
+            times = np.clip(ratio, narrow, WIDEST)
+            if many:
+                there = _there(usual * times, gram, theta, variance, known["many"], same)
+        kept = first & ((same @ there[..., None])[..., 0] > 0)
+        sizes = 2 * np.sum(np.where(times > 1, np.log1p(times**2), -np.log(times)), axis=-1, where=kept)
+        if many:
+            of_variants = [0 * index[:, 0], known["rank"].sum(axis=1), (first & known["many"]).sum(axis=1)]
+            sizes += 2 * math.log(2) * np.array(of_variants)[:, None]
 
         def costs(logs: Array) -> Array:
-            """Return the cost at logarithms of the variance."""
-            s2 = np.exp(logs)[:, None]
-            fall = np.sum(np.log1p(values / s2) - along**2 / (s2 * (values + s2)), axis=1)
-            return np.asarray(n * logs + square / s2[:, 0] + fall)
+            """Return the costs at logarithms of the variance, (..., g)."""
+            s2, of, pulled = np.exp(logs)[..., None], values[..., None, :], along[..., None, :]
+            fall = np.sum(np.log1p(of / s2) - pulled**2 / (s2 * (of + s2)), axis=-1)
+            return np.asarray(n * logs + square[..., None] / s2[..., 0] + fall)
 
-        log = _least(costs, max(math.log(variance), math.log(floor)), math.log(floor))
-        variance, least = math.exp(log), float(costs(np.array([log]))[0])
-        spread = np.linalg.norm((width[:, None] * vectors) / np.sqrt(values + variance), axis=1) * math.sqrt(
-            variance
-        )
-        sizes += self._impossible(index, starts, theta, spread)
-        return Estimated(least + sizes + model.log_determinant, variance, theta, spread, sizes)
+        log = _least(costs, np.log(variance), np.broadcast_to(np.log(floor), variance.shape))
+        variance = np.exp(log)
+        spread = np.linalg.norm(
+            width[..., None] * vectors / np.sqrt(values + variance[..., None])[..., None, :], axis=-1
+        ) * np.sqrt(variance[..., None])
+        sizes += _impossible(known, theta, spread)
+        found = costs(log[..., None])[..., 0] + sizes + determinants[:, None]
+        best = found.argmin(axis=0)
+        for s in range(len(index)):
+            at = [(best[m, s], m, s) for m in range(len(self.models))]
+            yield [Estimated(float(found[i]), float(variance[i]), theta[i], spread[i], sizes[i]) for i in at]
 
-    @staticmethod
-    def _there(width: Array, gram: Array, theta: Array, variance: float, many: Mask, group: Ints) -> Array:
-        """Return 0 for columns, (k,), of effects of many that are cheaper left out, with those of their group, else 1.
-
-        A column costs ln(1 + width² x²/σ²) because its size is not known before, and is worth (θ/std)².
-        """
-        precision = np.diag(gram) / variance
-        worth, cost = theta**2 * precision, np.log1p(width**2 * precision)
-        gains = np.bincount(group, worth - cost)[group]
-        return np.where(many & (gains < 0), 0.0, 1.0)
-
-    def _impossible(self, index: Ints, starts: Ints, theta: Array, spread: Array) -> float:
-        """Return what signs and sizes cost that no machine should have, beyond their uncertainty."""
-        large = np.abs(theta) - COST.certain * spread > self.largest[index]
-        lifted = self.positive[index] & (theta + COST.certain * spread < 0)
-        if np.any(self.relative[index] & (np.abs(theta) - COST.certain * spread > COST.no_scale)):
-            return math.inf
-        strange = np.logical_or.reduceat(large, starts).sum() + np.logical_or.reduceat(lifted, starts).sum()
-        return 2 * COST.impossible * float(strange)
+    @cached_property
+    def _products(self) -> tuple[Array, Array, Array, Array]:
+        """XᵀX, Xᵀy, |y|² and the logarithm of the determinant of each noise model."""
+        found = zip(*((m.gram, m.pull, m.square, m.log_determinant) for m in self.models), strict=True)
+        gram, pull, square, log_determinant = (np.array(of_models) for of_models in found)
+        return gram, pull, square, log_determinant
 
     def choice(self, chosen: Sequence[Candidate]) -> float:
         """Return -2 ln of the odds of choosing these: how often machines have them, and how many values were tried.
@@ -540,18 +532,17 @@ class Evidence:
     def width(self, candidate: Candidate) -> float:
         """Return what a candidate costs because its sizes are not known before, ln|1 + Λ/σ²|."""
         index = self.parts[id(candidate)]
-        usual = self.usual[index]
+        usual = self.known["usual"][index]
         values = np.linalg.eigvalsh(usual[:, None] * self.model_for([]).gram[np.ix_(index, index)] * usual)
         return float(np.sum(np.log1p(np.maximum(values, 0.0) / self.estimated([]).variance)))
 
     def without(self, keys: Collection[tuple[str, str | None]]) -> Evidence:
-        """Return the evidence without some candidates, by name and place."""
-        kept = [c for c in self.candidates if c.key not in keys]
-        return replace(self, candidates=kept, _log_choices=self.log_choices)
+        """Return the evidence with some candidates in no set, by name and place; what they are stays known."""
+        return replace(self, refused=frozenset(keys))
 
     def promising(self, chosen: Sequence[Candidate], most: int) -> list[Candidate]:
         """Return the candidates that may lower the cost of a set most when they join it, by a bound of their fall."""
-        there = {c.key for c in chosen}
+        there = {c.key for c in chosen} | {*self.refused}
         kinds = {c.effect.name for c in chosen}
         gains = np.min([self._gains(model, chosen) for model in self.models], axis=0)
         costs = [
@@ -635,17 +626,18 @@ GRID = np.linspace(-0.4, 1.6, 11)
 """Logarithms of the factors on the least variance at which the cost is looked at first."""
 
 
-def _least(costs: Callable[[Array], Array], start: float, floor: float) -> float:
-    """Return where a cost is least: on a grid about a start, then by two parabolas through its neighbours."""
+def _least(costs: Callable[[Array], Array], start: Array, floor: Array) -> Array:
+    """Return where costs are least: on a grid about a start, then by two parabolas through its neighbours."""
+    start, floor, step = start[..., None], floor[..., None], float(GRID[1] - GRID[0])
     logs = np.maximum(start + GRID, floor)
-    best, step = float(logs[int(np.argmin(costs(logs)))]), float(GRID[1] - GRID[0])
+    best = np.take_along_axis(logs, costs(logs).argmin(axis=-1)[..., None], axis=-1)
     for _ in range(2):
-        low, middle, high = costs(np.array([best - step, best, best + step]))
+        low, middle, high = np.split(costs(best + step * np.arange(-1, 2)), 3, axis=-1)
         bend = low - 2 * middle + high
-        if bend > 0:
-            best = max(best + float(np.clip((low - high) / (2 * bend), -1, 1)) * step, floor)
+        move = np.clip((low - high) / (2 * np.where(bend > 0, bend, np.inf)), -1, 1) * step
+        best = np.where(bend > 0, np.maximum(best + move, floor), best)
         step /= 10
-    return best
+    return np.asarray(best[..., 0])
 
 
 def _rank(gram: Array) -> int:
@@ -654,27 +646,81 @@ def _rank(gram: Array) -> int:
     return int(np.count_nonzero(values > COST.visible**2))
 
 
-def _may_differ(every: Sequence[Candidate]) -> bool:
-    """Return whether runs may differ for no reason: not where a candidate says how they do."""
-    return not any(c.effect.definition.per_run for c in every)
+def _known(c: Candidate, model: Columns, part: Ints) -> NDArray[Any]:
+    """Return what is known of the columns of a candidate, (k,).
+
+    They are as large as all that is to be explained where no usual size is known.
+    """
+    unknown, stated = Size(math.inf, math.inf), c.prior.usual(c.short_names)
+    sizes = [c.prior.sizes.get(name, unknown) for name in c.short_names]
+    gram = model.gram[np.ix_(part, part)]
+    lengths = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    # a column that is hidden has no size
+    unit = np.where(lengths > 0, math.sqrt(model.square) / np.where(lengths > 0, lengths, 1.0), 0.0)
+    found = np.zeros(len(part), KNOWN)
+    found["usual"] = np.minimum(np.where(np.isfinite(stated), stated, unit), 1e4 * unit)
+    found["largest"] = [size.largest for size in sizes]
+    found["positive"] = [size.positive for size in sizes]
+    found["relative"] = c.effect.name in SCALES
+    found["effect"] = part[0]
+    found["group"] = part[0] + np.unique(stated, return_inverse=True)[1]
+    found["many"] = len(part) > FEW_COLUMNS
+    if found["many"][0]:
+        found["rank"][0] = _rank(gram)
+    return found
 
 
-def _other_dependences(
-    rows: Sensitivities, correlation: Correlation, beside: Array | None, *, runs: bool
+def _there(width: Array, gram: Array, theta: Array, variance: Array, many: Mask, same: Mask) -> Array:
+    """Return 0 for columns of effects of many that are cheaper left out, else 1, (variants, models, S, k).
+
+    A column costs ln(1 + width² x²/σ²) because its size is not known before, and is worth (θ/std)².
+    """
+    precision = np.diagonal(gram, axis1=-2, axis2=-1) / variance[..., None]
+    gains = theta**2 * precision - np.log1p(width**2 * precision)
+    of_units = (same @ gains[-1][..., None])[..., 0]
+    out = many & (np.array([0 * gains[0], gains[len(gains) // 2], of_units]) < 0)
+    return np.where(out, 0.0, 1.0)
+
+
+def _impossible(known: NDArray[Any], theta: Array, spread: Array) -> Array:
+    """Return what signs and sizes cost that no machine should have, beyond their uncertainty."""
+    large = np.abs(theta) - COST.certain * spread
+    lifted = known["positive"] & (theta + COST.certain * spread < 0)
+    same = known["effect"][:, :, None] == known["effect"][:, None, :]
+    first = ~np.any(np.tril(same, -1), axis=2)
+    strange = sum(
+        first & np.any(same & one[..., None, :], axis=-1) for one in (large > known["largest"], lifted)
+    )
+    scaled = np.any(known["relative"] & (large > COST.no_scale), axis=-1)
+    return np.asarray(np.where(scaled, math.inf, 2 * COST.impossible * np.sum(strange, axis=-1)))
+
+
+@stage("estimating the correlation")
+def _dependences(
+    rows: Sensitivities,
+    nuisance: Sequence[Candidate],
+    known: Sequence[Candidate],
+    beside: list[Array],
+    *,
+    runs: bool,
 ) -> list[Correlation]:
-    """Return how readings may depend on each other, besides: as without any effect, and not at all.
+    """Return how readings may depend on each other: with all candidates, without any effect, and not at all.
 
     Errors that poses share, or that wander, are estimated with all candidates beside them; so a wander is as small as
     it can be. Where nothing is missing it is larger; where an effect does what looks like a wander, there is none.
     """
-    alone = estimate_correlation(rows, (), None, [] if beside is None else [beside], runs=runs)
-    if alone.independent:
-        return [] if correlation.independent else [INDEPENDENT]
-    return [alone] if correlation.independent else [alone, INDEPENDENT]
+    alone = estimate_correlation(rows, (), None, beside, runs=runs)
+    columns, tries = [c.columns for c in nuisance], [c.tries for c in nuisance]
+    there = [*(c.columns for c in known), *beside]
+    found = estimate_correlation(rows, columns, tries, there, runs=runs, alone=None if known else alone)
+    return [found, *([] if alone.independent else [alone]), *([] if found.independent else [INDEPENDENT])]
 
 
-def _spaces(rows: Sensitivities, model: Array, correlation: Correlation, *, shared: bool) -> Iterator[Space]:
-    """Yield the noise models of one dependence of the readings, with errors of positions if they may be shared."""
+def _space(rows: Sensitivities, model: Array, correlation: Correlation) -> Space:
+    """Return the noise model of one dependence of the readings.
+
+    The restricted likelihood has the determinant of the fitted parameters' products, too (Patterson and Thompson 1971).
+    """
     n, m, p = model.shape
     whole = np.concatenate([model, rows.residual[:, :, None]], axis=2)
     white = correlation.whiten(whole).reshape(n * m, -1)
@@ -685,48 +731,7 @@ def _spaces(rows: Sensitivities, model: Array, correlation: Correlation, *, shar
         lengths[lengths == 0] = 1.0
         cost += _log_determinant(white[:, :p] / lengths) - _log_determinant(flat / lengths)
     none = np.zeros((n * m, 0))
-    yield Space.of(white[:, :p], -white[:, p], none, np.zeros(0), cost, correlation.whiten)
-    for errors in (shared_positions(rows.observations, m), _stops(rows)) if shared else ():
-        if errors is not None:
-            shares = correlation.whiten(errors).reshape(n * m, -1)
-            for space in _sharing(shares, white[:, :p], -white[:, p]):
-                yield replace(space, log_determinant=space.log_determinant + cost, whiten=correlation.whiten)
-
-
-def _stops(rows: Sensitivities) -> Array | None:
-    """Return how the readings of each pose follow errors of where each joint stopped, (n, m, poses × joints).
-
-    None where poses are not read several times, or are too many to matter. Each column is as large, in the mean, as an
-    error of a reading that moves the readings by their own error.
-    """
-    o = rows.observations
-    poses, pose = np.unique(o.pose, return_inverse=True)
-    follow = [rows.component(joint.name, "reading") for joint in o.machine.joints]
-    some = [column for column in follow if column is not None and column.any()]
-    if not some or 2 * len(poses) > o.n or len(poses) * len(some) > MOST_STOPS:
-        return None
-    found = np.zeros((*rows.residual.shape, len(some), len(poses)))
-    for k, column in enumerate(some):
-        found[np.arange(o.n), :, k, pose] = column / math.sqrt(float(np.mean(column**2)))
-    return found.reshape(*rows.residual.shape, -1)
-
-
-def _sharing(indicators: Array, model: Array, y: Array) -> Iterator[Space]:
-    """Yield the spaces where readings of a position share an error, for each size of it that is tried.
-
-    With the indicators B of the positions readings have the covariance 1 + τ²BBᵀ; its root is taken along the singular
-    vectors of B. The restricted likelihood has the determinant of the fitted parameters' products, too (Patterson and
-    Thompson 1971).
-    """
-    u, s, _ = svd(indicators)
-    u, s = u[:, s > 1e-9 * s[0]], s[s > 1e-9 * s[0]]
-    unit = unit_columns(model)
-    independent, tried = _log_determinant(unit), 2 * math.log(1 + len(POSITION_ERRORS))
-    for tau in POSITION_ERRORS:
-        enlarged = 1 + (tau * s) ** 2
-        shrinks = 1 / np.sqrt(enlarged)
-        more = float(np.sum(np.log(enlarged))) + _log_determinant(_shrunk(unit, u, shrinks)) - independent
-        yield Space.of(model, y, u, shrinks, more + tried)
+    return Space.of(white[:, :p], -white[:, p], none, np.zeros(0), cost, correlation.whiten)
 
 
 def _log_determinant(columns: Array) -> float:
@@ -735,14 +740,3 @@ def _log_determinant(columns: Array) -> float:
         return 0.0
     values = svd(np.asarray(np.linalg.qr(columns, mode="r")))[1]
     return 2 * float(np.sum(np.log(values[values > 1e-9 * values[0]])))
-
-
-def _usual_sizes(found: Sequence[Candidate], model: Columns, first: int) -> Array:
-    """Return the usual sizes of the columns from a first one on, (K,).
-
-    As large as all that is to be explained where none is known.
-    """
-    square = np.diag(model.gram)[first:]
-    unit = np.sqrt(model.square / np.maximum(square, 1e-300))
-    stated = np.concatenate([np.zeros(0), *(c.prior.usual(c.short_names) for c in found)])
-    return np.asarray(np.minimum(np.where(np.isfinite(stated), stated, unit), 1e4 * unit))

@@ -22,6 +22,9 @@ LOOKAHEAD = 6.0
 FEW = 8
 """Candidates of which pairs with their best partners are looked at."""
 
+MOST_REPLACED = 3
+"""Effects in the place of which one may be, such as one offset of a target for three zeros."""
+
 
 @stage("testing effects")
 def select(evidence: Evidence) -> list[Candidate]:
@@ -42,9 +45,9 @@ def ordered(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
     """Return a set in the order in which its effects lower the cost most, those of the catalogue before forms."""
     left, found = list(chosen), list[Candidate]()
     while left:
-        best = min(left, key=lambda c: (bool(c.driver), evidence.cost([*found, c])))
-        found.append(best)
-        left = [c for c in left if c is not best]
+        larger = evidence.weighed([*found, c] for c in left)
+        found = min(larger, key=lambda some: (bool(some[-1].driver), evidence.cost(some)))
+        left = [c for c in left if c is not found[-1]]
     return found
 
 
@@ -52,16 +55,15 @@ def _beam(evidence: Evidence) -> list[Candidate]:
     best, beam = list[Candidate](), [list[Candidate]()]
     for _ in range(COST.most):
         grown = dict[frozenset[tuple[str, str | None]], list[Candidate]]()
-        for chosen in beam:
-            near = evidence.promising(chosen, PROMISING)
-            more = [[c] for c in near]
-            if chosen is beam[0]:
-                more += [[a, b] for a, b in _pairs(evidence, chosen, near)]  # two effects may hide each other
-            for new in more:
-                tried = [*chosen, *new]
-                key = frozenset(one.key for one in tried)
-                if key not in grown or evidence.cost(tried) < evidence.cost(grown[key]):
-                    grown[key] = tried
+        larger = [[*chosen, c] for chosen in beam for c in evidence.promising(chosen, PROMISING)]
+        # two effects may hide each other
+        larger += [
+            [*beam[0], a, b] for a, b in _pairs(evidence, beam[0], evidence.promising(beam[0], PROMISING))
+        ]
+        for tried in evidence.weighed(larger):
+            key = frozenset(one.key for one in tried)
+            if key not in grown or evidence.cost(tried) < evidence.cost(grown[key]):
+                grown[key] = tried
         beam = sorted(grown.values(), key=evidence.cost)[:BEAM]
         if not beam or evidence.cost(beam[0]) > evidence.cost(best) + LOOKAHEAD:
             break
@@ -82,7 +84,7 @@ def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | 
         while len(merged) > 2:
             merged = min(([*merged[:i], *merged[i + 1 :]] for i in range(len(merged) - 1)), key=evidence.cost)
             tried.append(merged)
-    better = min(tried, key=evidence.cost, default=chosen)
+    better = min(evidence.weighed(tried), key=evidence.cost, default=chosen)
     return better if evidence.cost(better) < evidence.cost(chosen) - 1e-6 else None
 
 
@@ -116,7 +118,7 @@ def worth(evidence: Evidence, chosen: Sequence[Candidate], one: Candidate) -> fl
     others = [c for c in chosen if c is not one]
     if any(c.effect.place in {one.effect.place, None} or one.effect.place is None for c in others):
         explained = evidence.explained(others)
-        if evidence.explained(chosen) - explained < COST.imperfect**2 * explained:
+        if evidence.explained(chosen) - explained < evidence.imperfect**2 * explained:
             return 0.0
     return evidence.cost(others) - evidence.cost(chosen)
 
@@ -126,6 +128,7 @@ def _plausible(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
     for k in range(len(chosen)):
         rest = [c for c in chosen if c is not chosen[k]]
         near = evidence.promising(rest, PROMISING)
+        evidence.weighed([*rest, c] for c in near)
         best = min(near, key=lambda c: _dearer(evidence, chosen, rest, [c]), default=chosen[k])
         if _dearer(evidence, chosen, rest, [best]) < 0:
             chosen = [*chosen[:k], best, *chosen[k + 1 :]]
@@ -151,7 +154,7 @@ def _dearer(
 ) -> float:
     """Return how much dearer a set is with other effects in the place of some, as far as formulas are exact.
 
-    What the effects in question explain they explain to a part `COST.imperfect`: a difference in chi-square that is
+    What the effects in question explain they explain to a part `Evidence.imperfect`: a difference in chi-square that is
     smaller says nothing.
     """
     tried = [*rest, *new]
@@ -161,7 +164,7 @@ def _dearer(
     # errors that readings share may explain what the other effects do not
     model = evidence.model_for(tried)
     variance, whole = evidence.variance(model, chosen), evidence.explained(chosen, model)
-    known = COST.imperfect**2 * (whole - evidence.explained(rest, model)) / variance
+    known = evidence.imperfect**2 * (whole - evidence.explained(rest, model)) / variance
     better = (whole - evidence.explained(tried, model)) / variance
     return more - min(max(better, -known), known)
 
@@ -173,7 +176,7 @@ class Equal:
     Attributes
     ----------
     replaced : tuple of Candidate
-        One or two of the set.
+        One to three of the set.
     candidates : tuple of Candidate
         One or more in their place.
     cost : float
@@ -193,7 +196,7 @@ def _parts(evidence: Evidence, rest: Sequence[Candidate], one: Candidate) -> lis
     left = [c for c in evidence.candidates if len(c.names) < len(one.names) and not c.driver]
     found = list[Candidate]()
     for _ in one.names:
-        there = {c.key for c in (*rest, *found)}
+        there = {*(c.key for c in (*rest, *found)), *evidence.refused}
         left = [c for c in left if c.key not in there]
         if left:
             found.append(max(left, key=lambda c: evidence.explained([*rest, *found, c])))
@@ -209,48 +212,46 @@ def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
     found = list[Equal]()
     for one in chosen:
         rest = [c for c in chosen if c is not one]
-        near = evidence.promising(rest, PROMISING)
-        singles = dict[tuple[str, str | None], Equal]()
-        for c in near:
-            cost = _dearer(evidence, chosen, rest, [c])
-            if (
-                c.key != one.key
-                and not c.driver
-                and cost < min(COST.tied, singles[c.key].cost if c.key in singles else math.inf)
-            ):
-                singles[c.key] = Equal((one,), (c,), cost)
-        found += singles.values()
-        for a, b in _pairs(evidence, rest, near):
-            if one.key in {a.key, b.key} or a.driver or b.driver:
-                continue
-            cost = _dearer(evidence, chosen, rest, [a, b])
-            alone = min((singles[c.key].cost for c in (a, b) if c.key in singles), default=math.inf)
-            if cost < min(COST.tied, alone - COST.needed):
-                found.append(Equal((one,), (a, b), cost))
-        parts = _parts(evidence, rest, one)
-        for n in range(3, len(parts) + 1):
-            cost, keys = _dearer(evidence, chosen, rest, parts[:n]), {c.key for c in parts[:n]}
-            fewer = [x.cost for x in found if x.replaced == (one,) and {c.key for c in x.candidates} <= keys]
-            if cost < min([COST.tied, *(other - COST.needed for other in fewer)]):
-                found.append(Equal((one,), tuple(parts[:n]), cost))
-    for several in (s for n in range(2, len(chosen) + 1) for s in itertools.combinations(chosen, n)):
-        rest = [c for c in chosen if c not in several]
-        best = dict[tuple[str, str | None], Equal]()
-        for c in evidence.promising(rest, FEW):
-            cost = _dearer(evidence, chosen, rest, [c])
-            if cost < COST.tied and not c.driver and all(c.key != one.key for one in several):
-                best.setdefault(c.key, Equal(several, (c,), cost))
-        found += best.values()
-        if len(several) == 3:
-            break
+        near, parts = evidence.promising(rest, PROMISING), _parts(evidence, rest, one)
+        tried = [(c,) for c in near] + _pairs(evidence, rest, near)
+        found += _alike(evidence, chosen, (one,), [*tried, *(parts[:n] for n in range(3, len(parts) + 1))])
+    for several in (s for n in range(2, MOST_REPLACED + 1) for s in itertools.combinations(chosen, n)):
+        near = evidence.promising([c for c in chosen if c not in several], FEW)
+        found += _alike(evidence, chosen, several, [(c,) for c in near])
     return sorted(found, key=lambda one: one.cost)
+
+
+def _alike(
+    evidence: Evidence,
+    chosen: Sequence[Candidate],
+    replaced: tuple[Candidate, ...],
+    tried: Sequence[Sequence[Candidate]],
+) -> list[Equal]:
+    """Return which of some sets, the smaller ones first, may be in the place of effects that were chosen.
+
+    More effects only where fewer of them would not do. In the place of what every such machine has they are named as
+    far as the readings do not distinguish them: that it is there before the readings makes the others no less possible.
+    """
+    rest = [c for c in chosen if c not in replaced]
+    certain, choice = any(c.prior.certain for c in replaced), evidence.choice(chosen)
+    out, found = {c.key for c in replaced}, dict[frozenset[tuple[str, str | None]], Equal]()
+    tried = [some for some in tried if not any(c.driver or c.key in out for c in some)]
+    evidence.weighed([*rest, *some] for some in tried)
+    for some in tried:
+        keys = frozenset(c.key for c in some)
+        cost = _dearer(evidence, chosen, rest, some)
+        fewer = [x.cost - COST.needed * (other < keys) for other, x in found.items() if other <= keys]
+        before = max(evidence.choice([*rest, *some]) - choice, 0.0) if certain else 0.0
+        if cost < min([COST.tied + before, *fewer]):
+            found[keys] = Equal(replaced, tuple(some), cost)
+    return [*found.values()]
 
 
 def ranking(evidence: Evidence) -> tuple[Ranked, ...]:
     """Return every effect of the catalogue, weighed on the model without anything, the most probable first."""
     nothing, total = evidence.cost([]), evidence.models[0].square
     best: dict[tuple[str, str | None], Ranked] = {}
-    for c in (one for one in evidence.candidates if not one.driver):
+    for (c,) in evidence.weighed([one] for one in evidence.candidates if not one.driver):
         explains = evidence.explained([c]) / total if total > 0 else 0.0
         one = Ranked(c.effect, log10_of(nothing - evidence.cost([c])), evidence.visible(c), explains)
         if c.key not in best or one.log10_odds > best[c.key].log10_odds:
