@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from rodgen.calibration.candidates import Candidate, candidates
-from rodgen.calibration.dependence import MOST_ROWS, sample_of
+from rodgen.calibration.dependence import MOST_READINGS, sample_of
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import Problem
@@ -234,15 +234,17 @@ def test_of_many_rows_whole_poses_are_looked_at():
     pose = np.repeat(np.arange(30_000), 3)
     believed = np.ones(len(pose), bool)
     believed[::11] = False
-    rows = sample_of(SimpleNamespace(pose=pose), believed)  # type: ignore[arg-type]
-    assert 0.9 * MOST_ROWS < len(rows) <= MOST_ROWS
+    points = SimpleNamespace(measurand=SimpleNamespace(components=("x", "y", "z")))
+    rows = sample_of(SimpleNamespace(pose=pose, n=len(pose), machine=points), believed)  # type: ignore[arg-type]
+    assert 0.8 * MOST_READINGS < 3 * len(rows) <= MOST_READINGS
     assert believed[rows].all()
     assert (np.diff(rows) > 0).all()
     taken = np.unique(pose[rows])
     assert np.isin(np.flatnonzero(believed & np.isin(pose, taken)), rows).all()
     few = np.ones(50, bool)
     few[7] = False
-    assert sample_of(SimpleNamespace(pose=np.arange(50)), few).tolist() == [*range(7), *range(8, 50)]  # type: ignore[arg-type]
+    some = SimpleNamespace(pose=np.arange(50), n=50, machine=points)
+    assert sample_of(some, few).tolist() == [*range(7), *range(8, 50)]  # type: ignore[arg-type]
 
 
 # effects that are in the model itself -------------------------------------------------------------------------

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Mask
 from rodgen.calibration.determinacy import Determinacy
+from rodgen.calibration.positions import positions_of
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import Solution
 from rodgen.calibration.words import capitalized, two_digits
-from rodgen.data.poses import groups, positions
 from rodgen.data.units import readable
 from rodgen.errors import joined
 from rodgen.machines.machine import Machine
@@ -160,6 +160,15 @@ class Correlation:
     def time(self) -> float:
         """Correlation time of the wander (to 1/e); seconds, or poses where there are no times."""
         return self.components.time if self.components is not None and self.wanders else np.inf
+
+    @property
+    def of_neighbours(self) -> float:
+        """Standard deviation of a reading without what runs, positions and slow wander add; as `white`.
+
+        What wanders from one pose to the next is in it.
+        """
+        moved = -math.expm1(-self._motion.poses.spacing / self.time) if self._motion is not None else 0.0
+        return math.hypot(self.white, self.size("pose"), self.size("wander") * math.sqrt(moved))
 
     def size(self, kind: str) -> float:
         """Return the standard deviation of what readings share, at the mean reading, in units of a weighted residual.
@@ -441,6 +450,7 @@ def estimate_correlation(
     included: Sequence[Array] = (),
     *,
     runs: bool = True,
+    alone: Correlation | None = None,
 ) -> Correlation:
     """Return how the residuals of a fit depend on each other, estimated by REML.
 
@@ -456,9 +466,13 @@ def estimate_correlation(
     runs : bool
         Whether runs may differ for no reason, and what wanders begins anew in each: not where a candidate says how they
         differ.
+    alone : Correlation, optional
+        The same without candidates, where it is known.
     """
+    if alone is not None and alone.independent:
+        return alone
     with one_thread_in_blas():
-        return _estimate(rows, nuisance, tries, included, runs)
+        return _estimate(rows, nuisance, tries, included, runs, alone)
 
 
 def _estimate(
@@ -467,6 +481,7 @@ def _estimate(
     tries: Sequence[float] | None,
     included: Sequence[Array],
     runs: bool,
+    alone: Correlation | None,
 ) -> Correlation:
     fit, o = linear.fit, linear.observations
     believed = believed_readings(linear)
@@ -506,7 +521,7 @@ def _estimate(
     least = _least_error(linear, believed, kinds) / white
     sample = SharedMotion(some, motion.columns[rows])
     estimator = VarianceEstimator(sample, groups, basis, columns, residual / white, readings, tries, least**2)
-    components = estimator.best(kinds)
+    components = estimator.best(kinds, None if alone is None else alone.components)
     if not components.names:
         return Correlation(white)
     white *= float(np.sqrt(components.variance))
@@ -548,7 +563,9 @@ def shared_motion(linear: LinearRows, *, runs: bool = True) -> tuple[SharedMotio
     """
     o = linear.observations
     run = o.run if runs else np.zeros_like(o.run)
-    poses, believed = Poses.among(o.pose, run, o.t, positions_of(o)), believed_readings(linear)
+    position = positions_of(o)
+    few = int(position.max(initial=0)) + 1 <= len(np.unique(o.pose)) / 2
+    poses, believed = Poses.among(o.pose, run, o.t, position if few else None), believed_readings(linear)
     H = np.where(believed[:, :, None], linear.frame, 0.0)
     named = {"r": slice(0, 3)} if H.shape[2] == 3 else {"t": slice(0, 3), "r": slice(3, 6)}
     groups = {}
@@ -558,13 +575,6 @@ def shared_motion(linear: LinearRows, *, runs: bool = True) -> tuple[SharedMotio
             H[:, :, of] /= size
             groups[name] = of
     return SharedMotion(poses, H), groups
-
-
-def positions_of(o: Observations) -> NDArray[np.int_] | None:
-    """Return the number of each row's position, (n,): equal where a pose is read again; None where few are."""
-    _, first, of = np.unique(o.pose, return_index=True, return_inverse=True)
-    found = groups([positions(column) for column in o.q[first].T], len(first))
-    return found[of] if int(found.max(initial=0)) + 1 <= len(first) / 2 else None
 
 
 def believed_readings(linear: LinearRows) -> NDArray[np.bool_]:
@@ -644,26 +654,24 @@ def _time(time: float, poses: Poses) -> str:
 # The rows of many that decisions are made on: stretches of whole poses, so that neighbours in time stay neighbours.
 
 
-MOST_ROWS = 5_000
-"""Rows that decisions are made on: an effect that is worth half a percent of the error lowers chi-square on them by 50,
-which chance does with p = 2e-12."""
+MOST_READINGS = 6_000
+"""Readings that decisions are made on: an effect that is worth half a percent of the error lowers chi-square on them by
+60, which chance does with p = 1e-14; one that is worth less is no discovery."""
 STRETCHES = 20
 """Number of stretches taken of more rows, so that neighbours in time stay neighbours."""
 
 
 def sample_of(observations: Observations, believed: NDArray[np.bool_]) -> NDArray[np.int_]:
     """Return the rows that decisions are made on: all but outliers, or stretches of whole poses of many rows."""
-    rows = np.flatnonzero(believed)
-    if len(rows) <= MOST_ROWS:
-        return rows
-    pose = observations.pose[rows]
-    starts = np.linspace(0, len(rows), STRETCHES, endpoint=False).astype(int)
-    taken = []
-    for start in starts:
-        some = rows[start : start + MOST_ROWS // STRETCHES]
-        own = pose[start : start + MOST_ROWS // STRETCHES]
-        taken.append(some[(own != own[0]) & (own != own[-1])] if len(np.unique(own)) > 2 else some)
-    return np.unique(np.concatenate(taken))
+    most = MOST_READINGS // len(observations.machine.measurand.components)
+    if np.count_nonzero(believed) <= most:
+        return np.flatnonzero(believed)
+    pose, taken = observations.pose, np.zeros(observations.n, bool)
+    for start in np.linspace(0, observations.n, STRETCHES, endpoint=False).astype(int):
+        some = slice(start, start + most // STRETCHES)
+        own = pose[some]
+        taken[some] = (own != own[0]) & (own != own[-1]) if len(np.unique(own)) > 2 else True
+    return np.flatnonzero(taken & believed)
 
 
 # What a small motion of the measuring frame does to readings; errors that a pose's readings share are such motions.

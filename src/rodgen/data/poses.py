@@ -118,14 +118,12 @@ def positions(values: NDArray[Any]) -> NDArray[np.intp]:
     """
     order = np.argsort(values, kind="stable")
     ascending, width = values[order], EVIDENCE.same_position * np.ptp(values)
-    for least in (width, 0.0):
-        begins = np.diff(ascending, prepend=-np.inf) > least
-        starts = np.flatnonzero(begins)
-        ends = np.append(starts[1:], len(values)) - 1
-        if np.all(ascending[ends] - ascending[starts] <= width):
-            break
+    steps = np.diff(ascending, prepend=-np.inf)
+    starts = np.flatnonzero(steps > width)
+    counts = np.diff(starts, append=len(values))
+    dense = ascending[starts + counts - 1] - ascending[starts] > width
     number = np.empty(len(values), np.intp)
-    number[order] = np.cumsum(begins) - 1
+    number[order] = np.cumsum(steps > np.where(np.repeat(dense, counts), 0.0, width)) - 1
     return number
 
 

@@ -389,10 +389,16 @@ class VarianceEstimator:
         self.motion, self.groups, self.least = motion, groups, least
         self.own, self.effects, self.residual, self.readings = own, effects, residual, readings
 
-    def best(self, kinds: Sequence[str]) -> VarianceComponents:
-        """Return the cheapest components of some kinds; none where readings are independent."""
+    def best(self, kinds: Sequence[str], alone: VarianceComponents | None = None) -> VarianceComponents:
+        """Return the cheapest components of some kinds; none where readings are independent.
+
+        Parameters
+        ----------
+        alone : VarianceComponents, optional
+            Those without any effect, where they are known.
+        """
         likelihood = self._likelihood(self.own, np.zeros((len(self.own), 0)))
-        found = likelihood.best(kinds)
+        found = alone or likelihood.best(kinds)
         if found.names and self.effects:
             fixed = self._called_for(found, kinds)
             if fixed.shape[1]:
