@@ -13,8 +13,9 @@ from real_machines import real
 
 import rodgen
 from rodgen.calibration.diagnose import diagnose
-from rodgen.calibration.positions import distinct_positions, position_numbers
+from rodgen.calibration.positions import distinct_positions
 from rodgen.calibration.problem.binding import bind
+from rodgen.data.poses import positions
 
 
 def test_a_pair_is_judged_together(tmp_path):
@@ -147,12 +148,12 @@ def test_poses_along_a_continuous_way_are_as_good_as_positions_however_many_they
 
 
 def test_positions_that_differ_by_a_thousandth_of_the_way_are_one():
-    assert position_numbers(np.array([0.0, 90.01, 45.0, 90.0, 0.005])).tolist() == [0, 2, 1, 2, 0]
+    assert positions(np.array([0.0, 90.01, 45.0, 90.0, 0.005])).tolist() == [0, 2, 1, 2, 0]
 
 
 def test_readings_close_to_each_other_along_a_scan_are_no_single_position():
     scan = np.linspace(-0.5, 0.5, 401)
-    assert len(np.unique(position_numbers(np.concatenate([scan, [-2.0, 2.0]])))) > 200
+    assert len(np.unique(positions(np.concatenate([scan, [-2.0, 2.0]])))) > 200
 
 
 MOUNT = Path(__file__).parent.parent / "examples" / "machines" / "mount"

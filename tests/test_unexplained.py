@@ -101,6 +101,8 @@ KINDS = {
     "column seen by directions": Kind(TELESCOPE, "EL.reading", lambda c: ARCSEC * c["flow"] ** 2, {"flow"}),
     "height seen by distances": Kind(RANGE, "C.tz", lambda c: np.sin(5 * c["q"]), {"C"}),
 }
+LIKE = {"axis that wobbles thrice": ("tilt_error_motion", "AZ")}
+"""Effects of the catalogue that say the same with other harmonics: over half a turn they may explain as much."""
 INNOCENT = {"table": TABLE, "gantry": GANTRY, "telescope": TELESCOPE, "range": RANGE}
 
 
@@ -138,12 +140,15 @@ def fitted(machine: Machine, columns: Mapping[str, Any]) -> Fit:
     return fit(machine, Measurements.from_frame(columns), compiled=False)
 
 
-def forms_of(base: Fit) -> list[Candidate]:
-    """Return the forms that are selected among the effects of the catalogue."""
+def selected(base: Fit) -> list[Candidate]:
+    """Return what is selected among forms and the effects of the catalogue."""
     evidence = Evidence.of(base)
     chosen = select(evidence)
-    evidence = evidence.including(propose(evidence, chosen))
-    return [c for c in select(evidence) if c.effect.definition.own]
+    return select(evidence.including(propose(evidence, chosen)))
+
+
+def forms_of(base: Fit) -> list[Candidate]:
+    return [c for c in selected(base) if c.effect.definition.own]
 
 
 def text_of(form: Candidate) -> str:
@@ -152,6 +157,7 @@ def text_of(form: Candidate) -> str:
 
 class Told(NamedTuple):
     forms: list[Candidate]
+    catalogued: list[tuple[str, str | None]]
     base: Fit
     columns: dict[str, Any]
     effects: dict[str, Any]
@@ -170,7 +176,9 @@ def told(name: str, seed: int, size: float) -> Told:
     effects = {kind.place: lambda c: factor * kind.value(c)}
     columns = measured(kind.file, columns, effects, noise, random)
     base = fitted(machine_of(kind.file), columns)
-    return Told(forms_of(base), base, columns, effects, noise)
+    chosen = selected(base)
+    forms = [c for c in chosen if c.effect.definition.own]
+    return Told(forms, [c.key for c in chosen if c not in forms], base, columns, effects, noise)
 
 
 def error_on(fitted_machine: Machine, columns: Mapping[str, Any]) -> np.ndarray:
@@ -192,8 +200,10 @@ def drivers_in(form: Candidate) -> set[str]:
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", KINDS)
 def test_driver_of_what_raises_the_error_by_a_half(name: str, seed: int) -> None:
-    forms = told(name, seed, BY_A_HALF).forms
-    assert forms
+    forms, catalogued, *_ = told(name, seed, BY_A_HALF)
+    if not forms:
+        assert catalogued == [LIKE[name]]
+        return
     assert drivers_in(forms[0]) <= KINDS[name].drivers, [text_of(form) for form in forms]
 
 
@@ -201,7 +211,7 @@ def test_driver_of_what_raises_the_error_by_a_half(name: str, seed: int) -> None
 @pytest.mark.parametrize("name", KINDS)
 def test_form_predicts_readings_that_it_has_not_seen(name: str) -> None:
     """Within what the noise of the readings makes of the parameters, of which it has more than the truth at times."""
-    forms, _, columns, effects, noise = told(name, 2, 3.0)
+    forms, _, _, columns, effects, noise = told(name, 2, 3.0)
     machine = machine_of(KINDS[name].file)
     for form in forms:
         machine = machine.with_effect(form.effect)
@@ -337,12 +347,12 @@ def test_few_positions_show_no_curve() -> None:
 def test_a_chosen_period_is_sharpened() -> None:
     random = np.random.default_rng(4)
     columns = commands(GANTRY, random)
-    effects = {"X.reading": lambda c: 0.02 * np.sin(2 * np.pi * c["q"] / 47.3)}
+    effects = {"X.reading": lambda c: 0.2 * np.sin(2 * np.pi * c["q"] / 47.3)}
     base = fitted(machine_of(GANTRY), measured(GANTRY, columns, effects, 0.004, random))
     evidence = Evidence.of(base)
     (best,) = sharpened(evidence, select(evidence))
     assert best.effect.name == "periodic_drive_error"
-    assert best.searched["P"] == pytest.approx(47.3, rel=2e-3)
+    assert best.searched["P"] == pytest.approx(47.3, rel=1e-4)
 
 
 # the block -------------------------------------------------------------------------------------------------------
@@ -361,7 +371,7 @@ def test_a_chosen_period_is_sharpened() -> None:
     ],
 )
 def test_block_pasted_into_the_machine_file_lowers_the_error_to_the_noise(name: str, tmp_path: Any) -> None:
-    forms, base, columns, _, noise = told(name, 2, 3.0)
+    forms, _, base, columns, _, noise = told(name, 2, 3.0)
     bare = machine_of(KINDS[name].file)
     bare.save(tmp_path / "machine.toml")
     text = (tmp_path / "machine.toml").read_text()
@@ -382,7 +392,7 @@ def test_block_pasted_into_the_machine_file_lowers_the_error_to_the_noise(name: 
 @pytest.mark.thorough
 def test_coefficients_in_their_units() -> None:
     """A percent is a hundredth inside, a pressure far from zero is counted from its middle."""
-    forms, _, columns, effects, _ = told("humidity", 2, 3.0)
+    forms, _, _, columns, effects, _ = told("humidity", 2, 3.0)
     machine = machine_of(KINDS["humidity"].file).with_effect(forms[0].effect)
     estimate = fitted(machine, columns).estimates[forms[0].names[0]]
     assert (text_of(forms[0]), estimate.unit) == ("a*humidity", "mm")
@@ -399,7 +409,7 @@ def test_coefficients_in_their_units() -> None:
 
 @pytest.mark.thorough
 def test_names_of_forms_differ() -> None:
-    _, base, *_ = told("humidity", 2, 3.0)
+    _, _, base, *_ = told("humidity", 2, 3.0)
     evidence = Evidence.of(base)
     proposed = propose(evidence, [])
     again = propose(evidence.including(proposed[:1]), [])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import mul
@@ -124,30 +124,16 @@ class Factor:
     @property
     def count(self) -> int:
         """Number of functions."""
-        exponents = _exponents(self.kind, self.order)
-        return len(exponents) if exponents else 2 if self.kind in {"harmonic", "wave"} else 1
+        return len(_exponents(self.kind, self.order) or _SHAPES[self.kind])
 
     def functions(self, x: Array) -> list[Array]:
         """Return the functions at x, (n,) each."""
         since = x - self.origin
         if exponents := _exponents(self.kind, self.order):
             return [since**d for d in exponents]
-        match self.kind:
-            case "harmonic":
-                return [np.sin(self.order * x), np.cos(self.order * x)]
-            case "wave":
-                return [np.sin(self.values[0] * x), np.cos(self.values[0] * x)]
-            case "step":
-                return [np.sign(x - (self.values or (self.origin,))[0])]
-            case "kink":
-                return [np.abs(x - (self.values or (self.origin,))[0])]
-            case "bump":
-                return [np.exp(-(((x - self.values[0]) / self.values[1]) ** 2))]
-            case "decay":
-                return [1 - np.exp(-since / self.values[0])]
-            case "signed":
-                return [x * np.abs(x)]
-        raise AssertionError(self.kind)
+        numbers = (float(self.order),) if self.kind == "harmonic" else self.values or (self.origin,)
+        at = since if self.kind == "decay" else x
+        return [function(at, *numbers) for function, _ in _SHAPES[self.kind]]
 
     def texts(self, word: str, numbers: Sequence[str]) -> list[str]:
         """Write the functions.
@@ -162,29 +148,33 @@ class Factor:
         since = f"({_less(word, _written(self.origin))})" if self.origin else word
         if exponents := _exponents(self.kind, self.order):
             return ["" if d == 0 else since if d == 1 else f"{since}**{d}" for d in exponents]
-        match self.kind:
-            case "harmonic":
-                angle = word if self.order == 1 else f"{self.order}*{word}"
-                return [f"sin({angle})", f"cos({angle})"]
-            case "wave":
-                angle = f"2*pi*{word}/{numbers[0]}" if numbers[0][0].isalpha() else f"{numbers[0]}*{word}"
-                return [f"sin({angle})", f"cos({angle})"]
-            case "step":
-                return [f"sign({_less(word, (*numbers, _written(self.origin))[0])})"]
-            case "kink":
-                return [f"abs({_less(word, (*numbers, _written(self.origin))[0])})"]
-            case "bump":
-                return [f"exp(-(({_less(word, numbers[0])})/{numbers[1]})**2)"]
-            case "decay":
-                return [f"(1 - exp(-{since}/{numbers[0]}))"]
-            case "signed":
-                return [f"{word}*abs({word})"]
-        raise AssertionError(self.kind)
+        angle = word if self.order == 1 else f"{self.order}*{word}"
+        if self.kind == "wave":
+            angle = f"2*pi*{word}/{numbers[0]}" if numbers[0][0].isalpha() else f"{numbers[0]}*{word}"
+        numbers = [*numbers, _written(self.origin)]
+        words = {"x": word, "since": since, "angle": angle, "less": _less(word, numbers[0]), "v": numbers}
+        return [text.format(**words) for _, text in _SHAPES[self.kind]]
 
     @property
     def powers(self) -> list[int]:
         """Of the driver, in each function: its dimension."""
         return _exponents(self.kind, self.order) or [{"kink": 1, "signed": 2}.get(self.kind, 0)] * self.count
+
+
+_WAVE: list[tuple[Callable[..., Array], str]] = [
+    (lambda x, f: np.sin(f * x), "sin({angle})"),
+    (lambda x, f: np.cos(f * x), "cos({angle})"),
+]
+_SHAPES: dict[str, list[tuple[Callable[..., Array], str]]] = {
+    "harmonic": _WAVE,
+    "wave": _WAVE,
+    "step": [(lambda x, at: np.sign(x - at), "sign({less})")],
+    "kink": [(lambda x, at: np.abs(x - at), "abs({less})")],
+    "bump": [(lambda x, at, width: np.exp(-(((x - at) / width) ** 2)), "exp(-(({less})/{v[1]})**2)")],
+    "decay": [(lambda since, tau: 1 - np.exp(-since / tau), "(1 - exp(-{since}/{v[0]}))")],
+    "signed": [(lambda x, _: x * np.abs(x), "{x}*abs({x})")],
+}
+"""Functions of a driver and the numbers of a factor that are no polynomials, and how a formula writes them."""
 
 
 def _exponents(kind: str, order: int) -> list[int]:

@@ -3,8 +3,7 @@
 A form is a candidate like any other: columns of derivatives times the functions of a term, and odds. These are those of
 something that nobody has named, shared among all places, drivers and terms that are tried; each value that is searched
 costs ln n, besides. So a form is chosen only where no effects of the catalogue come near. What is no form at all is not
-proposed: columns that effects of the catalogue at the place span; what errors of single poses, or of single positions
-of a joint, explain at the same cost.
+proposed: columns that effects of the catalogue at the place span; what errors of single poses explain at the same cost.
 """
 
 from __future__ import annotations
@@ -13,12 +12,11 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.candidates import Candidate, with_searched
@@ -35,7 +33,6 @@ from rodgen.calibration.form_terms import (
     terms,
     word,
 )
-from rodgen.calibration.positions import position_numbers
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.sensitivities import Place, is_direct
 from rodgen.machines.drivers import Driver
@@ -72,14 +69,12 @@ MULTIPLIED = 5
 UNDETERMINED = 1e-6
 """Part of the sum of squares of a form's columns that must remain beyond the model: less is rounding."""
 SIMILAR = 0.3
-"""Part of a form's columns beyond another form below which the two are variants, of which the cheaper one is proposed:
-they correlate by 95 %."""
+"""Part of what a form explains beyond another form below which the two are variants, of which the cheaper one is
+proposed: what they explain correlates by 95 %."""
 DIGITS, LOST = 4, 0.3
 """Most digits of a searched value, and what fewer of them may lose in chi-square: a third of a standard deviation."""
 COSINES = 12
 """Of each freedom of the frame: how a drift is seen on a part of the rows."""
-SCATTERED = 40
-"""Positions beyond which a curve is always likelier than an error of each."""
 
 
 class Piece(NamedTuple):
@@ -93,17 +88,20 @@ class Piece(NamedTuple):
 def propose(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
     """Return the most promising forms outside the catalogue, ten at most, given chosen candidates.
 
-    Each would lower the cost of the chosen set, or that of all effects of the catalogue, or that of none: what effects
-    hide shows once they are taken out, and what they imitate shows without them.
+    Each would lower the cost of the chosen set, of that without one effect, of all effects of the catalogue, or of
+    none: what effects hide shows once they are taken out, and what they imitate shows without them. Errors that
+    readings share imitate it, too; so the search is done as if there were none, besides.
     """
     search = _Search.of(evidence)
     if search is None:
         return []
-    found = list[Candidate]()
+    every = (*evidence.candidates, *evidence.unseen)
+    known = [c for c in every if c.effect.definition.own or c.key in evidence.refused]
     with one_thread_in_blas():
-        for given in search.bases(chosen):
-            found += search.candidates(given, found, MOST - len(found))
-    return found
+        # the best of each view, then the second of each
+        views = [search.forms(given, pieces, known) for given, pieces in search.views(chosen)]
+        turns = itertools.chain.from_iterable(itertools.zip_longest(*views))
+        return list(itertools.islice(filter(None, turns), MOST))
 
 
 def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
@@ -114,7 +112,8 @@ def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate
     found = []
     for c in chosen:
         if len(c.searched) == 1 and not c.effect.definition.own and not is_direct(c.effect):
-            given = _Given.of(evidence, [other for other in chosen if other is not c])
+            rest = [other for other in chosen if other is not c]
+            given = _Given.of(evidence, rest, evidence.model_for(rest))
             best = _sharper(evidence, given, c)
             before, after = given.falls([c.columns, best.columns])
             if after - before > LOST * (given.left - after) / given.dof:
@@ -153,6 +152,8 @@ class _Search:
     follow: list[Array]
     """How the weighted residuals follow each component of a place, (n, m)."""
     terms: list[Term]
+    compared: dict[int, tuple[_Rough, list[_Compared]]] = field(default_factory=dict)
+    """The terms at all places on some rows, by the noise model."""
 
     @classmethod
     def of(cls, evidence: Evidence) -> _Search | None:
@@ -171,40 +172,52 @@ class _Search:
         places, follow = zip(*found, strict=True)
         return cls(evidence, drivers, list(places), list(follow), terms(drivers))
 
-    def bases(self, chosen: Sequence[Candidate]) -> Iterator[list[Candidate]]:
-        """Yield sets of candidates that are taken out of the residuals."""
-        yield [*chosen]
-        every = {c.key: c for c in self.evidence.candidates if not c.searched and not c.effect.definition.own}
-        if sum(len(c.names) for c in every.values()) < self.evidence.dof // 2:
-            yield [*every.values()]
-        if chosen:
-            yield []
+    def views(self, chosen: Sequence[Candidate]) -> Iterator[tuple[_Given, list[Piece]]]:
+        """Yield what sets of candidates leave, under a noise model, with the pieces that may explain it.
 
-    def candidates(
-        self, chosen: Sequence[Candidate], before: Sequence[Candidate], most: int
-    ) -> list[Candidate]:
-        """Return the best forms given chosen candidates, with names that no candidate has."""
-        given = _Given.of(self.evidence, chosen)
-        if not given.left > 0:
-            return []
-        found = list[Candidate]()
-        every = (*self.evidence.candidates, *self.evidence.unseen, *before)
-        known = [c for c in every if c.effect.definition.own]
-        similar = [orthonormal_basis(given.beyond(c.columns)) for c in known]
-        for cost, piece in self._scored(given, chosen):
-            if cost >= 0 or len(found) >= most:
+        What errors that readings share imitate is looked for as if there were none. A form that one of the chosen
+        effects imitates explains what these leave best: it is among the pieces that were found there.
+        """
+        evidence = self.evidence
+        every = {c.key: c for c in evidence.candidates if not c.searched and not c.effect.definition.own}
+        sets = [[*chosen], *([[]] if chosen else [])]
+        if sum(len(c.names) for c in every.values()) < evidence.dof // 2:
+            sets.append([*every.values()])
+        for some in sets:
+            given = _Given.of(evidence, some, best := evidence.model_for(some))
+            pieces = self._promising(given)
+            yield given, pieces
+            if best is not (independent := evidence.independent):
+                alone = _Given.of(evidence, some, independent)
+                yield alone, self._promising(alone)
+            for one in chosen if some == chosen and len(chosen) > 1 else ():
+                rest = [c for c in chosen if c is not one]
+                yield _Given.of(evidence, rest, evidence.model_for(rest)), pieces
+
+    def forms(self, given: _Given, pieces: Sequence[Piece], found: list[Candidate]) -> Iterator[Candidate]:
+        """Yield forms that lower the cost of a set, the best first, and add them to those that were found."""
+        similar = list[Array]()
+        for cost, piece in self._exact(given, pieces):
+            if cost >= 0:
                 break
+            similar += [orthonormal_basis(given.beyond(c.columns)) for c in found[len(similar) :]]
+            if self._is_variant(given, piece, similar):
+                continue
             piece = self._refined(given, piece)
-            own = given.beyond(self.columns(piece))
-            most_like = min((np.linalg.norm(project_out(basis, own)) for basis in similar), default=math.inf)
-            if most_like < SIMILAR * np.linalg.norm(own):
+            if piece.term.searched and self._is_variant(given, piece, similar):
                 continue
             columns = self._independent(piece)
-            if columns is None or self._is_catalogued(piece) or self._is_error(given, piece, own):
+            if columns is None or self._is_catalogued(piece) or self._is_error(given, piece):
                 continue
-            similar.append(orthonormal_basis(own))
-            found.append(self._candidate(piece, columns, [c.effect for c in (*known, *found)]))
-        return found
+            found.append(self._candidate(piece, columns, [c.effect for c in found]))
+            yield found[-1]
+
+    def _is_variant(self, given: _Given, piece: Piece, others: Sequence[Array]) -> bool:
+        """Return whether a piece explains what one of other forms does, given by orthonormal columns."""
+        basis = orthonormal_basis(given.beyond(self.columns(piece)))
+        explained = basis @ (basis.T @ given.y)
+        least = min((np.linalg.norm(project_out(other, explained)) for other in others), default=math.inf)
+        return bool(least < SIMILAR * np.linalg.norm(explained))
 
     def _candidate(self, piece: Piece, columns: Array, others: Sequence[Effect]) -> Candidate:
         o = self.evidence.sensitivities.observations
@@ -217,7 +230,7 @@ class _Search:
             tuple(map(effect.key, linear)),
             columns,
             {},
-            self._tries(piece),
+            math.exp(self._log_tries([piece.term])[piece.at, 0]),
             odds,
             follows(piece.term, self.drivers),
         )
@@ -241,35 +254,40 @@ class _Search:
 
     # the cost ---------------------------------------------------------------------------------------------------------
 
-    def _tries(self, piece: Piece) -> float:
-        """Return among how many forms a piece is one: places, drivers, terms, and values that the data distinguish.
+    def _log_tries(self, some: Sequence[Term]) -> Array:
+        """Return the logarithms of the number of tries of terms at all components, (places, terms).
 
-        What belongs to a joint rather follows what that joint does, and is rather an error along its own motion.
+        Among how many forms one is: places, drivers, terms, and values that the data distinguish. What belongs to a
+        joint rather follows what that joint does, and is rather an error along its own motion.
         """
-        return float(np.exp(self._log_tries([piece.term], [piece.at])[0, 0]))
-
-    def _log_tries(self, some: Sequence[Term], places: Sequence[int]) -> Array:
-        """Return the logarithms of the number of tries of terms at components, (places, terms)."""
         dof, drivers = math.log(self.evidence.dof), math.log(len(self.drivers))
         of_terms = [
             math.log(term.choices) + drivers * len(term.factors) + dof * len(term.searched) / 2
             for term in some
         ]
-        belongs = np.array(
-            [[self._belongs(driver, self.places[at][0]) for driver in self.drivers] for at in places]
-        )
-        elsewhere = ~_any(belongs, some)
-        across = np.array([self.places[at][1] != "reading" for at in places])
-        doublings = elsewhere.astype(float) + across[:, None]
+        across = np.array([component != "reading" for _, component in self.places])
+        doublings = ~_any(self._belongs, some) + across[:, None].astype(float)
         return np.asarray(math.log(len(self.places)) + np.array(of_terms) + math.log(2) * doublings)
 
-    def _belongs(self, driver: Driver, place: Place) -> bool:
-        """Return whether a driver acts at a place rather than elsewhere; a load bends joints, not the whole machine."""
-        return place is not None if driver.kind == "load" else driver.joint == place
+    @cached_property
+    def _belongs(self) -> Mask:
+        """Whether a driver acts at a place rather than elsewhere; a load bends joints, not the whole machine."""
+        return np.array(
+            [
+                [place is not None if d.kind == "load" else d.joint == place for d in self.drivers]
+                for place, _ in self.places
+            ]
+        )
+
+    @cached_property
+    def _unnamed(self) -> Mask:
+        """Whether a formula at a place has no word for a driver."""
+        machine = self.evidence.sensitivities.observations.machine
+        return np.array([[not word(d, place, machine) for d in self.drivers] for place, _ in self.places])
 
     def _costs(self, given: _Given, pieces: Sequence[Piece], falls: Array) -> Array:
         """Return by how much pieces raise the cost of a set, by their falls of the sum of squares."""
-        tries = np.array([self._log_tries([piece.term], [piece.at])[0, 0] for piece in pieces])
+        tries = np.array([self._log_tries([piece.term])[piece.at, 0] for piece in pieces])
         return self._dearer(given, np.array([piece.term.count for piece in pieces]), tries, falls)
 
     def _dearer(self, given: _Given, counts: Ints, log_tries: Array, falls: Array) -> Array:
@@ -277,7 +295,7 @@ class _Search:
         n = given.dof
         gain = n * np.log1p(-np.minimum(falls / given.left, 1 - 1e-12))
         price = 2 * (self.evidence.log_choices - math.log(SOMETHING_UNNAMED) + log_tries)
-        return np.asarray(gain + price + counts * math.log(n))
+        return np.asarray(gain + price + counts * math.log(n) + given.dearer)
 
     def _exact(self, given: _Given, pieces: Sequence[Piece]) -> list[tuple[float, Piece]]:
         """Return pieces with their costs by all rows, the cheapest first."""
@@ -290,41 +308,41 @@ class _Search:
 
     # the search -------------------------------------------------------------------------------------------------------
 
-    def _scored(self, given: _Given, chosen: Sequence[Candidate]) -> list[tuple[float, Piece]]:
-        rough = _Rough.of(given, chosen, self.follow)
-        short_list = self._best(given, rough, self.terms, range(len(self.places)), SHORT_LIST)
-        scored = self._exact(given, short_list)
-        if not scored:
+    def _promising(self, given: _Given) -> list[Piece]:
+        """Return the pieces that explain most of what a set leaves, searched values refined, and products of them."""
+        if not given.left > 0:
             return []
+        places = [*range(len(self.places))]
+        if id(given.model) not in self.compared:
+            rough = _Rough.of(self.evidence, given.model, self.follow)
+            compared = rough.compared(self.terms, self.drivers, places)
+            self.compared[id(given.model)] = rough, compared
+        rough, compared = self.compared[id(given.model)]
+        pulls = rough.pulls(given)
+        short_list = self._best(given, compared, pulls, places, SHORT_LIST)
+        scored = self._exact(given, short_list)
         searched = [piece for _, piece in scored if piece.term.searched]
         pieces = [self._refined(given, piece) for piece in searched[:REFINED]]
         scored = self._exact(given, [*(piece for _, piece in scored), *pieces])
         products = [
             product
             for _, piece in scored[:MULTIPLIED]
-            for product in self._best(given, rough, multiplied(piece.term, self.drivers), [piece.at], ALIKE)
+            for further in [rough.compared(multiplied(piece.term, self.drivers), self.drivers, [piece.at])]
+            for product in self._best(given, further, pulls[[piece.at]], [piece.at], ALIKE)
         ]
         products = [self._refined(given, piece) for piece in products]
-        return self._exact(given, [*(piece for _, piece in scored), *products])
+        return [*(piece for _, piece in scored), *products]
 
     def _best(
-        self, given: _Given, rough: _Rough, tried: Sequence[Term], places: Sequence[int], most: int
+        self, given: _Given, tried: Sequence[_Compared], pulls: Array, places: Sequence[int], most: int
     ) -> list[Piece]:
         """Return the cheapest pieces by some rows, not too many of one family at one component."""
-        machine = self.evidence.sensitivities.observations.machine
-        unnamed = np.array(
-            [[not word(driver, self.places[at][0], machine) for driver in self.drivers] for at in places]
-        )
         costs, ordered = list[Array](), list[Term]()
-        for some, functions in rough.groups(tried, self.drivers):
-            own = self._dearer(
-                given,
-                np.array([term.count for term in some]),
-                self._log_tries(some, places),
-                rough.falls(places, functions),
-            )
-            costs.append(np.where(_any(unnamed, some), math.inf, own))
-            ordered += some
+        for one in tried:
+            counts, tries = np.array([t.count for t in one.terms]), self._log_tries(one.terms)[places]
+            own = self._dearer(given, counts, tries, one.falls(pulls))
+            costs.append(np.where(_any(self._unnamed, one.terms)[places], math.inf, own))
+            ordered += one.terms
         if not ordered:
             return []
         every = np.concatenate(costs, axis=1)
@@ -365,10 +383,10 @@ class _Search:
 
     def _reading_wave(self, term: Term) -> int | None:
         """Return where a wave of one joint is an effect of the catalogue of any period: the number of its reading."""
-        waves = [factor for factor in term.factors if factor.kind in {"wave", "harmonic"}]
-        if len(waves) != 1:
+        wave, *more = term.factors
+        if more or wave.kind not in {"wave", "harmonic"}:
             return None
-        joint = self.drivers[waves[0].driver].joint
+        joint = self.drivers[wave.driver].joint
         machine = self.evidence.sensitivities.observations.machine
         if joint is None or machine.joint(joint).period is not None:
             return None
@@ -388,8 +406,7 @@ class _Search:
         ]
         span = [model.across[:, np.concatenate([np.zeros(0, int), *there])]]
         if (reading := self._reading_wave(piece.term)) is not None:
-            wave = tuple(f for f in piece.term.factors if f.kind in {"wave", "harmonic"})
-            span.append(self._beyond_model(Piece(Term(wave), reading)))
+            span.append(self._beyond_model(Piece(piece.term, reading)))
         own = self._beyond_model(piece)
         basis = orthonormal_basis(np.concatenate(span, axis=1), relative=COST.visible)
         return bool(np.linalg.norm(project_out(basis, own)) < COST.imperfect * np.linalg.norm(own))
@@ -398,19 +415,13 @@ class _Search:
         space = self.evidence.models[0].space
         return space.seen(self.columns(piece))
 
-    def _is_error(self, given: _Given, piece: Piece, own: Array) -> bool:
-        """Return whether errors of single poses, or of single positions, explain as much at the same cost."""
-        basis = orthonormal_basis(own)
-        explained = basis @ (basis.T @ given.y)
-        rest = given.y - explained
+    def _is_error(self, given: _Given, piece: Piece) -> bool:
+        """Return whether errors of single poses explain as much at the same cost."""
+        basis = orthonormal_basis(given.beyond(self.columns(piece)))
+        rest = project_out(basis, given.y)
         variance = float(rest @ rest) / given.dof
-        fall = float(explained @ explained)
-        price = float(self._costs(given, [piece], np.zeros(1))[0])
-        gain = fall / variance - price
-        return (
-            self._gain_of_poses(given, variance) > gain
-            or self._gain_of_positions(given, piece, variance) > gain
-        )
+        price = float(self._costs(given, [piece], np.zeros(1))[0]) - given.dearer
+        return self._gain_of_poses(given, variance) > (given.left - float(rest @ rest)) / variance - price
 
     def _gain_of_poses(self, given: _Given, variance: float) -> float:
         """Return what errors of their own of a few poses gain, in chi-square: the worst one, and then the next."""
@@ -435,32 +446,13 @@ class _Search:
             best = max(best, (given.left - float(y @ y)) / variance - price)
         return best
 
-    def _gain_of_positions(self, given: _Given, piece: Piece, variance: float) -> float:
-        """Return what errors of single positions of the joint gain that a form follows; -inf where it is none."""
-        driven = {f.driver for f in piece.term.factors if self.drivers[f.driver].kind == "joint"}
-        if len(driven) != 1:
-            return -math.inf
-        number = position_numbers(self.drivers[driven.pop()].values)
-        count = int(number.max()) + 1
-        if count > SCATTERED:
-            return -math.inf
-        indicators = np.eye(count)[number]
-        own = given.beyond(self.follow[piece.at][:, :, None] * indicators[:, None, :])
-        values, vectors = eigh(own.T @ own)
-        values = np.maximum(values, 0.0)
-        along = vectors.T @ (own.T @ given.y)
-        gains = [
-            float(np.sum(along**2 / variance * tau / (1 + tau * values) - np.log1p(tau * values)))
-            for tau in np.geomspace(1e-2, 1e6, 9) / max(float(np.mean(values)), 1e-300)
-        ]
-        return max(gains) - 2 * math.log(len(gains))
-
 
 @dataclass(frozen=True)
 class _Given:
     """What chosen candidates leave of the whitened readings."""
 
     evidence: Evidence
+    chosen: Sequence[Candidate]
     model: Columns
     basis: Array
     """Orthonormal, of the chosen candidates' columns, (N, r)."""
@@ -468,14 +460,16 @@ class _Given:
     left: float
     """|y|²."""
     dof: int
+    dearer: float
+    """By how much the noise model is dearer than the one that is best without further candidates."""
 
     @classmethod
-    def of(cls, evidence: Evidence, chosen: Sequence[Candidate]) -> _Given:
-        model = evidence.model_for(chosen)
+    def of(cls, evidence: Evidence, chosen: Sequence[Candidate], model: Columns) -> _Given:
         index = np.concatenate([np.zeros(0, int), *(evidence.parts[id(c)] for c in chosen)])
         basis = orthonormal_basis(model.across[:, index])
         y = project_out(basis, model.space.residual)
-        return cls(evidence, model, basis, y, float(y @ y), max(evidence.dof - basis.shape[1], 1))
+        left, dof = float(y @ y), max(evidence.dof - basis.shape[1], 1)
+        return cls(evidence, chosen, model, basis, y, left, dof, evidence.dearer(model, chosen))
 
     @cached_property
     def out(self) -> Array:
@@ -511,117 +505,115 @@ def unit_columns_of(columns: Array) -> Array:
 
 
 @dataclass(frozen=True)
+class _Compared:
+    """Terms of as many functions at components of places, compared on some rows."""
+
+    terms: list[Term]
+    single: Array
+    """Their functions, of length 1, (functions, n, terms)."""
+    root: Array
+    """W, WWᵀ the inverse of products of their columns beyond the model, (places, terms, functions, functions)."""
+
+    def falls(self, pulls: Array) -> Array:
+        """Return by how much they lower the sum of squares of all rows at least, (places, terms).
+
+        As if no chosen candidate imitated a part of them.
+        """
+        pull = np.stack([pulls @ of_rows for of_rows in self.single], axis=2)
+        return np.asarray(np.sum(np.einsum("ptk,ptkl->ptl", pull, self.root) ** 2, axis=2))
+
+
+@dataclass(frozen=True)
 class _Rough:
     """Some rows, on which products of a component and a function are sums over rows."""
 
-    rows: NDArray[np.int_]
-    squares: list[Array]
-    """Of each component, (n,)."""
+    rows: Ints
+    space: Space
+    follow: list[Array]
+    """Components in these rows, (n, m)."""
     sums: list[Array]
-    """Products of each component with what is taken out, (n, r), ..."""
-    pulls: list[Array]
-    """... and with what is to be explained, (n,)."""
-    part: float
-    """By how much less is to be explained than on all rows."""
+    """Products of each with what the model imitates, (n, r)."""
 
     @classmethod
-    def of(cls, given: _Given, chosen: Sequence[Candidate], follow: Sequence[Array]) -> _Rough:
+    def of(cls, evidence: Evidence, model: Columns, follow: Sequence[Array]) -> _Rough:
         """Return all rows where they are few and independent; else some, with a drift in place of the whitening."""
-        sensitivities = given.evidence.sensitivities
+        sensitivities = evidence.sensitivities
         n, m = sensitivities.residual.shape
-        rows, space, basis, y = np.arange(n), given.model.space, given.basis, given.y
+        rows, space = np.arange(n), model.space
         if n > ROUGH_ROWS or space.whiten is not unchanged:
             rows = np.unique(np.linspace(0, n - 1, min(n, ROUGH_ROWS)).astype(int))
-            known = np.concatenate([sensitivities.model, *(c.columns for c in chosen)], axis=2)[rows]
-            drift = _drift(given, rows)
-            u, s, _ = svd(drift)
+            u, s, _ = svd(_drift(sensitivities.frame, space, rows))
             residual = sensitivities.residual[rows].ravel()
-            space = Space.of(known.reshape(len(residual), -1), residual, u, 1 / np.sqrt(1 + s**2), 0.0)
-            basis, y = np.zeros((len(residual), 0)), space.residual
-        out = np.concatenate(
-            [
-                space.directions * np.sqrt(1 - space.shrinks**2),
-                space.shrunk(np.concatenate([space.basis, basis], 1)),
-            ],
-            1,
-        ).reshape(len(rows), m, -1)
-        pull = space.shrunk(y).reshape(len(rows), m)
+            known = sensitivities.model[rows].reshape(len(residual), -1)
+            space = Space.of(known, residual, u, 1 / np.sqrt(1 + s**2), 0.0)
+        shared = space.directions * np.sqrt(1 - space.shrinks**2)
+        out = np.concatenate([shared, space.shrunk(space.basis)], 1).reshape(len(rows), m, -1)
         some = [column[rows] for column in follow]
-        return cls(
-            rows,
-            [np.sum(column**2, axis=1) for column in some],
-            [sum(column[:, k, None] * out[:, k] for k in range(m)) for column in some],
-            [np.sum(column * pull, axis=1) for column in some],
-            given.left / max(float(y @ y), 1e-300),
-        )
+        sums = [sum(column[:, k, None] * out[:, k] for k in range(m)) for column in some]
+        return cls(rows, space, some, sums)
 
-    def groups(self, tried: Sequence[Term], drivers: Sequence[Driver]) -> list[tuple[list[Term], Array]]:
-        """Return terms of as many functions, with these in the rows, (n, terms, functions)."""
+    def pulls(self, given: _Given) -> Array:
+        """Return products of each component with what is to be explained, (components, n), as large as on all rows."""
+        y, space, none = given.y, self.space, np.zeros((*given.evidence.sensitivities.residual.shape, 0))
+        if space is not given.model.space:
+            columns = np.concatenate([none, *(c.columns for c in given.chosen)], axis=2)[self.rows]
+            basis = orthonormal_basis(space.beyond(columns.reshape(len(space.residual), -1)))
+            y = project_out(basis, space.residual)
+        pull = space.shrunk(y) * math.sqrt(given.left / max(float(y @ y), 1e-300))
+        return np.array([np.sum(column * pull.reshape(column.shape), axis=1) for column in self.follow])
+
+    def compared(
+        self, tried: Sequence[Term], drivers: Sequence[Driver], places: Sequence[int]
+    ) -> list[_Compared]:
+        """Return terms, those of as many functions together, at components of places."""
         some = [replace(driver, values=driver.values[self.rows]) for driver in drivers]
         alike: dict[int, list[Term]] = {}
         for term in tried:
             alike.setdefault(term.count, []).append(term)
-        return [(own, np.stack([term.functions(some) for term in own], axis=1)) for own in alike.values()]
+        found = []
+        for own in alike.values():
+            functions = np.stack([term.functions(some) for term in own], axis=1)
+            # function by function, (count, n, terms), so that each is in one piece
+            size = np.sqrt(np.einsum("ntk,ntk->tk", functions, functions))
+            single = np.ascontiguousarray(np.moveaxis(functions / np.where(size > 0, size, 1.0), 2, 0))
+            found.append(_Compared(own, single, self._root(single, places)))
+        return found
 
-    def falls(self, places: Sequence[int], functions: Array) -> Array:
-        """Return by how much terms, (n, terms, functions), lower the sum of squares of all rows at components.
-
-        Returns
-        -------
-        ndarray, shape (places, terms)
-        """
-        n, terms, count = functions.shape
-        weight = np.stack([self.squares[at] for at in places])
-        # function by function, (count, n, terms), so that each is in one piece
-        single = np.ascontiguousarray(np.moveaxis(functions, 2, 0) / _length(functions).T[:, None, :])
-        gram, pull = np.zeros((len(places), terms, count, count)), np.zeros((len(places), terms, count))
-        pulls = np.stack([self.pulls[at] for at in places])
-        for k in range(count):
-            pull[:, :, k] = pulls @ single[k]
-            for other in range(k + 1):
-                gram[:, :, k, other] = weight @ (single[k] * single[other])
-        flat = single.transpose(1, 0, 2).reshape(n, -1).astype(np.float32)
-        for number, at in enumerate(places):
-            # in single precision: only which terms are compared on all rows depends on it
-            along = (self.sums[at].T.astype(np.float32) @ flat).reshape(-1, count, terms)
-            for k in range(count):
-                for other in range(k + 1):
-                    gram[number, :, k, other] -= np.einsum("rt,rt->t", along[:, k], along[:, other])
-        size = np.sqrt(np.stack([weight @ single[k] ** 2 for k in range(count)], axis=2))
+    def _root(self, single: Array, places: Sequence[int]) -> Array:
+        """Return W of functions, (count, n, terms); see `_Compared`."""
+        count, _, terms = single.shape
+        weight = np.stack([np.sum(self.follow[at] ** 2, axis=1) for at in places])
+        gram = np.zeros((len(places), terms, count, count))
+        for k, other in itertools.product(range(count), repeat=2):
+            gram[:, :, k, other] = weight @ (single[k] * single[other])
+        size = np.sqrt(np.einsum("ptkk->ptk", gram))
         size = np.where(size > 0, size, 1.0)
-        gram, pull = gram / size[:, :, :, None] / size[:, :, None, :], pull / size
-        if count == 1:
-            gram = gram[:, :, 0, 0]
-            seen = gram > COST.visible**2
-            return np.asarray(np.where(seen, pull[:, :, 0] ** 2 / np.where(seen, gram, 1.0), 0.0) * self.part)
-        return falls_from_products(gram, pull, least=COST.visible**2) * self.part
-
-
-def _length(functions: Array) -> Array:
-    """Return the lengths of functions, (n, terms, count), 1 in the place of none."""
-    size = np.sqrt(np.einsum("ntk,ntk->tk", functions, functions))
-    return np.where(size > 0, size, 1.0)
+        rough = single.astype(np.float32)  # only which terms are compared on all rows depends on it
+        for number, at in enumerate(places):
+            along = self.sums[at].T.astype(np.float32) @ rough
+            gram[number] -= np.einsum("krt,lrt->tkl", along, along, optimize=True)
+        values, vectors = eigh(gram / size[:, :, :, None] / size[:, :, None, :])
+        seen = values > COST.visible**2
+        root = np.where(seen, 1 / np.sqrt(np.where(seen, values, 1.0)), 0.0)
+        return np.asarray(vectors * root[:, :, None, :] / size[:, :, :, None])
 
 
 def _any(of_drivers: Mask, some: Sequence[Term]) -> Mask:
     """Return whether something is true, (places, drivers), of any driver of a term, (places, terms)."""
-    follows_it = np.zeros((of_drivers.shape[1], len(some)), int)
-    for k, term in enumerate(some):
-        follows_it[[factor.driver for factor in term.factors], k] = 1
-    return np.asarray(of_drivers.astype(int) @ follows_it > 0)
+    first, last = (np.array([term.factors[end].driver for term in some], int) for end in (0, -1))
+    return np.asarray(of_drivers[:, first] | of_drivers[:, last])
 
 
-def _drift(given: _Given, rows: NDArray[np.int_]) -> Array:
+def _drift(frame: Array, space: Space, rows: Ints) -> Array:
     """Return columns of variance 1 of a drift of the frame in some rows, (N, d), as the whitening has it.
 
     The frame's freedoms times cosines over the row are nearly what the covariance of a drift only stretches: by how
     much is seen from what whitening makes of them.
     """
-    frame = given.evidence.sensitivities.frame
     n = len(frame)
     waves = np.cos(np.pi * np.outer((np.arange(n) + 0.5) / n, np.arange(COSINES)))
     columns = (frame[:, :, :, None] * waves[:, None, None, :]).reshape(n, frame.shape[1], -1)
     columns = unit_columns_of(columns)
-    left = np.sum(given.model.space.whiten(columns) ** 2, axis=(0, 1))
+    left = np.sum(space.whiten(columns) ** 2, axis=(0, 1))
     stretched = np.maximum(1 / np.maximum(left, 1e-12) - 1, 0.0)
     return np.asarray((columns * np.sqrt(stretched))[rows].reshape(-1, columns.shape[2]))
