@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -47,11 +46,7 @@ def test_a_pose_is_an_outlier_as_a_whole(tmp_path: Path) -> None:
 def test_balls_that_are_read_one_by_one_are_no_body(noise: float, tmp_path: Path) -> None:
     found = of_table(tmp_path, noise)
     assert not found.noise.one_body
-    said = re.search(r"Distances between targets say (\S+) um", found.summary())
-    assert said is not None
-    assert float(said[1]) == pytest.approx(
-        1000 * noise, rel=0.15
-    )  # 14 poses, 12 degrees of freedom each: 5 %
+    assert found.noise.distances == pytest.approx(noise, rel=0.2)  # 14 poses, 5 distances each
 
 
 @pytest.mark.thorough

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rodgen.calibration import held_out as left_out
+from rodgen.calibration import rows as judged_rows
 from rodgen.calibration.displaced_stretch import stretch_of
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import one_thread_in_blas
@@ -112,7 +114,6 @@ def test_a_displaced_stretch_is_found_with_its_ends_and_no_row_is_wrong():
     assert stretch is not None
     assert (stretch.first, stretch.last) == (30, 40)
     assert stretch.gain > 50
-    assert stretch.tries == 80 * 81 // 2 - 1
 
 
 def test_a_stretch_of_many_poses_is_found_to_the_pose():
@@ -126,6 +127,20 @@ def test_a_stretch_of_many_poses_is_found_to_the_pose():
     assert abs(stretch.last - 1800) < 15
     residual[1234:1801] -= 1
     assert stretch_of(residual, motion, motion, np.arange(3000), np.arange(3000), none) is None
+
+
+def test_rows_are_judged_alike_block_by_block(monkeypatch):
+    model, every, _ = design(200)
+    random = np.random.default_rng(0)
+    residual = random.normal(size=(200, 3)) + 10 * every[:, :, 4]
+    residual[[7, 90, 171]] += 20
+    rows = rows_of(residual, model, every)
+    whole = wrong_in(rows)
+    assert np.flatnonzero(whole.wrong).tolist() == [7, 90, 171]
+    monkeypatch.setattr(judged_rows, "BLOCK", 64)
+    parts = wrong_in(rows)
+    assert (parts.wrong == whole.wrong).all()
+    np.testing.assert_allclose([parts.cost, *parts.weight], [whole.cost, *whole.weight], rtol=1e-8)
 
 
 def test_the_only_row_of_a_posture_is_not_wrong():
@@ -160,3 +175,11 @@ def test_a_wrong_row_is_found_where_all_candidates_together_could_follow_it(off,
     found = fit(Machine.load(EXAMPLES / "trunnion" / "machine.toml"), Measurements.load(file)).diagnose()
     assert [step["effect"] for step in found.to_dict()["steps"]] == ["warm_up_drift"]
     assert list(found.outliers) == [0]
+
+
+def test_folds_are_left_out_of_many_rows_as_of_few(monkeypatch):
+    mount = EXAMPLES / "mount"
+    found = fit(Machine.load(mount / "machine.toml"), Measurements.load(mount / "mmt_2021.csv"))
+    few = found.held_out(5)
+    monkeypatch.setattr(left_out, "MANY_ROWS", 0)
+    assert found.held_out(5).rms == pytest.approx(few.rms, rel=1e-6)

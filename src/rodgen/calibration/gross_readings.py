@@ -4,64 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Protocol, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.array_types import Array, Mask
-from rodgen.calibration.rows import RowsOfFit, wrong_rows
+from rodgen.calibration.fitted import Fit
+from rodgen.calibration.rows import wrong_rows
 from rodgen.calibration.words import capitalized, in_component, sized
 from rodgen.data.set_aside import rows_text
-from rodgen.machines.machine import Machine
 from rodgen.machines.observations import Observations
 from rodgen.views import with_html
 
 NAMED = 8
 """Readings whose errors a sentence gives."""
-
-
-class ReadingsOfFit(RowsOfFit, Protocol):
-    """What is asked of a fit whose readings are judged."""
-
-    @property
-    def machine(self) -> Machine:
-        """With the fitted values."""
-
-    @property
-    def observations(self) -> Observations:
-        """All rows."""
-
-    @property
-    def free(self) -> tuple[int, ...]:
-        """Numbers of the parameters that were adjusted."""
-
-    @property
-    def outliers(self) -> Mask:
-        """Rows that were left out, (n,)."""
-
-    @property
-    def residuals(self) -> Array:
-        """Measured less predicted, (n, m), in `unit`."""
-
-    @property
-    def unit(self) -> str:
-        """Of residuals."""
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """What each component of a residual is shown in."""
-
-    @property
-    def in_units(self) -> Array:
-        """What brings components of residuals from `unit` to `units`, (m,)."""
-
-    @property
-    def gross_readings(self) -> tuple[GrossReading, ...]:
-        """See `gross_readings`."""
-
-    def refit(self, machine: Machine | None = None, *, outliers: Mask | None = None) -> Self:
-        """Return a fit of another machine without some rows."""
 
 
 @with_html
@@ -91,12 +47,12 @@ class GrossReading:
         return asdict(self) | {"row": int(observations.given(np.array(self.row)))}
 
 
-def gross_readings(fit: ReadingsOfFit) -> tuple[GrossReading, ...]:
+def gross_readings(fit: Fit) -> tuple[GrossReading, ...]:
     """Return the readings that are grossly wrong, in the order of the rows; two fits at most.
 
     Parameters
     ----------
-    fit : ReadingsOfFit
+    fit : Fit
         None are looked for where rows were left out already.
     """
     if fit.outliers.any():
@@ -119,14 +75,14 @@ def gross_readings(fit: ReadingsOfFit) -> tuple[GrossReading, ...]:
     )
 
 
-def _worst(fit: ReadingsOfFit, rows: NDArray[np.int_]) -> tuple[list[float], list[str]]:
+def _worst(fit: Fit, rows: NDArray[np.int_]) -> tuple[list[float], list[str]]:
     """Return the largest residual of each row, in the fit's unit, and its component."""
     residuals, names = fit.residuals[rows], fit.machine.measurand.components
     worst = np.argmax(np.abs(residuals), axis=1)
     return residuals[np.arange(len(rows)), worst].tolist(), [names[i] for i in worst]
 
 
-def how_far_off(fit: ReadingsOfFit, offs: Sequence[float], components: Sequence[str]) -> str:
+def how_far_off(fit: Fit, offs: Sequence[float], components: Sequence[str]) -> str:
     """Return by how much readings are off, as a sentence lists it: of many the first few.
 
     Parameters
@@ -151,12 +107,12 @@ def _signed(off: float) -> str:
     return f"{off:+.0f}" if 1e3 <= abs(off) < 1e6 else f"{off:+.3g}"
 
 
-def on_outliers(fit: ReadingsOfFit, rows: NDArray[np.bool_]) -> str:
+def on_outliers(fit: Fit, rows: NDArray[np.bool_]) -> str:
     """Return which rows were taken out and by how much they are off; empty where none were.
 
     Parameters
     ----------
-    fit : ReadingsOfFit
+    fit : Fit
         Without them.
     rows : ndarray of bool, shape (n,)
     """
@@ -168,7 +124,7 @@ def on_outliers(fit: ReadingsOfFit, rows: NDArray[np.bool_]) -> str:
     return f"{len(out)} outlier{'s' * (len(out) != 1)}, taken out: {places}, off by {off}."
 
 
-def on_gross_readings(fit: ReadingsOfFit) -> str:
+def on_gross_readings(fit: Fit) -> str:
     """Return a sentence on the readings that are grossly wrong; empty where there are none."""
     gross = fit.gross_readings
     if not gross:

@@ -16,11 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rodgen.array_types import Array, Ints, Mask
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.blocks import FOLDS as FOLDS_OF_PARTS
 from rodgen.calibration.problem.blocks import BlockProblem
@@ -29,16 +30,12 @@ from rodgen.calibration.whitened import Whitened
 from rodgen.calibration.words import sized
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError, joined
+from rodgen.machines.model import Frame
+from rodgen.machines.observations import Observations
 from rodgen.stages import each, stage
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
 from rodgen.views import Result
-
-if TYPE_CHECKING:
-    from rodgen.calibration.fitted import Fit
-    from rodgen.machines.model import Frame
-    from rodgen.machines.observations import Observations
-
 
 ONE_AT_A_TIME = 100
 """Up to so many poses each is a fold of its own."""
@@ -268,6 +265,10 @@ class _Without:
 
     Attributes
     ----------
+    left : ndarray, shape (folds,)
+        Sum of squares of the weighted residuals without each fold.
+    shares, pulls : ndarray, shape (folds, r, r), (folds, r)
+        What each fold adds to the information, and how it pulls, in coordinates in which the whole is the identity.
     unpredicted : ndarray of bool, shape (n,)
         Rows that depend on what only their own fold determines.
     because : tuple of str
@@ -282,17 +283,37 @@ class _Without:
         self.largest = near.largest(square)
         self.whitened = whitened = Whitened(fit)
         r = whitened.root.shape[1]
+        self.left, self.shares, self.pulls = np.zeros(folds), np.zeros((folds, r, r)), np.zeros((folds, r))
+        if fit.observations.n > MANY_ROWS:
+            self._subtracted()
+        else:
+            self._summed()
+        self.unpredicted, self.because = self._alone(fold)
+
+    def _summed(self) -> None:
+        """Sum up what each fold adds, from the derivative of each row."""
+        fit, fold = self.fit, self.fold
         residuals = fit.problem.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
         squares = np.sum(residuals**2, axis=1)
-        self.left = squares.sum() - np.bincount(fold, squares, folds)  # without each fold
-        self.shares, self.pulls = np.zeros((folds, r, r)), np.zeros((folds, r))
-        for rows, jacobian in whitened.jacobian_blocks():
+        self.left = squares.sum() - np.bincount(fold, squares, len(self.left))
+        for rows, jacobian in self.whitened.jacobian_blocks():
             for k in np.unique(fold[rows]):
                 here = fold[rows] == k
                 part = np.concatenate(jacobian[here])
                 self.shares[k] += part.T @ part
                 self.pulls[k] += part.T @ residuals[rows[here]].ravel()
-        self.unpredicted, self.because = self._alone(fold)
+
+    def _subtracted(self) -> None:
+        """Take off from the whole what the other folds have: of many rows kernels sum that up ten times as fast."""
+        fit, root = self.fit, self.whitened.root
+        place = fit.solution.theta, fit.solution.frame
+        _, square, gradient = fit.problem.normal_equations(*place)
+        others = Problem(fit.problem.model, fit.observations)
+        for k in range(len(self.left)):
+            others.leave_out((self.fold == k) | fit.outliers)
+            self.left[k], of_others, pull = others.normal_equations(*place)
+            self.shares[k] = root.T @ (square - of_others) @ root
+            self.pulls[k] = root.T @ (gradient - pull)
 
     def fitted(self, problem: Problem, k: int) -> Solution:
         """Return the fit without a fold, to a problem from which its rows are left out.

@@ -16,20 +16,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.array_types import Array, Mask
+from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.dependence import frame_motion
 from rodgen.calibration.displaced_stretch import DisplacedStretch, stretch_of
-from rodgen.calibration.positions import position_numbers
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.solve.least_squares import Solution
+from rodgen.data.poses import positions
 from rodgen.machines.observations import Observations
 from rodgen.stages import stage
-from rodgen.statistics.columns import inverse_root
+from rodgen.statistics.columns import inverse_root, orthonormalizing
 from rodgen.statistics.decompositions import eigh
 
 SIZES = 6 * math.log(10.0)
@@ -50,29 +49,12 @@ MOST_COLUMNS = 200
 """Columns of candidates, those that explain most alone, that may explain the residuals together."""
 SEEN = 0.1
 """Part of a column of a candidate that the fitted parameters must not imitate."""
-
-
-class RowsOfFit(Protocol):
-    """What is asked of a fit."""
-
-    @property
-    def problem(self) -> Problem:
-        """Of all its rows."""
-
-    @property
-    def solution(self) -> Solution:
-        """Its values."""
-
-    @property
-    def moving(self) -> tuple[int, ...]:
-        """Numbers of the parameters that were adjusted and are not at a bound."""
-
-    def with_bodies(self, rows: Mask) -> Mask:
-        """Return rows with the others of their poses where these were measured as one body."""
+BLOCK = 20_000
+"""Rows whose columns are in memory at once where there are more."""
 
 
 @stage("looking for outliers")
-def wrong_rows(fit: RowsOfFit, columns: Array | None = None) -> Mask:
+def wrong_rows(fit: Fit, rows: Rows | None = None) -> Mask:
     """Return the rows of a fit, (n,), that are likelier to have an error of their own than to be good.
 
     Rows that follow each other, as a missing effect or a displaced stretch makes them, are none, nor are the only ones
@@ -82,11 +64,11 @@ def wrong_rows(fit: RowsOfFit, columns: Array | None = None) -> Mask:
     ----------
     fit : Fit
         Whether or not it left rows out: all are judged.
-    columns : ndarray, shape (n, m, K), optional
-        Derivatives of the weighted residuals by what the model may miss.
+    rows : Rows, optional
+        The rows that are judged; left out: all.
     """
     with one_thread_in_blas():
-        rows = Rows.of(fit, columns)
+        rows = Rows.of(fit) if rows is None else rows
         found = wrong_in(rows)
         near = rows.following(found)
         if near.any() and (stretch := rows.stretch(found.wrong & ~near)) is not None:
@@ -94,21 +76,14 @@ def wrong_rows(fit: RowsOfFit, columns: Array | None = None) -> Mask:
             near = rows.following(found)
         wrong = found.wrong & ~near
         if np.count_nonzero(near) > np.count_nonzero(wrong):  # what is missing displaces these, too
-            wrong[:] = False
-        return rows.without_sole_postures(fit.with_bodies(wrong))
-
-
-def displaced_stretch(fit: RowsOfFit, wrong: Mask | None = None) -> DisplacedStretch | None:
-    """Return the poses that follow each other and most probably lie displaced; None where that is improbable.
-
-    Parameters
-    ----------
-    wrong : ndarray of bool, shape (n,), optional
-        Rows that do not count.
-    """
-    with one_thread_in_blas():
-        rows = Rows.of(fit)
-        return rows.stretch(np.zeros(len(rows.residual), bool) if wrong is None else wrong)
+            wrong &= _beyond(found, near)
+        if rows.numbers is None:
+            return rows.without_sole_postures(fit.with_bodies(wrong))
+        whole = np.zeros(fit.problem.observations.n, bool)
+        whole[rows.numbers] = wrong
+        whole = fit.with_bodies(whole)
+        whole[rows.numbers] = rows.without_sole_postures(whole[rows.numbers])
+        return whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +107,8 @@ class Rows:
         The rows as they were measured, and as they follow each other along each joint.
     least : float
         Standard deviation of a reading at least: that which is stated, or rounding.
+    numbers : ndarray of int, shape (n,), or None
+        Of the rows among those of the fit; None of all.
     """
 
     residual: Array
@@ -142,28 +119,42 @@ class Rows:
     pose: NDArray[np.int_]
     orders: Sequence[NDArray[np.int_]]
     least: float
+    numbers: Ints | None = None
 
     @classmethod
-    def of(cls, fit: RowsOfFit, columns: Array | None = None) -> Rows:
-        """Return all rows of a fit; see `wrong_rows`."""
-        problem = Problem(fit.problem.model, fit.problem.observations)
+    def of(cls, fit: Fit, columns: Array | None = None, some: Ints | None = None) -> Rows:
+        """Return all rows of a fit, or some, with derivatives of the weighted residuals by what the model may miss."""
+        o = fit.problem.observations
+        problem = Problem(fit.problem.model, o if some is None or len(some) == o.n else o.take(some))
         theta, frame, o = fit.solution.theta, fit.solution.frame, problem.observations
         residual = np.nan_to_num(problem.residuals(theta, frame, weighted=True), posinf=1e100, neginf=-1e100)
         largest = float(np.nanmax(np.abs(o.reading), initial=0.0) * np.max(problem.weight))
+        moving = list(fit.moving)
+        model = np.zeros((*residual.shape, len(moving)))
+        for rows, block in problem.jacobian_blocks(theta, frame):
+            model[rows] = block[:, :, moving]
         return cls(
             residual,
-            np.nan_to_num(problem.jacobian(theta, frame)[:, :, list(fit.moving)]),
+            model if np.isfinite(model).all() else np.nan_to_num(model),
             residual[:, :, None][:, :, :0] if columns is None else columns,
             frame_motion(problem.model, o, theta, frame, problem.weight),
             o.q,
             o.pose.astype(int),
             _orders(o),
             max(64 * np.finfo(float).eps * largest, 0.0 if o.sigma is None else 1.0, 1e-150),
+            some,
         )
 
     def stretch(self, wrong: Mask) -> DisplacedStretch | None:
-        """Return the displaced stretch; see `displaced_stretch`."""
-        return stretch_of(self.residual, self.model, self.motion, self.pose, self.orders[0], wrong)
+        """Return the poses that follow each other and most probably lie displaced; None where that is improbable.
+
+        Parameters
+        ----------
+        wrong : ndarray of bool, shape (n,)
+            Rows that do not count.
+        """
+        with one_thread_in_blas():
+            return stretch_of(self.residual, self.model, self.motion, self.pose, self.orders[0], wrong)
 
     def following(self, found: Verdict) -> Mask:
         """Return the wrong rows, (n,), whose poses follow each other in an order more than by chance.
@@ -189,7 +180,8 @@ class Rows:
             cost = m * alike**2 / len(pair) - 2 * _log_poisson_tail(len(pair), k * (k - 1) / n)
             if cost > 2 * math.log(BESIDE * len(self.orders)):
                 near[one] = near[other] = True
-        return np.asarray(found.wrong & near[of_row])
+        followed = np.asarray(found.wrong & near[of_row])
+        return followed & ~_beyond(found, followed)
 
     def without_sole_postures(self, wrong: Mask) -> Mask:
         """Return wrong rows, (n,), without those that are all at a position of a joint of which no others tell."""
@@ -197,7 +189,7 @@ class Rows:
         for q in self.q.T if wrong.any() else ():
             if not np.ptp(q) > 0:
                 continue
-            position, away = position_numbers(q), (q - q.mean()) / np.std(q)
+            position, away = positions(q), (q - q.mean()) / np.std(q)
             count = np.bincount(position)
             rests = (count + np.bincount(position, away) ** 2 / count) / len(q)
             lost = np.bincount(position, wrong) == count
@@ -255,52 +247,92 @@ def wrong_in(rows: Rows) -> Verdict:
     every = np.ones(n)
     products = search.products(every)
     errors = search.errors(search.chosen(every, products, clip=True), every, products)
-    sigma = max(0.9 * math.sqrt(float(np.median(errors.square)) / m), rows.least)
-    good, wrong = _costs(errors, errors.dof, sigma, 0.0)
-    if float(np.max(good - wrong)) < 2 * math.log(n):
+    # the median of chi-square (Wilson and Hilferty 1931), less its standard error
+    middle = float(np.median(errors.square)) / (m * (1 - 2 / (9 * m)) ** 3)
+    sigma = max((1 - 1 / math.sqrt(n)) * math.sqrt(middle), rows.least)
+    if not next(_cheapest(errors, errors.dof, sigma, 0.0))[1].any():
         return none
     ends = [search.settled(start) for start in (None, search.robust())]
     return min(ends, key=lambda end: end.cost)
 
 
+def _beyond(found: Verdict, near: Mask) -> Mask:
+    """Return the rows, (n,), whose errors are larger than what displaces others makes them, but for chance."""
+    n, m = found.error.shape
+    square = np.einsum("nm,nm->n", found.error, found.error)
+    usual = float(np.sum(square[near])) / max(int(np.count_nonzero(near)), 1)
+    return np.asarray(m * square > 2 * math.log(BESIDE * n) * usual)
+
+
 class _Search:
-    """The search for wrong rows: what explains the others, given these, and so on."""
+    """The search for wrong rows: what explains the others, given these, and so on.
+
+    The columns X are those of the model, orthonormal; what these leave of the residuals; the promising ones of
+    candidates.
+    """
 
     def __init__(self, rows: Rows) -> None:
         self.rows = rows
         self.n, self.m = rows.residual.shape
-        self.N = self.n * self.m
-        flat = rows.model.reshape(self.N, -1)
-        base = flat @ inverse_root(flat.T @ flat, relative=1e-14)
-        base = base @ inverse_root(base.T @ base)
-        self.p, self.y = base.shape[1], rows.residual.ravel()
-        self.y = self.y - base @ (base.T @ self.y)
-        columns = self._promising(base)
-        self.X = np.concatenate([base, columns], axis=1)
-        self.price = 2 * math.log(max(rows.columns.shape[2], 1)) + math.log(self.N)
-        self.most = max(self.N // 4 - self.p, 0)
+        size = self.n * self.m
+        self.basis = orthonormalizing(self._flat(rows.model), BLOCK * self.m)
+        self.p = self.basis.shape[1]
+        self.left, self.columns = np.zeros((self.n, self.m)), np.zeros((self.n, self.m, 0))
+        self._kept: Array | None = None
+        pull = sum(X[:, : self.p].T @ rows.residual[some].ravel() for some, X in self._blocks())
+        for some, X in self._blocks():
+            self.left[some] = rows.residual[some] - (X[:, : self.p] @ pull).reshape(-1, self.m)
+        self.columns, self._kept = self._promising(), None
+        self.price = 2 * math.log(max(rows.columns.shape[2], 1)) + math.log(size)
+        self.most = max(size // 4 - self.p, 0)
+
+    @staticmethod
+    def _flat(columns: Array) -> Array:
+        return columns.reshape(columns.shape[0] * columns.shape[1], columns.shape[2])
+
+    def _blocks(self) -> Iterator[tuple[slice, Array]]:
+        """Yield rows, and X there, (rows m, p + 1 + K)."""
+        if self._kept is not None:
+            yield slice(0, self.n), self._kept
+            return
+        for start in range(0, self.n, BLOCK):
+            some = slice(start, start + BLOCK)
+            parts = [self.rows.model[some], self.left[some, :, None], self.columns[some]]
+            model, *others = map(self._flat, parts)
+            X = np.concatenate([model @ self.basis, *others], axis=1)
+            if self.n <= BLOCK:
+                self._kept = X
+            yield some, X
 
     def _clipped(self, left: Array) -> Array:
-        """Return errors, (N,), none much larger than most: else the columns would be chosen that follow these."""
-        left = left.reshape(self.n, self.m)
+        """Return errors, (n, m), none much larger than most: else columns would be chosen that follow these."""
         size = np.linalg.norm(left, axis=1)
-        return np.ravel(left * np.minimum(1, 3 * np.median(size) / np.maximum(size, 1e-300))[:, None])
+        return np.asarray(left * np.minimum(1, 3 * np.median(size) / np.maximum(size, 1e-300))[:, None])
 
-    def _promising(self, base: Array) -> Array:
-        """Return what candidates' columns are beyond the model, at length 1, (N, K), those that explain most alone."""
-        flat = self.rows.columns.reshape(self.N, -1)
-        along = base.T @ flat
-        square, pull = np.einsum("ij,ij->j", flat, flat), self._clipped(self.y) @ flat
+    def _promising(self) -> Array:
+        """Return what candidates' columns are beyond the model, at length 1, (n, m, K), those that explain most."""
+        flat, left = self._flat(self.rows.columns), self._clipped(self.left)
+        if not flat.shape[1]:
+            return self.rows.columns
+        along = np.zeros((self.p, flat.shape[1]))
+        for some, X in self._blocks():
+            along += X[:, : self.p].T @ self._flat(self.rows.columns[some])
+        square, pull = np.einsum("ij,ij->j", flat, flat), left.ravel() @ flat
         beyond = square - np.einsum("ij,ij->j", along, along)
         seen = np.flatnonzero(beyond > SEEN**2 * square)
         best = seen[np.argsort(-(pull[seen] ** 2) / beyond[seen], kind="stable")[:MOST_COLUMNS]]
-        return np.asarray((flat[:, best] - base @ along[:, best]) / np.sqrt(beyond[best]))
+        found = np.empty((self.n, self.m, len(best)))
+        for some, X in self._blocks():
+            imitated = (X[:, : self.p] @ along[:, best]).reshape(-1, self.m, len(best))
+            found[some] = (self.rows.columns[some][:, :, best] - imitated) / np.sqrt(beyond[best])
+        return found
 
     def robust(self) -> Array:
         """Return weights by which large errors hardly count, (n,): those of a Cauchy distribution."""
         weight = np.ones(self.n)
         for _ in range(STEPS):
-            left = self._fit([*range(self.p)], weight, self.products(weight))[0]
+            products, index = self.products(weight, self.p + 1), [*range(self.p)]
+            left = self._left(index, products, inverse_root(products[index][:, index], relative=1e-14))
             size = np.einsum("nm,nm->n", left, left)
             new = 1 / (1 + size / max(float(np.median(size)), 1e-300))
             if np.max(np.abs(new - weight)) < 1e-2:
@@ -327,44 +359,61 @@ class _Search:
             weight, clip = found.weight, False
         return best or found
 
-    def products(self, weight: Array) -> Array:
-        """Return XᵀWX."""
-        return np.asarray((self.X * np.repeat(weight, self.m)[:, None]).T @ self.X)
+    def products(self, weight: Array, first: int | None = None) -> Array:
+        """Return XᵀWX, of the first columns only where so many are asked for."""
+        return np.asarray(
+            sum(
+                (X[:, :first] * np.repeat(weight[some], self.m)[:, None]).T @ X[:, :first]
+                for some, X in self._blocks()
+            )
+        )
 
     def chosen(self, weight: Array, products: Array, clip: bool) -> list[int]:
         """Return columns that pay for themselves, one after the other; by errors of which none is much larger."""
-        w, p = np.repeat(weight, self.m), self.p
-        found = list[int]()
-        dof = float(np.sum(w)) - p
-        while len(found) < min(self.most, self.X.shape[1] - p, dof - 2):
+        p, found = self.p, list[int]()
+        dof = float(np.sum(weight)) * self.m - p
+        pull, total = products[:, p], float(products[p, p])
+        while len(found) < min(self.most, self.columns.shape[2], dof - 2):
             index = [*range(p), *found]
             root = inverse_root(products[np.ix_(index, index)], relative=1e-14)
-            left = self.y - self.X[:, index] @ (root @ (root.T @ (self.X[:, index].T @ (w * self.y))))
-            left = self._clipped(left) if clip else left
-            pull, across = self.X.T @ (w * left), root.T @ products[index]
-            along = root.T @ pull[index]
+            if clip:
+                left = self._clipped(self._left(index, products, root))
+                weighted = weight[:, None] * left
+                pull = np.asarray(sum(X.T @ weighted[some].ravel() for some, X in self._blocks()))
+                total = float(np.sum(weighted * left))
+            along, across = root.T @ pull[index], root.T @ products[index]
             square = products.diagonal() - np.einsum("ij,ij->j", across, across)
             seen = square > SEEN**2 * products.diagonal()
             falls = np.where(seen, (pull - across.T @ along) ** 2 / np.where(seen, square, 1.0), 0.0)
-            falls[index] = 0.0
-            best, total = int(np.argmax(falls)), float(np.sum(w * left**2) - along @ along)
-            rest = max(total - float(falls[best]), 1e-300)
-            if total <= 0 or (dof - len(found)) * math.log(total / rest) < self.price:
+            falls[[*index, p]] = 0.0
+            best, unexplained = int(np.argmax(falls)), total - float(along @ along)
+            rest = max(unexplained - float(falls[best]), 1e-300)
+            if unexplained <= 0 or (dof - len(found)) * math.log(unexplained / rest) < self.price:
                 break
             found.append(best)
         return found
 
-    def _fit(self, index: Sequence[int], weight: Array, products: Array) -> tuple[Array, Array]:
-        """Return what a weighted fit of some columns leaves, (n, m), and the covariance of its rows, (n, m, m)."""
-        half = self.X[:, index] @ inverse_root(products[np.ix_(index, index)], relative=1e-14)
-        left = self.y - half @ (half.T @ (np.repeat(weight, self.m) * self.y))
-        of_rows = half.reshape(self.n, self.m, half.shape[1])
-        return left.reshape(self.n, self.m), of_rows @ of_rows.transpose(0, 2, 1)
+    def _halves(self, index: Sequence[int], root: Array) -> Iterator[tuple[slice, Array]]:
+        """Yield rows, and there the columns of a fit as combinations that are independent of each other."""
+        for some, X in self._blocks():
+            yield some, (X[:, : self.p] if len(index) == self.p else X[:, index]) @ root
+
+    def _left(self, index: Sequence[int], products: Array, root: Array) -> Array:
+        """Return what a weighted fit of some columns leaves, (n, m)."""
+        along, left = root.T @ products[index, self.p], np.empty((self.n, self.m))
+        for some, half in self._halves(index, root):
+            left[some] = self.left[some] - (half @ along).reshape(-1, self.m)
+        return left
 
     def errors(self, chosen: Sequence[int], weight: Array, products: Array) -> Errors:
         """Return the errors of rows as the others predict them, with some of the candidates' columns."""
         index = [*range(self.p), *chosen]
-        left, spread = self._fit(index, weight, products)
+        root = inverse_root(products[np.ix_(index, index)], relative=1e-14)
+        spread = np.empty((self.n, self.m, self.m))
+        for some, half in self._halves(index, root):
+            of_rows = half.reshape(len(half) // self.m, self.m, half.shape[1])
+            spread[some] = of_rows @ of_rows.transpose(0, 2, 1)
+        left = self._left(index, products, root)
         left, price = self._beside_neighbours(left, weight)
         h, vectors = eigh(spread)
         rest = np.clip(1 - weight[:, None] * h, 1e-9, None)

@@ -108,29 +108,36 @@ def inverse_root(gram: Array, *, least: float = 0.0, relative: float = 0.0) -> A
     return np.asarray(vectors[:, kept] / np.sqrt(values[kept]))
 
 
-def fall_from_products(gram: Array, pull: Array, *, relative: float) -> float:
-    """Return by how much columns X lower a sum of squares rᵀr, from the products XᵀX and Xᵀr alone.
+def orthonormalizing(columns: Array, block: int) -> Array:
+    """Return W with which columns X become orthonormal, X W, (k, rank); rows are multiplied block by block.
 
     Parameters
     ----------
-    gram : ndarray, shape (k, k)
-        XᵀX.
-    pull : ndarray, shape (k,)
-        Xᵀr.
-    relative : float
-        Of the directions that count; see :func:`inverse_root`.
+    columns : ndarray, shape (N, k)
+    block : int
+        Rows of a block.
     """
-    return float(falls_from_products(gram, pull, relative=relative))
+    found = np.eye(columns.shape[1])
+    for _ in range(2):  # once leaves rounding errors as large as the columns are dependent
+        gram = np.zeros((found.shape[1], found.shape[1]))
+        for start in range(0, len(columns), block):
+            part = columns[start : start + block] @ found
+            gram += part.T @ part
+        found = found @ inverse_root(gram, relative=1e-14)
+    return found
 
 
 def falls_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative: float = 0.0) -> Array:
-    """Return the falls of several sets of columns, (...), as :func:`fall_from_products` does of one.
+    """Return by how much sets of columns X lower a sum of squares rᵀr, (...), from the products XᵀX and Xᵀr alone.
 
     Parameters
     ----------
     gram : ndarray, shape (..., k, k)
+        XᵀX.
     pull : ndarray, shape (..., k)
+        Xᵀr.
     least, relative : float
+        Of the directions that count; see :func:`inverse_root`.
     """
     values, vectors = eigh(gram)
     limit = np.maximum(least, relative * values.max(axis=-1, initial=0.0, keepdims=True))

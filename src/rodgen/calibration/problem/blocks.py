@@ -35,8 +35,6 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model, model_of
 from rodgen.machines.observations import Observations
 from rodgen.schedulers import Workers, workers
-from rodgen.statistics.decompositions import svd
-from rodgen.statistics.thresholds import DETERMINACY
 
 __all__ = ["FOLDS", "BlockProblem", "Blocks", "observed", "problem_of"]
 
@@ -48,9 +46,6 @@ STRETCHES, STRETCH = 20, 2_500
 """The sample: so many stretches of so many rows, which begin where those of `sample_of` do."""
 FOLDS = 5
 """Folds of poses, as of many rows in memory."""
-EXACT, UNSEEN = 1e-8, 1e-13
-"""Parts of the largest information: above the one, normal equations give any combination to eight digits, below the
-other they are rounding."""
 KEPT_BYTES = 256 << 20
 """What a process keeps of parts in memory; beyond, parts are in files, which leave memory after each question."""
 MOST_FAR = 20_000
@@ -681,25 +676,16 @@ class BlockProblem(Problem):
         """Return Jᵀr″; see `Problem.bend`."""
         return np.asarray(self._less_aside("bend", theta, frame, moved, step, part))
 
-    def triangle(self, theta: Array, frame: Frame, index: NDArray[np.int_], further: Array) -> Array:
-        """Return R of the QR decomposition of the weighted Jacobian and further rows; see `Problem.triangle`.
+    @property
+    def _sample(self) -> Problem:
+        return self
 
-        Orthogonal transformations take twenty times as long as the normal equations, which are there already. So which
-        combinations change nothing is seen in the sample; where the others are far from that, the normal equations
-        are good enough for them. Else all rows are decomposed, those that are left aside with them.
-        """
-        _, square, _ = self.normal_equations(theta, frame)
-        found = _root(
-            square[index[:, None], index] + further.T @ further,
-            super().triangle(theta, frame, index, further),
+    def _decomposed_whole(self, theta: Array, frame: Frame, index: NDArray[np.int_], further: Array) -> Array:
+        none = np.zeros((0, len(index)))
+        parts = self.blocks.ask(
+            "all rows", _asked, self.blocks.shared, self.model, "_decomposed", (theta, frame, index, none)
         )
-        if found is None:
-            none = np.zeros((0, len(index)))
-            parts = self.blocks.ask(
-                "all rows", _asked, self.blocks.shared, self.model, "triangle", (theta, frame, index, none)
-            )
-            found = reduced([further, *parts])
-        return found
+        return reduced([further, *parts])
 
     def squares(self, theta: Array, frame: Frame) -> Array:
         """Return the sums of the squares of the errors, by component, (m,); internal units."""
@@ -743,25 +729,6 @@ def _squares(problem: Problem, theta: Array, frame: Frame) -> Array:
     """Return the sums of the squares of the errors, by component, internal units."""
     error = problem.model.structure.measurand.error(problem.residuals(theta, frame))
     return np.asarray(np.einsum("ij,ij->j", error, error))
-
-
-def _root(square: Array, triangle: Array) -> Array | None:
-    """Return R of RᵀR = `square`, (k, k), without the rounding of `square` along what a sample's triangle does not see.
-
-    None where `square` sees that after all, or is too inexact for what is hardly seen.
-    """
-    size = np.linalg.norm(triangle, axis=0)
-    size[size == 0.0] = 1.0
-    _, values, vt = svd(triangle / size, full_matrices=True)
-    seen = np.pad(values, (0, len(vt) - len(values))) > DETERMINACY.nothing * values[0]
-    square = vt @ (square / np.outer(size, size)) @ vt.T
-    known = square[np.ix_(seen, seen)]
-    if not np.isfinite(square).all() or not seen.any():
-        return None
-    least, largest = np.linalg.eigvalsh(known)[[0, -1]]
-    if least < EXACT * largest or square[~seen, ~seen].max(initial=0.0) > UNSEEN * largest:
-        return None
-    return np.asarray(np.linalg.cholesky(known).T @ (vt[seen] * size))
 
 
 def observed(machine: Machine, data: Any) -> Observations:
