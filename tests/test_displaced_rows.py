@@ -11,6 +11,7 @@ from hidden_effects import hidden
 
 import rodgen
 from rodgen.calibration.diagnose import diagnose
+from rodgen.calibration.displaced_stretch import stretch_of
 
 MACHINE = Path(__file__).parent.parent / "examples" / "machines" / "mount" / "machine.toml"
 FIRST, COUNT, STARS = 30, 11, 80
@@ -142,3 +143,20 @@ def test_gross_errors_on_a_walk_are_outliers(tmp_path):
     found = diagnosis_of(case, tmp_path)
     truth = case.sealed.open(found)
     assert set(found.outliers) == set(truth.outliers) != set()
+
+
+@pytest.mark.parametrize("scatter", [0.0, 5.0])
+def test_rows_that_only_scatter_more_do_not_lie_displaced(scatter):
+    rng = np.random.default_rng(5)
+    count, rows = 200, np.arange(30, 36)
+    residual = rng.normal(size=(count, 3))
+    # a shift of five errors along x, in the mean
+    residual[rows, 0] += 5 + scatter * np.array([-1.0, 1, -1, 1, -1, 1])
+    residual[rows, 1] += scatter * np.array([1.0, 1, -1, -1, 1, -1])
+    motion = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
+    number, none = np.arange(count), np.zeros(count, bool)
+    found = stretch_of(residual, motion, motion, number, number, none)
+    if scatter:
+        assert found is None
+    else:
+        assert (found.first, found.last) == (30, 35)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Mask
-from rodgen.statistics.columns import orthonormal_basis, project_out
+from rodgen.statistics.columns import orthonormalizing
 
 ENDS = 80
 """Ends of stretches that are tried first; the best are then moved, at last pose by pose."""
 NEARER = 8
 """How much nearer ends are tried from one step to the next."""
+ROWS = 4096
+"""Rows whose columns are multiplied at once."""
 RIDGE = 1e-3
 """Part of the products of columns that is added to them: a motion that the fitted parameters imitate has no gain."""
 
@@ -29,8 +32,6 @@ class DisplacedStretch:
         Rows, from 0, in the order of the data.
     gain : float
         By how much -2 ln of the probability falls with it, over all stretches that may be: its odds are exp(gain / 2).
-    tries : int
-        Number of stretches that may be.
     rows : ndarray of bool, shape (n,)
     columns : ndarray, shape (n, m, k)
         Derivatives of the weighted residuals by the motion of the frame in these rows.
@@ -39,7 +40,6 @@ class DisplacedStretch:
     first: int
     last: int
     gain: float
-    tries: int
     rows: Mask = field(repr=False)
     columns: Array = field(repr=False)
 
@@ -72,28 +72,28 @@ def stretch_of(
     -----
     Translations alone, and with turns, are tried. A motion of k components costs k ln of the degrees of freedom
     (Schwarz 1978). Each motion of the set-up may be after any of N poses, which costs 2 ln N: one where the stretch
-    reaches the first or the last pose, else two.
+    reaches the first or the last pose, else two. That its readings only scatter more competes with the motion.
     """
     n, m, k = motion.shape
-    there = ~wrong[order, None, None]
-    base = orthonormal_basis((model[order] * there).reshape(n * m, -1))
-    left = project_out(base, (residual[order] * there[:, :, 0]).ravel()).reshape(n, m)
-    total, dof = float(np.sum(left**2)), m * int(there.sum()) - base.shape[1]
     ends = np.flatnonzero(np.diff(pose[order], prepend=-1, append=-1))
     poses = len(ends) - 1
-    tries = poses * (poses + 1) // 2 - 1
-    best = (0.0, 0, 0, 0)
+    if poses < 1:
+        return None
+    sums = _Sums(residual, model, motion, order, ~wrong, ends)
+    total, dof = sums.total, m * int(np.count_nonzero(~wrong)) - sums.rank
+    best = (0.0, 0, 0, 0, 0.0)
     for size in {min(k, 3), k}:
         if dof <= size + m or not total:
             continue
-        sums = _Sums(motion[order][:, :, :size] * there, base.reshape(n, m, -1), left, ends)
         for moves in (1, 2):
-            fall, first, last = sums.best(moves)
-            price = size * math.log(dof) + 2 * moves * math.log(poses)
-            gain = -dof * math.log(max(1 - fall / total, 1e-12)) - price
-            best = max(best, (gain, first, last, size))
-    gain, first, last, size = best
+            fall, first, last = sums.best(moves, size)
+            of_place = 2 * moves * math.log(poses)
+            gain = -dof * math.log(max(1 - fall / total, 1e-12)) - size * math.log(dof) - of_place
+            best = max(best, (gain, first, last, size, of_place))
+    gain, first, last, size, of_place = best
     if gain <= 0:
+        return None
+    if sums.gain_of_scatter(first, last, dof) - math.log(dof) >= gain + of_place:
         return None
     if 2 * (last - first) > poses and (first == 0 or last == poses):  # a jump: the shorter side of it
         first, last = (last, poses) if first == 0 else (0, first)
@@ -101,43 +101,108 @@ def stretch_of(
     rows = np.zeros(n, bool)
     rows[found] = True
     columns = motion[:, :, :size] * rows[:, None, None]
-    return DisplacedStretch(int(found[0]), int(found[-1]), gain, tries, rows, columns)
+    return DisplacedStretch(int(found[0]), int(found[-1]), gain, rows, columns)
 
 
 class _Sums:
-    """Sums over the rows before each end, from which the fall of every stretch follows."""
+    """Sums over the rows before each end, from which the fall of every stretch follows.
 
-    def __init__(self, motion: Array, base: Array, left: Array, ends: NDArray[np.int_]) -> None:
-        scale = np.sqrt(np.sum(motion**2, axis=(0, 1)))
-        motion = motion[:, :, scale > 0] / scale[scale > 0]
-        every = np.concatenate([motion, base, left[:, :, None]], axis=2)
-        products = np.einsum("nmk,nml->nkl", motion, every)
-        self.sums = np.concatenate([products[:1] * 0, np.cumsum(products, axis=0)])[ends]
-        self.ends = ends
+    Attributes
+    ----------
+    total : float
+        Sum of squares of the residuals that the model leaves.
+    rank : int
+        Of the model.
+    """
 
-    def best(self, moves: int) -> tuple[float, int, int]:
+    def __init__(
+        self,
+        residual: Array,
+        model: Array,
+        motion: Array,
+        order: NDArray[np.int_],
+        there: Mask,
+        ends: NDArray[np.int_],
+    ) -> None:
+        self.model, self.motion, self.order, self.there, self.ends = model, motion, order, there, ends
+        judged = model if there.all() else model[there]
+        n, m, p = judged.shape
+        self.basis = orthonormalizing(judged.reshape(n * m, p), ROWS)
+        self.rank = self.basis.shape[1]
+        scale = np.linalg.norm(motion[there], axis=(0, 1))
+        self.scale = np.where(scale > 0, scale, np.inf)
+        self.left = residual * there[:, None]
+        blocks = [slice(start, start + ROWS) for start in range(0, len(order), ROWS)]
+        pull = sum(self._base(some).T @ self.left[order[some]].ravel() for some in blocks)
+        for some in blocks:
+            self.left[order[some]] -= (self._base(some) @ pull).reshape(-1, residual.shape[1])
+        self.total = float(np.sum(self.left**2))
+        poses = len(ends) - 1
+        self.grid, cells = (
+            np.unique(np.linspace(0, poses, min(poses, count) + 1).astype(int))
+            for count in (ENDS, math.isqrt(poses))
+        )
+        self.cells = np.union1d(self.grid, cells)
+        sums = [self._between(*pair) for pair in pairwise(ends[self.cells])]
+        before = np.concatenate([[sums[0] * 0], np.cumsum(sums, axis=0)])
+        self.before = dict(zip(self.cells.tolist(), before, strict=True))
+
+    def _base(self, some: slice) -> Array:
+        """Return the model in some rows of the order as orthonormal columns, (rows m, rank)."""
+        rows = self.order[some]
+        part = self.model[rows] * self.there[rows, None, None]
+        return part.reshape(part.shape[0] * part.shape[1], part.shape[2]) @ self.basis
+
+    def _between(self, first: int, last: int) -> Array:
+        """Return the products of the motion with itself, the model and the residuals, (k, k + rank + 1)."""
+        some = slice(first, last)
+        rows = self.order[some]
+        motion = (self.motion[rows] / self.scale * self.there[rows, None, None]).reshape(-1, len(self.scale))
+        every = np.concatenate([motion, self._base(some), self.left[rows].reshape(-1, 1)], axis=1)
+        return np.asarray(motion.T @ every)
+
+    def _at(self, ends: NDArray[np.int_]) -> Array:
+        """Return the sums over all rows before some ends, (e, k, k + rank + 1)."""
+        cell = self.cells[np.searchsorted(self.cells, ends, side="right") - 1].tolist()
+        for end, c in zip(ends.tolist(), cell, strict=True):
+            if end not in self.before:
+                self.before[end] = self.before[c] + self._between(self.ends[c], self.ends[end])
+        return np.stack([self.before[end] for end in ends.tolist()])
+
+    def gain_of_scatter(self, first: int, last: int, dof: int) -> float:
+        """Return what it gains that the readings of a stretch have a larger variance of their own."""
+        rows = self.order[self.ends[first] : self.ends[last]]
+        inside = np.count_nonzero(self.there[rows]) * self.left.shape[1]
+        outside, square = dof - inside, float(np.sum(self.left[rows] ** 2))
+        if min(inside, outside) < 1 or square * outside <= (self.total - square) * inside:
+            return 0.0
+        scatter = [(dof, self.total), (-inside, square), (-outside, self.total - square)]
+        return math.fsum(n * math.log(max(x, 1e-300) / abs(n)) for n, x in scatter)
+
+    def best(self, moves: int, size: int) -> tuple[float, int, int]:
         """Return the largest fall of the sum of squares, and the ends of its stretch, as numbers of poses.
 
         Parameters
         ----------
         moves : int
             Ends of the stretch that lie between poses: 1 or 2.
+        size : int
+            Components of the motion, translations first.
         """
         poses = len(self.ends) - 1
-        grid = np.unique(np.linspace(0, poses, min(poses, ENDS) + 1).astype(int))
-        found = self._best_of(grid, grid, moves)
+        found = self._best_of(self.grid, self.grid, moves, size)
         step = poses / ENDS
         while step > 1:
             step = max(step / NEARER, 1.0)
             near = np.unique(np.round(step * np.arange(-NEARER, NEARER + 1)).astype(int))
-            while (better := self._best_of(found[1] + near, found[2] + near, moves)) > found:
+            while (better := self._best_of(found[1] + near, found[2] + near, moves, size)) > found:
                 found = better
         return found
 
     def _best_of(
-        self, firsts: NDArray[np.int_], lasts: NDArray[np.int_], moves: int
+        self, firsts: NDArray[np.int_], lasts: NDArray[np.int_], moves: int, size: int
     ) -> tuple[float, int, int]:
-        poses, k = len(self.ends) - 1, self.sums.shape[1]
+        poses = len(self.ends) - 1
         a, b = (x.ravel() for x in np.meshgrid(firsts, lasts, indexing="ij"))
         between = (a > 0).astype(int) + (b < poses)
         tried = (a >= 0) & (b <= poses) & (b > a) & (between == moves)
@@ -145,11 +210,14 @@ class _Sums:
         rows = self.ends[b] - self.ends[a]
         several = (rows > 1) & (rows < self.ends[-1] - 1)
         a, b = a[several], b[several]
-        if not len(a) or not k:
+        if not len(a):
             return 0.0, 0, 0
-        inside = self.sums[b] - self.sums[a]
-        seen, shared, pull = inside[:, :, :k], inside[:, :, k:-1], inside[:, :, -1]
-        ridge = RIDGE * np.trace(seen, axis1=1, axis2=2)[:, None, None] * np.eye(k) + 1e-300 * np.eye(k)
+        ends, numbers = np.unique([a, b], return_inverse=True)
+        sums = self._at(ends)[:, :size]
+        one, other = numbers.reshape(2, -1)
+        inside, k = sums[other] - sums[one], len(self.scale)
+        seen, shared, pull = inside[:, :, :size], inside[:, :, k:-1], inside[:, :, -1]
+        ridge = RIDGE * np.trace(seen, axis1=1, axis2=2)[:, None, None] * np.eye(size) + 1e-300 * np.eye(size)
         beyond = seen - shared @ shared.transpose(0, 2, 1) + ridge
         falls = np.einsum("sk,sk->s", pull, np.linalg.solve(beyond, pull[:, :, None])[:, :, 0])
         i = int(np.argmax(falls))
