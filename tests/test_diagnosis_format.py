@@ -131,9 +131,9 @@ def test_effects_said_to_be_the_same_fit_as_well_when_fitted_anew(name):
 
 @pytest.mark.thorough
 def test_odds_end_at_1e300_and_ranking_goes_on():
-    machine, data = hidden("rotary_table", 9, [("encoder_eccentricity", "C")], raises=400.0, size=2.0).write(
-        mkdtemp()
-    )
+    # one reading a pose: errors that the readings of a pose share would explain much of it
+    case = hidden("trunnion", 9, [("encoder_eccentricity", "C")], raises=400.0, size=2.0)
+    machine, data = case.write(mkdtemp())
     found = fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()
     assert found.steps[0].odds == 1e300
     assert found.steps[0].log10_odds > 300

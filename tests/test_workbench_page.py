@@ -111,7 +111,9 @@ def test_effects_are_added_taken_back_and_added_again(files):
         await walker.until(lambda: walker.desk.suspects is not None)
         await walker.does("Add refraction", 2)
         await walker.sees("Error 0.659")
-        await walker.sees("refraction explains more than chance does")
+        await walker.sees(
+            "refraction shows in these data: with it the readings are more than a million times more probable"
+        )
         await walker.until(lambda: walker.desk.suspects is not None)
         await walker.sees("Below this, no better than nothing:")
         await walker.does("Undo", 1)

@@ -8,21 +8,26 @@ said with odds; a set-up that wanders, and errors that the readings of a pose sh
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations, groupby
-from typing import TYPE_CHECKING, Any
+from itertools import combinations, groupby, repeat
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen import views
 from rodgen.array_types import Array
 from rodgen.calibration.candidates import Candidate
+from rodgen.calibration.dependence import Correlation
+from rodgen.calibration.diagnosis import odds_of
 from rodgen.calibration.evidence import Evidence
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.gross_readings import on_gross_readings
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.calibration.selection import equals, select, worth
+from rodgen.calibration.selection import equals, log10_of, select, worth
 from rodgen.calibration.sensitivities import Sensitivities
 from rodgen.calibration.summary import contradictions
 from rodgen.calibration.words import IN_UNCERTAINTIES, NOTHING_LEFT, in_component, odds_text, plain, sized
@@ -30,17 +35,14 @@ from rodgen.calibration.worst_regions import Region, worst_regions
 from rodgen.data.poses import stretches
 from rodgen.data.units import readable
 from rodgen.errors import joined
-from rodgen.machines.drivers import Driver, drivers_of_place, products
+from rodgen.machines.drivers import HARMONICS, Driver, drivers_of_place, products
 from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.formula import Formula
-from rodgen.machines.machine import Effect, Machine
+from rodgen.machines.machine import Effect
 from rodgen.machines.plausibility import Plausibility
-from rodgen.statistics.columns import orthonormal_basis, project_out
+from rodgen.statistics.columns import orthonormal_basis
 from rodgen.statistics.thresholds import COST
 from rodgen.views import Records, Result
-
-if TYPE_CHECKING:
-    from rodgen.calibration.fitted import Fit
 
 ROUNDING = 64 * np.finfo(float).eps
 """Residuals below this part of the largest reading are rounding, of which nothing is said."""
@@ -51,8 +53,6 @@ COMPETING = 30
 MOSTLY, NEARLY_ALL = 0.65, 0.9
 """Parts of the explained variance from which one component, or two, are named."""
 WORST_ROWS = 5
-NAMED = 6
-"""Names in a list that is not the point of its sentence."""
 
 
 # candidates ----------------------------------------------------------------------------------------------------------
@@ -63,86 +63,96 @@ class Trial:
     """Drivers that may matter, in one component of the residuals or along the motion of a joint."""
 
     drivers: tuple[Driver, ...]
-    """One, or two together."""
-    component: int | None
-    joint: int | None
-    """Number of the joint, where it is not a component."""
+    """One, or two together; none for the set-up as a whole."""
+    motion: Array = field(repr=False)
+    """What an error there does to the weighted residuals, (n, m, k)."""
+    component: str = ""
+    joint: str = ""
+    """Names; one of them is empty."""
+    log_odds: float = 0.0
+
+    @property
+    def where(self) -> str:
+        """The component, or ``along JOINT``."""
+        return f"along {self.joint}" if self.joint else self.component or "all"
 
     @property
     def name(self) -> str:
         """Name of the driver, or both."""
-        return " and ".join(driver.name for driver in self.drivers)
+        return " and ".join(driver.name for driver in self.drivers) or "set-up"
+
+    @property
+    def unit(self) -> str:
+        """Of the driver where there is one."""
+        return self.drivers[0].unit if len(self.drivers) == 1 else ""
 
     @property
     def text(self) -> str:
         """What a sentence calls the drivers."""
-        said = [plain(driver.text, 90) for driver in self.drivers]
-        if len(said) > 1:
+        if not self.drivers:
+            return "a turn or shift of the whole set-up"
+        texts = [plain(driver.text, 90) for driver in self.drivers]
+        if len(texts) > 1:
             each = self.drivers[0].kind == "target"
-            return f"{said[1]}, differently for each target" if each else f"{joined(said)} together"
+            return f"{texts[1]}, differently for each target" if each else f"{joined(texts)} together"
         same = [plain(name) for name in self.drivers[0].same]
-        return said[0] + (f" ({joined(same)})" if same else "")
-
-    def where(self, machine: Machine) -> str:
-        """Name the component, or ``along JOINT``."""
-        if self.joint is not None:
-            return f"along {machine.joints[self.joint].name}"
-        return machine.measurand.components[self.component or 0]
+        return texts[0] + (f" ({joined(same)})" if same else "")
 
     def curves(self) -> Iterator[Array]:
         """Yield the columns of curves, (n, k), of the lowest order first."""
-        if len(self.drivers) > 1:
-            yield products(*(_first_order(driver) for driver in self.drivers))
-            yield products(
-                *(
-                    driver.low_columns[:, :2] if driver.turn is None else _first_order(driver)
-                    for driver in self.drivers
-                )
-            )
-            return
-        (driver,) = self.drivers
-        first = _first_order(driver)
-        if driver.coordinate is not None:
-            first = np.column_stack([first, products(first, _first_order(driver.coordinate))])
-        yield first
-        yield driver.low_columns
-        yield driver.columns
+        if not self.drivers:
+            yield np.ones((len(self.motion), 1))
+        elif len(self.drivers) > 1:
+            yield products(*map(_first_order, self.drivers))
+        else:
+            (driver,) = self.drivers
+            first = _first_order(driver)
+            if driver.coordinate is not None:
+                first = np.column_stack([first, products(first, _first_order(driver.coordinate))])
+            yield first - first.mean(axis=0)
+            yield driver.low_columns
+            yield driver.columns
 
-
-def _first_order(driver: Driver) -> Array:
-    """Return the columns of the first order, (n, k): a straight line, or one wave of what goes round."""
-    low = driver.low_columns
-    if driver.categories or not low.shape[1]:
-        return low
-    if driver.turn is not None:
-        return low[:, [0, low.shape[1] // 2]]
-    return ((driver.values - driver.low) / driver.span - 0.5)[:, None]
+    @cached_property
+    def candidates(self) -> list[Candidate]:
+        """The drivers as candidates, one of each curve."""
+        by_size = {curve.shape[1]: curve for curve in reversed([*self.curves()]) if curve.shape[1]}
+        curves = [*(_waves(self.drivers[0]) if len(self.drivers) == 1 else ()), *reversed(by_size.values())]
+        definition = EffectDefinition(self.name, frozenset({"machine"}), "reading", _BARE, {}, own=True)
+        effect, several = Effect(definition, self.where), list[Candidate]()
+        made = any(driver.kind == "place" for driver in self.drivers)  # by the joints
+        for curve in curves:
+            columns = self.motion[:, :, :, None] * curve[:, None, None, :]
+            columns = columns.reshape(*self.motion.shape[:2], -1)
+            names = tuple(f"{self.name}.{k}" for k in range(columns.shape[2]))
+            prior = Plausibility(self.log_odds - made * COST.needed / 2)
+            several.append(Candidate(effect, names, columns, {}, float(len(curves)), prior))
+        return several
 
 
 _BARE = Formula.parse("a", file="comparison", place="driver")
 
 
-def _candidates(rows: Sensitivities, trial: Trial, trials: Sequence[Trial]) -> Iterator[Candidate]:
-    """Yield a trial as candidates, one of each curve; half of the odds are for single drivers, half for pairs."""
-    machine = rows.fit.machine
-    if trial.joint is not None:
-        motion = rows.component(machine.joints[trial.joint].name, "reading")
-        assert motion is not None
-    else:
-        motion = np.zeros_like(rows.residual)
-        motion[:, trial.component or 0] = rows.weight[:, trial.component or 0]
-    curves = [*{curve.shape[1]: curve for curve in trial.curves() if curve.shape[1]}.values()]
-    odds = -math.log(2 * sum(len(other.drivers) == len(trial.drivers) for other in trials))
-    if any(driver.kind == "place" for driver in trial.drivers):  # the joints make it
-        odds -= COST.needed / 2
-    for curve in curves:
-        names = tuple(f"{trial.name}.{k}" for k in range(curve.shape[1]))
-        effect = Effect(
-            EffectDefinition(trial.name, frozenset({"machine"}), "reading", _BARE, {}, own=True),
-            trial.where(machine),
-        )
-        columns = motion[:, :, None] * curve[:, None, :]
-        yield Candidate(effect, names, columns, {}, float(len(curves)), Plausibility(odds))
+def _waves(driver: Driver) -> Iterator[Array]:
+    """Yield each wave of several a turn, (n, 2), such as that of a graduation that is out of round."""
+    if driver.turn is not None:
+        angle = 2 * np.pi * driver.values / driver.turn
+        for k in range(2, min(HARMONICS, (driver.levels - 1) // 2) + 1):
+            yield np.column_stack([np.cos(k * angle), np.sin(k * angle)])
+
+
+def _first_order(driver: Driver) -> Array:
+    """Return what physics makes of a driver first, (n, k).
+
+    A straight line, one wave of an angle, and of a load what is proportional to it.
+    """
+    if driver.categories or driver.levels < 2:
+        return driver.low_columns
+    if driver.period is not None:
+        angle: Array = 2 * np.pi * driver.values / driver.period
+        return np.column_stack([np.cos(angle), np.sin(angle)])
+    middle = 0.0 if driver.kind == "load" else driver.low + driver.span / 2
+    return ((driver.values - middle) / driver.span)[:, None]
 
 
 def _drivers(rows: Sensitivities) -> list[Driver]:
@@ -151,9 +161,9 @@ def _drivers(rows: Sensitivities) -> list[Driver]:
     What does not vary is left out; what has the same values as another one becomes a further name of that.
     """
     fit, own = rows.fit, rows.rows
-    given = (driver.as_noted(lambda values: values[own], own) for driver in fit.observations.drivers())
+    recorded = (driver.as_noted(lambda values: values[own], own) for driver in fit.observations.drivers())
     found: list[Driver] = []
-    for driver in (*given, *drivers_of_place(fit.machine, fit.places(rows.observations))):
+    for driver in (*recorded, *drivers_of_place(fit.machine, fit.places(rows.observations))):
         if driver.levels < 2:
             continue
         twin = next((i for i, other in enumerate(found) if _same(driver, other)), None)
@@ -169,45 +179,55 @@ def _same(one: Driver, other: Driver) -> bool:
     if {one.kind, other.kind} & {"approach", "run", "target", "period", "time", "order"}:
         return False
     if one.turn is not None and other.turn is not None:
-        a, b = 2 * np.pi * one.values / one.turn, 2 * np.pi * other.values / other.turn
+        a, b = (
+            2 * np.pi / turn * values for turn, values in ((one.turn, one.values), (other.turn, other.values))
+        )
         return bool(max(abs(np.mean(np.exp(1j * (a + sign * b)))) for sign in (1, -1)) > SAME)
-    a, b = one.values - one.values.mean(), other.values - other.values.mean()
-    size = np.linalg.norm(a) * np.linalg.norm(b)
-    return bool(size > 0 and abs(a @ b) > SAME * size)
+    a, b = (driver.values - driver.values.mean() for driver in (one, other))
+    return bool(abs(a @ b) > SAME * np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def _trials(rows: Sensitivities, drivers: Sequence[Driver]) -> Iterator[Trial]:
-    """Yield each driver, and pairs of joints with each other, with load, temperatures, columns and targets."""
-    m = rows.residual.shape[1]
+def _trials(rows: Sensitivities, drivers: Sequence[Driver]) -> list[Trial]:
+    """Return each driver, and pairs of joints with each other, with load, temperatures, columns and targets."""
     joints = [driver for driver in drivers if driver.kind == "joint"]
     others = [d for d in drivers if d.kind in {"load", "temperature", "column", "target"}]
     pairs = [*combinations(joints, 2), *((o, j) for o in others for j in joints if o.joint != j.joint)]
+    machine = rows.fit.machine
+    along = {joint.name: rows.component(joint.name, "reading") for joint in machine.joints}
+    weights = np.split(
+        rows.weight[:, :, None] * np.eye(rows.residual.shape[1]), rows.residual.shape[1], axis=2
+    )
+    trials = [Trial((driver,), rows.frame) for driver in drivers if driver.kind == "run"]
+    if machine.measured.frame != "free":
+        trials.append(Trial((), rows.frame))
     for several in (*((driver,) for driver in drivers), *pairs):
-        yield from (Trial(several, c, None) for c in range(m))
-        for number in dict.fromkeys(driver.number for driver in several):
-            if (
-                number is not None
-                and rows.component(rows.fit.machine.joints[number].name, "reading") is not None
-            ):
-                yield Trial(several, None, number)
+        trials += map(Trial, repeat(several), weights, machine.measurand.components)
+        any_joint = any(driver.kind == "load" for driver in several)  # a weight winds up any
+        for name, motion in along.items():
+            if motion is not None and (any_joint or name in {driver.joint for driver in several}):
+                trials.append(Trial(several, motion[:, :, None], joint=name))
+    many = Counter(len(trial.drivers) > 1 for trial in trials)  # half of the odds are for pairs
+    return [replace(one, log_odds=-math.log(2 * many[len(one.drivers) > 1])) for one in trials]
 
 
 # the result ----------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class Followed:
-    """A driver that the residuals follow in one component."""
+@dataclass(frozen=True, repr=False, eq=False)
+class Followed(Result):
+    """A driver that the residuals follow, in one component or along a motion."""
 
     trial: Trial
     explained: float
     """Part of the variance of all residuals, or of its component, less what chance explains."""
     falls: Array = field(repr=False)
     """By how much the sum of squares of each component falls, (m,)."""
-    log_odds: float
-    """Natural logarithm of the odds that it matters."""
+    log10_odds: float
+    """Logarithm of the odds that it matters."""
     instead: tuple[str, ...] = ()
     """Drivers that explain the same in its place."""
+
+    _keys = "covariate=trial.name unit=trial.unit component=trial.where explained log10_odds"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -221,24 +241,27 @@ class Comparison(Result):
     fit : Fit
     sensitivities : Sensitivities
         The rows that were looked at, without outliers.
-    evidence : Evidence or None
-        Of drivers in place of effects; None where no reading is beyond the fitted parameters.
+    correlation : Correlation or None
+        How readings depend on each other; None where none is beyond the fitted parameters.
     covariates : tuple of Driver
         What varies in the data and was compared with the residuals, in these rows.
     alone : tuple of Followed
         Each driver alone, in each component where it was tried.
     found : tuple of Followed
         Those that the data call for, each given those before.
+    clear : tuple of Driver
+        Those that residuals do not depend on, beside those found, however readings depend on each other.
     worst : tuple of Region
         Where the model is worse than elsewhere, the clearest first.
     """
 
     fit: Fit
     sensitivities: Sensitivities
-    evidence: Evidence | None
+    correlation: Correlation | None
     covariates: tuple[Driver, ...]
     alone: tuple[Followed, ...]
     found: tuple[Followed, ...]
+    clear: tuple[Driver, ...]
     worst: tuple[Region, ...]
 
     @property
@@ -246,11 +269,6 @@ class Comparison(Result):
         """Whether the residuals are rounding."""
         reading = np.abs(self.fit.observations.reading)
         return bool(self.fit.rms * self.fit.unit_factor <= ROUNDING * np.max(reading, initial=0.0))
-
-    @property
-    def unit(self) -> str:
-        """What residuals are in."""
-        return self.fit.unit
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -268,14 +286,13 @@ class Comparison(Result):
         """Rows with the largest residuals, outliers left out, the largest first."""
         size = np.linalg.norm(self.fit.sizes, axis=1)
         size[self.fit.outliers | ~np.isfinite(size)] = -1.0
-        first = np.argpartition(-size, min(WORST_ROWS, len(size) - 1))[:WORST_ROWS]
-        rows = first[np.argsort(-size[first], kind="stable")]
+        rows = np.argsort(-size, kind="stable")[:WORST_ROWS]
         return np.asarray(rows[size[rows] >= 0])
 
     @property
     def table(self) -> Records[dict[str, Any]]:
         """What each driver explains alone, as dicts with the keys of :meth:`to_dict`, or as a DataFrame."""
-        return Records([_row(one, self.fit) for one in self.alone], dict)
+        return Records([one.to_dict() for one in self.alone], dict)
 
     @property
     def claims(self) -> list[str]:
@@ -305,8 +322,9 @@ class Comparison(Result):
             ``components``: ``name``, ``rms`` and ``unit`` of each;
             ``sentences``: those that are printed; ``claims``: those of them that say that something is there;
             ``depends_on``: what residuals follow, each given those before: ``covariate``, ``component`` (or ``"along
-            JOINT"`` for a joint's reading), ``explained`` (part of the variance of all residuals, each in its
-            uncertainty), ``log10_odds`` that it matters, ``instead`` (what the data cannot distinguish from it);
+            JOINT"`` for a joint's reading, ``"all"`` for the whole set-up), ``explained`` (part of the variance of all
+            residuals, each in its uncertainty), ``log10_odds`` that it matters, ``instead`` (what the data cannot
+            distinguish from it);
             ``table``: each covariate alone: ``covariate``, ``unit``, ``component``, ``explained`` (part of the variance
             of that component, along a joint of all), ``log10_odds``;
             ``correlation``: a sentence on errors that readings share, or null;
@@ -316,36 +334,22 @@ class Comparison(Result):
         """
         fit = self.fit
         return {
-            "machine": fit.machine.name,
-            "data": fit.observations.data.file,
+            **views.plain(fit, "machine=machine.name data=observations.data.file"),
             **fit.used_rows,
             "rows_looked_at": len(self.sensitivities.rows),
             "poses": len(stretches(fit.observations.pose)[0]),
-            "unit": self.unit,
-            "rms": fit.rms,
+            **views.plain(fit, "unit rms"),
             "components": [
                 {"name": n, "rms": float(r), "unit": unit}
                 for n, r, unit in zip(self.components, self.rms, fit.units, strict=True)
             ],
             "sentences": self.sentences,
             "claims": self.claims,
-            "depends_on": [_row(one, fit) | {"instead": list(one.instead)} for one in self.found],
+            "depends_on": [one.to_dict() | {"instead": list(one.instead)} for one in self.found],
             "table": list(self.table),
-            "correlation": (self.evidence and self.evidence.correlation.text) or None,
+            "correlation": (self.correlation and self.correlation.text) or None,
             "worst": {
-                "regions": [
-                    {
-                        "covariate": region.covariate.name,
-                        "unit": region.covariate.unit,
-                        "low": region.low,
-                        "high": region.high,
-                        "category": region.category,
-                        "where": region.text,
-                        "rms": region.rms,
-                        "poses": region.poses,
-                    }
-                    for region in self.worst
-                ],
+                "regions": [region.to_dict() for region in self.worst],
                 "rows": [
                     {
                         "row": int(fit.observations.given(np.array(row))),
@@ -358,16 +362,6 @@ class Comparison(Result):
                 ],
             },
         }
-
-
-def _row(one: Followed, fit: Fit) -> dict[str, Any]:
-    return {
-        "covariate": one.trial.name,
-        "unit": one.trial.drivers[0].unit if len(one.trial.drivers) == 1 else "",
-        "component": one.trial.where(fit.machine),
-        "explained": one.explained,
-        "log10_odds": one.log_odds / math.log(10),
-    }
 
 
 def compare(fit: Fit) -> Comparison:
@@ -404,92 +398,28 @@ def compare(fit: Fit) -> Comparison:
     """
     with one_thread_in_blas():
         rows = Sensitivities.of(fit)
-        drivers = _drivers(rows)
-        trials = list(_trials(rows, drivers))
-        worst = worst_regions(drivers, fit.sizes[rows.rows], np.asarray(rows.observations.pose))
-        nothing = Comparison(fit, rows, None, tuple(drivers), (), (), tuple(worst))
-        if nothing.exact or not trials:
+        drivers = tuple(_drivers(rows))
+        worst = tuple(worst_regions(drivers, fit.sizes[rows.rows], np.asarray(rows.observations.pose)))
+        nothing = Comparison(fit, rows, None, drivers, (), (), (), worst)
+        if nothing.exact or not drivers:
             return nothing
-        several = [list(_candidates(rows, trial, trials)) for trial in trials]
-        weighed = _Weighed.of(fit, rows, several)
-        if weighed is None:
-            return nothing
-        fall, full, chosen = _Fall.of(rows), weighed.evidence, weighed.chosen
-        of = {id(c): trial for trial, own in zip(trials, several, strict=True) for c in own}
-        alone = [_followed(of[id(c)], fall([c]), fall.total, odds, own=True) for c, odds in weighed.alone]
-        chosen = _with_fewest_drivers(full, chosen, of)
-        others = equals(full, chosen)
-        chosen = sorted(chosen, key=lambda c: -float(fall([c]).sum()))
-        together = dict[str, list[Candidate]]()  # a driver in several components is one dependence
-        for c in chosen:
-            together.setdefault(of[id(c)].name, []).append(c)
-        found, before = list[Followed](), list[Candidate]()
-        for own in together.values():
-            more = fall([*before, *own]) - fall(before)
-            before += own
-            first = next((c for c in own if of[id(c)].joint is not None), own[0])
-            same = [
-                of[id(e.candidates[0])].name
-                for e in others
-                if e.replaced == (first,) and len(e.candidates) == 1
-            ]
-            one = _followed(of[id(first)], more, fall.total, sum(worth(full, chosen, c) for c in own) / 2)
-            found.append(
-                replace(one, instead=tuple(name for name in dict.fromkeys(same) if name not in together))
-            )
-        return Comparison(fit, rows, full, tuple(drivers), tuple(alone), tuple(found), tuple(worst))
-
-
-def _with_fewest_drivers(
-    evidence: Evidence, chosen: Sequence[Candidate], of: Mapping[int, Trial]
-) -> list[Candidate]:
-    """Return a set with single drivers in the place of pairs that the data cannot distinguish from them."""
-    if all(len(of[id(c)].drivers) == 1 for c in chosen):
-        return [*chosen]
-    for equal in equals(evidence, chosen):
-        if len(equal.replaced) == len(equal.candidates) == 1:
-            (one,), (other,) = equal.replaced, equal.candidates
-            if len(of[id(other)].drivers) < len(of[id(one)].drivers):
-                return _with_fewest_drivers(evidence, [other if c is one else c for c in chosen], of)
-    return [*chosen]
-
-
-@dataclass(frozen=True)
-class _Weighed:
-    """What the evidence says of trials."""
-
-    evidence: Evidence
-    """With the likeliest ones."""
-    alone: list[tuple[Candidate, float]]
-    """The best curve of each, with the natural logarithm of its odds."""
-    chosen: list[Candidate]
-
-    @classmethod
-    def of(cls, fit: Fit, rows: Sensitivities, several: Sequence[Sequence[Candidate]]) -> _Weighed | None:
-        """Weigh trials, each with its curves; None where no reading is beyond the fitted parameters.
-
-        What was selected would seem to be errors that readings share, so that these are estimated with it again.
-        """
-        widest = [own[-1] for own in several if own]
-        chosen, found = list[Candidate](), None
-        for _ in range(2):
-            bare = Evidence.without_candidates(fit, rows, widest, chosen, _offsets(rows))
+        trials, beside = _trials(rows, drivers), _offsets(rows)
+        widest = [trial.candidates[-1] for trial in trials if trial.candidates]
+        chosen = list[Candidate]()
+        for _ in range(2):  # what was selected would seem to be errors that readings share
+            bare = Evidence.of_curves(fit, rows, widest, chosen, beside)
             if bare.dof < 1 or not bare.models[0].square > 0:
-                return None
-            alone, ranked = list[tuple[Candidate, float]](), list[tuple[float, int]]()
-            for number, own in enumerate(several):
-                weighed = bare.including(own)
-                if weighed.candidates:
-                    c = min(weighed.candidates, key=lambda c: weighed.cost([c]))
-                    cost = weighed.cost([c]) - weighed.cost([])
-                    alone.append((c, -cost / 2))
-                    ranked.append((cost, number))
-            likeliest = sorted(number for _, number in sorted(ranked)[:COMPETING])
-            evidence = bare.including([c for number in likeliest for c in several[number]])
-            found = cls(evidence, alone, chosen := select(evidence))
-            if not chosen or bare.correlation.independent:
+                return nothing
+            alone = [one for trial in trials if (one := _alone(bare, trial))]
+            likeliest = sorted(alone, key=lambda one: -one.log10_odds)[:COMPETING]
+            evidence = bare.including([c for one in likeliest for c in one.trial.candidates])
+            chosen = select(evidence)
+            if not chosen:
                 break
-        return found
+        followed = tuple(_together(evidence, chosen, trials))
+        clear = _clear(bare.including(chosen), chosen, alone, followed)
+        correlation = evidence.correlation if chosen else evidence.correlation_for([])
+        return Comparison(fit, rows, correlation, drivers, tuple(alone), followed, tuple(clear), worst)
 
 
 def _offsets(rows: Sensitivities) -> Array | None:
@@ -501,44 +431,74 @@ def _offsets(rows: Sensitivities) -> Array | None:
     return None if rows.model.shape[2] else np.asarray(rows.weight[:, :, None] * np.eye(m))
 
 
-@dataclass(frozen=True)
-class _Fall:
-    """By how much candidates lower the sum of squares of each component, less what chance does."""
-
-    residual: Array
-    """Without what the fitted parameters imitate, (n, m)."""
-    basis: Array
-    """Orthonormal, of the fitted parameters, (n m, p)."""
-    total: Array
-    """Sum of squares of each component, (m,)."""
-
-    @classmethod
-    def of(cls, rows: Sensitivities) -> _Fall:
-        n, m = rows.residual.shape
-        beside = _offsets(rows)
-        model = rows.model if beside is None else beside
-        basis = orthonormal_basis(model.reshape(n * m, -1))
-        residual = project_out(basis, rows.residual.ravel()).reshape(n, m)
-        return cls(residual, basis, np.sum(residual**2, axis=0))
-
-    def __call__(self, chosen: Sequence[Candidate]) -> Array:
-        y = self.residual
-        if not chosen:
-            return np.zeros(y.shape[1])
-        columns = np.concatenate([c.columns for c in chosen], axis=2).reshape(y.size, -1)
-        basis = orthonormal_basis(project_out(self.basis, columns), relative=COST.visible**2)
-        fitted = (basis @ (basis.T @ y.ravel())).reshape(y.shape)
-        left = float(np.sum((y - fitted) ** 2)) / max(y.size - self.basis.shape[1] - basis.shape[1], 1)
-        by_chance = left * np.sum(basis.reshape(*y.shape, -1) ** 2, axis=(0, 2))
-        return np.asarray(np.sum(y**2 - (y - fitted) ** 2, axis=0) - by_chance)
+def _alone(bare: Evidence, trial: Trial) -> Followed | None:
+    """Return what a trial is worth by itself, with its best curve; None where the fitted parameters imitate it."""
+    evidence = bare.including(trial.candidates)
+    if not evidence.candidates:
+        return None
+    best = min(evidence.candidates, key=lambda c: evidence.cost([c]))
+    odds = log10_of(evidence.cost([]) - evidence.cost([best]))
+    falls, total = _falls(evidence, [best])
+    names = evidence.base.machine.measurand.components
+    here = [trial.component in {"", name} for name in names]
+    return Followed(trial, _part(falls[here], total[here]), falls, odds)
 
 
-def _followed(trial: Trial, falls: Array, total: Array, log_odds: float, *, own: bool = False) -> Followed:
-    """Return a driver with the part that it explains of all components, or of its own."""
-    one = slice(trial.component, trial.component + 1) if own and trial.component is not None else slice(None)
-    whole = float(total[one].sum())
-    share = min(max(float(falls[one].sum()) / whole, 0.0), 1.0) if whole > 0 else 0.0
-    return Followed(trial, share, falls, log_odds)
+def _together(evidence: Evidence, chosen: list[Candidate], trials: Sequence[Trial]) -> Iterator[Followed]:
+    """Yield the drivers of a set, each given those before; one in several components is one dependence."""
+    of = {id(c): trial for trial in trials for c in trial.candidates}
+    together, before = dict[str, list[Candidate]](), list[Candidate]()
+    for c in sorted(chosen, key=lambda c: -float(_falls(evidence, [c])[0].sum())):
+        together.setdefault(of[id(c)].name, []).append(c)
+    alike, falls = equals(evidence, chosen), np.zeros(evidence.sensitivities.residual.shape[1])
+    for parts in together.values():
+        before += parts
+        last, (falls, total) = falls, _falls(evidence, before)
+        single = [e.candidates[0] for e in alike if e.replaced == (parts[0],) and len(e.candidates) == 1]
+        names = tuple(dict.fromkeys(of[id(c)].name for c in single if of[id(c)].name not in together))
+        odds = log10_of(sum(worth(evidence, chosen, c) for c in parts))
+        yield Followed(of[id(parts[0])], _part(falls - last, total), falls - last, odds, names)
+
+
+def _clear(
+    evidence: Evidence, chosen: Sequence[Candidate], alone: Sequence[Followed], followed: Sequence[Followed]
+) -> list[Driver]:
+    """Return the drivers that matter under no noise model; what may matter is neither claimed nor denied."""
+    likely = [one for one in alone if one.log10_odds > 0] + [*followed]
+    named = {driver.name for one in likely for driver in one.trial.drivers}
+    named |= {name for one in followed for name in one.instead}
+    curves = dict[Driver, list[Candidate]]()
+    for trial in (one.trial for one in alone if len(one.trial.drivers) == 1):
+        curves.setdefault(trial.drivers[0], []).extend(trial.candidates)
+    if any(not one.trial.drivers for one in followed):  # what a set-up does, differs with the joints
+        named |= {driver.name for driver in curves if driver.kind in {"joint", "place"}}
+    return [d for d, tried in curves.items() if d.name not in named and not _matters(evidence, chosen, tried)]
+
+
+def _matters(bare: Evidence, chosen: Sequence[Candidate], tried: Sequence[Candidate]) -> bool:
+    """Return whether one of some candidates lowers the cost of a set under one of the noise models."""
+    evidence = bare.including(tried)
+    for model in evidence.models:
+        alone = replace(evidence, models=[model], _estimates={})
+        if any(alone.cost([*chosen, c]) < alone.cost(chosen) for c in tried if id(c) in alone.parts):
+            return True
+    return False
+
+
+def _falls(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[Array, Array]:
+    """Return by how much a set lowers the sum of squares of each component, (m,), beyond chance; and these sums."""
+    shape = evidence.sensitivities.residual.shape
+    model = evidence.independent
+    y = model.space.residual
+    columns = model.across[:, np.concatenate([evidence.parts[id(c)] for c in chosen])]
+    basis = orthonormal_basis(columns, relative=COST.visible**2)
+    left = y - basis @ (basis.T @ y)
+    by_chance = float(left @ left) / max(evidence.dof - basis.shape[1], 1) * np.sum(basis**2, axis=1)
+    return np.sum((y**2 - left**2 - by_chance).reshape(shape), axis=0), np.sum(y.reshape(shape) ** 2, axis=0)
+
+
+def _part(falls: Array, total: Array) -> float:
+    return float(np.clip(falls.sum() / (total.sum() or 1.0), 0.0, 1.0))
 
 
 # words ---------------------------------------------------------------------------------------------------------------
@@ -557,7 +517,7 @@ def _sentences(comparison: Comparison) -> Iterator[str]:
     claims = comparison.claims
     yield from claims
     yield from _shared(comparison, wanders=False)
-    yield from _clear(comparison)
+    yield from _denied(comparison)
     lack = fit.lack_of_fit
     if lack and lack.misses and not claims:
         yield (
@@ -566,7 +526,7 @@ def _sentences(comparison: Comparison) -> Iterator[str]:
         )
     if not comparison.covariates:
         yield "All readings are of one pose and one target: nothing varies that the residuals could depend on."
-    elif comparison.evidence is None:
+    elif comparison.correlation is None:
         poses = len(stretches(fit.observations.pose)[0])
         many = "1 pose is" if poses == 1 else f"{poses} poses are"
         yield f"{many} too few, with this many parameters fitted, to show what the residuals depend on."
@@ -590,18 +550,17 @@ def _found(comparison: Comparison) -> Iterator[str]:
         start = "The residuals depend on" if i == 0 else "In addition they depend on"
         said = f"{start} {one.trial.text}: {_percent(one.explained)} of their variance"
         said += _mostly(comparison, one)
-        if one.trial.joint is not None:
-            said += f", along the motion of {plain(comparison.fit.machine.joints[one.trial.joint].name)}"
-        yield f"{said} ({_odds(one.log_odds)})."
+        if one.trial.joint:
+            said += f", along the motion of {plain(one.trial.joint)}"
+        yield f"{said} ({_odds(one.log10_odds)})."
         if one.instead:
             names = [plain(name) for name in one.instead]
-            few = names if len(names) <= NAMED else [*names[: NAMED - 1], f"{len(names) - NAMED + 1} others"]
-            yield f"These data cannot distinguish that from a dependence on {joined(few, 'or')}."
+            yield f"These data cannot distinguish that from a dependence on {joined(names, 'or')}."
 
 
 def _shared(comparison: Comparison, *, wanders: bool) -> Iterator[str]:
     """Say which errors readings share; that a set-up wanders is a claim, what the readings of a pose share is noise."""
-    correlation = comparison.evidence and comparison.evidence.correlation
+    correlation = comparison.correlation
     if correlation and correlation.text and correlation.wanders == wanders:
         yield correlation.text
 
@@ -618,15 +577,13 @@ def _mostly(comparison: Comparison, one: Followed) -> str:
     return ""
 
 
-def _clear(comparison: Comparison) -> Iterator[str]:
-    """Say what the residuals do not depend on; what may matter is neither claimed nor denied."""
-    likely = [d for one in comparison.alone if one.log_odds > 0 for d in one.trial.drivers]
-    likely += [d for one in comparison.found for d in one.trial.drivers]
-    named = {driver.name for driver in likely} | {name for one in comparison.found for name in one.instead}
-    seen = {driver.name for one in comparison.alone for driver in one.trial.drivers}
-    clear = [d for d in comparison.covariates if d.name in seen and d.name not in named]
+def _denied(comparison: Comparison) -> Iterator[str]:
+    """Say what the residuals do not depend on."""
     at_once = {"approach": "any direction of approach", "velocity": "any velocity"}
-    at_once["place"] = "the place on the sky" if comparison.unit == "arcsec" else "the place in the workspace"
+    at_once["place"] = (
+        "the place on the sky" if comparison.fit.unit == "arcsec" else "the place in the workspace"
+    )
+    clear = [driver for driver in comparison.covariates if driver in comparison.clear]
     names = [plain(d.text) for d in clear if d.kind not in at_once]
     for kind, all_of_them in at_once.items():
         here = [d for d in clear if d.kind == kind]
@@ -638,18 +595,16 @@ def _clear(comparison: Comparison) -> Iterator[str]:
 
 def _table(comparison: Comparison) -> Iterator[str]:
     best = dict[str, Followed]()
-    for one in sorted(comparison.alone, key=lambda one: -one.log_odds):
-        if len(one.trial.drivers) == 1 or one.log_odds > 0:
+    for one in sorted(comparison.alone, key=lambda one: -one.log10_odds):
+        if len(one.trial.drivers) == 1 or one.log10_odds > 0:
             best.setdefault(one.trial.name, one)
     if not best:
         return
     rows = []
     for one in best.values():
-        name, unit = plain(one.trial.name), _row(one, comparison.fit)["unit"]
-        name += f" [{plain(unit)}]" if unit and one.trial.drivers[0].kind != "order" else ""
-        rows.append(
-            (name, one.trial.where(comparison.fit.machine), _percent(one.explained), _odds(one.log_odds))
-        )
+        name, unit = plain(one.trial.name), one.trial.unit
+        name += f" [{plain(unit)}]" if unit and name != "order" else ""
+        rows.append((name, one.trial.where, _percent(one.explained), _odds(one.log10_odds)))
     part = "of its variance" + (", weighted" if comparison.fit.weighted else "")
     head = ("covariate, each alone", "component", part, "odds that it matters")
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(4)]
@@ -684,6 +639,6 @@ def _percent(part: float) -> str:
     return f"{min(100 * part, 99.9):.3g} %" if part > 0.99 else f"{100 * part:.0f} %"
 
 
-def _odds(log_odds: float) -> str:
-    number = odds_text(math.exp(min(abs(log_odds), 700.0)))
-    return f"{number} to 1" if log_odds >= 0 else f"1 to {number}"
+def _odds(log10_odds: float) -> str:
+    number = odds_text(odds_of(abs(log10_odds)))
+    return f"{number} to 1" if log10_odds >= 0 else f"1 to {number}"

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +25,11 @@ from rodgen.calibration.steps import StepOdds, odds_of_steps
 from rodgen.calibration.words import odds_text
 from rodgen.data.units import readable
 from rodgen.errors import RodgenError
+from rodgen.machines.machine import Effect, Machine
 from rodgen.stages import Progress, reporting
 from rodgen.statistics.digits import in_column
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import Result, plain
-
-if TYPE_CHECKING:
-    from rodgen.machines.machine import Effect, Machine
 
 
 @dataclass(frozen=True, repr=False)
@@ -108,17 +106,6 @@ class Ladder(Result):
         """The noise, from the model with the most parameters."""
         found: NoiseFloor = max((rung.fit for rung in self.rungs), key=lambda f: len(f.free)).noise
         return found
-
-    @property
-    def line(self) -> str:
-        """The ladder in one line."""
-        steps = (
-            f"{rung.title} {self.figure_of(rung.fit.rms)} (held out {self.figure_of(rung.held_out.rms)})"
-            for rung in self.rungs
-        )
-        noise = self.noise
-        known = "not known" if noise.value is None else f"{self.figure_of(noise.value)} ({noise.source})"
-        return f"{' -> '.join(steps)}; noise {known}; {self._shown[1]} per reading"
 
     @property
     def _shown(self) -> tuple[float, str]:

@@ -12,33 +12,30 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import open_legs
 from rodgen.calibration.problem.attitudes import attitude_columns
 from rodgen.calibration.problem.binding import bind, names_of
 from rodgen.calibration.problem.blocks import Motion, entries
 from rodgen.data.measurements import Scan
+from rodgen.data.tables.parts import Part
 from rodgen.data.units import ARCSEC, parse_unit
 from rodgen.errors import InputFileError, listed, shown
 from rodgen.files import new_folder
+from rodgen.machines.machine import Machine
 from rodgen.machines.measured import TURNS
+from rodgen.machines.model import Frame, Model
 from rodgen.machines.observations import Observations
 from rodgen.schedulers import workers
 from rodgen.statistics.digits import round_by
 from rodgen.views import Tabular, brief
-
-if TYPE_CHECKING:
-    from rodgen.calibration.fitted import Fit
-    from rodgen.data.tables.parts import Part
-    from rodgen.machines.machine import Machine
-    from rodgen.machines.model import Frame, Model
-
 
 ROUNDING = 1e-6
 """Part of what its parameters change one by one below which a combination of them changes nothing."""

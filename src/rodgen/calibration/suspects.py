@@ -7,7 +7,8 @@ after every change of the model.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,9 +23,8 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.selection import equals, ranking, select
 from rodgen.calibration.sensitivities import Sensitivities
 from rodgen.machines.machine import Effect
-from rodgen.statistics.columns import directions_above, orthonormal_basis, project_out, unit_columns
+from rodgen.statistics.columns import unit_columns
 from rodgen.statistics.decompositions import lstsq
-from rodgen.statistics.thresholds import COST
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,11 @@ def suspects(fit: Fit) -> Suspects:
         table = {one.effect.identity: one for one in ranking(evidence)}
         of, best = evidence.sensitivities, {c.key: c for c in evidence.unseen}
         best |= {c.key: c for c in sorted(evidence.candidates, key=lambda c: -evidence.cost([c]))}
-        left = dict(zip(best, _left(of, [*best.values()]), strict=True))
+        fits = evidence.independent
+        left = {
+            key: 1 - evidence.explained([c] if id(c) in evidence.parts else [], fits) / fits.square
+            for key, c in best.items()
+        }
     order: dict[tuple[str, str | None], Effect | None] = {}
     for c in chosen:
         order.setdefault(c.key, None)
@@ -109,7 +113,7 @@ def suspects(fit: Fit) -> Suspects:
         Suspect(
             table[key].effect,
             table[key].log10_odds,
-            fit.rms * left[key],
+            fit.rms * math.sqrt(max(left[key], 0.0)),
             table[key].visible,
             key in keys,
             like,
@@ -117,19 +121,3 @@ def suspects(fit: Fit) -> Suspects:
         for key, like in order.items()
     ]
     return Suspects(fit, tuple(listed), of.rows, of, best)
-
-
-def _left(of: Sensitivities, found: Sequence[Candidate]) -> list[float]:
-    """Return the part of the error that a fit with each candidate would leave, to first order.
-
-    A fit weighs readings as if they were independent, as the evidence does not.
-    """
-    basis = orthonormal_basis(unit_columns(of.model.reshape(of.residual.size, -1)))
-    y = project_out(basis, of.residual.ravel())
-    total = float(y @ y) or 1.0
-    left = []
-    for c in found:
-        own = unit_columns(c.columns.reshape(of.residual.size, -1))
-        seen = directions_above(project_out(basis, own), COST.visible)
-        left.append(float(np.sqrt(max(1 - np.sum((seen.T @ y) ** 2) / total, 0.0))))
-    return left

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,13 +19,11 @@ from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.data.units import ARCSEC
 from rodgen.machines.emit.own_errors import is_of_set_up, with_uncertainty
+from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame
 from rodgen.machines.observations import Observations
+from rodgen.statistics.columns import unit_columns
 from rodgen.statistics.decompositions import lstsq
-
-if TYPE_CHECKING:
-    from rodgen.machines.machine import Machine
-
 
 SHARE, NEAR = 0.95, 0.01
 """Part of the positions whose errors are smaller, and of those to both sides that say how uncertain it is."""
@@ -148,9 +145,7 @@ def _without(errors: Array, moves: Sequence[Array]) -> Array:
     """Return errors (n, 3) less what small moves, each (n, 3), explain best."""
     if not moves:
         return errors
-    columns = np.stack(moves, axis=-1).reshape(-1, len(moves))
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns / np.where(size > 0, size, 1.0)
+    columns = unit_columns(np.stack(moves, axis=-1).reshape(-1, len(moves)))
     return np.asarray(
         errors - (columns @ lstsq(columns, errors.reshape(-1), relative=1e-9)).reshape(errors.shape)
     )

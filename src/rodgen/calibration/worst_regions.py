@@ -19,6 +19,7 @@ from rodgen.array_types import Array
 from rodgen.data.poses import stretches
 from rodgen.machines.drivers import Driver
 from rodgen.statistics.thresholds import COST
+from rodgen.views import Result
 
 PIECES = 10
 CLOSEST = 1e-6
@@ -27,8 +28,8 @@ FEWEST_POSES = 5
 """In a region, and outside of it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Region:
+@dataclass(frozen=True, repr=False, eq=False)
+class Region(Result):
     """A range of a driver, or one of its categories, and how much worse the model is there."""
 
     covariate: Driver
@@ -41,6 +42,8 @@ class Region:
     poses: int
     gain: float
     """Twice the logarithm of the odds that the model is worse there."""
+
+    _keys = "covariate=covariate.name unit=covariate.unit low high category where=text rms poses"
 
     @property
     def text(self) -> str:
