@@ -6,6 +6,7 @@ The data are made by a few lines of arithmetic each, without the model. Those of
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -209,6 +210,30 @@ def test_gravity_that_is_the_wrong_way_round_is_asked_for(gravity: int, sign: in
             assert note.startswith("Is gravity the right way round? ")
             assert "A1.load_windup.k = -" in note
             assert note.endswith(f"gravity = [0, 0, {-gravity}].")
+
+
+@pytest.mark.parametrize("gravity", [-1, 1])
+def test_an_estimated_weight_that_lifts_asks_for_gravity(gravity: int, tmp_path: Path) -> None:
+    """Its stiffness is in other units than the places of targets, by many powers of ten."""
+    robot = FIELD.parents[1] / "examples" / "machines" / "robot_6r_tracker"
+    more = f'[environment]\ngravity = [0, 0, {gravity}]\n[[effect]]\nname = "gravity_windup"\njoint = "J2"\n'
+    (tmp_path / "m.toml").write_text(f"{(robot / 'machine.toml').read_text()}\n{more}")
+    found = check(Machine.load(tmp_path / "m.toml"), Measurements.load(robot / "data.csv"))
+    assert not found.wrong
+    assert [note.split("; ")[0] for note in found.notes] == [
+        "Is gravity the right way round? With that of the file weight lifts what it should lower, "
+        "J2.gravity_windup.k = -0.0341"
+    ] * (gravity > 0)
+
+
+@pytest.mark.thorough("-1")
+@pytest.mark.parametrize("gravity", [-1, 1])
+def test_joints_that_never_move_leave_the_question_for_gravity(gravity: int) -> None:
+    folder = FIELD / "two_windups"
+    machine = replace(Machine.load(folder / "machine.toml"), gravity=(0.0, 0.0, float(gravity)))
+    found = check(machine, Measurements.load(folder / "data.csv"))
+    assert not found.wrong
+    assert [note[:31] for note in found.notes] == ["Is gravity the right way round?"] * (gravity > 0)
 
 
 @pytest.mark.thorough

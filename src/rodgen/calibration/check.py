@@ -20,13 +20,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
 from scipy import special
 
-from rodgen.array_types import Array
+from rodgen.array_types import Array, Mask
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import Problem, one_thread_in_blas
@@ -45,7 +45,6 @@ from rodgen.machines.parameters import parameters_of
 from rodgen.machines.plausibility import plausibility
 from rodgen.machines.plausible import relative_corrections, stated_deviations, tolerances
 from rodgen.stages import each
-from rodgen.statistics.decompositions import lstsq
 from rodgen.statistics.thresholds import CHECK
 from rodgen.views import Result, plain
 
@@ -81,30 +80,25 @@ def motion(problem: Problem, theta: Array) -> float:
     theta : ndarray, shape (parameters,)
         Internal units.
     """
-    o, measurand = problem.observations, problem.model.structure.measurand
-    scatter = _scatter(o.reading) if measurand.is_place else 0.0
+    measurand, frame = problem.model.structure.measurand, Frame.identity()
+    scatter = _scatter(problem.observations.reading) if measurand.is_place else 0.0
     if problem.is_closed_chain:
-        return max(_scatter(problem.places(theta, Frame.identity())), scatter)
+        return max(_scatter(problem.places(theta, frame)), scatter)
     if problem.rows > ROWS_OF_MOTION:
         problem = problem.take(np.linspace(0, problem.rows - 1, ROWS_OF_MOTION).astype(int))
-        o = problem.observations
     only_turns = not measurand.moving and not measurand.is_direction
-    here = problem.predicted_observations(theta, Frame.identity()) if only_turns else o
-    places = problem.places(theta, Frame.identity())
-    squares = 0.0
+    o = problem.predicted_observations(theta, frame) if only_turns else problem.observations
+    places, squares = problem.places(theta, frame), 0.0
     for j in range(o.q.shape[1]):
-        held = here.q.copy()
+        held = o.q.copy()
         held[:, j] = held[:, j].mean()
-        there = Problem(problem.model, replace(here, q=held))
+        there = Problem(problem.model, replace(o, q=held))
+        change = there.places(theta, frame) - places
         if only_turns:
-            change = measurand.error(there.residuals(theta, Frame.identity()))
-        else:
-            change = there.places(theta, Frame.identity()) - places
+            change = measurand.error(there.residuals(theta, frame))
         squares += float(np.mean(np.sum(change**2, axis=1)))
     moved = float(np.sqrt(squares))
-    if moved < UNSEEN * _size(problem):
-        moved = _size(problem)
-    return max(moved, scatter)
+    return max(moved if moved >= UNSEEN * _size(problem) else _size(problem), scatter)
 
 
 def _scatter(places: Array) -> float:
@@ -116,52 +110,11 @@ def _size(problem: Problem) -> float:
     return problem.model.farthest if problem.model.structure.measurand.moving else 1.0
 
 
-class _NearProblem(Problem):
-    """A problem whose cost also counts the squares of the corrections; its weights contain the scale."""
-
-    def __init__(self, model: Model, observations: Observations) -> None:
-        super().__init__(model, observations)
-        stated, none = super().file_values, np.zeros(len(model.parameters))
-        self.centre, self.price = stated.centre, none
-        self.file_values = replace(stated, precision=none, possible=none)  # they are in the price
-
-    def set_price(self, theta: Array, frame: Frame, moved: float) -> None:
-        """Set what corrections cost, given how far the joints move what is measured."""
-        model = self.model
-        usual = tolerances(model, moved, usual=True)
-        effects = [
-            i
-            for i, (kind, p) in enumerate(zip(model.kinds, model.parameters, strict=True))
-            if kind == "e" and p.hold is None and not (p.searched or p.optional)
-        ]
-        if effects:
-            square = np.diag(self.normal_equations(theta, frame)[1])[effects]
-            change = CHECK.usual_effect * moved * np.sqrt(np.sum(self.weight**2) / self.components)
-            usual[effects] = np.divide(change, np.sqrt(square), out=np.ones(len(effects)), where=square > 0)
-        stated, is_prior = stated_deviations(model), model.known[1] > 0
-        self.price = 1 / np.where(is_prior, stated, np.maximum(stated, usual)) ** 2
-
-    def prices(self, theta: Array) -> Array:
-        """Return what each correction of the file, or of the mean of its prior, costs, (parameters,)."""
-        return np.asarray(self.price * (theta - self.centre) ** 2)
-
-    def cost(self, theta: Array, frame: Frame) -> float:
-        return super().cost(theta, frame) + float(self.prices(theta).sum())
-
-    def _summed(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
-        cost, square, gradient = super()._summed(theta, frame)
-        return (
-            cost + float(self.prices(theta).sum()),
-            square + np.diag(self.price),
-            gradient + self.price * (theta - self.centre),
-        )
-
-
 @dataclass(frozen=True)
 class NearFit:
-    """A fit near the file."""
+    """A fit near the file; the weights of its problem contain the scale, and its prior is what corrections cost."""
 
-    problem: _NearProblem
+    problem: Problem
     theta: Array
     frame: Frame
     moved: float
@@ -175,10 +128,9 @@ class NearFit:
         return self.problem.model
 
     @cached_property
-    def squares(self) -> Array:
-        """Sums of the squared residuals of each row, in the units of `scale`."""
-        residual = self.problem.residuals(self.theta, self.frame)
-        return np.asarray(np.sum((residual * self.problem.base_weight) ** 2, axis=1))
+    def is_of_target(self) -> Mask:
+        """Which parameters are of targets."""
+        return np.asarray(np.array(self.model.kinds) == "target")
 
     @cached_property
     def _of_a_reading(self) -> float:
@@ -186,50 +138,55 @@ class NearFit:
         return float(np.median(np.sqrt(np.mean(self.problem.base_weight**2, axis=1))))
 
     @cached_property
-    def _weighted_scale(self) -> tuple[Array, float]:
+    def _weighted(self) -> tuple[Array, Array, float]:
+        """Sums of the squared residuals of each row, its weight, and the scale, all relative to `base_weight`."""
         o, m = self.problem.observations, self.problem.components
+        residual = self.problem.residuals(self.theta, self.frame) * self.problem.base_weight
+        squares = np.sum(residual**2, axis=1)
         measurand = self.model.structure.measurand
         size = _scatter(o.reading) if measurand.is_place else float(np.sqrt(np.mean(o.reading**2)))
         size = self.moved if measurand.has_zero else size  # the zero of an angle may be anywhere
         least = max(float(o.sigma is not None), UNSEEN * size * self._of_a_reading)
-        scale = max(float(np.sqrt(np.median(self.squares) / m)), least)
+        scale = max(float(np.sqrt(np.median(squares) / m)), least)
         for _ in range(SCALE_STEPS):
-            weight = (TAILS + m) / (TAILS + self.squares / scale**2)
-            scale = max(float(np.sqrt(np.mean(weight * self.squares) / m)), least)
-        return weight, scale
-
-    @property
-    def factors(self) -> Array:
-        """By which rows are to be weighted, (n,)."""
-        weight, scale = self._weighted_scale
-        return np.asarray(np.sqrt(weight) / scale)
+            weight = (TAILS + m) / (TAILS + squares / scale**2)
+            scale = max(float(np.sqrt(np.mean(weight * squares) / m)), least)
+        return squares, weight, scale
 
     @property
     def scale(self) -> float:
         """Of the residuals of most rows, internal units."""
-        return self._weighted_scale[1] / self._of_a_reading
+        return self._weighted[2] / self._of_a_reading
+
+    def weigh(self) -> None:
+        """Give each row of the problem its weight."""
+        _, weight, scale = self._weighted
+        self.problem.set_weight(np.sqrt(weight) / scale)
 
     @cached_property
-    def price(self) -> float:
-        """What the corrections cost."""
-        return float(self.problem.prices(self.theta).sum())
+    def prices(self) -> Array:
+        """What each correction of the file, or of the mean of its prior, costs, (parameters,)."""
+        values = self.problem.file_values
+        return np.asarray((values.precision * (self.theta - values.centre)) ** 2)
 
     @cached_property
     def cost(self) -> float:
         """-2 ln of the probability, up to a constant that all candidates have; what any value may have costs ln n."""
-        m, scale = self.problem.components, self._weighted_scale[1]
-        n = len(self.squares) * m
-        tails = (TAILS + m) * np.sum(np.log1p(self.squares / (TAILS * scale**2)))
-        free = np.count_nonzero((self.problem.price == 0) & np.isin(self.model.kinds, ["target"]))
-        return float(2 * n * np.log(self.scale / self.enlarged) + tails + self.price + free * np.log(n))
+        squares, _, scale = self._weighted
+        m = self.problem.components
+        n = len(squares) * m
+        tails = (TAILS + m) * np.sum(np.log1p(squares / (TAILS * scale**2)))
+        free = np.count_nonzero(self.is_of_target & (self.problem.file_values.precision == 0))
+        error = 2 * n * np.log(self.scale / self.enlarged)
+        return float(error + tails + self.prices.sum() + free * np.log(n))
 
     @cached_property
     def rms(self) -> float:
         """Of the rows that are not outliers, internal units; turns count on an arm no longer than places are wide."""
         o, measurand = self.problem.observations, self.model.structure.measurand
         arm = min(o.arm, _scatter(o.reading)) if measurand.has_attitude else o.arm
-        m, scale = self.problem.components, self._weighted_scale[1]
-        near = self.squares <= m * scale**2 * special.fdtri(m, TAILS, 1 - CHECK.chance)
+        (squares, _, scale), m = self._weighted, self.problem.components
+        near = squares <= m * scale**2 * special.fdtri(m, TAILS, 1 - CHECK.chance)
         residual = measurand.error(self.problem.residuals(self.theta, self.frame), arm)[near]
         return float(np.sqrt(np.mean(residual**2))) if near.any() else np.inf
 
@@ -246,82 +203,36 @@ class NearFit:
     @property
     def is_open(self) -> bool:
         """Whether more is remarkable than the places of targets, which may be guesses."""
-        return self.is_rough or self.price - self._price_of_targets >= CHECK.decisive
-
-    @property
-    def _price_of_targets(self) -> float:
-        return float(self.problem.prices(self.theta)[np.array(self.model.kinds) == "target"].sum())
+        return self.is_rough or self.prices[~self.is_of_target].sum() >= CHECK.decisive
 
     @property
     def is_impossible(self) -> bool:
         """Whether files are wrong even if no repair is found: a rough point alone is not."""
-        return bool(
-            self.scale >= CHECK.impossible_error * self.moved or self.farthest >= CHECK.impossible_correction
-        )
+        far = self.farthest >= CHECK.impossible_correction
+        return far or self.scale >= CHECK.impossible_error * self.moved
 
-    @property
-    def is_usual(self) -> bool:
-        """Whether the corrections are not larger than chance makes them, given the usual ones."""
-        priced = np.count_nonzero(self.problem.price)
-        return bool(self.price <= special.chdtri(max(priced, 1), CHECK.chance))
 
-    def doubts(self, unit: str, factor: float) -> Iterator[str]:
-        """Yield why a repair could gain: the error is larger than missing effects leave, or corrections are."""
-        if self.is_rough:
-            yield (
-                f"with numbers near those of the file the error is {self.rms / factor:.3g} {unit}, while the joints "
-                f"move what is measured by {self.moved / factor:.3g} {unit}"
-            )
-        if self.price >= CHECK.decisive:
-            worst = int(np.argmax(self.problem.prices(self.theta)))
-            parameter = self.model.parameters[worst]
-            yield f"{parameter.key} is {self.theta[worst] / parameter.factor:.3g} {parameter.unit} off"
+def _adjusted(model: Model) -> list[int]:
+    """Return the numbers of the parameters that are adjusted: of no effect that needs a search."""
+    parameters = enumerate(model.parameters)
+    return [i for i, p in parameters if p.hold is None and not (p.searched or p.optional)]
 
-    @property
-    def on_targets(self) -> str:
-        """A sentence on places of targets that are estimated and far from those of the file; empty where none are."""
-        of_target = np.array(self.model.kinds) == "target"
-        if (
-            not self.model.structure.moving
-            or self.problem.prices(self.theta)[of_target].sum() < CHECK.decisive
-        ):
-            return ""
-        given = np.array([target.point for target in self.model.machine.targets])
-        found = np.array([self.model.target(self.theta, k)[0] for k in range(len(given))])
-        off = float(np.linalg.norm(found - given, axis=1).max())
-        unit = self.model.machine.length_unit
-        return f"Places of targets in the file are off by up to {off:.3g} {unit}; they are estimated."
 
-    @cached_property
-    def lifted(self) -> tuple[float, str]:
-        """What compliances below zero cost, by how much chi square is lower with them, and the surest of them."""
-        machine, model = self.model.machine, self.model
-        below = [
-            model.keys[key]
-            for effect in machine.effects
-            for name, size in plausibility(machine, effect).sizes.items()
-            if size.positive
-            and (key := effect.key(name)) in model.keys
-            and self.theta[model.keys[key]] < 0 < self.problem.price[model.keys[key]]
-        ]
-        if not below:
-            return 0.0, ""
-        square = self.problem.normal_equations(self.theta, self.frame)[1]
-        used = np.flatnonzero(np.diag(square) > 0)
-        covariance = lstsq(square[np.ix_(used, used)], np.eye(len(used)), relative=None)
-        at, value = np.searchsorted(used, below), self.theta[below]
-        most = below[int(np.argmax(value**2 / np.diag(covariance)[at]))]
-        fall = float(value @ np.linalg.solve(covariance[np.ix_(at, at)], value))
-        return fall, f"{model.parameters[most].key} = {self.theta[most] / model.parameters[most].factor:.3g}"
+def _compliances(model: Model) -> list[int]:
+    """Return the numbers of the parameters that weight or a load makes positive."""
+    sizes = ((effect, plausibility(model.machine, effect).sizes) for effect in model.machine.effects)
+    keys = (effect.key(name) for effect, those in sizes for name, size in those.items() if size.positive)
+    return [model.keys[key] for key in keys if key in model.keys]
 
 
 def fit_near(
     machine: Machine,
     observations: Observations,
+    rounds: int,
     *,
-    rounds: int = ROUNDS,
-    compiled: bool = False,
-    enlarged: float = 1.0,
+    compiled: bool,
+    enlarged: float,
+    yielding: bool,
 ) -> NearFit | None:
     """Return the fit near the file; None where the model is not finite.
 
@@ -337,10 +248,11 @@ def fit_near(
         Whether the model is compiled.
     enlarged : float
         As that of a `NearFit`.
+    yielding : bool
+        Whether compliances are positive: nothing moves against its weight.
     """
     model = Model(machine, observations.travel, observations.run_names, compiled=compiled)
-    problem = _NearProblem(model, observations)
-    free = [i for i, p in enumerate(model.parameters) if p.hold is None and not (p.searched or p.optional)]
+    problem, free = Problem(model, observations), _adjusted(model)
     theta = model.start()
     if observations.attitude is not None:
         theta = with_attitudes(problem, theta, free)
@@ -350,17 +262,28 @@ def fit_near(
     frame = min(frames, key=lambda frame: problem.cost(theta, frame)) if len(frames) > 1 else frames[0]
     if not np.isfinite(problem.residuals(theta, frame)).all():
         return None
-    moved = motion(problem, theta)
-    problem.set_price(theta, frame, moved)
-    found = NearFit(problem, theta, frame, moved, enlarged)
+    found = NearFit(problem, theta, frame, motion(problem, theta), enlarged)
+    usual = tolerances(model, found.moved, usual=True)
+    effects = [i for i in free if model.kinds[i] == "e"]
+    square = np.diag(problem.normal_equations(theta, frame)[1])[effects]
+    change = CHECK.usual_effect * found.moved * np.sqrt(np.sum(problem.weight**2) / problem.components)
+    usual[effects] = np.divide(change, np.sqrt(square), out=np.ones(len(effects)), where=square > 0)
+    stated, known = stated_deviations(model), model.known[1] > 0
+    precision = 1 / np.where(known, stated, np.maximum(stated, usual))
+    problem.knows_noise = True
+    lowest = problem.file_values.lowest.copy()
+    lowest[_compliances(model) if yielding else []] = 0.0
+    problem.file_values = replace(
+        problem.file_values, precision=precision, lowest=lowest, possible=np.zeros(len(theta))
+    )
     for _ in range(rounds):
         before = found.scale
-        problem.set_weight(found.factors)
-        solution = minimise(problem, found.theta, found.frame, free, max_iterations=STEPS)
-        if not np.isfinite(solution.cost):
+        found.weigh()
+        ended = minimise(problem, found.theta, found.frame, free, max_iterations=STEPS, final=False)
+        if not np.isfinite(ended.cost):
             break
-        found = replace(found, theta=solution.theta, frame=solution.frame)
-        if abs(np.log(found.scale / before)) < LAST and solution.converged:
+        found = replace(found, theta=ended.theta, frame=ended.frame)
+        if abs(np.log(found.scale / before)) < LAST and ended.converged:
             break
     return found
 
@@ -457,7 +380,7 @@ def check(machine: Machine | Fit, data: Any = None) -> Check:
     Parameters
     ----------
     machine : Machine or Fit
-        Where a fit that was made already shows nothing suspicious no other is made.
+        Of a fit, its machine without the fitted values, and its observations.
     data : Measurements, Observations or a table in memory, optional
         Needed with a machine.
 
@@ -472,15 +395,14 @@ def check(machine: Machine | Fit, data: Any = None) -> Check:
     FitError
         When a machine comes without data.
     """
-    fit = machine if isinstance(machine, Fit) else None
-    if fit is None and data is None:
-        raise FitError("a machine without measurements; expected both, or a fit")
     if isinstance(machine, Fit):
         search = _Search(machine.problem.model.machine, machine.observations)
+    elif data is None:
+        raise FitError("a machine without measurements; expected both, or a fit")
     else:
         search = _Search(machine, bind_once(machine, data))
     with one_thread_in_blas(), np.errstate(all="ignore"):
-        return search.run(fit)
+        return search.run()
 
 
 class _Search:
@@ -494,27 +416,21 @@ class _Search:
         self.unit = machine.measurand.unit(machine.length_unit)
         self.factor = unit_factor(self.unit, machine.length_unit)[0]
 
-    def run(self, fit: Fit | None) -> Check:
+    def run(self) -> Check:
         right = Check(self.machine, self.observations, (), False, None, None, self.unit)
         # what is tried starts from the poses of the wrong mode, too
-        reason = other_mode(self.observations, self.machine)
-        if not np.ptp(self.observations.q, axis=0).any():
-            reason = reason or self._unrecorded()
-            fit = None
-            if not reason:
-                return right
-        if reason:
+        if reason := other_mode(self.observations, self.machine) or self._unrecorded():
             return replace(right, suspicions=(reason,), wrong=True)
-        if fit is not None and fit.solution.converged and not self._is_suspicious(self._of_fit(fit)):
+        if not np.ptp(self.observations.q, axis=0).any():
             return right
         null = self._fit(None, ROUNDS)
         if null is None:
             doubts: tuple[str, ...] = ("the model is not finite with the numbers of the file",)
         else:
-            doubts = tuple(null.doubts(self.unit, self.factor))
-            notes = filter(None, (null.on_targets, self._on_gravity(null)))
+            doubts = tuple(self._doubts(null))
+            notes = filter(None, (self._on_targets(null), self._on_gravity(null)))
             right = replace(right, before=null.rms / self.factor, notes=tuple(notes))
-        if not doubts:  # a fit that ended elsewhere was pulled by wrong readings
+        if not doubts:
             return right
         found = self._searched()
         named = [x for x in found if x[1].cost - found[0][1].cost < CHECK.equal]
@@ -526,86 +442,81 @@ class _Search:
         after = named[0][1].rms / self.factor
         return replace(right, suspicions=doubts, wrong=True, after=after, repairs=told, notes=())
 
-    @property
-    def _is_loaded(self) -> bool:
-        load = self.observations.load
-        return load is not None and bool(np.ptp(load) > 0) and not self.machine.kinematics.is_closed
-
-    def _is_suspicious(self, near: NearFit) -> bool:
-        return any(near.doubts("", 1.0)) or near.lifted[0] >= CHECK.decisive or self._is_loaded
-
-    def _of_fit(self, fit: Fit) -> NearFit:
-        """Return a fit that was made as one near the file."""
-        problem = _NearProblem(fit.problem.model, self.observations.take(self.rows))
-        theta, frame = fit.solution.theta, fit.solution.frame
-        moved = motion(problem, theta)
-        problem.set_price(theta, frame, moved)
-        found = NearFit(problem, theta, frame, moved)
-        problem.set_weight(found.factors)
-        return found
+    def _doubts(self, fit: NearFit) -> Iterator[str]:
+        """Yield why a repair could gain: the error is larger than missing effects leave, or corrections are."""
+        if fit.is_rough:
+            yield (
+                f"with numbers near those of the file the error is {fit.rms / self.factor:.3g} {self.unit}, while the "
+                f"joints move what is measured by {fit.moved / self.factor:.3g} {self.unit}"
+            )
+        if fit.prices.sum() >= CHECK.decisive:
+            worst = int(np.argmax(fit.prices))
+            parameter = fit.model.parameters[worst]
+            yield f"{parameter.key} is {fit.theta[worst] / parameter.factor:.3g} {parameter.unit} off"
 
     def _unrecorded(self) -> str:
         """Return that no joint moves, but what is measured does; empty where it stays."""
-        o, measurand = self.observations, self.machine.measurand
-        model = Model(self.machine, o.travel, o.run_names, compiled=False)
-        problem = Problem(model, o)
-        around = (
-            o.reading
-            if measurand.is_place
-            else measurand.error(problem.residuals(model.start(), Frame.identity()))
-        )
-        around = np.concatenate(
-            [around[o.target == k] - around[o.target == k].mean(0) for k in np.unique(o.target)]
-        )
+        o = self.observations
+        if np.ptp(o.q, axis=0).any():
+            return ""
+        problem = Problem(Model(self.machine, o.travel, o.run_names, compiled=False), o)
+        around = self.machine.measurand.error(problem.residuals(problem.model.start(), Frame.identity()))
+        for k in np.unique(o.target):
+            around[o.target == k] -= around[o.target == k].mean(axis=0)
         moved = float(np.sqrt(np.mean(around**2)))
         if moved < CHECK.imperfect * _size(problem):
             return ""
         names = [joint.column for joint in self.machine.joints if joint.is_read]
-        verb = "have" if len(names) > 1 else "has"
         return (
-            f"{joined(names)} {verb} the same command in all {o.n} rows, but the readings move by "
-            f"{moved / self.factor:.3g} {self.unit}: the commands were not recorded"
+            f"{joined(names)} {'have' if len(names) > 1 else 'has'} the same command in all {o.n} rows, but the "
+            f"readings move by {moved / self.factor:.3g} {self.unit}: the commands were not recorded"
         )
+
+    @staticmethod
+    def _on_targets(null: NearFit) -> str:
+        """Return that places of targets are estimated far from those of the file; empty where they are not."""
+        model = null.model
+        if not model.structure.moving or null.prices[null.is_of_target].sum() < CHECK.decisive:
+            return ""
+        ways = [
+            model.target(null.theta, k)[0] - target.point for k, target in enumerate(model.machine.targets)
+        ]
+        off = np.linalg.norm(ways, axis=1).max()
+        unit = model.machine.length_unit
+        return f"Places of targets in the file are off by up to {off:.3g} {unit}; they are estimated."
 
     def _on_gravity(self, null: NearFit) -> str:
         """Return the question whether gravity has its direction, where weights lift; empty where they do not."""
-        machine, o = self.machine, self.observations
-        if self._is_loaded:
-            for effect in catalogue_effects(machine, o):
-                machine = machine.with_effect(effect) if effect.name == "load_windup" else machine
-            null = self._near(machine) or null
-        lifted, value = null.lifted
-        if lifted < CHECK.decisive:
+        o, search, base = self.observations, self, null
+        if o.load is not None and np.ptp(o.load) > 0 and not self.machine.kinematics.is_closed:
+            windups = (e for e in catalogue_effects(self.machine, o) if e.name == "load_windup")
+            search = _Search(reduce(Machine.with_effect, windups, self.machine), o)
+            base = search._fit(None, ROUNDS) or null
+        below = [i for i in _compliances(base.model) if base.theta[i] < 0 < base.prices[i]]
+        if not below:
             return ""
-        fits = [
-            (near.cost + near.lifted[0], repair)
-            for repair in repairs(machine, o)
-            if repair.kind == "gravity" and (near := self._near(repair.applied(machine, o)[0]))
-        ]
+        directions = [r for r in repairs(search.machine, o) if r.kind == "gravity"]
+        held = search._fit(None, ROUNDS, yielding=True)
+        if held is None or held.cost - base.cost < CHECK.decisive:
+            return ""
+        fits = [(fit.cost, r) for r in directions if (fit := search._fit(r, ROUNDS, yielding=True))]
         cost, best = min(fits, key=lambda x: x[0], default=(np.inf, None))
-        if best is None or null.cost + lifted - cost < CHECK.decisive:
+        if best is None or held.cost - cost < CHECK.decisive:
             return ""
+        most = base.model.parameters[max(below, key=lambda i: base.prices[i])]
+        value = f"{most.key} = {base.theta[base.model.keys[most.key]] / most.factor:.3g}"
         return (
             f"Is gravity the right way round? With that of the file weight lifts what it should lower, {value}; "
             f"more probably {best.words}."
         )
 
-    def _near(self, machine: Machine) -> NearFit | None:
-        return fit_near(machine, replace(self.observations.take(self.rows), machine=machine))
-
     def _searched(self) -> list[tuple[Repair, NearFit]]:
         """Return the repairs, the most probable first; where none does alone, pairs of them."""
-        candidates = repairs(self.machine, self.observations)
-        found = self._tried(candidates)
+        singles = repairs(self.machine, self.observations)
+        found = self._tried(singles)
         if found and found[0][1].is_open:
-            pairs = self._tried(
-                [
-                    first.then(second)
-                    for first, _ in found[:BEAM]
-                    for second in candidates
-                    if second.kind != first.kind
-                ]
-            )
+            most = [first for first, _ in found[:BEAM]]
+            pairs = self._tried([a.then(b) for a in most for b in singles if a.kind != b.kind])
             if pairs and pairs[0][1].cost < found[0][1].cost - CHECK.decisive:
                 return pairs
         return found
@@ -613,22 +524,23 @@ class _Search:
     def _tried(self, candidates: Iterable[Repair]) -> list[tuple[Repair, NearFit]]:
         """Return the fits with repairs, best first: those that look best after a few steps, then carried on."""
         for rounds in (FIRST_ROUNDS, ROUNDS):
-            fits = [
-                (repair, fit)
-                for repair in each("looking for what is wrong", list(candidates))
-                if (fit := self._fit(repair, rounds))
-            ]
+            those = each("looking for what is wrong", list(candidates))
+            fits = [(repair, fit) for repair in those if (fit := self._fit(repair, rounds))]
             fits.sort(key=lambda x: x[1].cost)
             candidates = [repair for repair, _ in fits[:FINALISTS]]
         return fits
 
-    def _fit(self, repair: Repair | None, rounds: int) -> NearFit | None:
+    def _fit(self, repair: Repair | None, rounds: int, *, yielding: bool = False) -> NearFit | None:
         if repair is None:
-            return fit_near(self.machine, self.observations.take(self.rows), rounds=rounds)
+            some = self.observations.take(self.rows)
+            return fit_near(self.machine, some, rounds, compiled=False, enlarged=1.0, yielding=yielding)
         try:
             machine, observations = repair.applied(self.machine, self.observations, self.rows)
-            compiled = machine.structure == self.machine.structure  # others are fitted a few times only
-            return fit_near(machine, observations, rounds=rounds, compiled=compiled, enlarged=repair.enlarges)
+            # others are fitted a few times only
+            compiled = machine.structure == self.machine.structure and not yielding
+            return fit_near(
+                machine, observations, rounds, compiled=compiled, enlarged=repair.enlarges, yielding=yielding
+            )
         except RodgenError:  # there is no such machine, or its legs do not close
             return None
 
@@ -642,7 +554,8 @@ def _is_named(fit: NearFit, null: NearFit | None) -> bool:
         return False
     if null is None:
         return True
-    saved = null.price - fit.price > CHECK.decisive and fit.is_usual
+    usual = special.chdtri(max(np.count_nonzero(fit.problem.file_values.precision), 1), CHECK.chance)
+    saved = null.prices.sum() - fit.prices.sum() > CHECK.decisive and fit.prices.sum() <= usual
     lower = fit.scale < null.scale / CHECK.better
     return bool(null.cost - fit.cost > CHECK.decisive and (lower or saved or null.is_impossible))
 

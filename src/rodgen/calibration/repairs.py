@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations, pairwise, permutations, product
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,18 +39,16 @@ PARALLEL = 0.999
 """Cosine between axes of joints that a parallelogram may couple."""
 ALONG = 0.9
 """Cosine from which on an axis is one of the machine, written by hand."""
-DIRECTIONS: tuple[Vector, ...] = (
-    (1.0, 0.0, 0.0),
-    (-1.0, 0.0, 0.0),
-    (0.0, 1.0, 0.0),
-    (0.0, -1.0, 0.0),
-    (0.0, 0.0, 1.0),
-    (0.0, 0.0, -1.0),
+DIRECTIONS: tuple[Vector, ...] = tuple(
+    (float(sign * (k == 0)), float(sign * (k == 1)), float(sign * (k == 2)))
+    for k in range(3)
+    for sign in (1, -1)
 )
 """Those along the axes of the machine."""
 
 OfMachine: TypeAlias = Callable[[Machine], Machine]
 OfRows: TypeAlias = Callable[[Observations], Observations]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -72,22 +71,18 @@ class Repair:
     """Whether targets and other columns stay with the readings then."""
     enlarges: float = 1.0
     """By which the readings are multiplied."""
-    instead: OfRows | None = field(default=None, repr=False)
-    """The change of observations that comes to the same as that of the machine, which would need new equations."""
-    parts: tuple[Repair, ...] = field(default=(), repr=False)
-    """Where it is several changes, these."""
     in_figures: Callable[[Model, Array], str] | None = field(default=None, repr=False)
     """Its words with what a fit with it shows, given model and parameters of the fit."""
 
     @property
     def of_machine(self) -> bool:
         """Whether the machine file is changed."""
-        return self.machine is not None or any(part.of_machine for part in self.parts)
+        return self.machine is not None
 
     @property
     def of_data(self) -> bool:
         """Whether the data are changed."""
-        return self.rows is not None or self.offset != 0 or any(part.of_data for part in self.parts)
+        return self.rows is not None or self.offset != 0
 
     def in_words(self, model: Model, theta: Array) -> Repair:
         """Return it with what a fit with it shows in its words."""
@@ -99,10 +94,11 @@ class Repair:
             f"{self.words}; and {second.words}",
             f"{self.kind}, {second.kind}",
             self.effort + second.effort,
-            offset=self.offset + second.offset,
-            commands_only=self.commands_only or second.commands_only,
-            enlarges=self.enlarges * second.enlarges,
-            parts=(self, second),
+            _both(self.machine, second.machine),
+            _both(self.rows, second.rows),
+            self.offset + second.offset,
+            self.commands_only or second.commands_only,
+            self.enlarges * second.enlarges,
         )
 
     def applied(
@@ -124,19 +120,12 @@ class Repair:
             here = (
                 replace(here, q=there.q, s=there.s, v=there.v) if self.commands_only else there.read_as(here)
             )
-        for part in self.parts or (self,):
-            if part.instead is not None and chosen is not None:
-                here = part.instead(here)
-            else:
-                machine, here = part._changed(machine, here)
-        return machine, closed(here) if machine.kinematics.is_closed else here
-
-    def _changed(self, machine: Machine, observations: Observations) -> tuple[Machine, Observations]:
         changed = machine if self.machine is None else self.machine(machine)
         names = [joint.name for joint in machine.joints]
-        order = [names.index(joint.name) for joint in changed.joints]
-        here = replace(_with_joints(observations, order), machine=changed)
-        return changed, here if self.rows is None else self.rows(here)
+        here = _with_joints(here, [names.index(joint.name) for joint in changed.joints])
+        here = replace(here, machine=changed)
+        here = here if self.rows is None else self.rows(here)
+        return changed, closed(here) if changed.kinematics.is_closed else here
 
     def unpaired(self, observations: Observations) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
         """Return the rows whose commands have no readings any more, and those whose readings have no commands."""
@@ -164,6 +153,11 @@ class Repair:
         return f"{left}: the commands of {places(commands)} and the readings of {places(readings)} have no partner."
 
 
+def _both(first: Callable[[T], T] | None, second: Callable[[T], T] | None) -> Callable[[T], T] | None:
+    """Return the change that makes one change after the other; None is no change."""
+    return first or second if first is None or second is None else lambda x: second(first(x))
+
+
 def _with_joints(o: Observations, order: Sequence[int]) -> Observations:
     """Return observations with the columns of the joints in another order."""
     if list(order) == sorted(order):
@@ -173,19 +167,19 @@ def _with_joints(o: Observations, order: Sequence[int]) -> Observations:
 
 def repairs(machine: Machine, observations: Observations) -> list[Repair]:
     """Return the changes that may put right what is wrong with a machine file or its data, the smallest first."""
-    moves = np.ptp(observations.q, axis=0) > 0
-    read = np.array([joint.is_read for joint in machine.joints])
+    moving = [j for j, way in zip(machine.joints, np.ptp(observations.q, axis=0), strict=True) if way > 0]
+    commanded = [joint for joint in moving if joint.is_read]
     found = [
-        *(_of_legs(machine) if machine.kinematics.is_closed else _of_joints(machine, moves)),
-        *_of_couplings(machine, moves),
+        *(_of_legs(machine) if machine.kinematics.is_closed else _of_joints(machine, moving)),
+        *_of_couplings(machine, moving),
         *_of_readings(machine),
-        *_of_units(machine, observations, moves & read),
-        *_of_ratios(machine, moves & read),
-        *_of_columns(machine, moves & read),
+        *_of_units(machine, observations, commanded),
+        *(() if machine.kinematics.is_closed else _of_ratios(commanded)),
+        *_of_columns(machine, commanded),
         *_of_targets(machine, observations),
         *_of_runs(machine, observations),
         *_of_gravity(machine),
-        *(_of_rows(observations) if moves.any() else ()),
+        *(_of_rows(observations) if moving else ()),
     ]
     return sorted(found, key=lambda repair: repair.effort)
 
@@ -193,11 +187,13 @@ def repairs(machine: Machine, observations: Observations) -> list[Repair]:
 # the machine file ------------------------------------------------------------------------------------------
 
 
-def _with_joint(name: str, change: Callable[[Joint], dict[str, Any]]) -> OfMachine:
-    """Return the change of some keys of a joint."""
-    return lambda machine: replace(
-        machine, joints=tuple(replace(j, **change(j)) if j.name == name else j for j in machine.joints)
-    )
+def _with_joint(name: str, sense: float = 1.0, **keys: Any) -> OfMachine:
+    """Return the change of some keys of a joint, or of the sense in which it moves."""
+
+    def changed(joint: Joint) -> Joint:
+        return replace(joint, **{"axis": _times(sense, joint.axis)} | keys) if joint.name == name else joint
+
+    return lambda machine: replace(machine, joints=tuple(map(changed, machine.joints)))
 
 
 def _written(vector: Vector) -> str:
@@ -209,124 +205,58 @@ def _times(factor: float, vector: Vector) -> Vector:
     return x, y, z
 
 
-def _of_joints(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+def _of_joints(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]:
     joints = machine.joints
-    for joint in (joint for joint, moving in zip(joints, moves, strict=True) if moving):
+    for joint in moving:
         verb, about = ("turns", "about") if joint.revolute else ("moves", "along")
-        yield Repair(
-            f"{joint.name} {verb} the other way: axis = {_written(_times(-1, joint.axis))}",
-            f"axis {joint.name}",
-            1,
-            _with_joint(joint.name, lambda joint: {"axis": _times(-1, joint.axis)}),
-        )
+        ways = [(_times(-1, joint.axis), f"{verb} the other way", 1, _with_joint(joint.name, -1))]
         if max(map(abs, joint.axis)) > ALONG:
+            other = f"{verb} {about} another axis"
             for axis in DIRECTIONS:
                 if abs(np.dot(axis, joint.axis)) < ALONG:
-                    yield Repair(
-                        f"{joint.name} {verb} {about} another axis: axis = {_written(axis)}",
-                        f"axis {joint.name}",
-                        3,
-                        _with_joint(joint.name, lambda _, axis=axis: {"axis": axis}),  # type: ignore[misc]
-                    )
-    numbers = range(len(joints))
-    for order, effort, words in _orders(len(joints)):
-        if any((order[i] < machine.inner) != (i < machine.inner) for i in numbers):
-            continue  # a joint stays in its branch
-        if any(moves[i] for i in numbers if order[i] != i):
-            names = [joints[i].name for i in order]
+                    ways.append((axis, other, 3, _with_joint(joint.name, axis=axis)))
+        for axis, words, effort, change in ways:
+            words = f"{joint.name} {words}: axis = {_written(axis)}"
+            yield Repair(words, f"axis {joint.name}", effort, change)
+    for order, effort, words in _orders(machine):
+        if any(joint in moving for joint, before in zip(order, joints, strict=True) if joint is not before):
+            names = [joint.name for joint in order]
             words = f"{words}: the order of the chain is {joined(names, most=len(names))}"
-            yield Repair(words, "order", effort, _reordered(order))
+            yield Repair(words, "order", effort, partial(_in_order, names=names))
     if machine.branches:
         (other,) = {*BRANCHES} - {machine.measured.instrument}
         words = f'the instrument is on the {other}, the targets are not: instrument = "{other}"'
-        yield Repair(words, "order", 1, lambda machine: _seen_from(machine, other))
+        yield Repair(words, "order", 1, partial(_seen_from, instrument=other))
     elif len(joints) > 1:
         words = "the chain is written from the tool to the base: "
         words += "reverse the order of the joints and the sign of each axis"
         yield Repair(words, "order", 5, _inverted)
-    for i, j in combinations(numbers, 2):
-        a, b = joints[i], joints[j]
-        if a.type == b.type and a.axis != b.axis and (moves[i] or moves[j]):
-            words = (
-                f"the axes of {a.name} and {b.name} are exchanged: {_written(b.axis)} and {_written(a.axis)}"
-            )
-            yield Repair(words, "axes", 4, _exchanged_of("joints", "axis", a.name, b.name))
+    for a, b in combinations(joints, 2):
+        if a.type == b.type and a.axis != b.axis and (a in moving or b in moving):
+            axes = f"{_written(b.axis)} and {_written(a.axis)}"
+            words = f"the axes of {a.name} and {b.name} are exchanged: {axes}"
+            yield Repair(words, "axes", 4, _exchanged("joints", "axis", a.name, b.name))
 
 
-def _of_couplings(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
-    """Yield couplings with the other sign, joints that are coupled with none, and parallel ones that are coupled."""
-
-    def coordinate(joint: Joint, words: str, effort: int, **keys: Any) -> Repair:
-        return Repair(words, f"axis {joint.name}", effort, _with_joint(joint.name, lambda _: keys))
-
-    for (i, first), (j, joint) in pairwise(enumerate(machine.joints)):
-        parallel = first.revolute and joint.revolute and abs(np.dot(first.axis, joint.axis)) > PARALLEL
-        if parallel and moves[i] and moves[j] and not joint.coordinate and first.branch == joint.branch:
-            for sign in "-+":
-                text = f"{joint.column} {sign} {first.name}"
-                words = f'{joint.name} moves with {first.name}, too: reading = "{joint.column}", coordinate = "{text}"'
-                yield coordinate(joint, words, 2, reading=joint.column, coordinate=text)
-    for joint, stated in zip(
-        machine.joints, machine.couplings.stated if machine.couplings else (), strict=False
-    ):
-        if stated is None:
-            continue
-        alike = all(machine.quantities[name] == joint.type for name, _ in stated.factors)
-        if alike and not stated.constant and {name for name, _ in stated.factors} != {joint.reading}:
-            parts = [(name, x if name == joint.reading else -x) for name, x in stated.factors]
-            text = " ".join(_part(name, float(x)) for name, x in parts).removeprefix("+ ")
-            text = f"-{text[2:]}" if text.startswith("- ") else text
-            yield coordinate(
-                joint, f'{joint.name} follows the other way: coordinate = "{text}"', 1, coordinate=text
-            )
-        if joint.is_read and len(stated.factors) > 1:
-            words = f"{joint.name} moves by its own reading alone: no coordinate"
-            yield coordinate(joint, words, 1, coordinate=None, reading_travel=None)
-
-
-def _part(name: str, factor: float) -> str:
-    size = "" if abs(factor) == 1 else f"{abs(factor):.12g}*"
-    return f"{'-' if factor < 0 else '+'} {size}{name}"
-
-
-def _of_ratios(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
-    """Yield joints that go another way than is commanded by a factor, as of a gear or of counted edges."""
-    if machine.kinematics.is_closed:
-        return
-    for joint in (joint for joint, moving in zip(machine.joints, moves, strict=True) if moving):
-        for ratio, words in RATIOS.items() if not joint.coordinate else ():
-            text = f"{ratio:g}*{joint.column}"
-            keys = {"reading": joint.column, "coordinate": text}
-            yield Repair(
-                f"{joint.name} {'turns' if joint.revolute else 'moves'} by {words} what its reading says: "
-                f'reading = "{joint.column}", coordinate = "{text}"',
-                f"unit {joint.column}",
-                2,
-                _with_joint(joint.name, lambda _, keys=keys: keys),  # type: ignore[misc]
-                instead=_columns_scaled([joint.column], ratio),
-            )
-
-
-def _orders(n: int) -> Iterator[tuple[tuple[int, ...], int, str]]:
-    """Yield orders in which joints may be meant: two exchanged, one elsewhere, all reversed."""
-    seen = {tuple(range(n))}
+def _orders(machine: Machine) -> Iterator[tuple[tuple[Joint, ...], int, str]]:
+    """Yield orders in which joints may be meant: two exchanged, one elsewhere, all reversed; each in its branch."""
+    joints, n = machine.joints, len(machine.joints)
+    found: dict[tuple[Joint, ...], tuple[int, str]] = {}
     for i, j in combinations(range(n), 2):
-        order = list(range(n))
-        order[i], order[j] = j, i
-        seen.add(tuple(order))
-        yield tuple(order), 3, "joints are in the wrong order"
+        order = list(joints)
+        order[i], order[j] = order[j], order[i]
+        found[tuple(order)] = 3, "joints are in the wrong order"
     for i, j in permutations(range(n), 2):
-        order = list(range(n))
+        order = list(joints)
         order.insert(j, order.pop(i))
-        if tuple(order) not in seen:
-            seen.add(tuple(order))
-            yield tuple(order), 4, "a joint stands at the wrong place in the chain"
-    if tuple(reversed(range(n))) not in seen:
-        yield tuple(reversed(range(n))), 4, "the joints are written from the tool to the base"
+        found.setdefault(tuple(order), (4, "a joint stands at the wrong place in the chain"))
+    found.setdefault(joints[::-1], (4, "the joints are written from the tool to the base"))
+    inner = {*joints[: machine.inner]}
+    yield from ((order, *about) for order, about in found.items() if inner == {*order[: machine.inner]})
 
 
-def _reordered(order: Sequence[int]) -> OfMachine:
-    return lambda machine: replace(machine, joints=tuple(machine.joints[i] for i in order))
+def _in_order(machine: Machine, names: Sequence[str]) -> Machine:
+    return replace(machine, joints=tuple(machine.joint(name) for name in names))
 
 
 def _seen_from(machine: Machine, instrument: str) -> Machine:
@@ -340,7 +270,7 @@ def _inverted(machine: Machine) -> Machine:
     return replace(machine, joints=joints)
 
 
-def _exchanged_of(of: str, key: str, first: str, second: str) -> OfMachine:
+def _exchanged(of: str, key: str, first: str, second: str) -> OfMachine:
     """Return the change that exchanges a key of two joints, or of two targets."""
 
     def changed(machine: Machine) -> Machine:
@@ -352,105 +282,144 @@ def _exchanged_of(of: str, key: str, first: str, second: str) -> OfMachine:
     return changed
 
 
+def _of_couplings(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]:
+    """Yield couplings with the other sign, joints that are coupled with none, and parallel ones that are coupled."""
+
+    def coordinate(joint: Joint, words: str, effort: int, text: str | None, **keys: Any) -> Repair:
+        change = _with_joint(joint.name, coordinate=text, **keys)
+        return Repair(words, f"axis {joint.name}", effort, change)
+
+    for first, joint in pairwise(machine.joints):
+        parallel = first.revolute and joint.revolute and abs(np.dot(first.axis, joint.axis)) > PARALLEL
+        both_move = first in moving and joint in moving and first.branch == joint.branch
+        for sign in "-+" if parallel and both_move and not joint.coordinate else "":
+            text = f"{joint.column} {sign} {first.name}"
+            words = f'{joint.name} moves with {first.name}, too: reading = "{joint.column}", coordinate = "{text}"'
+            yield coordinate(joint, words, 2, text, reading=joint.column)
+    for joint, stated in zip(
+        machine.joints, machine.couplings.stated if machine.couplings else (), strict=False
+    ):
+        if stated is None:
+            continue
+        alike = all(machine.quantities[name] == joint.type for name, _ in stated.factors)
+        if alike and not stated.constant and {name for name, _ in stated.factors} != {joint.reading}:
+            parts = [(name, x if name == joint.reading else -x) for name, x in stated.factors]
+            text = " ".join(_part(name, float(x)) for name, x in parts).removeprefix("+ ")
+            text = f"-{text[2:]}" if text.startswith("- ") else text
+            yield coordinate(joint, f'{joint.name} follows the other way: coordinate = "{text}"', 1, text)
+        if joint.is_read and len(stated.factors) > 1:
+            words = f"{joint.name} moves by its own reading alone: no coordinate"
+            yield coordinate(joint, words, 1, None, reading_travel=None)
+
+
+def _part(name: str, factor: float) -> str:
+    size = "" if abs(factor) == 1 else f"{abs(factor):.12g}*"
+    return f"{'-' if factor < 0 else '+'} {size}{name}"
+
+
+def _of_ratios(commanded: Sequence[Joint]) -> Iterator[Repair]:
+    """Yield joints that go another way than is commanded by a factor, as of a gear or of counted edges."""
+    for joint, (ratio, words) in product((j for j in commanded if not j.coordinate), RATIOS.items()):
+        verb, name, text = "turns" if joint.revolute else "moves", joint.column, f"{ratio:g}*{joint.column}"
+        words = (
+            f'{joint.name} {verb} by {words} what its reading says: reading = "{name}", coordinate = "{text}"'
+        )
+        yield Repair(words, f"unit {name}", 2, _with_joint(joint.name, reading=name, coordinate=text))
+
+
 def _of_legs(machine: Machine) -> Iterator[Repair]:
     kinematics = machine.kinematics
     if {"R", "r"} <= set(kinematics.numbers):
         (outer,), (inner,) = kinematics.number("R"), kinematics.number("r")
         changed = replace(kinematics, R=inner, r=outer)  # type: ignore[call-arg]
-        yield Repair(
-            f"base and platform are exchanged: R = {inner:g}, r = {outer:g}",
-            "geometry",
-            2,
-            lambda machine: replace(machine, kinematics=changed),
-        )
+        words = f"base and platform are exchanged: R = {inner:g}, r = {outer:g}"
+        yield Repair(words, "geometry", 2, partial(_changed, kinematics=changed))
+
+
+def _changed(machine: Machine, **keys: Any) -> Machine:
+    return replace(machine, **keys)
 
 
 def _of_gravity(machine: Machine) -> Iterator[Repair]:
     """Yield other directions of gravity, where weight does anything in the model."""
     if any(term.uses_gravity or term.uses_moment for term in machine.structure.terms):
         for direction in sorted(DIRECTIONS, key=lambda d: float(np.dot(d, machine.gravity))):
-            if np.dot(direction, machine.gravity) < ALONG:
+            if (along := np.dot(direction, machine.gravity)) < ALONG:
+                words = f"weight acts in another direction: gravity = {_written(direction)}"
                 yield Repair(
-                    f"weight acts in another direction: gravity = {_written(direction)}",
-                    "gravity",
-                    1 if np.dot(direction, machine.gravity) < -ALONG else 2,
-                    lambda machine, direction=direction: replace(machine, gravity=direction),  # type: ignore[misc]
+                    words, "gravity", 1 if along < -ALONG else 2, partial(_changed, gravity=direction)
                 )
 
 
 # units -----------------------------------------------------------------------------------------------------
 
 
-def _of_units(machine: Machine, observations: Observations, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+def _of_units(machine: Machine, observations: Observations, commanded: Sequence[Joint]) -> Iterator[Repair]:
     """Yield numbers that are in another unit than is written with them."""
     columns = observations.data.columns
-    for revolute in (True, False):
-        those = [
-            j.column
-            for j, moving in zip(machine.joints, moves, strict=True)
-            if moving and j.revolute == revolute
-        ]
-        for names in [*([name] for name in those), *([those] if len(those) > 1 else [])]:
-            for words, factor in _other_units(names, columns[names[0]].unit, ANGLES if revolute else LENGTHS):
-                rows = _columns_scaled(names, factor)
+    for revolute, units in ((True, ANGLES), (False, LENGTHS)):
+        those = [joint for joint in commanded if joint.revolute == revolute]
+        for some in [*([joint] for joint in those), *([those] if len(those) > 1 else [])]:
+            names = [joint.column for joint in some]
+            for words, factor in _other_units(joined(names), columns[names[0]].unit, units):
+                rows = _commands({joint.name: (joint.name, factor) for joint in some})
                 yield Repair(words, f"unit {joined(names)}", min(len(names), 2), rows=rows)
     if not machine.measurand.moving:
         return
     readings, length = machine.measurand.columns[:3], machine.length_unit
-    for words, factor in _other_units(readings, columns[readings[0]].unit, LENGTHS):
-        yield Repair(words, "unit readings", 1, rows=_readings_scaled(factor), enlarges=factor)
-    for words, factor in _other_units(("the lengths of the machine file", ""), length, LENGTHS):
-        yield Repair(
-            words,
-            "unit file",
-            2,
-            lambda machine, factor=factor: _enlarged(machine, factor),  # type: ignore[misc]
-        )
+    for words, factor in _other_units(joined(readings), columns[readings[0]].unit, LENGTHS):
+        rows = _readings(range(len(readings)), factor)
+        yield Repair(words, "unit readings", 1, rows=rows, enlarges=factor)
+    for words, factor in _other_units("the lengths of the machine file", length, LENGTHS):
+        yield Repair(words, "unit file", 2, partial(_enlarged, factor=factor))
 
 
-def _other_units(
-    names: Sequence[str], written: str | None, units: Sequence[str]
-) -> Iterator[tuple[str, float]]:
+def _other_units(subject: str, written: str | None, units: Sequence[str]) -> Iterator[tuple[str, float]]:
     """Yield that numbers are in other units, with the factor that brings them to the unit that is written."""
-    one = parse_unit(str(written)).factor()
+    verb = "are" if " " in subject else "is"
     for unit in units:
-        factor = parse_unit(unit).factor() / one
+        factor = parse_unit(unit).factor() / parse_unit(str(written)).factor()
         if abs(factor - 1) > SAME:
-            subject, verb = joined([name for name in names if name]), "are" if len(names) > 1 else "is"
             yield f"{subject} {verb} in {unit}, not in {written}", factor
 
 
-def _columns_scaled(names: Sequence[str], factor: float) -> OfRows:
-    def changed(o: Observations) -> Observations:
-        scale = np.array([factor if joint.column in names else 1.0 for joint in o.machine.joints])
-        return replace(o, q=o.q * scale, travel=o.travel * scale[:, None])
-
-    return changed
-
-
-def _readings_scaled(factor: float) -> OfRows:
-    def changed(o: Observations) -> Observations:
-        sigma = None if o.sigma is None else o.sigma * factor
-        return replace(o, reading=o.reading * factor, sigma=sigma, arm=o.arm * factor)
-
-    return changed
-
-
 def _enlarged(machine: Machine, factor: float) -> Machine:
-    kinematics = machine.kinematics
+    kinematics, origin = machine.kinematics, machine.measured.origin
     numbers = {name: tuple(factor * x for x in kinematics.number(name)) for name in kinematics.numbers}
-    changed = {name: x if len(x) > 1 else x[0] for name, x in numbers.items()}
-    origin = machine.measured.origin
     return replace(
         machine,
         joints=tuple(replace(joint, point=_times(factor, joint.point)) for joint in machine.joints),
         targets=tuple(replace(target, point=_times(factor, target.point)) for target in machine.targets),
         measured=replace(machine.measured, origin=None if origin is None else _times(factor, origin)),
-        kinematics=replace(kinematics, **changed),
+        kinematics=replace(kinematics, **{name: x if len(x) > 1 else x[0] for name, x in numbers.items()}),
     )
 
 
 # the data --------------------------------------------------------------------------------------------------
+
+
+def _commands(sources: Mapping[str, tuple[str, float]]) -> OfRows:
+    """Return the change by which some joints take the commands of another joint, times a factor."""
+
+    def changed(o: Observations) -> Observations:
+        names = [joint.name for joint in o.machine.joints]
+        those, factors = zip(*(sources.get(name, (name, 1.0)) for name in names), strict=True)
+        o, scale = _with_joints(o, [names.index(name) for name in those]), np.array(factors)
+        return replace(o, q=o.q * scale, travel=o.travel * scale[:, None])
+
+    return changed
+
+
+def _readings(order: Sequence[int], factor: float, signs: Sequence[int] = (1, 1, 1)) -> OfRows:
+    """Return the change of the order, the size and the signs of the first columns of readings."""
+
+    def changed(o: Observations) -> Observations:
+        several = range(0 if o.sigma is None else o.sigma.shape[1])
+        sigma = None if o.sigma is None else o.sigma[:, [*order, *several[len(order) :]]] * factor
+        turned = o.reading[:, list(order)] * factor * np.array(signs[: len(order)], float)
+        return replace(o, reading=turned, sigma=sigma, arm=o.arm * factor)
+
+    return changed
 
 
 def _of_readings(machine: Machine) -> Iterator[Repair]:
@@ -463,27 +432,18 @@ def _of_readings(machine: Machine) -> Iterator[Repair]:
     columns = machine.measurand.columns[:3]
     if machine.measured.frame == "free":  # a free frame turns as it likes: only the handedness counts
         words = f"the readings are in a left-handed frame: negate {columns[0]}, or exchange two of {joined(columns)}"
-        yield Repair(words, "readings", 1, rows=_readings_turned([0, 1, 2], [-1, 1, 1]))
+        yield Repair(words, "readings", 1, rows=_readings(range(3), 1.0, [-1, 1, 1]))
         return
     for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
         changed = sum(order[i] != i for i in range(3))
         negative = [columns[i] for i in range(3) if signs[i] < 0]
-        if not 0 < changed + len(negative) <= 3:
-            continue
-        named = ", ".join(columns[i] for i in order)
         parts = [f"the sign of {joined(negative)} is wrong"] if negative else []
         if changed:
+            named = ", ".join(columns[i] for i in order)
             parts.append(f"the order is {named}" if negative else f"the readings are in the order {named}")
-        effort = 1 + changed + len(negative) - bool(changed)
-        yield Repair(" and ".join(parts), "readings", effort, rows=_readings_turned(order, signs))
-
-
-def _readings_turned(order: Sequence[int], signs: Sequence[int]) -> OfRows:
-    def changed(o: Observations) -> Observations:
-        sigma = None if o.sigma is None else o.sigma[:, [*order, *range(3, o.sigma.shape[1])]]
-        return replace(o, reading=o.reading[:, list(order)] * np.array(signs, float), sigma=sigma)
-
-    return changed
+        if 0 < changed + len(negative) <= 3:
+            effort = 1 + changed + len(negative) - bool(changed)
+            yield Repair(" and ".join(parts), "readings", effort, rows=_readings(order, 1.0, signs))
 
 
 def _attitudes_inverted(o: Observations) -> Observations:
@@ -491,40 +451,26 @@ def _attitudes_inverted(o: Observations) -> Observations:
     return replace(o, attitude=np.ascontiguousarray(o.attitude.swapaxes(1, 2)))
 
 
-def _of_columns(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
-    for (i, a), (j, b) in combinations(enumerate(machine.joints), 2):
-        if a.dimension == b.dimension and (moves[i] or moves[j]):
+def _of_columns(machine: Machine, commanded: Sequence[Joint]) -> Iterator[Repair]:
+    for a, b in combinations(machine.joints, 2):
+        if a.dimension == b.dimension and (a in commanded or b in commanded):
             words = f"the columns {a.column} and {b.column} are exchanged"
-            yield Repair(words, "columns", 2, rows=_exchanged(a.name, b.name))
-
-
-def _exchanged(first: str, second: str) -> OfRows:
-    def changed(o: Observations) -> Observations:
-        names = [joint.name for joint in o.machine.joints]
-        other = {first: second, second: first}
-        return _with_joints(o, [names.index(other.get(name, name)) for name in names])
-
-    return changed
+            yield Repair(words, "columns", 2, rows=_commands({a.name: (b.name, 1.0), b.name: (a.name, 1.0)}))
 
 
 def _of_targets(machine: Machine, observations: Observations) -> Iterator[Repair]:
     targets = machine.targets
-    seen = np.unique(observations.target)
-    if len(targets) <= MOST_TARGETS:
-        for (i, a), (j, b) in combinations(enumerate(targets), 2):
-            if i in seen or j in seen:
-                words = f"the targets {a.name} and {b.name} are exchanged"
-                yield Repair(words, "targets", 2, _exchanged_of("targets", "point", a.name, b.name))
+    seen = [targets[k] for k in np.unique(observations.target)]
+    for a, b in combinations(targets, 2) if len(targets) <= MOST_TARGETS else ():
+        if a in seen or b in seen:
+            words = f"the targets {a.name} and {b.name} are exchanged"
+            yield Repair(words, "targets", 2, _exchanged("targets", "point", a.name, b.name))
     if len(targets) == 1 and machine.measurand.is_direction:
         for point in DIRECTIONS:
             if np.dot(point, targets[0].point) < ALONG:
+                words = f"{targets[0].name} looks elsewhere: point = {_written(point)}"
                 elsewhere = (replace(targets[0], point=point),)
-                yield Repair(
-                    f"{targets[0].name} looks elsewhere: point = {_written(point)}",
-                    "targets",
-                    3,
-                    lambda machine, elsewhere=elsewhere: replace(machine, targets=elsewhere),  # type: ignore[misc]
-                )
+                yield Repair(words, "targets", 3, partial(_changed, targets=elsewhere))
 
 
 def _of_runs(machine: Machine, observations: Observations) -> Iterator[Repair]:
@@ -535,7 +481,7 @@ def _of_runs(machine: Machine, observations: Observations) -> Iterator[Repair]:
         return
     names = [f"{target.name}_{run}" for target in machine.targets for run in runs]
     targets = tuple(replace(machine.targets[k // len(runs)], name=names[k]) for k in seen)
-    estimate = machine.estimate if "target" in machine.estimate else (*machine.estimate, "target")
+    estimate = tuple(dict.fromkeys((*machine.estimate, "target")))
 
     def rows(o: Observations) -> Observations:
         return replace(o, target=np.searchsorted(seen, o.target * len(runs) + o.run).astype(np.int32))
@@ -544,13 +490,9 @@ def _of_runs(machine: Machine, observations: Observations) -> Iterator[Repair]:
         one = f"each run alone fits: the target sits differently in each run{figures}; give each run its own target"
         return f"{one}, {joined([target.name for target in targets])}"
 
+    change = partial(_changed, targets=targets, estimate=estimate)
     yield Repair(
-        words(""),
-        "targets",
-        2,
-        lambda machine: replace(machine, targets=targets, estimate=estimate),
-        rows,
-        in_figures=lambda model, theta: words(_remounted(model, theta)),
+        words(""), "targets", 2, change, rows, in_figures=lambda model, theta: words(_remounted(model, theta))
     )
 
 
@@ -581,11 +523,13 @@ def _of_rows(observations: Observations) -> Iterator[Repair]:
     for offset in offsets if observations.n > 4 * max(offsets) else ():
         rows = f"{abs(offset)} row{'s' * (abs(offset) > 1)} {'later' if offset > 0 else 'earlier'}"
         words = f"the readings are shifted against the commands: each belongs to those {rows}"
-        if not several_targets:
-            yield Repair(words, "rows", 2, offset=offset)
-            continue
-        yield Repair(f"{words}, with its target", "rows", 2, offset=offset)
-        yield Repair(f"{words}, while its target is right", "rows", 2, offset=offset, commands_only=True)
+        of_target = (
+            {", with its target": False, ", while its target is right": True}
+            if several_targets
+            else {"": False}
+        )
+        for more, alone in of_target.items():
+            yield Repair(words + more, "rows", 2, offset=offset, commands_only=alone)
 
 
 def write_repaired_data(
@@ -606,29 +550,24 @@ def write_repaired_data(
         When it cannot be written.
     """
     machine, data = observations.machine, repaired.data
-    numbers = {joint.name: j for j, joint in enumerate(repaired.machine.joints)}
-    changed: dict[str, NDArray[np.float64]] = {}
-    for joint in machine.joints:
-        j = numbers[joint.name]
-        changed[joint.column] = repaired.q[:, j]
-        changed[f"v_{joint.column}"] = repaired.v[:, j]
-        changed[f"dir_{joint.column}"] = repaired.s[:, j].astype(float)
-    for i, name in enumerate(machine.measurand.columns):
-        if i < repaired.reading.shape[1]:
-            changed[name] = repaired.reading[:, i]
-        if repaired.sigma is not None:
-            changed[f"u_{name}"] = repaired.sigma[:, i] / (repaired.arm if name in TURNS else 1.0)
+    changed: dict[str, NDArray[Any]] = {}
+    for j, joint in enumerate(repaired.machine.joints):
+        for prefix, values in (("", repaired.q), ("v_", repaired.v), ("dir_", repaired.s)):
+            changed[prefix + joint.column] = values[:, j]
+    changed |= dict(zip(machine.measurand.columns, repaired.reading.T, strict=False))
+    if repaired.sigma is not None:
+        for name, values in zip(machine.measurand.columns, repaired.sigma.T, strict=True):
+            changed[f"u_{name}"] = values / (repaired.arm if name in TURNS else 1.0)
     if repaired.attitude is not None:
         changed |= attitude_numbers(repaired.attitude, data)
     columns: dict[str, Any] = {}
     for name, column in data.columns.items():
-        values = column.values
+        columns[column.text] = column.values
         if name in changed:
             factor = parse_unit(column.unit).factor(machine.length_unit) if column.unit else 1.0
             new = np.array([float(f"{x:.12g}") for x in changed[name] / factor])
-            if not np.allclose(new, values, rtol=1e-11, atol=0):
-                values = new
-        columns[column.text] = values
+            if not np.allclose(new, column.values, rtol=1e-11, atol=0):
+                columns[column.text] = new
     if len(repaired.machine.targets) != len(machine.targets):
         names = np.array([target.name for target in repaired.machine.targets])
         columns["target"] = names[repaired.target]

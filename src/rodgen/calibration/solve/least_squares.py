@@ -416,8 +416,8 @@ class NearFile:
 
     def _rows(self, precision: Array, variance: float) -> Array:
         """Return the rows of a prior, (q, k), from the reciprocals of its standard deviations; 0 is no prior."""
-        known = self.problem.observations.sigma is not None
-        return np.asarray(np.diag(precision)[precision > 0] * (1.0 if known else np.sqrt(variance)))
+        deviation = 1.0 if self.problem.knows_noise else np.sqrt(variance)
+        return np.asarray(np.diag(precision)[precision > 0] * deviation)
 
     @property
     def knows_sizes(self) -> bool:

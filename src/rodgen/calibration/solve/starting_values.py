@@ -17,7 +17,7 @@ from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Frame
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 from rodgen.stages import step
-from rodgen.statistics.columns import fall_from_products, orthonormal_basis, project_out, unit_diagonal
+from rodgen.statistics.columns import falls_from_products, orthonormal_basis, project_out, unit_diagonal
 from rodgen.statistics.decompositions import eigh, lstsq
 
 __all__ = [
@@ -347,7 +347,7 @@ def _fall(cost: float, square: Array, gradient: Array, free: Sequence[int]) -> f
     index = np.asarray(free, int)
     index = index[np.diag(square)[index] > 0]
     gram, scale = unit_diagonal(square[np.ix_(index, index)])
-    return fall_from_products(gram, gradient[index] / scale, relative=1e-10)
+    return float(falls_from_products(gram, gradient[index] / scale, relative=1e-10))
 
 
 def _grid(problem: Problem, index: int) -> Array:
