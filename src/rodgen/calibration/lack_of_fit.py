@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Index
 from rodgen.calibration.noise_floor import FEW_POSES, Replicates, independent_share, replicates
 from rodgen.calibration.words import chance
 from rodgen.data.poses import stretches
@@ -82,31 +83,30 @@ def lack_of_fit(fit: Fit) -> LackOfFit | None:
     LackOfFit or None
         None where the noise is not known or zero, or no degree of freedom is left.
     """
-    if fit.observations.sigma is None:
-        return _against_replicates(fit, replicates(fit))
-    pure, by_stated = replicates(fit, weighted=True), _against_stated(fit)
-    found = _against_replicates(fit, pure) if pure.deviations.poses >= FEW_POSES else None
+    stated = fit.observations.sigma is not None
+    pure = replicates(fit, weighted=stated).without_drift(fit.dependence.correlation)
+    if not stated:
+        return _against_replicates(fit, pure)
+    by_stated = _against_stated(fit)
+    found = _against_replicates(fit, pure) if pure.differences >= FEW_POSES else None
     if found is None or by_stated is None:
         return by_stated
-    too_large = (
-        by_stated.p_value > 1 - LACK_OF_FIT.rare / 2
-    )  # a noise that the residuals contradict says nothing
+    # a noise that the residuals contradict says nothing
+    too_large = by_stated.p_value > 1 - LACK_OF_FIT.rare / 2
     return found if too_large or found.p_value > by_stated.p_value else by_stated
 
 
 def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
-    error = pure.deviations
     cells = pure.cells * fit.problem.components - fit.determinacy.rank
-    residual_dof = cells - error.count
-    if error.count < 1 or residual_dof < 1 or not error.variance > 0:
+    residual_dof = cells - pure.count
+    if pure.count < 1 or residual_dof < 1 or not pure.variance > 0:
         return None
-    squares = max(pure.cell_squares - error.sum_of_squares, 0.0)
-    share = error.share
-    dof = (max(share * residual_dof, 1.0), max(share * error.count, 1.0))
-    statistic = squares / residual_dof / error.variance
-    ratio = float(np.sqrt(pure.cell_squares / cells / error.variance))
-    p = max(f_tail(statistic, *dof), SMALLEST_P)
-    return LackOfFit(p, ratio, "replicates", statistic, dof)
+    squares = max(pure.cell_squares - pure.sum_of_squares, 0.0)
+    share = pure.share
+    dof = (max(share * residual_dof, 1.0), max(share * pure.count, 1.0))
+    statistic = squares / residual_dof / pure.variance
+    ratio = float(np.sqrt(pure.cell_squares / cells / pure.variance))
+    return LackOfFit(max(f_tail(statistic, *dof), SMALLEST_P), ratio, "replicates", statistic, dof)
 
 
 def _against_stated(fit: Fit) -> LackOfFit | None:
@@ -118,19 +118,19 @@ def _against_stated(fit: Fit) -> LackOfFit | None:
         return None
     kept = ~fit.outliers
     value = fit.residuals[kept] * fit.problem.base_weight[kept] * fit.unit_factor
-    share = _share(value, o.pose[kept], o.target[kept])
+    share = _share(value, np.asarray(o.pose[kept], int), o.target[kept])
     dof = max(share * left, 1.0)
     ratio = (float(np.sum(value**2)) if o.blocks is None else fit.chi_square) / left
     p = max(float(special.chdtrc(dof, dof * ratio)), SMALLEST_P)
     return LackOfFit(p, float(np.sqrt(ratio)), "stated", dof * ratio, (dof,))
 
 
-def _share(value: NDArray[np.float64], pose: NDArray[np.int32], target: NDArray[np.int32]) -> float:
-    """Return the share of the degrees of freedom that the fit leaves; repeats of a target are columns, too."""
-    targets = int(target.max()) + 1
+def _share(value: Array, pose: Index, target: NDArray[np.int32]) -> float:
+    """Return the share of the degrees of freedom that the fit leaves; the readings of a pose are columns."""
     order = np.lexsort((target, pose))
-    repeat = np.empty(len(order), int)
-    repeat[order] = np.arange(len(order)) - np.repeat(*stretches(pose[order], target[order]))
-    some = repeat < max(MOST_COLUMNS // targets, 1)
-    column = repeat[some] * targets + target[some]
-    return float(some.mean()) * independent_share(value[some], np.ones_like(value[some]), pose[some], column)
+    value, pose = value[order], pose[order]
+    column = np.arange(len(order)) - np.repeat(*stretches(pose))
+    some = column < MOST_COLUMNS
+    return float(some.mean()) * independent_share(
+        value[some], np.ones_like(value[some]), pose[some], column[some]
+    )

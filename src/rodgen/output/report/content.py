@@ -304,7 +304,8 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
     """Return the notes of a diagnosis except those that the facts already contain."""
     known = diagnosis.correlation.text if diagnosis.correlation is not None else ""
     notes = [note for note in diagnosis.notes if note != known]
-    first = [nearest(diagnosis)] if diagnosis.verdict == "nothing_missing" and diagnosis.ranking else []
+    claims = diagnosis.steps or diagnosis.unexplained or diagnosis.geometry
+    first = [] if claims or not diagnosis.ranking else [nearest(diagnosis)]
     more = [only_together(diagnosis), *on_sets(diagnosis), how_to_distinguish(diagnosis)]
     return [*first, *filter(None, more), *notes]
 
