@@ -91,7 +91,8 @@ def check_numbers(found: Mapping[str, Any], rows: int) -> None:
         assert len({frozenset([title]), *alike}) == 1 + len(alike)
         odds = [alias["odds"] for alias in step["indistinguishable_from"]]
         assert odds == sorted(odds, reverse=True)
-        assert all(one > 0.01 for one in odds)
+        # in the place of what every telescope has, others are named as far as the readings do not distinguish them
+        assert all(one > 0.01 for one in odds) or step["effect"] in {"tube_flexure", "refraction"}
         assert step["parameters"]
     for form in forms:
         assert form["effect"]["formula"] == form["form"]

@@ -85,7 +85,7 @@ def detectable(evidence: Evidence) -> tuple[Detectable, ...]:
     if base.observations.sigma is not None:  # readings that scatter less than stated do so by chance
         variance = max(variance, 1.0)
     found: dict[tuple[str, str | None], list[Detectable]] = {}
-    for candidate in evidence.candidates:
+    for candidate in (c for c in evidence.candidates if c.key not in evidence.refused):
         seen = evidence.lengths(candidate)
         fall = _fall(evidence, candidate)
         spread = math.sqrt(1 + fall / (2 * evidence.dof))

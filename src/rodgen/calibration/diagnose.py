@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.array_types import Array, Mask
 from rodgen.calibration.bounds import are_wrong, held_at_bounds
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.decidability import (
@@ -41,7 +40,7 @@ from rodgen.calibration.held_out import HeldOut
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.blocks import observed
 from rodgen.calibration.remaining_error import disagreement, moved_one_way, uneven, unknown_approach
-from rodgen.calibration.rows import displaced_stretch, wrong_rows
+from rodgen.calibration.rows import Rows, wrong_rows
 from rodgen.calibration.selection import equals, log10_of, ordered, ranking, select, worth
 from rodgen.calibration.signs import lifted, on_preferred
 from rodgen.calibration.solve.staged_fit import FitError
@@ -173,10 +172,10 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
     stretch: DisplacedStretch | None = None
     evidence: Evidence | None = None
     for number in range(ROUNDS):
-        beside = _columns(base, stretch)
+        beside = None if stretch is None else stretch.columns
         evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, like=evidence)
         if not number and not base.outliers.any():
-            outliers = _wrong_rows(base, evidence)
+            outliers = wrong_rows(base, _rows(evidence))
             if outliers.any():
                 base = base.refit(outliers=outliers)
                 if reason := why_undecidable(base):
@@ -191,10 +190,11 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                 geometry = WrongGeometry(whole.machine.estimate, log10_of(gain), base, base.held_out().rms)
                 subject, base, known = replace(subject, fitted=whole), whole, frozenset()
                 continue
-        outliers = _wrong_rows(state.last)
+        rows = Rows.of(state.last)
+        outliers = wrong_rows(state.last, rows)
         again = frozenset(c.key for c in state.chosen if not c.effect.definition.follows_time)
         same_rows = np.array_equal(outliers, base.outliers)
-        pushed = stretch or _stretch(state)
+        pushed = stretch or _stretch(state, rows)
         if same_rows and pushed is stretch and (again == known or evidence.correlation.independent):
             break
         known, stretch = again, pushed
@@ -210,37 +210,39 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
     return replace(found, geometry=geometry, verdict=verdict, rms=rms)
 
 
-def _wrong_rows(fit: Fit, evidence: Evidence | None = None) -> Mask:
-    """Return the rows that are wrong; with evidence also given what its candidates may explain."""
-    columns = None
-    if evidence is not None and len(evidence.sensitivities.rows) == fit.observations.n:
-        none = evidence.sensitivities.model[:, :, :0]
-        columns = np.concatenate([none, *(c.columns for c in evidence.candidates)], axis=2)
-    return wrong_rows(fit, columns)
+def _rows(evidence: Evidence) -> Rows:
+    """Return the rows of the evidence, with what its candidates may explain."""
+    none = evidence.sensitivities.model[:, :, :0]
+    columns = np.concatenate([none, *(c.columns for c in evidence.candidates)], axis=2)
+    return Rows.of(evidence.base, columns, evidence.sensitivities.rows)
 
 
 @stage("looking for a displaced stretch")
-def _stretch(state: _State) -> DisplacedStretch | None:
+def _stretch(state: _State, rows: Rows) -> DisplacedStretch | None:
     """Return rows one after the other that lie displaced; None where that is improbable.
 
     Errors that poses share, or that wander, may be likelier. A stretch may also be likelier than the effects: they are
     then selected anew beside it.
+
+    Parameters
+    ----------
+    rows : Rows
+        All rows of the last fit.
     """
     base, last = state.base, state.last
     likelier = last.dependence.correlation.gain + COST.something
     if state.chosen:
-        alone = displaced_stretch(base, base.outliers)
         fall = math.log(max(base.chi_square, SMALLEST_P) / max(last.chi_square, SMALLEST_P))
         # what the effects cost is not counted: the stretch needs so much the more
-        if alone is not None and alone.gain > likelier + last.rows * last.problem.components * fall:
-            return alone
-    found = displaced_stretch(last, last.outliers)
+        price = last.problem.components * fall
+        some = state.evidence.sensitivities.rows
+        alone = Rows.of(base, some=some).stretch(np.zeros(len(some), bool))
+        if alone is not None and alone.gain > likelier + len(some) * price:
+            alone = Rows.of(base).stretch(base.outliers)
+            if alone is not None and alone.gain > likelier + last.rows * price:
+                return alone
+    found = rows.stretch(last.outliers)
     return found if found is not None and found.gain > likelier else None
-
-
-def _columns(base: Fit, stretch: DisplacedStretch | None) -> Array | None:
-    """Return what a displaced stretch does to the readings that count, (n, m, k)."""
-    return None if stretch is None else stretch.columns[~base.outliers]
 
 
 @stage("further fits")
@@ -258,9 +260,11 @@ def _with_geometry(base: Fit) -> Fit | None:
 
 def _confirmed(state: _State) -> _State:
     """Return the cheapest set of effects of which full fits confirm every one."""
-    refused = dict(state.refused)
+    refused, evidence = dict(state.refused), state.evidence
     while True:
-        evidence = state.evidence.without(refused)
+        # new forms must not be like refused ones
+        out = [c for c in evidence.candidates if c.driver and c.key in refused]
+        evidence = state.evidence.including(out).without(refused)
         chosen = select(evidence) if len(refused) <= MOST_REFUSED else []
         evidence, chosen = _with_forms(evidence, chosen)
         fits, failed = _with_effects(state.base, evidence, chosen)
@@ -294,9 +298,8 @@ def _with_effects(
     base: Fit, evidence: Evidence, chosen: Sequence[Candidate]
 ) -> tuple[list[Fit], tuple[Candidate, str] | None]:
     """Fit the model with one effect after the other; an effect with which there is no fit is returned, with why."""
-    fits, sizes, end = [base], evidence.estimated(chosen).theta, 0
-    for c in chosen:
-        own = sizes[end : (end := end + len(c.names))]
+    fits = [base]
+    for c, own in zip(chosen, evidence.sizes(chosen), strict=True):
         start = {c.effect.key(name): value for name, value in c.searched.items()}
         if not c.driver:
             start |= dict(zip(c.names, own.tolist(), strict=True))
@@ -314,6 +317,12 @@ def _with_effects(
 
 ZERO = (
     "the fit of the whole model, which weighs all readings alike, estimates {} as zero within the uncertainty"
+)
+
+
+AS_POSE = (
+    'The targets are points of one body: measured as kind = "pose", its places and its turns count by the noise '
+    "of each."
 )
 
 
@@ -373,8 +382,15 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
             _on_stretch(subject, state),
             moved_one_way(evidence.sensitivities, seen),
         ]
-        rest = uneven(last, 0) or disagreement(last, correlation)
+        rest = uneven(last) or disagreement(last, correlation)
+        # a displaced stretch looks like a wander
+        said = state.stretch is not None or (rest and seen is correlation)
+        shared = "" if said else seen.text
+        if not (rest or chosen) and moved[1] and seen.size("wander") > VERDICT.wander * seen.white:
+            rest, shared = seen.text, ""
     refused = _on_refused(state)
+    if refused and last.noise.one_body and last.machine.measurand.moving:
+        refused.append(AS_POSE)
     if len(state.refused) > MOST_REFUSED and not rest:
         rest, refused = " ".join(refused), []
     verdict, reason = "nothing_missing", None
@@ -384,8 +400,7 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
         verdict, reason = "cannot_tell", " ".join(filter(None, [rest, *moved]))
     notes = [*_on_rows(subject), *on_unmoved_joints(state.base)]
     notes += refused
-    if reason is None:
-        notes += [*moved, seen.text]
+    notes += [*([] if reason else moved), shared]
     if evidence.unusable:
         names = joined(list(dict.fromkeys(c.effect.title for c in evidence.unusable)))
         notes.append(f"Left out, because its formula has no value in some row: {names}.")

@@ -201,6 +201,9 @@ def _lines(d: Diagnosis) -> Iterator[str]:
     yield ""
     yield from textwrap.wrap(headline(d), WIDTH)
     if d.verdict == "cannot_tell":
+        if d.ranking:
+            yield ""
+            yield from textwrap.wrap(nearest(d), WIDTH)
         yield from _notes(d)
         return
     yield ""
@@ -229,7 +232,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
 
 
 def nearest(diagnosis: Diagnosis) -> str:
-    """Return a sentence on the candidate that comes nearest to a claim where nothing is missing."""
+    """Return a sentence on the candidate that comes nearest to a claim where none is named."""
     best, count = diagnosis.ranking[0], len(diagnosis.ranking)
     odds = best.odds
     needed = "" if odds < 1 else f"; a claim needs {odds_text(math.exp(COST.something / 2))}"

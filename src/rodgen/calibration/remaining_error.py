@@ -14,11 +14,13 @@ from rodgen.calibration.words import chance, sized, uncapitalized
 from rodgen.data.poses import moved_one_way as joints_one_way
 from rodgen.errors import joined
 from rodgen.statistics.f_tests import f_tail
-from rodgen.statistics.robust import HALF_OF_NORMAL, has_heavy_tails
+from rodgen.statistics.robust import HALF_OF_NORMAL
 from rodgen.statistics.thresholds import LACK_OF_FIT, VERDICT
 
 ROUNDING = 1e-12
 """Residuals of a component, relative to the largest component's, that are none."""
+FEWEST_SIZES = 40
+"""Residuals from which on those of normal errors are as uneven as `VERDICT.uneven` in one of a thousand cases."""
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import Fit
@@ -82,27 +84,16 @@ def _repeat_at(final: Fit) -> str:
     return ""
 
 
-def uneven(final: Fit, too_many: int) -> str:
-    """Return a sentence on residuals of which many are far larger than most, so that no fit is sure; empty without.
-
-    Parameters
-    ----------
-    too_many : int
-        Rows that disagree with the others where these are too many to leave out, else 0.
-    """
-    either = (
-        "either many rows are wrong, such as misidentified targets, or something acts that was not recorded"
-    )
-    if too_many:
-        n = final.observations.n
-        return f"{too_many} of {n} rows disagree with the others by far more than these do: {either}."
+def uneven(final: Fit) -> str:
+    """Return a sentence on residuals of which many are far larger than most, so that no fit is sure; empty without."""
     sizes = _sizes(final)
     half, worst = np.quantile(np.abs(sizes), [0.5, 0.95])
-    if not VERDICT.uneven * half < HALF_OF_NORMAL or not has_heavy_tails(sizes):
+    if sizes.size < FEWEST_SIZES or not VERDICT.uneven * half < HALF_OF_NORMAL:
         return ""
     return (
         f"Half of the residuals are within {sized(half * final.rms, final.unit, '.2g')}, but one of twenty is beyond "
-        f"{sized(worst * final.rms, final.unit, '.2g')}, far more than normal errors are: {either}."
+        f"{sized(worst * final.rms, final.unit, '.2g')}, far more than normal errors are: either many rows are wrong, "
+        "such as misidentified targets, or something acts that was not recorded."
     )
 
 
