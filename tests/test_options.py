@@ -127,7 +127,7 @@ def test_a_fleet_and_a_watch_read_how_often_alarms_come_alike(monkeypatch, rodge
             for line in (["fleet", "a", "b", "-o", "results"], ["watch", "a", "b"])
         }
         assert len({error.partition("; expected what")[0] for error in errors}) == 1
-        assert "expected a number above 0 per time, such as 100/h or 1/year" in errors.pop()
+        assert "is not a number above 0 per time, such as 100/h or 1/year" in errors.pop()
 
 
 def test_a_derivation_without_kernels_is_refused(tmp_path, rodgen_command):

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from rodgen.errors import RodgenError, in_file, shown
+from rodgen.errors import UnexpectedError, in_file, shown
 
 _NUMBERS = r"\s*([-+.,\deE\s]*\d\.?)\s*([^\d\s,.+-].*?)\s*"
 
@@ -59,8 +59,8 @@ def frequency(text: str) -> float:
 
     try:
         return per_second(text)
-    except RodgenError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+    except UnexpectedError as error:
+        raise argparse.ArgumentTypeError(f"{error.found} is not {error.expected}") from None
 
 
 def number(expected: str, holds: Callable[[float], bool]) -> Callable[[str], float]:

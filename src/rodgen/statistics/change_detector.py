@@ -32,13 +32,12 @@ Dirichlet priors, is one more alternative: another noise.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.statistics.recent_change import recent_change
 from rodgen.statistics.thresholds import WATCH
 
 CONFIRMED = 2
@@ -77,8 +76,8 @@ REFRESHED = 256
 
 
 @dataclass(frozen=True, eq=False)
-class _Sums:
-    """Sums over all readings up to a time."""
+class Sums:
+    """Sums over all readings up to a time, or from one time to another."""
 
     mark: Array  # what the user calls the last reading
     rows: Array
@@ -87,55 +86,43 @@ class _Sums:
     onto: Array  # (d,), Wᵀr, r clipped
     bins: Array  # how many readings were how far from what was expected
 
-    def less(self, other: _Sums) -> _Sums:
+    def less(self, other: Sums) -> Sums:
         """Return the sums since another time."""
-        return _Sums(*(getattr(self, f.name) - getattr(other, f.name) for f in fields(_Sums)))
+        return Sums(*(getattr(self, f.name) - getattr(other, f.name) for f in fields(Sums)))
 
 
 @dataclass(frozen=True, eq=False)
-class _Start:
+class Start:
+    """A time at which a change may have begun."""
+
     block: int
     weight: float  # the time that it stands for
-    sums: _Sums
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What changed, when the sum exceeded its limit.
-
-    Attributes
-    ----------
-    weights : ndarray, shape (K + 2,)
-        Probability of each alternative, if one of them is true and all were equally likely; then of several together,
-        and of another noise.
-    together : tuple of int
-        The alternatives of which several changed together, in the order of what they explain; one, where one does.
-    first, last : ndarray
-        Marks of the readings between which it began with a probability of 90 %.
-    sizes, covariances : tuple of ndarray
-        Of each alternative the change of its coefficients, and its covariance; last of all that changed together, where
-        several did.
-    noise : float
-        Factor of the distances from what was expected.
-    """
-
-    weights: Array
-    together: tuple[int, ...]
-    first: Array
-    last: Array
-    sizes: tuple[Array, ...]
-    covariances: tuple[Array, ...]
-    noise: float
-    _before: _Sums
-    _since: _Sums
+    sums: Sums
 
 
 class _Recent(NamedTuple):
-    """The last readings, as they are."""
+    """The last readings, not clipped."""
 
     columns: Array
     readings: Array
     marks: Array
+
+
+class Since(NamedTuple):
+    """Readings since a time, not clipped, with their errors in standard deviations."""
+
+    columns: Array
+    """Derivatives by coefficients in the user's units, (n, m, d)."""
+    unexpected: Array
+    """What readings are more than was expected at that time, (n, m)."""
+    spread: Array
+    """Covariance of that, (n, m, m)."""
+    marks: Array
+
+    def distance(self, change: Array | float = 0.0) -> Array:
+        """Return how far each reading is from what is expected after a change of the coefficients, (d,)."""
+        change = np.broadcast_to(change, self.columns.shape[2])
+        return _distance(self.unexpected - self.columns @ change, self.spread)
 
 
 class ChangeDetector:
@@ -155,8 +142,6 @@ class ChangeDetector:
         What the sum must exceed: the mean time between false alarms, in the unit of the time that passes.
     mark : ndarray
         What the user calls the last of them.
-    largest : ndarray, shape (d,), optional
-        What no coefficient exceeds.
 
     Attributes
     ----------
@@ -174,7 +159,6 @@ class ChangeDetector:
         groups: Sequence[Sequence[int]],
         limit: float,
         mark: Array,
-        largest: Array | None = None,
     ) -> None:
         d = columns.shape[2]
         self.limit, self.groups = limit, [np.asarray(group) for group in groups]
@@ -182,9 +166,7 @@ class ChangeDetector:
         self.scale = float(np.sqrt(np.mean(readings**2))) or 1.0
         shown = length > ROUNDING * length.max(initial=0.0)  # of the others the reference has rounding alone
         self.unit = np.divide(self.scale, length, out=np.zeros(d), where=shown)
-        self._largest = np.full(d, np.inf)
-        if largest is not None:
-            np.divide(largest, self.unit, out=self._largest, where=self.unit > 0)
+        self._per_unit = np.divide(1.0, self.unit, out=np.zeros(d), where=shown)
         self.components, of_width = columns.shape[1], dict[int, list[int]]()
         for k, group in enumerate(self.groups):
             of_width.setdefault(len(group), []).append(k)
@@ -215,12 +197,12 @@ class ChangeDetector:
             variance = float(np.sum((error * near[:, None]) ** 2)) / dof
         bins = _counted(far, m) + 0.5
         scatter = np.array(variance * dof)
-        self.sums = _Sums(mark, np.array(float(n)), scatter, square, flat.T @ clipped.ravel(), bins)
+        self.sums = Sums(mark, np.array(float(n)), scatter, square, flat.T @ clipped.ravel(), bins)
 
     def _begin(self) -> None:
         """Forget all beginnings."""
         self.blocks, self.time, self.log_sum = 0, 0.0, -np.inf
-        self.levels: list[list[_Start]] = [[] for _ in range(LEVELS)]
+        self.levels: list[list[Start]] = [[] for _ in range(LEVELS)]
         self._begun, self._suspected = [0.0] * LEVELS, -1
         self._start()
 
@@ -233,17 +215,18 @@ class ChangeDetector:
     @property
     def dof(self) -> float:
         """ν, of the variance that is known so far."""
-        return self._dof_of(self.sums)
+        return self.dof_of(self.sums)
 
     @property
     def variance(self) -> float:
         """σ², relative to the mean square of the reference readings."""
         return self._variance_of(self.sums)
 
-    def _variance_of(self, sums: _Sums) -> float:
-        return float(sums.scatter) / self._dof_of(sums)
+    def _variance_of(self, sums: Sums) -> float:
+        return float(sums.scatter) / self.dof_of(sums)
 
-    def _dof_of(self, sums: _Sums) -> float:
+    def dof_of(self, sums: Sums) -> float:
+        """Return with how many degrees of freedom the variance is known at a time."""
         return float(max(sums.rows * self.components - self.lost, 1.0))
 
     def _typical(self, bins: Array) -> float:
@@ -275,7 +258,7 @@ class ChangeDetector:
         far = _distance(error, spread * variance)
         near = _kept(far, m)
         clipped = readings - error * (1 - near)[:, None]
-        self.sums = _Sums(
+        self.sums = Sums(
             marks[-1],
             s.rows + n,
             s.scatter + variance * np.sum((far * near) ** 2),
@@ -306,12 +289,12 @@ class ChangeDetector:
             if self.blocks % (1 << level) == 0:
                 stood_for = self.time - self._begun[level] if starts else WATCH.at_once * self.limit
                 self._begun[level] = self.time
-                starts.append(_Start(self.blocks, stood_for / LEVELS, self.sums))
+                starts.append(Start(self.blocks, stood_for / LEVELS, self.sums))
                 del starts[:-KEPT]
 
     # the sum ---------------------------------------------------------------------------------------------------
 
-    def _tried(self, whole: bool) -> list[_Start]:
+    def _tried(self, whole: bool) -> list[Start]:
         """Return the beginnings that are looked at now: the older ones of each level, all of the first.
 
         Those that began long ago are looked at less often, unless the `whole` sum is wanted.
@@ -326,10 +309,10 @@ class ChangeDetector:
 
     def _log_sum(self, *, whole: bool = False) -> float:
         starts = self._tried(whole)
-        return float(_log_add(self._log_parts(starts)[0])) if starts else -np.inf
+        return float(_log_add(self._log_parts(starts))) if starts else -np.inf
 
-    def _log_parts(self, starts: Sequence[_Start]) -> tuple[Array, Array, Array]:
-        """Return the logarithms of the parts of the sum, (starts, K + 1), and scores and WᵀW since each start."""
+    def _log_parts(self, starts: Sequence[Start]) -> Array:
+        """Return the logarithms of the parts of the sum, (starts, K + 1)."""
         since = [self.sums.less(start.sums) for start in starts]
         square = np.stack([each.square for each in since])
         score = np.stack([each.onto for each in since]) - square @ self.mean
@@ -347,7 +330,7 @@ class ChangeDetector:
             self._log_of_noise(start.sums.bins, each.bins) for start, each in zip(starts, since, strict=True)
         ]
         found = np.column_stack([effects + share, np.array(noise) + np.log(NOISE)])
-        return found + np.log([start.weight for start in starts])[:, None], score, square
+        return np.asarray(found + np.log([start.weight for start in starts])[:, None])
 
     def _log_ratio(self, u: Array, A: Array) -> Array:
         """Return log Λ, (...), from scores u, (..., p), and information A, (..., p, p); the mean over the sizes."""
@@ -389,112 +372,105 @@ class ChangeDetector:
         """Whether the sum exceeded the limit, and later readings are waited for."""
         return self._suspected >= 0
 
-    # what changed ----------------------------------------------------------------------------------------------
+    # what is known of a change ---------------------------------------------------------------------------------
 
-    def found(self) -> Found:
-        """Return what changed, as far as the readings tell it."""
+    def began(self) -> tuple[Start, Start, Start]:
+        """Return the times between which it began with a probability of 90 %, and the likeliest."""
         starts = {start.block: start for starts in self.levels for start in starts if start.weight > 0}
         tried = [starts[block] for block in sorted(starts) if block < self.blocks]
-        parts, score, square = self._log_parts(tried)
+        parts = self._log_parts(tried)
         of_starts = np.exp(_log_add(parts, axis=1) - _log_add(parts))
-        probable = np.cumsum(of_starts)
-        first = max(int(np.searchsorted(probable, WATCH.outside / 2)) - 1, 0)
-        last = min(int(np.searchsorted(probable, 1 - WATCH.outside / 2)), len(tried) - 1)
-        since = int(self.sums.rows - tried[first].sums.rows)
-        if since <= len(self.recent.readings):
-            return self._close_up(tried[first].sums, since)
-        at = int(np.argmax(of_starts))
-        before, after = tried[at].sums, self.sums.less(tried[at].sums)
-        square, sizes, covariances, evidence = square[at], [], [], []
-        A = square - square @ self.covariance @ square
-        for group in self.groups:
-            u, own, unit = score[at, group], A[np.ix_(group, group)], self.unit[group]
-            evidence.append(float(self._log_ratio(u, own)))
-            inverse = np.linalg.inv(own + np.eye(len(group)) * UNKNOWN**-2.0)
-            sizes.append(inverse @ u * unit)
-            covariances.append(inverse * self.variance * np.outer(unit, unit))
-        one = int(np.argmax(evidence))
-        evidence += [-np.inf, self._log_of_noise(before.bins, after.bins)]
-        weights = np.exp(evidence - _log_add(np.array(evidence)))
-        noise = self._typical(after.bins + 0.1) / self._typical(before.bins)
-        if weights[-1] >= WATCH.likely:  # counted in units of the noise that was
-            after = replace(after, bins=after.rows * np.diff([0.0, *BINS, 1.0]))
-        marks = tried[first].sums.mark, tried[last].sums.mark
-        return Found(weights, (one,), *marks, tuple(sizes), tuple(covariances), noise, before, after)
+        first, last = central(of_starts)
+        return tried[max(first - 1, 0)], tried[last], tried[int(np.argmax(of_starts))]
 
-    def _close_up(self, before: _Sums, since: int) -> Found:
-        """Return what changed among the last readings, as they are, of which so many came after a time `before` it."""
-        columns, readings, marks = (part[-since:] for part in self.recent)
-        covariance = self._inverse(before.square)
-        mean = covariance @ before.onto
-        variance = self._variance_of(before)
-        error = readings - columns @ mean
-        spread = (np.eye(self.components) + columns @ covariance @ np.swapaxes(columns, 1, 2)) * variance
-        root = np.linalg.inv(np.linalg.cholesky(spread))
-        white, unexpected = root @ columns, (root @ error[..., None])[..., 0]
-        found, together, noisier = recent_change(white, unexpected, self.groups, self._largest)
-        groups = [*self.groups, np.concatenate([self.groups[k] for k in together])]
-        several = [] if len(found) == len(groups) else [-np.inf]
-        evidence = np.array([*(each.log_evidence for each in found), *several, noisier.log_evidence])
-        weights, best = np.exp(evidence - _log_add(evidence)), int(np.argmax(evidence))
-        noisy = best == len(groups)
-        began = (noisier if noisy else found[best]).began
-        probable = np.cumsum(began)
-        first = int(np.searchsorted(probable, WATCH.outside / 2))
-        last = min(int(np.searchsorted(probable, 1 - WATCH.outside / 2)), since - 1)
-        at, noise = int(np.argmax(began)), float(noisier.size[0])
-        expected, after = mean.copy(), variance * noise**2
-        if not noisy:
-            after = variance
-            expected[groups[best]] += found[best].size
+    def readings_since(self, before: Sums) -> Since | None:
+        """Return the readings since a time; None where they are no longer kept."""
+        count = int(self.sums.rows - before.rows)
+        if count > len(self.recent.readings):
+            return None
+        columns, readings, marks = (part[-count:] for part in self.recent)
+        covariance, sigma = self._inverse(before.square), np.sqrt(self._variance_of(before))
+        spread = np.eye(self.components) + columns @ covariance @ np.swapaxes(columns, 1, 2)
+        unexpected = readings - columns @ (covariance @ before.onto)
+        return Since(columns * (self._per_unit / sigma), unexpected / sigma, spread, marks)
+
+    def products(self, before: Sums, since: Since | Sums) -> tuple[Array, Array, float]:
+        """Return XᵀX, Xᵀy and yᵀy of readings since a time, as far as what was known then does not imitate them.
+
+        Parameters
+        ----------
+        before : Sums
+        since : Since or Sums
+            Some readings, or the sums over all, which do not know yᵀy: it is 0 then.
+        """
+        sigma = np.sqrt(self._variance_of(before))
+        if isinstance(since, Sums):
+            square = since.square * np.outer(self._per_unit, self._per_unit) / sigma**2
+            mean = self._inverse(before.square) @ before.onto
+            onto = (since.onto - since.square @ mean) * self._per_unit / sigma**2
+        else:
+            flat = since.columns.reshape(-1, len(self.unit))
+            square, onto = flat.T @ flat, flat.T @ since.unexpected.ravel()
+        scale = np.outer(self.unit, self.unit) * sigma**2
+        covariance = self._inverse(before.square + square * scale) * scale
+        gram, pull = square - square @ covariance @ square, onto - square @ (covariance @ onto)
+        whole = 0.0 if isinstance(since, Sums) else float(np.sum(since.unexpected**2))
+        return gram, pull, whole - float(onto @ covariance @ onto)
+
+    def noise_since(self, before: Sums, since: Sums) -> tuple[float, float]:
+        """Return by which factor readings scatter more since a time, and the logarithm of its likelihood ratio."""
+        factor = self._typical(since.bins + 0.1) / self._typical(before.bins)
+        return factor, self._log_of_noise(before.bins, since.bins)
+
+    @staticmethod
+    def usual_bins(rows: Array) -> Array:
+        """Return how many of so many normal readings are how far from what is expected."""
+        return np.asarray(rows * np.diff([0.0, *BINS, 1.0]))
+
+    def split(
+        self, before: Sums, since: Since, at: int, change: Array, noise: float = 1.0
+    ) -> tuple[Sums, Sums]:
+        """Return the sums up to one of the readings since a time, and from there on, after a change."""
+        columns, readings = (part[-len(since.marks) :] for part in self.recent[:2])
+        mean, variance = self._inverse(before.square) @ before.onto, self._variance_of(before)
         same = self._summed(columns[:at], readings[:at], mean, variance)
-        changed = self._summed(columns[at:], readings[at:], expected, after)
-        units = [self.unit[group] for group in groups[: len(found)]]
-        return Found(
-            weights,
-            together,
-            marks[first - 1] if first else before.mark,
-            marks[last - 1] if last else before.mark,
-            tuple(each.size * unit for each, unit in zip(found, units, strict=True)),
-            tuple(each.covariance * np.outer(unit, unit) for each, unit in zip(found, units, strict=True)),
-            noise,
-            _Sums(*(getattr(before, f.name) + getattr(same, f.name) for f in fields(_Sums))),
-            changed,
-        )
+        mean = mean + change * self._per_unit
+        changed = self._summed(columns[at:], readings[at:], mean, variance * noise**2)
+        return Sums(*(getattr(before, f.name) + getattr(same, f.name) for f in fields(Sums))), changed
 
-    def _summed(self, columns: Array, readings: Array, mean: Array, variance: float) -> _Sums:
+    def _summed(self, columns: Array, readings: Array, mean: Array, variance: float) -> Sums:
         """Return the sums of readings of which some are expected."""
-        n, m, d = columns.shape
+        _, m, d = columns.shape
         error, flat = readings - columns @ mean, columns.reshape(-1, d)
         far = np.linalg.norm(error, axis=1) / np.sqrt(variance)
         near = _kept(far, m)
         clipped = readings - error * (1 - near)[:, None]
         scatter = np.asarray(variance * np.sum((far * near) ** 2))
-        return _Sums(
-            np.zeros_like(self.sums.mark),
-            np.array(float(n)),
-            scatter,
-            flat.T @ flat,
-            flat.T @ clipped.ravel(),
-            _counted(far, m),
-        )
+        rows, mark = np.array(float(len(far))), np.zeros_like(self.sums.mark)
+        return Sums(mark, rows, scatter, flat.T @ flat, flat.T @ clipped.ravel(), _counted(far, m))
 
-    def go_on(self, found: Found) -> None:
-        """Take what was found for how things are from now on; changes from there are looked for."""
-        before, since = found._before, found._since
+    def go_on(self, before: Sums, since: Sums, moved: Sequence[int], noise: float = 1.0) -> None:
+        """Take what changed for how things are from now on; changes from there are looked for.
+
+        Parameters
+        ----------
+        before, since : Sums
+            Up to the change, and from there on.
+        moved : sequence of int
+            Columns whose coefficients may have changed.
+        noise : float
+            Factor by which readings scatter more since; 1 where that did not change.
+        """
         rows, scatter, bins = before.rows, before.scatter, before.bins
-        if found.weights[-1] >= WATCH.likely:
+        if noise != 1.0:
             rows, bins = since.rows, since.bins + 0.5
-            scatter = self._variance_of(before) * found.noise**2 * rows * self.components
+            scatter = self._variance_of(before) * noise**2 * rows * self.components
             self.lost = 0.0
-        groups = [*self.groups, np.concatenate([self.groups[k] for k in found.together])]
-        likely = [group for group, w in zip(groups, found.weights, strict=False) if w >= WATCH.likely]
-        moved = np.unique(np.concatenate([np.array([], np.intp), *likely]))
         covariance = self._inverse(before.square)
         mean = covariance @ before.onto
         covariance[moved, moved] += UNKNOWN**2
         self.base = np.asarray(np.linalg.inv(covariance))
-        self.sums = _Sums(
+        self.sums = Sums(
             self.sums.mark, rows, np.asarray(scatter), since.square, self.base @ mean + since.onto, bins
         )
         self.covariance = self._inverse(self.sums.square)
@@ -508,7 +484,7 @@ class ChangeDetector:
         unique = {id(start.sums): start.sums for starts in self.levels for start in starts}
         number = {key: i for i, key in enumerate(unique)}
         every = [*unique.values(), self.sums]
-        kept = {f"sums.{f.name}": np.stack([getattr(sums, f.name) for sums in every]) for f in fields(_Sums)}
+        kept = {f"sums.{f.name}": np.stack([getattr(sums, f.name) for sums in every]) for f in fields(Sums)}
         starts = [
             (level, start.block, start.weight, number[id(start.sums)])
             for level, of in enumerate(self.levels)
@@ -523,17 +499,24 @@ class ChangeDetector:
 
     def restore(self, state: Mapping[str, Array]) -> None:
         """Go on from a state."""
-        columns = [state[f"sums.{f.name}"] for f in fields(_Sums)]
-        *sums, self.sums = [_Sums(*(column[i] for column in columns)) for i in range(len(columns[0]))]
+        columns = [state[f"sums.{f.name}"] for f in fields(Sums)]
+        *sums, self.sums = [Sums(*(column[i] for column in columns)) for i in range(len(columns[0]))]
         blocks, self.time, self.log_sum, self.lost, suspected, *begun = state["counts"].tolist()
         self.blocks, self._suspected, self._begun = int(blocks), int(suspected), begun
         self.levels = [[] for _ in range(LEVELS)]
         for level, block, weight, number in state["starts"].tolist():
-            self.levels[int(level)].append(_Start(int(block), weight, sums[int(number)]))
+            self.levels[int(level)].append(Start(int(block), weight, sums[int(number)]))
         self.base = state["base"]
         self.recent = _Recent(*(state[f"recent.{name}"] for name in _Recent._fields))
         self.covariance = self._inverse(self.sums.square)
         self.mean = self.covariance @ self.sums.onto
+
+
+def central(probabilities: Array) -> tuple[int, int]:
+    """Return the numbers between which the sum of probabilities, (n,), is 90 %."""
+    ends = np.searchsorted(np.cumsum(probabilities), [WATCH.outside / 2, 1 - WATCH.outside / 2])
+    first, last = np.minimum(ends, len(probabilities) - 1).tolist()
+    return first, last
 
 
 def _distance(error: Array, spread: Array) -> Array:

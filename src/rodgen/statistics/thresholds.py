@@ -142,13 +142,6 @@ class LackOfFitPolicy(NamedTuple):
     """A lack of fit this improbable is mentioned with the verdict on an effect."""
 
 
-class NoisePolicy(NamedTuple):
-    """Whether two estimates of the noise contradict each other (tests/test_noise.py)."""
-
-    chance: float = 0.005
-    """Probability by chance of a figure as far off to one side."""
-
-
 class RobustPolicy(NamedTuple):
     """Which rows a robust fit leaves out (tests/test_robust.py)."""
 
@@ -158,8 +151,6 @@ class RobustPolicy(NamedTuple):
     """Share of bad rows that random sets are prepared for."""
     miss: float = 0.001
     """Probability that none of the random sets is free of bad rows."""
-    heavy_tails: float = 0.001
-    """Probability of the kurtosis of normal residuals below which more rows may be wrong than one sees from the fit."""
 
 
 class DeterminacyPolicy(NamedTuple):
@@ -182,9 +173,6 @@ class PlanPolicy(NamedTuple):
     """Quantile of the normal distribution for that probability, with one wrong effect (1.64) or two (1.96)."""
     hopeless: float = 0.5
     """Probability below which readings rather fail to tell effects apart: none are spent on these alone."""
-    unlikely: float = 0.003
-    """No readings are planned for the case that an effect is there which is less probable than this, as what is three
-    standard deviations away: alternatives with many parameters, or rare ones, that imitate the others."""
 
 
 class FleetPolicy(NamedTuple):
@@ -238,7 +226,6 @@ SELECTION = SelectionPolicy()
 FLEET = FleetPolicy()
 VERDICT = VerdictPolicy()
 LACK_OF_FIT = LackOfFitPolicy()
-NOISE = NoisePolicy()
 ROBUST = RobustPolicy()
 DETERMINACY = DeterminacyPolicy()
 PLAN = PlanPolicy()

@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from rodgen.array_types import Array, Mask
 from rodgen.calibration.candidates import Candidate, possible, unsearched
-from rodgen.calibration.dependence import estimate_correlation, frame_motion, shared_motion
+from rodgen.calibration.dependence import INDEPENDENT, estimate_correlation, frame_motion, shared_motion
+from rodgen.calibration.evidence import ROUNDING, Columns, Evidence, Space
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.possible_effects import bare_effects, catalogue_effects, model_with
 from rodgen.calibration.predict import in_known_runs
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.sensitivities import Sensitivities, is_direct
 from rodgen.calibration.watch.events import Range
+from rodgen.data.measurements import Measurements
 from rodgen.data.units import unit_factor
-from rodgen.errors import InputFileError, UnexpectedError, joined
+from rodgen.errors import InputFileError, UnexpectedError
+from rodgen.machines.effects.definition import EffectDefinition
+from rodgen.machines.effects.formula import Formula
 from rodgen.machines.machine import Effect
-from rodgen.machines.plausibility import Plausibility
+from rodgen.machines.observations import Observations
+from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.stream_whitening import StreamWhitener
+from rodgen.statistics.thresholds import SMALLEST_P
 from rodgen.statistics.whitening import SHORTEST
-
-if TYPE_CHECKING:
-    from rodgen.calibration.fitted import Fit
-    from rodgen.data.measurements import Measurements
-    from rodgen.machines.observations import Observations
 
 BEYOND = 0.1
 """Part of the range that the reference covers, of a coordinate say, beyond which the model may be wrong."""
@@ -37,51 +39,35 @@ ROUND = 1.9 * math.pi
 """Range of a joint that goes round, where no angle is beyond it."""
 SMALLEST = 1e-9
 
-Title: TypeAlias = tuple[str, str | None]
-
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """Something that may change: a parameter of the model, or an effect of the catalogue that the model lacks.
+    """Something that may change: parameters of the model, or an effect of the catalogue that the model lacks.
 
     Attributes
     ----------
-    title : str
+    candidate : Candidate
+        As the evidence weighs it; its columns are those of the reference.
     columns : tuple of int
         Numbers of its columns.
-    names, units : tuple of str
+    units : tuple of str
         Of its parameters, ...
     factors : tuple of float
         ... and the internal value of one unit.
-    effect : Effect or None
-        None of what the model adjusts already.
-    prior : Plausibility
-        What is known of it before any readings.
+    adjusted : bool
+        Whether it is of parameters that the model has.
     """
 
-    title: str
+    candidate: Candidate
     columns: tuple[int, ...]
-    names: tuple[str, ...]
     units: tuple[str, ...]
     factors: tuple[float, ...]
-    effect: Effect | None = None
-    prior: Plausibility = field(default_factory=Plausibility)
+    adjusted: bool = False
 
     @property
-    def largest(self) -> list[float]:
-        """What no parameter exceeds, internal units."""
-        return [self.prior.sizes[n].largest if n in self.prior.sizes else math.inf for n in self.names]
-
-    @classmethod
-    def together(cls, several: Sequence[Alternative]) -> Alternative:
-        """Return several that change together."""
-        return cls(
-            joined(one.title for one in several),
-            tuple(i for one in several for i in one.columns),
-            tuple(f"{one.title} {name}" for one in several for name in one.names),
-            tuple(unit for one in several for unit in one.units),
-            tuple(factor for one in several for factor in one.factors),
-        )
+    def title(self) -> str:
+        """An effect and its place, or what parameters of the model belong to."""
+        return self.candidate.effect.title
 
 
 class WatchedColumns:
@@ -116,22 +102,22 @@ class WatchedColumns:
             for effect in catalogue_effects(fit.machine, fit.observations)
             if not effect.definition.follows_time
         ]
-        sensitivities = Sensitivities.of(fit, effects)
+        sensitivities = self._sensitivities = Sensitivities.of(fit, effects)
         known = possible(sensitivities, effects)
-        found = {
-            effect.identity: candidate
+        found = [
+            replace(candidate, prior=known[effect.identity])
             for effect in effects
             if effect.identity in known and (candidate := unsearched(sensitivities, effect)) is not None
-        }
-        self._effects = [effect for effect in effects if effect.identity in found]
+        ]
+        self._effects = [candidate.effect for candidate in found]
         extra = [*(e for e in effects if is_direct(e)), *bare_effects(fit.machine)]
         self._model, self._theta = model_with(fit, extra, compiled=True)
-        self.columns = self._stacked(sensitivities, list(found.values()))
+        self.columns = self._stacked(sensitivities, found)
         self.readings = sensitivities.residual
-        self.correlation = estimate_correlation(sensitivities, [c.columns for c in found.values()])
+        self.correlation = estimate_correlation(sensitivities, [c.columns for c in found])
         self._motion(sensitivities)
         self.free = len(fit.moving)
-        self.alternatives = list(self._alternatives(found, known))
+        self.alternatives = [*self._adjusted(), *self._lacking(found)]
         round_about = {joint.column for joint in fit.machine.joints if joint.revolute}
         self._covered = {
             name: (x.min(), x.max())
@@ -182,27 +168,62 @@ class WatchedColumns:
         passed[np.diff(o.run) != 0] = np.inf
         return np.concatenate([[np.inf], passed])
 
-    def _alternatives(
-        self, found: Mapping[Title, Candidate], known: Mapping[Title, Plausibility]
-    ) -> Iterator[Alternative]:
-        machine = self.fit.machine
-        groups: dict[str, list[int]] = {}  # an axis, a target or the frame moves as a whole
+    def _adjusted(self) -> Iterator[Alternative]:
+        """Yield what the fit adjusted: an axis, a target or the frame moves as a whole."""
+        groups: dict[str, list[int]] = {}
         for i, number in enumerate(self.fit.moving):
             groups.setdefault(self.fit.parameters[number].key.rpartition(".")[0], []).append(i)
         for title, own in groups.items():
             some = [self.fit.parameters[self.fit.moving[i]] for i in own]
-            names = tuple(p.key.rpartition(".")[2] for p in some)
-            yield Alternative(
-                title, tuple(own), names, tuple(p.unit for p in some), tuple(p.factor for p in some)
+            definition = EffectDefinition(title, frozenset(), "", Formula("0"), {})
+            candidate = Candidate(
+                Effect(definition), tuple(p.key for p in some), self._sensitivities.model[:, :, own], {}
             )
-        i = self.free
-        for effect in self._effects:
-            names = tuple(found[effect.identity].short_names)
-            units = tuple(effect.units(machine)[name] for name in names)
+            units, factors = tuple(p.unit for p in some), tuple(p.factor for p in some)
+            yield Alternative(candidate, tuple(own), units, factors, adjusted=True)
+
+    def _lacking(self, found: Sequence[Candidate]) -> Iterator[Alternative]:
+        """Yield the effects that the model lacks."""
+        machine, end = self.fit.machine, self.free
+        for candidate in found:
+            of = candidate.effect.units(machine)
+            units = tuple(of[name] for name in candidate.short_names)
             factors = tuple(unit_factor(unit, machine.length_unit)[0] for unit in units)
-            columns = tuple(range(i, i + len(names)))
-            i += len(names)
-            yield Alternative(effect.title, columns, names, units, factors, effect, known[effect.identity])
+            columns = tuple(range(end, end := end + len(units)))
+            yield Alternative(candidate, columns, units, factors)
+
+    def evidence(self, gram: Array, pull: Array, square: float, readings: int, dof: float) -> Evidence:
+        """Return what readings say of a change, given the products of their columns X and of them, y.
+
+        Parameters
+        ----------
+        gram, pull, square : ndarray of shape (d, d) and (d,), and float
+            XᵀX, Xᵀy and yᵀy, of variance 1.
+        readings : int
+            Their number, n m.
+        dof : float
+            Degrees of freedom with which that variance is known: the reference counts as so many readings more.
+        """
+        values, vectors = eigh(gram)
+        real = values > ROUNDING * max(float(values.max(initial=0.0)), SMALLEST_P)
+        root = np.sqrt(values[real])
+        along = vectors[:, real].T @ pull / root
+        rest = max(square - float(along @ along), readings - float(real.sum()), 0.0) + dof
+        y = np.append(along, math.sqrt(rest))
+        columns = np.concatenate([root[:, None] * vectors[:, real].T, np.zeros((1, len(pull)))])[:, None, :]
+        none = np.zeros((len(y), 0))
+        space = Space.of(none, y, none, np.zeros(0), 0.0)
+        rows = replace(self._sensitivities, residual=-y[:, None])
+        weights = [Columns.of(space, none)]
+        empty = Evidence(self.fit, rows, INDEPENDENT, [], [], [], int(readings + dof), weights)
+        return empty.including(
+            [replace(one.candidate, columns=columns[:, :, one.columns]) for one in self.alternatives]
+        )
+
+    def of(self, found: Sequence[Candidate]) -> list[Alternative]:
+        """Return the alternatives that candidates of an evidence are."""
+        by = {one.candidate.key: one for one in self.alternatives}
+        return [by[c.key] for c in found]
 
     def _stacked(self, sensitivities: Sensitivities, found: Sequence[Candidate]) -> Array:
         """Return the columns of the model and of effects, as what readings are more: the residuals' signs turned."""
@@ -263,7 +284,7 @@ class WatchedColumns:
         )
         return np.asarray(found * self._scale)
 
-    def of(self, o: Observations) -> tuple[Array, Array, Array]:
+    def at(self, o: Observations) -> tuple[Array, Array, Array]:
         """Return the columns, (n, m, d), the weighted residuals, (n, m), and the predicted readings of observations.
 
         Raises

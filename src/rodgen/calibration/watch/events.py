@@ -108,6 +108,11 @@ class Likely:
     changes: tuple[Estimate, ...]
 
     @property
+    def is_noise(self) -> bool:
+        """Whether readings scatter more, and no effect is named."""
+        return not self.changes
+
+    @property
     def text(self) -> str:
         """It with the size, such as ``"scale at EL (97 %): k = 12.1 ± 0.8 arcsec/rad"``."""
         seen = [e for e in self.changes if len(self.changes) <= FEW or abs(e.value) > 2 * (e.std or 0.0)]
@@ -185,7 +190,7 @@ class Changed(Event):
             when = f"between {self.counted}s {self.after} and {self.by + 1}"
         said = "the change" if self.settled else "alarm: the machine has changed. It"
         found = f"{self.counted} {self.at}: {said} began {when} (90 %) and looks like {first.text}"
-        if first.title == "noise":
+        if first.is_noise:
             how = f"readings scatter {self.noise:.2g} times as much"
             if self.noise > LARGE:
                 how = f"readings are {self.noise:.2g} times as far off, in no way that one effect explains"

@@ -12,22 +12,23 @@ import json
 import math
 import os
 import zipfile
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.calibration.fitted import Estimate, Fit
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.calibration.watch.columns import Alternative, WatchedColumns
-from rodgen.calibration.watch.events import Changed, Event, Likely, OutlierSeen, Range, Stuck
+from rodgen.calibration.watch.changes import Change, what_changed
+from rodgen.calibration.watch.columns import WatchedColumns
+from rodgen.calibration.watch.events import Changed, Event, OutlierSeen, Range, Stuck
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import TIME, UnitError, parse_unit
-from rodgen.errors import InputFileError, RodgenError, joined, shown
+from rodgen.errors import InputFileError, UnexpectedError, joined, shown
 from rodgen.files import read_input
-from rodgen.statistics.change_detector import ChangeDetector, Found
+from rodgen.statistics.change_detector import ChangeDetector
 from rodgen.statistics.thresholds import WATCH
 
 if TYPE_CHECKING:
@@ -53,8 +54,11 @@ PAUSE = 10.0
 """Times that the usual gap between readings is exceeded by a pause."""
 HISTORY = 1000
 """Points of the curve that is drawn: each is the largest of some blocks."""
-FORMAT = 2
-"""The part `before` of a place is a hash of all that was read; in format 1 it was one of the last 4096 bytes."""
+FORMAT = 3
+"""Of a state."""
+KEPT = ("rows", "blocks", "alarms", "alarm_rows", "history", "_last_t", "_ahead", "_settling", "_outliers", "_repeated",
+        "_every", "_best")  # fmt: skip
+"""What a state keeps of a watch besides arrays."""
 LARGEST_STATE = 500_000_000
 """Bytes of a state that is read: that of a robot has 10 MB."""
 
@@ -64,7 +68,7 @@ def frequency(text: str) -> float:
 
     Raises
     ------
-    RodgenError
+    UnexpectedError
 
     Examples
     --------
@@ -79,7 +83,7 @@ def frequency(text: str) -> float:
             return found
     except (UnitError, ValueError):
         pass
-    raise RodgenError(f"{shown(text)}; expected a number above 0 per time, such as 100/h or 1/year")
+    raise UnexpectedError(shown(text), "a number above 0 per time, such as 100/h or 1/year")
 
 
 class Watch:
@@ -144,7 +148,6 @@ class Watch:
             [alternative.columns for alternative in self.alternatives],
             self._limit,
             np.array([-1.0, np.nan, -1.0, -1.0]),
-            np.array([size for alternative in self.alternatives for size in alternative.largest]),
         )
         self._demand(self.detector.dof)
         self._whitener = self._watched.whitener()
@@ -158,9 +161,9 @@ class Watch:
         self._ahead = 0.0  # seconds that were counted while the clock stood still
         self._settling = 0
         self.alarms, self.alarm_rows = 0, list[int]()
-        self._outliers: list[tuple[int, float, int, int]] = []  # number, distance, block, count
-        self._repeated: dict[str, tuple[float, float, int, int]] = {}  # value, prediction, times, since
-        self.history: list[tuple[float, float]] = []
+        self._outliers: list[Sequence[Any]] = []  # number, distance, block, count
+        self._repeated: dict[str, Sequence[Any]] = {}  # value, prediction, times, since
+        self.history: list[Sequence[float]] = []
         self._every, self._best = 1, -math.inf
 
     def _demand(self, degrees: float) -> None:
@@ -266,7 +269,7 @@ class Watch:
             self._count(whole, bound, data.rows)
             return []
         o = bound.take(old + new)
-        columns, readings, predicted = self._watched.of(o)
+        columns, readings, predicted = self._watched.at(o)
         if self._whitener is not None:
             gap = self._watched.gaps(bound.take(np.append(np.arange(old), old + new)))[old:]
             motion = self._watched.motion(o)
@@ -294,9 +297,14 @@ class Watch:
             return []
         self._settling = 0
         with one_thread_in_blas():
-            found = self._found()
-            self.detector.go_on(found)
-        return [self._changed(found, int(self.detector.recent.marks[-1, 0]), settled=True)]
+            return [self._settled(int(self.detector.recent.marks[-1, 0]))]
+
+    def _settled(self, at: int) -> Changed:
+        """Name a change for good; how things are since is how they should be."""
+        found = what_changed(self.detector, self._watched)
+        event = self._changed(found, at, settled=True)
+        self.detector.go_on(found.before, found.since, found.moved, found.noise)
+        return event
 
     def _count(self, whole: Measurements, o: Observations, new: int) -> None:
         """Count new rows; keep those that tell directions: between which each joint moved last, and the last."""
@@ -318,9 +326,7 @@ class Watch:
         if self._settling:
             self._settling -= 1
             if not self._settling:
-                found = self._found()
-                yield self._changed(found, at, settled=True)
-                self.detector.go_on(found)
+                yield self._settled(at)
                 self._outliers = []
             return
         rare = max(self._row_time / self._limit, 1e-12)
@@ -333,7 +339,7 @@ class Watch:
         if self.detector.alarm:
             self._count_alarm(self.rows - len(self._pending[0]))
             self._settling = max(SETTLED // self._per_block, 1)
-            found = self._found()
+            found = what_changed(self.detector, self._watched)
             yield from self._released(at, before=found.first[2])
             yield self._changed(found, at, settled=False)
         elif not self.detector.suspects:
@@ -378,34 +384,7 @@ class Watch:
 
     # what it means -----------------------------------------------------------------------------------------------
 
-    def _alternatives_of(self, found: Found) -> list[Alternative]:
-        """Return the alternatives, with what changed together, where several did, as the last."""
-        if len(found.sizes) == len(self.alternatives):
-            return self.alternatives
-        return [*self.alternatives, Alternative.together([self.alternatives[k] for k in found.together])]
-
-    def _found(self) -> Found:
-        """Return what changed; what no machine has so much of is ruled out, and what few have is less likely."""
-        found = self.detector.found()
-        with np.errstate(divide="ignore"):
-            log = np.log(found.weights)
-        for k, one in enumerate(self._alternatives_of(found)):
-            log[k] += one.prior.log_odds
-            std = np.sqrt(np.diag(found.covariances[k]))
-            if np.any(np.abs(found.sizes[k]) > one.largest + 2 * std):
-                log[k] = -np.inf
-        weights = np.exp(log - log.max())
-        return replace(found, weights=weights / weights.sum())
-
-    def _changed(self, found: Found, at: int, *, settled: bool) -> Changed:
-        order = np.argsort(-found.weights, kind="stable")
-        # how common an effect is must not hide what these readings, few at first, show as well
-        odds = np.ones(len(order))
-        of = self._alternatives_of(found)
-        odds[: len(of)] = np.exp([one.prior.log_odds for one in of])
-        by_readings = found.weights / odds
-        as_likely = np.maximum(found.weights, by_readings / by_readings[order[0]]) >= WATCH.likely
-        likely = [self._likely(found, int(k)) for k in order if as_likely[k]]
+    def _changed(self, found: Change, at: int, *, settled: bool) -> Changed:
         t_after, t_by = [
             None if math.isnan(mark[1]) else float(mark[1]) for mark in (found.first, found.last)
         ]
@@ -414,8 +393,8 @@ class Watch:
             self._counted,
             int(found.first[0]),
             int(found.last[0]),
-            tuple(likely),
-            found.noise if likely[0].title == "noise" else 1.0,
+            tuple(found.likely),
+            found.noise if found.likely[0].is_noise else 1.0,
             settled,
             self.evidence,
             t_after,
@@ -423,7 +402,7 @@ class Watch:
             self._outside(found),
         )
 
-    def _outside(self, found: Found) -> Range | None:
+    def _outside(self, found: Change) -> Range | None:
         """Return what the reference covers of a condition beyond which most readings since a change are."""
         marks = self.detector.recent.marks
         where = marks[marks[:, 2] > found.first[2], 3].astype(int)
@@ -431,22 +410,6 @@ class Watch:
         if not 2 * most.sum() > len(where):
             return None
         return self._watched.ranges[int(np.argmax(most))]
-
-    def _likely(self, found: Found, k: int) -> Likely:
-        probability = float(found.weights[k])
-        if k == len(found.weights) - 1:
-            return Likely("noise", None, None, probability, ())
-        one = self._alternatives_of(found)[k]
-        std = np.sqrt(np.diag(found.covariances[k]))
-        changes = tuple(
-            Estimate(name, unit, float(value / factor), float(u / factor), False, True)
-            for name, unit, factor, value, u in zip(
-                one.names, one.units, one.factors, found.sizes[k], std, strict=True
-            )
-        )
-        effect = one.effect
-        name, place = (None, None) if effect is None else effect.identity
-        return Likely(one.title, name, place, probability, changes)
 
     def _stuck(self, data: Measurements, predicted: Array, numbers: Array) -> Iterator[Event]:
         """Yield columns of readings that repeat a value although what is predicted moves away from it."""
@@ -486,18 +449,7 @@ class Watch:
             "place": place,
             "learned": _as_dict(learned),
             "context": _as_dict(self._context),
-            "rows": self.rows,
-            "blocks": self.blocks,
-            "last_t": self._last_t,
-            "ahead": self._ahead,
-            "settling": self._settling,
-            "alarms": self.alarms,
-            "alarm_rows": self.alarm_rows,
-            "outliers": self._outliers,
-            "repeated": self._repeated,
-            "history": self.history,
-            "every": self._every,
-            "best": self._best,
+            "kept": {name: getattr(self, name) for name in KEPT},
         }
         arrays = self.detector.state() | dict(
             zip(("columns", "readings", "marks"), self._pending, strict=True)
@@ -526,14 +478,8 @@ class Watch:
             self.detector.restore(arrays)
             if self._whitener is not None:
                 self._whitener.restore(arrays)
-            self.rows, self.blocks = about["rows"], about["blocks"]
-            self._last_t, self._ahead = about["last_t"], about["ahead"]
-            self._settling, self.alarms = about["settling"], about["alarms"]
-            self.alarm_rows = about["alarm_rows"]
-            self._outliers = [(int(row), far, int(block), int(n)) for row, far, block, n in about["outliers"]]
-            self._repeated = {key: tuple(of) for key, of in about["repeated"].items()}
-            self.history = [(row, best) for row, best in about["history"]]
-            self._every, self._best = about["every"], about["best"]
+            for name in KEPT:
+                setattr(self, name, about["kept"][name])
             self._context = _from_dict(about["context"])
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             raise _no_state(kept.file) from error
