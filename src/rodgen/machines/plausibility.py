@@ -64,10 +64,6 @@ class Plausibility:
         """Return the usual sizes of parameters, (k,); NaN where it is not known."""
         return np.array([self.sizes[n].usual if n in self.sizes else np.nan for n in names])
 
-    def cost(self, names: Sequence[str], values: ArrayLike) -> float:
-        """Return what the effect costs in units of chi-square: -2 ln of its odds, and `size_cost`."""
-        return -2 * self.log_odds + self.size_cost(names, values)
-
     def size_cost(self, names: Sequence[str], values: ArrayLike) -> float:
         """Return -2 ln of the density of a size, compared with that of a small one.
 

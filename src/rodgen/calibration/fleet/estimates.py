@@ -3,17 +3,19 @@
 Whether an effect is found depends on chance where it is as large as the noise. Were only found ones compared, their
 mean would be too large (those that chance enlarges are found), and their spread too small. So every effect of the
 catalogue has an estimate in every machine: that of the fit where it is in the model, else that of adding it, to first
-order.
+order. All readings count alike, as in the fit: were they weighed by how they depend on each other, which is estimated
+anew each night, what the model lacks would change the estimates from night to night.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.calibration.candidates import Candidate, candidates, without_imitated
+from rodgen.calibration.candidates import Candidate, candidates
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.sensitivities import Sensitivities
@@ -22,9 +24,6 @@ from rodgen.errors import RodgenError
 from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.thresholds import COST
-
-if TYPE_CHECKING:
-    from rodgen.calibration.fitted import Fit
 
 
 def estimates_of(fit: Fit) -> dict[str, Any]:
@@ -52,7 +51,7 @@ def estimates_of(fit: Fit) -> dict[str, Any]:
     with one_thread_in_blas():
         try:
             of = Sensitivities.of(fit, wanted)
-            found = without_imitated(candidates(of, wanted), of.model)
+            found = candidates(of, wanted)
         except RodgenError:  # a machine whose candidates cannot be evaluated where the fit is
             return {"values": values, "effects": effects}
         basis = orthonormal_basis(of.model.reshape(of.residual.size, -1))

@@ -222,17 +222,9 @@ class Campaign:
                 if not any(self.worse_now(a, b) < -self.threshold(b, a) for b in plausible)
             ]
             self.refuted += [(group, a) for a in numbers if a not in left]
-            likely = self._likely(left)
             found = [self._pair(group, a, b) for a, b in itertools.permutations(left, 2)]
-            pairs += [replace(pair, likely=pair.true in likely) for pair in found if pair is not None]
+            pairs += [pair for pair in found if pair is not None]
         self.pairs = both_ways(pairs)
-
-    def _likely(self, models: Sequence[int]) -> set[int]:
-        """Return the models that are not improbable by the data (weights of Akaike) and by what is known before."""
-        rivals, variance = [self.models[a] for a in models], self.variance
-        cost = [m.fit.chi_square / variance + 2 * m.fit.determinacy.rank + m.prior_cost for m in rivals]
-        likelihood = np.exp(-(np.array(cost) - min(cost, default=0.0)) / 2)
-        return {a for a, x in zip(models, likelihood, strict=True) if x > PLAN.unlikely * likelihood.sum()}
 
     def _pair(self, group: int, a: int, b: int) -> Pair | None:
         """Return the pair of a true model and a wrong one; None where the wrong one is larger and includes the true."""
@@ -312,7 +304,7 @@ class Search:
     def _take(self, pairs: list[Pair]) -> None:
         """Make a task of the pairs that readings are planned for."""
         self.pairs = pairs
-        self.task = Task(self.campaign.coordinates, [p for p in pairs if p.planned], self.campaign.sharpen)
+        self.task = Task(self.campaign.coordinates, [p for p in pairs if p.possible], self.campaign.sharpen)
 
     # readings ------------------------------------------------------------------------------------------------
 

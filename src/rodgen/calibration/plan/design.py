@@ -78,13 +78,6 @@ class Pair:
     """Number of the alternatives that they belong to."""
     possible: bool = True
     """Whether all readings considered together would do, in whichever of the two is true."""
-    likely: bool = True
-    """Whether the true one may well be the true one."""
-
-    @property
-    def planned(self) -> bool:
-        """Whether readings are planned for it: the two can be distinguished, and the true one is no mere theory."""
-        return self.possible and self.likely
 
     @property
     def models(self) -> frozenset[int]:

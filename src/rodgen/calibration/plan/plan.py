@@ -370,7 +370,7 @@ def _about_rows(campaign: Campaign) -> Iterator[str]:
 def _not_enough(search: Search) -> Iterator[str]:
     """Yield how many readings would be enough, where these are not."""
     question, count = search.campaign.question, search.rows.n
-    planned = [gain for gain in search.gains() if gain.pair.planned]
+    planned = [gain for gain in search.gains() if gain.pair.possible]
     if all(gain.reached for gain in planned):
         return
     least = min(gain.probability for gain in planned)

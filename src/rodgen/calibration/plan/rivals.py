@@ -21,7 +21,6 @@ from rodgen.calibration.plan.design import Linearized
 from rodgen.calibration.problem import Problem
 from rodgen.errors import InputFileError
 from rodgen.machines.model import Model
-from rodgen.machines.plausibility import plausibility
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
@@ -46,17 +45,6 @@ class Rival:
     fit: Fit
     own: int
     """Number of its free parameters that belong to these effects."""
-
-    @cached_property
-    def prior_cost(self) -> float:
-        """What its effects cost in units of chi-square by their odds and sizes before the data."""
-        cost, theta = 0.0, self.fit.solution.theta
-        values = dict(zip((p.key for p in self.fit.parameters), theta, strict=True))
-        for effect in self.effects:
-            names = [name for name in effect.units(self.fit.machine) if effect.key(name) in values]
-            prior = plausibility(self.fit.machine, effect)
-            cost += prior.cost(names, [values[effect.key(name)] for name in names])
-        return cost
 
     @property
     def plausible(self) -> bool:
