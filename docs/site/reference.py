@@ -259,7 +259,9 @@ def _module(name: str, described: dict[int, str]) -> str:
         "Functions": [],
         "Data": [],
     }
-    for member in sorted([*module.__all__, *getattr(module, "_LATER", ())], key=str.lower):
+    own = [m for m, x in vars(module).items() if m[0] != "_" and getattr(x, "__module__", None) == name]
+    public = getattr(module, "__all__", own)
+    for member in sorted([*public, *getattr(module, "_LATER", ())], key=str.lower):
         kinds[_kind(getattr(module, member))].append(member)
     lines = [name, "=" * len(name), "", f".. currentmodule:: {name}", "", inspect.getdoc(module) or "", ""]
     for kind, members in kinds.items():
