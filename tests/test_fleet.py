@@ -28,7 +28,7 @@ from rodgen.calibration.fleet.summary import parameter_cells, valued
 from rodgen.cli.main import main
 from rodgen.errors import InputFileError
 from rodgen.schedulers import local_processes
-from rodgen.statistics.drift import drifts, repeatability
+from rodgen.statistics.drift import drifts
 from rodgen.statistics.random_effects import population
 from rodgen.statistics.thresholds import FLEET
 
@@ -274,7 +274,6 @@ def test_trends_and_changes_have_their_p_values(nights: int, scatter: float, deg
             std,
             np.full(sigma.shape, float(degrees)),
             np.arange(nights) * 1.0,
-            repeatability(values, std),
         )
         p.append([found.trend_p, found.change_p])
     for level in (0.01, 0.001):
@@ -291,7 +290,7 @@ def test_scatter_that_few_differences_tell_is_not_taken_for_known(machines: int,
     std, degrees = np.ones((machines, nights)), np.full((machines, nights), np.inf)
     for _ in range(3000 // machines):
         values = np.sqrt(1 + 2.0**2) * random.normal(size=std.shape)
-        found = drifts(values, std, degrees, np.arange(nights) * 1.0, repeatability(values, std))
+        found = drifts(values, std, degrees, np.arange(nights) * 1.0)
         p.append([found.trend_p, found.change_p])
     assert (np.concatenate(p, axis=1) < 0.001).mean() < 0.002
 
@@ -303,7 +302,7 @@ def test_machines_that_repeat_themselves_worse_than_others_raise_no_more_alarms(
         scatter = 2 * np.exp(0.5 * random.normal(size=(1000, 1)))
         values = np.sqrt(1 + scatter**2) * random.normal(size=std.shape)
         values[:20, 6:] += 200.0  # some do change
-        found = drifts(values, std, degrees, np.arange(12) * 1.0, repeatability(values, std))
+        found = drifts(values, std, degrees, np.arange(12) * 1.0)
         p.append([found.trend_p[20:], found.change_p[20:]])
         assert found.change_p[:20].max() < 1e-9
     for level in (0.01, 1e-4):
@@ -315,7 +314,7 @@ def test_a_trend_and_a_change_are_told_apart() -> None:
     values = 0.5 * np.random.default_rng(4).normal(size=(50, 10))
     values[0] += times
     values[1, 6:] += 5.0
-    found = drifts(values, std, np.full((50, 10), np.inf), times, repeatability(values, std))
+    found = drifts(values, std, np.full((50, 10), np.inf), times)
     assert found.trend_p[0] < found.change_p[0]
     assert found.change_p[1] < found.trend_p[1]
     assert found.at[1] == 6

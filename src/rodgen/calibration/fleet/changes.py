@@ -20,7 +20,7 @@ from typing import Protocol
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.statistics.drift import Drifts, drifts, repeatability
+from rodgen.statistics.drift import Drifts, drifts
 from rodgen.statistics.random_effects import discovery_rates
 from rodgen.statistics.thresholds import FLEET
 from rodgen.views import Result
@@ -127,7 +127,7 @@ class _Rows:
 
     def tests(self, times: Array, nights: int) -> Drifts:
         values = np.where(np.arange(len(times)) < nights, self.values, np.nan)
-        return drifts(values, self.std, self.degrees, times, repeatability(values, self.std))
+        return drifts(values, self.std, self.degrees, times)
 
 
 class Changes:
