@@ -268,12 +268,14 @@ class _Watching:
                     return
 
     def _report(self, event: Event) -> None:
+        from rodgen.calibration.watch.events import Changed
+
         if self.options.json:
             show_json(event.to_dict(), indent=None)
             return
         show(event.text)
-        if event.settles:
-            rows = "all rows" if event.since < 0 else f"the rows from {event.counted} {event.since} on"
+        if isinstance(event, Changed) and event.settled:
+            rows = "all rows" if event.by < 0 else f"the rows from {event.counted} {event.by} on"
             show(
                 f"To see more, write {rows} into a file of their own, and run "
                 f"'rodgen diagnose {self.options.machine} FILE'."

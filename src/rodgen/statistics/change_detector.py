@@ -32,7 +32,6 @@ Dirichlet priors, is one more alternative: another noise.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,8 +46,6 @@ LEVELS = 12
 KEPT = 4
 """Times that each level keeps: the oldest began 8192 blocks ago. In so many readings a change of a tenth of the
 noise is seen, and none of a thirtieth matters."""
-LOOKS = 8
-"""Times that a level is looked at in one of its steps: a change is seen later by an eighth at most."""
 EXACT = 0.05
 """Part of all readings up to which those since a change leave what was known before it as it is; to neglect that
 makes the sum smaller, by as little."""
@@ -64,19 +61,15 @@ NOISE = 0.1
 """Part of the false alarms that a change of the noise may have."""
 BINS = (0.5, 0.8, 0.95, 0.99)
 """Parts of normal readings that are nearer than the bounds between which they are counted."""
-RECENT = 256
-"""Readings that are kept as they are: a change that is seen only after more of them is so small that none is
-clipped."""
+RECENT = 1024
+"""Readings that are kept as they are, from which a change is named: in so many one of a tenth of the noise is seen."""
 
 ROUNDING = 1e-12
 """Part of a column's information that keeps rounding out of the inverse: what no reading sees stays open."""
 SMALLEST = 1e-300
-REFRESHED = 256
-"""Updates after which the inverse of the information is computed anew."""
 
 
-@dataclass(frozen=True, eq=False)
-class Sums:
+class Sums(NamedTuple):
     """Sums over all readings up to a time, or from one time to another."""
 
     mark: Array  # what the user calls the last reading
@@ -88,24 +81,20 @@ class Sums:
 
     def less(self, other: Sums) -> Sums:
         """Return the sums since another time."""
-        return Sums(*(getattr(self, f.name) - getattr(other, f.name) for f in fields(Sums)))
+        return Sums(*map(np.subtract, self, other))
+
+    def plus(self, new: Sums) -> Sums:
+        """Return the sums up to a later time."""
+        return Sums(*map(np.add, self, new))._replace(mark=new.mark)
 
 
-@dataclass(frozen=True, eq=False)
-class Start:
+class Start(NamedTuple):
     """A time at which a change may have begun."""
 
     block: int
     weight: float  # the time that it stands for
+    time: float
     sums: Sums
-
-
-class _Recent(NamedTuple):
-    """The last readings, not clipped."""
-
-    columns: Array
-    readings: Array
-    marks: Array
 
 
 class Since(NamedTuple):
@@ -173,37 +162,28 @@ class ChangeDetector:
         self._widths = [(some, np.stack([self.groups[k] for k in some])) for some in of_width.values()]
         self.base = np.diag(np.where(np.arange(d) < free, UNKNOWN, UNSEEN) ** -2.0)
         self._learn(columns * (self.unit / self.scale), readings / self.scale, mark)
-        self.recent = _Recent(
-            np.empty((0, *columns.shape[1:])), np.empty((0, columns.shape[1])), mark[None][:0]
-        )
+        self.recent: Sequence[Array] = (columns[:0], readings[:0], mark[None][:0])
         self._begin()
 
     def _learn(self, columns: Array, readings: Array, mark: Array) -> None:
         """Take the reference readings in."""
         n, m, d = columns.shape
         flat = columns.reshape(-1, d)
-        square = flat.T @ flat
-        self.covariance = self._inverse(square)
+        self.covariance = self._inverse(flat.T @ flat)
         leverage = columns @ self.covariance @ np.swapaxes(columns, 1, 2)
         self.lost = float(np.einsum("nii->", leverage))
-        dof = max(n * m - self.lost, 1.0)
-        clipped, variance, far = readings, 1.0, np.zeros(n)
+        dof, variance, onto = max(n * m - self.lost, 1.0), 1.0, flat.T @ readings.ravel()
         for _ in range(WATCH.rounds):
-            self.mean = self.covariance @ (flat.T @ clipped.ravel())
-            error = readings - columns @ self.mean
-            far = _distance(error, (np.eye(m) - leverage) * variance)
-            near = _kept(far, m)
-            clipped = readings - error * (1 - near)[:, None]
-            variance = float(np.sum((error * near[:, None]) ** 2)) / dof
-        bins = _counted(far, m) + 0.5
-        scatter = np.array(variance * dof)
-        self.sums = Sums(mark, np.array(float(n)), scatter, square, flat.T @ clipped.ravel(), bins)
+            self.mean = self.covariance @ onto
+            left, _, sums = _clipped(columns, readings, self.mean, np.eye(m) - leverage, variance, mark)
+            onto, variance = sums.onto, float(np.sum(left**2)) / dof
+        self.sums = sums._replace(scatter=np.array(variance * dof), bins=sums.bins + 0.5)
 
     def _begin(self) -> None:
         """Forget all beginnings."""
         self.blocks, self.time, self.log_sum = 0, 0.0, -np.inf
         self.levels: list[list[Start]] = [[] for _ in range(LEVELS)]
-        self._begun, self._suspected = [0.0] * LEVELS, -1
+        self._suspected = -1
         self._start()
 
     def distance_of(self, probability: float) -> float:
@@ -229,9 +209,6 @@ class ChangeDetector:
         """Return with how many degrees of freedom the variance is known at a time."""
         return float(max(sums.rows * self.components - self.lost, 1.0))
 
-    def _typical(self, bins: Array) -> float:
-        return _typical(bins, self.components)
-
     # new readings ----------------------------------------------------------------------------------------------
 
     def update(self, columns: Array, readings: Array, time: float, marks: Array) -> Array:
@@ -246,38 +223,22 @@ class ChangeDetector:
         marks : ndarray, shape (n, k)
             What the user calls them.
         """
-        n, m, d = columns.shape
         columns, readings = columns * (self.unit / self.scale), readings / self.scale
-        new = _Recent(columns, readings, marks)
-        self.recent = _Recent(
-            *(np.concatenate(parts)[-RECENT:] for parts in zip(self.recent, new, strict=True))
-        )
-        variance, flat, s = self.variance, columns.reshape(-1, d), self.sums
-        error = readings - columns @ self.mean
-        spread = np.eye(m) + columns @ self.covariance @ np.swapaxes(columns, 1, 2)
-        far = _distance(error, spread * variance)
-        near = _kept(far, m)
-        clipped = readings - error * (1 - near)[:, None]
-        self.sums = Sums(
-            marks[-1],
-            s.rows + n,
-            s.scatter + variance * np.sum((far * near) ** 2),
-            s.square + flat.T @ flat,
-            s.onto + flat.T @ clipped.ravel(),
-            s.bins + _counted(far, m),
-        )
+        new = columns, readings, marks
+        self.recent = tuple(np.concatenate(parts)[-RECENT:] for parts in zip(self.recent, new, strict=True))
+        spread = self._spread(columns, self.covariance)
+        _, far, sums = _clipped(columns, readings, self.mean, spread, self.variance, marks[-1])
+        self.sums = self.sums.plus(sums)
         self.blocks += 1
-        self.time += max(time, 0.0)
-        if len(flat) < d and self.blocks % REFRESHED:
-            across = self.covariance @ flat.T
-            inner = np.eye(len(flat)) + flat @ across
-            self.covariance = self.covariance - across @ np.linalg.solve(inner, across.T)
-        else:
-            self.covariance = self._inverse(self.sums.square)
+        self.time += time
+        self.covariance = self._inverse(self.sums.square)
         self.mean = self.covariance @ self.sums.onto
-        self.log_sum = self._log_sum()
+        self.log_sum = float(_log_add(self._log_parts(self._tried())))
         self._start()
         return far
+
+    def _spread(self, columns: Array, covariance: Array) -> Array:
+        return np.asarray(np.eye(self.components) + columns @ covariance @ np.swapaxes(columns, 1, 2))
 
     def _inverse(self, square: Array) -> Array:
         found = np.linalg.inv(self.base + square + ROUNDING * np.diag(np.diag(square)))
@@ -287,29 +248,20 @@ class ChangeDetector:
         """Begin new processes where it is time to: each stands for the time since the one before on its level."""
         for level, starts in enumerate(self.levels):
             if self.blocks % (1 << level) == 0:
-                stood_for = self.time - self._begun[level] if starts else WATCH.at_once * self.limit
-                self._begun[level] = self.time
-                starts.append(Start(self.blocks, stood_for / LEVELS, self.sums))
+                stood_for = self.time - starts[-1].time if starts else WATCH.at_once * self.limit
+                starts.append(Start(self.blocks, stood_for / LEVELS, self.time, self.sums))
                 del starts[:-KEPT]
 
     # the sum ---------------------------------------------------------------------------------------------------
 
-    def _tried(self, whole: bool) -> list[Start]:
-        """Return the beginnings that are looked at now: the older ones of each level, all of the first.
-
-        Those that began long ago are looked at less often, unless the `whole` sum is wanted.
-        """
+    def _tried(self) -> list[Start]:
+        """Return the beginnings that are looked at: the older ones of each level, all of the first."""
         return [
             start
             for level, starts in enumerate(self.levels)
-            if whole or self.blocks % max(1, (1 << level) // LOOKS) == 0
             for start in starts
-            if start.weight > 0 and (not level or self.blocks - start.block > 2 << level)
+            if not level or self.blocks - start.block > 2 << level
         ]
-
-    def _log_sum(self, *, whole: bool = False) -> float:
-        starts = self._tried(whole)
-        return float(_log_add(self._log_parts(starts))) if starts else -np.inf
 
     def _log_parts(self, starts: Sequence[Start]) -> Array:
         """Return the logarithms of the parts of the sum, (starts, K + 1)."""
@@ -317,13 +269,11 @@ class ChangeDetector:
         square = np.stack([each.square for each in since])
         score = np.stack([each.onto for each in since]) - square @ self.mean
         # of few readings, what δ is uncertain by hardly matters
-        exact = [i for i, each in enumerate(since) if each.rows > EXACT * self.sums.rows]
-        known = square[exact]
-        lost = self.covariance @ known
+        exact = np.array([each.rows for each in since]) > EXACT * self.sums.rows
+        square[exact] -= square[exact] @ self.covariance @ square[exact]
         effects = np.empty((len(starts), len(self.groups)))
         for some, index in self._widths:
             A = square[:, index[:, :, None], index[:, None, :]]
-            A[exact] -= np.einsum("jdka,jdkb->jkab", known[:, :, index], lost[:, :, index], optimize=True)
             effects[:, some] = self._log_ratio(score[:, index], A)
         share = np.log((1 - NOISE) / len(self.groups))
         noise = [
@@ -362,7 +312,7 @@ class ChangeDetector:
         if self._suspected < 0:
             self._suspected = self.blocks if self.log_sum >= limit else -1
         elif self.blocks - self._suspected >= CONFIRMED:
-            if self._log_sum(whole=True) >= limit:
+            if self.log_sum >= limit:
                 return True
             self._suspected = -1
         return False
@@ -376,56 +326,30 @@ class ChangeDetector:
 
     def began(self) -> tuple[Start, Start, Start]:
         """Return the times between which it began with a probability of 90 %, and the likeliest."""
-        starts = {start.block: start for starts in self.levels for start in starts if start.weight > 0}
-        tried = [starts[block] for block in sorted(starts) if block < self.blocks]
+        every = (start for starts in self.levels for start in starts if start.block < self.blocks)
+        tried = sorted(every, key=lambda start: start.block)
         parts = self._log_parts(tried)
         of_starts = np.exp(_log_add(parts, axis=1) - _log_add(parts))
         first, last = central(of_starts)
         return tried[max(first - 1, 0)], tried[last], tried[int(np.argmax(of_starts))]
 
-    def readings_since(self, before: Sums) -> Since | None:
-        """Return the readings since a time; None where they are no longer kept."""
+    def readings_since(self, before: Sums) -> Since:
+        """Return the readings since a time, the last ones where these are too many."""
         count = int(self.sums.rows - before.rows)
-        if count > len(self.recent.readings):
-            return None
         columns, readings, marks = (part[-count:] for part in self.recent)
         covariance, sigma = self._inverse(before.square), np.sqrt(self._variance_of(before))
-        spread = np.eye(self.components) + columns @ covariance @ np.swapaxes(columns, 1, 2)
         unexpected = readings - columns @ (covariance @ before.onto)
+        spread = self._spread(columns, covariance)
         return Since(columns * (self._per_unit / sigma), unexpected / sigma, spread, marks)
 
-    def products(self, before: Sums, since: Since | Sums) -> tuple[Array, Array, float]:
-        """Return XᵀX, Xᵀy and yᵀy of readings since a time, as far as what was known then does not imitate them.
-
-        Parameters
-        ----------
-        before : Sums
-        since : Since or Sums
-            Some readings, or the sums over all, which do not know yᵀy: it is 0 then.
-        """
-        sigma = np.sqrt(self._variance_of(before))
-        if isinstance(since, Sums):
-            square = since.square * np.outer(self._per_unit, self._per_unit) / sigma**2
-            mean = self._inverse(before.square) @ before.onto
-            onto = (since.onto - since.square @ mean) * self._per_unit / sigma**2
-        else:
-            flat = since.columns.reshape(-1, len(self.unit))
-            square, onto = flat.T @ flat, flat.T @ since.unexpected.ravel()
-        scale = np.outer(self.unit, self.unit) * sigma**2
+    def products(self, before: Sums, since: Since) -> tuple[Array, Array, float]:
+        """Return XᵀX, Xᵀy and yᵀy of readings since a time, as far as what was known then does not imitate them."""
+        flat = since.columns.reshape(-1, len(self.unit))
+        square, onto = flat.T @ flat, flat.T @ since.unexpected.ravel()
+        scale = np.outer(self.unit, self.unit) * self._variance_of(before)
         covariance = self._inverse(before.square + square * scale) * scale
         gram, pull = square - square @ covariance @ square, onto - square @ (covariance @ onto)
-        whole = 0.0 if isinstance(since, Sums) else float(np.sum(since.unexpected**2))
-        return gram, pull, whole - float(onto @ covariance @ onto)
-
-    def noise_since(self, before: Sums, since: Sums) -> tuple[float, float]:
-        """Return by which factor readings scatter more since a time, and the logarithm of its likelihood ratio."""
-        factor = self._typical(since.bins + 0.1) / self._typical(before.bins)
-        return factor, self._log_of_noise(before.bins, since.bins)
-
-    @staticmethod
-    def usual_bins(rows: Array) -> Array:
-        """Return how many of so many normal readings are how far from what is expected."""
-        return np.asarray(rows * np.diff([0.0, *BINS, 1.0]))
+        return gram, pull, float(np.sum(since.unexpected**2) - onto @ covariance @ onto)
 
     def split(
         self, before: Sums, since: Since, at: int, change: Array, noise: float = 1.0
@@ -433,21 +357,10 @@ class ChangeDetector:
         """Return the sums up to one of the readings since a time, and from there on, after a change."""
         columns, readings = (part[-len(since.marks) :] for part in self.recent[:2])
         mean, variance = self._inverse(before.square) @ before.onto, self._variance_of(before)
-        same = self._summed(columns[:at], readings[:at], mean, variance)
-        mean = mean + change * self._per_unit
-        changed = self._summed(columns[at:], readings[at:], mean, variance * noise**2)
-        return Sums(*(getattr(before, f.name) + getattr(same, f.name) for f in fields(Sums))), changed
-
-    def _summed(self, columns: Array, readings: Array, mean: Array, variance: float) -> Sums:
-        """Return the sums of readings of which some are expected."""
-        _, m, d = columns.shape
-        error, flat = readings - columns @ mean, columns.reshape(-1, d)
-        far = np.linalg.norm(error, axis=1) / np.sqrt(variance)
-        near = _kept(far, m)
-        clipped = readings - error * (1 - near)[:, None]
-        scatter = np.asarray(variance * np.sum((far * near) ** 2))
-        rows, mark = np.array(float(len(far))), np.zeros_like(self.sums.mark)
-        return Sums(mark, rows, scatter, flat.T @ flat, flat.T @ clipped.ravel(), _counted(far, m))
+        spread, after = np.eye(self.components), mean + change * self._per_unit
+        same = _clipped(columns[:at], readings[:at], mean, spread, variance, before.mark)
+        changed = _clipped(columns[at:], readings[at:], after, spread, variance * noise**2, before.mark)
+        return before.plus(same[2]), changed[2]
 
     def go_on(self, before: Sums, since: Sums, moved: Sequence[int], noise: float = 1.0) -> None:
         """Take what changed for how things are from now on; changes from there are looked for.
@@ -481,33 +394,28 @@ class ChangeDetector:
 
     def state(self) -> dict[str, Array]:
         """Return everything that readings have changed, as arrays."""
-        unique = {id(start.sums): start.sums for starts in self.levels for start in starts}
-        number = {key: i for i, key in enumerate(unique)}
-        every = [*unique.values(), self.sums]
-        kept = {f"sums.{f.name}": np.stack([getattr(sums, f.name) for sums in every]) for f in fields(Sums)}
-        starts = [
-            (level, start.block, start.weight, number[id(start.sums)])
-            for level, of in enumerate(self.levels)
-            for start in of
-        ]
-        counts = (self.blocks, self.time, self.log_sum, self.lost, self._suspected, *self._begun)
+        starts = [(level, start) for level, of in enumerate(self.levels) for start in of]
+        every = [*(start.sums for _, start in starts), self.sums]
+        sums = zip(Sums._fields, zip(*every, strict=True), strict=True)
+        numbers = [(level, *start[:-1]) for level, start in starts]
+        counts = self.blocks, self.time, self.log_sum, self.lost, self._suspected
         return (
-            kept
-            | {"starts": np.array(starts, float), "counts": np.array(counts, float), "base": self.base}
-            | {f"recent.{name}": part for name, part in self.recent._asdict().items()}
+            {f"sums.{name}": np.stack(parts) for name, parts in sums}
+            | {"starts": np.array(numbers, float), "counts": np.array(counts, float), "base": self.base}
+            | {f"recent.{i}": part for i, part in enumerate(self.recent)}
         )
 
     def restore(self, state: Mapping[str, Array]) -> None:
         """Go on from a state."""
-        columns = [state[f"sums.{f.name}"] for f in fields(Sums)]
-        *sums, self.sums = [Sums(*(column[i] for column in columns)) for i in range(len(columns[0]))]
-        blocks, self.time, self.log_sum, self.lost, suspected, *begun = state["counts"].tolist()
-        self.blocks, self._suspected, self._begun = int(blocks), int(suspected), begun
+        parts = zip(*(state[f"sums.{name}"] for name in Sums._fields), strict=True)
+        *sums, self.sums = [Sums(*part) for part in parts]
+        blocks, self.time, self.log_sum, self.lost, suspected = state["counts"].tolist()
+        self.blocks, self._suspected = int(blocks), int(suspected)
         self.levels = [[] for _ in range(LEVELS)]
-        for level, block, weight, number in state["starts"].tolist():
-            self.levels[int(level)].append(Start(int(block), weight, sums[int(number)]))
+        for (level, block, weight, time), each in zip(state["starts"].tolist(), sums, strict=True):
+            self.levels[int(level)].append(Start(int(block), weight, time, each))
         self.base = state["base"]
-        self.recent = _Recent(*(state[f"recent.{name}"] for name in _Recent._fields))
+        self.recent = tuple(state[f"recent.{i}"] for i in range(3))
         self.covariance = self._inverse(self.sums.square)
         self.mean = self.covariance @ self.sums.onto
 
@@ -525,31 +433,25 @@ def _distance(error: Array, spread: Array) -> Array:
     return np.asarray(np.sqrt(squares))
 
 
-def _kept(far: Array, components: int) -> Array:
-    """Return the part of each error that is left when it is clipped."""
-    return np.asarray(np.minimum(1.0, WATCH.clip(components) / np.maximum(far, SMALLEST)))
-
-
 def _bounds(components: int) -> Array:
     from scipy import special
 
     return np.asarray(np.sqrt(special.chdtri(components, 1 - np.array(BINS))))
 
 
-def _counted(far: Array, components: int) -> Array:
-    """Return how many errors are between each two bounds."""
-    found = np.searchsorted(_bounds(components), far)
-    return np.bincount(found, minlength=len(BINS) + 1).astype(float)
-
-
-def _typical(bins: Array, components: int) -> float:
-    """Return the standard deviation at which such counts are likeliest."""
-    from scipy import special
-
-    tried = np.geomspace(0.05, 20, 241)
-    below = special.chdtr(components, (_bounds(components) / tried[:, None]) ** 2)
-    parts = np.diff(below, prepend=0.0, append=1.0)
-    return float(tried[np.argmax(np.log(np.maximum(parts, SMALLEST)) @ bins)])
+def _clipped(
+    columns: Array, readings: Array, mean: Array, spread: Array, variance: float, mark: Array
+) -> tuple[Array, Array, Sums]:
+    """Return the clipped errors of readings, (n, m), how far each is from what is expected, (n,), and sums."""
+    _, m, d = columns.shape
+    error, flat = readings - columns @ mean, columns.reshape(-1, d)
+    far = _distance(error, np.broadcast_to(spread * variance, (len(error), m, m)))
+    near = np.minimum(1.0, WATCH.clip(m) / np.maximum(far, SMALLEST))
+    left = error * near[:, None]
+    clipped, scatter = readings - (error - left), np.array(variance * np.sum((far * near) ** 2))
+    rows, bins = np.array(float(len(far))), np.searchsorted(_bounds(m), far)
+    counts = np.bincount(bins, minlength=len(BINS) + 1).astype(float)
+    return left, far, Sums(mark, rows, scatter, flat.T @ flat, flat.T @ clipped.ravel(), counts)
 
 
 def _log_dirichlet(counts: Array) -> float:

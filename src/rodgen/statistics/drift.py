@@ -115,7 +115,7 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array) -> Drifts:
         return size, found, 2 * special.stdtr(dof, -np.abs(t))
 
     slope, slope_std, trend_p = fitted(times)
-    steps = [fitted(1.0 * (np.arange(len(times)) >= k)) for k in range(1, len(times))]
+    steps = [fitted((np.arange(len(times)) >= k).astype(float)) for k in range(1, len(times))]
     size, size_std, p = (np.stack(part, axis=1) for part in zip(*steps, strict=True))
     best = np.where(there, p, 2.0).argmin(axis=1)
     row = np.arange(len(y))

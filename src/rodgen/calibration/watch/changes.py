@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,9 +28,7 @@ from rodgen.statistics.thresholds import COST, WATCH
 
 WRONG = 10.0
 """Standard deviations beyond which a reading says no more of a change than that it is wrong."""
-PARTS = (2, 4, 8)
-"""Parts of the readings since it may have begun that are taken for changed first: the last half, quarter, eighth."""
-NOISES = np.geomspace(0.1, 100, 121)
+NOISES = np.geomspace(0.1, 1e6, 281)
 """Factors of the noise that are tried."""
 
 
@@ -63,57 +60,11 @@ class Change:
 
 
 def what_changed(detector: ChangeDetector, watched: WatchedColumns) -> Change:
-    """Return what changed, as far as the readings since tell it."""
-    first, last, best = detector.began()
-    readings = detector.readings_since(first.sums)
-    if readings is not None:
-        return _close_up(detector, watched, first.sums, readings)
-    before, since = best.sums, detector.sums.less(best.sums)
-    count, dof = int(since.rows) * detector.components, detector.dof_of(before)
-    evidence = watched.evidence(*detector.products(before, since), count, dof)
-    noise, log_ratio = detector.noise_since(before, since)
-    likely, moved = _weighed(watched, evidence, evidence.cost([]) - 2 * log_ratio)
-    if scatters := _may_scatter(likely):
-        since = replace(since, bins=detector.usual_bins(since.rows))
-    return Change(likely, moved, first.sums.mark, last.sums.mark, noise if scatters else 1.0, before, since)
-
-
-class _Trial(NamedTuple):
-    """What changed, if it began at one of the readings."""
-
-    cost: float
-    evidence: Evidence
-    change: Array
-    since: Array
-    """Half the fall of -2 ln of the probability, where it began at each reading, (n,)."""
-    wrong: float
-    unchanged: float
-    """Losses of readings that are wrong, and of all that have changed without the change."""
-
-
-def _close_up(detector: ChangeDetector, watched: WatchedColumns, before: Sums, readings: Since) -> Change:
+    """Return what changed, as far as the last readings tell it."""
+    first, _, best = detector.began()
+    before, readings = first.sums, detector.readings_since(first.sums)
     far, dof = readings.distance(), detector.dof_of(before)
-    starts = sorted({len(far) - max(len(far) // part, 1) for part in PARTS})
-    best = min((_tried(detector, watched, before, readings, start) for start in starts), key=_cost)
-    noise, noisier, log_ratio = _noisier(far, detector.components)
-    whole = float(np.logaddexp.reduce(best.since))
-    of_beginning = float(np.max(best.since)) - whole + math.log(len(far))
-    cost = dof + 2 * (best.unchanged - log_ratio - best.wrong - of_beginning)
-    likely, moved = _weighed(watched, best.evidence, cost)
-    began = noisier if likely[0].is_noise else np.exp(best.since - whole)
-    start, end = central(began)
-    first, last = (readings.marks[i - 1] if i else before.mark for i in (start, end))
-    factor = noise if _may_scatter(likely) else 1.0
-    change = best.change * (not likely[0].is_noise)
-    sums = detector.split(before, readings, int(np.argmax(began)), change, factor)
-    return Change(likely, moved, first, last, factor, *sums)
-
-
-def _tried(
-    detector: ChangeDetector, watched: WatchedColumns, before: Sums, readings: Since, start: int
-) -> _Trial:
-    """Return what changed, where the beginning is looked for from a start on."""
-    far, dof = readings.distance(), detector.dof_of(before)
+    start = max(len(far) - int(detector.sums.rows - best.sums.rows), 0)
     after, near = np.arange(len(far)) >= start, np.ones(len(far), bool)
     for _ in range(WATCH.rounds):
         some = Since(*(part[after & near] for part in readings))
@@ -123,22 +74,24 @@ def _tried(
         change[[i for one in watched.of(chosen) for i in one.columns]] = sizes.theta
         left = readings.distance(change)
         wrong, unchanged = (float(np.sum(x)) for x in (_loss(left[after & ~near]), _loss(far[after])))
-        cost = evidence.cost(chosen) + 2 * (wrong + float(np.sum(_loss(far))) - unchanged)
         since = np.cumsum((_loss(far) - _loss(left))[::-1])[::-1]
         was = after, near
         after = np.arange(len(far)) >= int(np.argmax(since))
         near = left < WRONG * max(float(np.median(left[after])), 1.0)
         if np.array_equal(was, (after, near)):
             break
-    return _Trial(cost, evidence, change, since, wrong, unchanged)
-
-
-def _cost(trial: _Trial) -> float:
-    return trial.cost
-
-
-def _may_scatter(likely: Sequence[Likely]) -> bool:
-    return any(one.is_noise and one.probability >= WATCH.likely for one in likely)
+    noise, noisier, log_ratio = _noisier(far, detector.components)
+    whole = float(np.logaddexp.reduce(since))
+    of_beginning = float(np.max(since)) - whole + math.log(len(far))
+    cost = dof + 2 * (unchanged - log_ratio - wrong - of_beginning)
+    likely, moved = _weighed(watched, evidence, cost)
+    began = noisier if likely[0].is_noise else np.exp(since - whole)
+    ends = [readings.marks[i - 1] if i else before.mark for i in central(began)]
+    if not any(one.is_noise and one.probability >= WATCH.likely for one in likely):
+        noise = 1.0
+    change = change * (not likely[0].is_noise)
+    sums = detector.split(before, readings, int(np.argmax(began)), change, noise)
+    return Change(likely, moved, ends[0], ends[1], noise, *sums)
 
 
 def _chosen(evidence: Evidence) -> list[Candidate]:

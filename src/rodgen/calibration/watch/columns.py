@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from rodgen.calibration.predict import in_known_runs
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.sensitivities import Sensitivities, is_direct
-from rodgen.calibration.watch.events import Range
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import unit_factor
 from rodgen.errors import InputFileError, UnexpectedError
@@ -87,8 +85,6 @@ class WatchedColumns:
     free : int
         The first so many columns are of what the fit adjusted.
     alternatives : list of Alternative
-    ranges : list of Range
-        What the reference covers of coordinates, temperatures and the load.
     rules : list of SetAside
         What the machine file sets aside by rule or run; rows by their numbers are those of the reference.
     """
@@ -124,9 +120,6 @@ class WatchedColumns:
             for name, x in self._conditions(fit.observations)
             if not (name in round_about and np.ptp(x) > ROUND)
         }
-        columns: Any = fit.observations.data.columns
-        given = [(columns[name], columns[name].values) for name in self._covered]
-        self.ranges = [Range(c.name, float(x.min()), float(x.max()), c.unit) for c, x in given]
 
     def _motion(self, sensitivities: Sensitivities) -> None:
         """Whiten the reference row by row, in the order of time, as new readings will be."""
@@ -242,15 +235,13 @@ class WatchedColumns:
         found += [("load", o.load)] if o.load is not None else []
         yield from ((name, x) for name, x in found if name in o.data.columns)
 
-    def outside(self, o: Observations) -> Array:
-        """Return the number of the range beyond which each new reading is farthest, (n,); -1 where it is in all."""
-        values = dict(self._conditions(o))
-        far = np.zeros((o.n, len(self._covered) + 1))
-        for k, (name, (low, high)) in enumerate(self._covered.items(), 1):
-            if name in values:
-                beyond = np.maximum(values[name] - high, low - values[name])
-                far[:, k] = beyond / max(high - low, SMALLEST) - BEYOND
-        return np.asarray(np.argmax(far, axis=1) - 1)
+    def outside(self, o: Observations) -> Mask:
+        """Return which new readings are beyond what the reference covers of a condition, (n,)."""
+        found = np.zeros(o.n, bool)
+        for name, x in self._conditions(o):
+            low, high = self._covered.get(name, (-math.inf, math.inf))
+            found |= np.maximum(x - high, low - x) > BEYOND * max(high - low, SMALLEST)
+        return found
 
     def counts(self, data: Measurements) -> Mask:
         """Return which new measurements the machine file does not set aside, (n,).
@@ -284,8 +275,8 @@ class WatchedColumns:
         )
         return np.asarray(found * self._scale)
 
-    def at(self, o: Observations) -> tuple[Array, Array, Array]:
-        """Return the columns, (n, m, d), the weighted residuals, (n, m), and the predicted readings of observations.
+    def at(self, o: Observations) -> tuple[Array, Array]:
+        """Return the columns, (n, m, d), and the weighted residuals, (n, m), of observations.
 
         Raises
         ------
@@ -296,7 +287,6 @@ class WatchedColumns:
         with one_thread_in_blas():
             columns = problem.jacobian(self._theta, frame)
             residual = problem.residuals(self._theta, frame, weighted=True)
-            predicted = problem.predicted(self._theta, frame)
         index = {parameter.key: i for i, parameter in enumerate(self._model.parameters)}
         sensitivities = Sensitivities(self.fit, np.arange(o.n), o, problem.weight, residual, columns, index)
         found = [unsearched(sensitivities, effect) for effect in self._effects]
@@ -307,4 +297,4 @@ class WatchedColumns:
             raise InputFileError(
                 o.data.file, o.data.place(row), "no prediction of the model there", "a place that it reaches"
             )
-        return stacked, residual, predicted
+        return stacked, residual

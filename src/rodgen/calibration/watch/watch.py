@@ -1,7 +1,7 @@
 """Watch a fitted machine: readings as they come, against the model, until something is no longer as it was.
 
 The statistics are in :mod:`rodgen.statistics.change_detector`. What is added here: the columns of the readings, rates
-and times, what an alarm means in words and units, outliers, stuck readings, and a state that survives restarts.
+and times, what an alarm means in words and units, outliers, and a state that survives restarts.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.watch.changes import Change, what_changed
 from rodgen.calibration.watch.columns import WatchedColumns
-from rodgen.calibration.watch.events import Changed, Event, OutlierSeen, Range, Stuck
+from rodgen.calibration.watch.events import Changed, Event, OutlierSeen
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import TIME, UnitError, parse_unit
 from rodgen.errors import InputFileError, UnexpectedError, joined, shown
@@ -38,11 +38,6 @@ SETTLED = 32
 """Blocks after an alarm until a change is named for good, and things are taken for what they are since."""
 WAITED = 10
 """Blocks after which a reading that was far off is an outlier: a change as large would have raised an alarm."""
-STUCK = 6.0
-"""Standard deviations by which what is predicted must move while a reading repeats its digits."""
-STUCK_TIMES = 3
-"""How often it must repeat them, one after the other: noise makes up for it once in 40,000, three times in 1e13."""
-
 __all__ = ["Stored", "Watch", "frequency", "stored"]
 
 
@@ -53,11 +48,10 @@ MOST_ROWS = 1000
 PAUSE = 10.0
 """Times that the usual gap between readings is exceeded by a pause."""
 HISTORY = 1000
-"""Points of the curve that is drawn: each is the largest of some blocks."""
-FORMAT = 3
+"""Points of the curve that is drawn: each is the largest of some blocks, of more where they are older."""
+FORMAT = 4
 """Of a state."""
-KEPT = ("rows", "blocks", "alarms", "alarm_rows", "history", "_last_t", "_ahead", "_settling", "_outliers", "_repeated",
-        "_every", "_best")  # fmt: skip
+KEPT = ("rows", "blocks", "alarms", "alarm_rows", "history", "_last_t", "_settling", "_outliers")
 """What a state keeps of a watch besides arrays."""
 LARGEST_STATE = 500_000_000
 """Bytes of a state that is read: that of a robot has 10 MB."""
@@ -158,13 +152,10 @@ class Watch:
         self._pending = self._nothing()
         self._context: Measurements | None = None
         self._last_t = math.nan
-        self._ahead = 0.0  # seconds that were counted while the clock stood still
         self._settling = 0
         self.alarms, self.alarm_rows = 0, list[int]()
         self._outliers: list[Sequence[Any]] = []  # number, distance, block, count
-        self._repeated: dict[str, Sequence[Any]] = {}  # value, prediction, times, since
         self.history: list[Sequence[float]] = []
-        self._every, self._best = 1, -math.inf
 
     def _demand(self, degrees: float) -> None:
         """Refuse a reference that leaves too few degrees of freedom."""
@@ -232,10 +223,6 @@ class Watch:
         """Logarithm of the limit of the sum."""
         return math.log(self._limit)
 
-    def _count_alarm(self, row: int) -> None:
-        self.alarms += 1
-        self.alarm_rows = [*self.alarm_rows, row][-HISTORY:]
-
     def update(self, data: Any) -> list[Event]:
         """Take new readings in, and return what they show.
 
@@ -247,7 +234,7 @@ class Watch:
         Returns
         -------
         list of Event
-            Alarms and what they are named, outliers, readings that are stuck; in order, mostly none.
+            Alarms and what they are named, and outliers; in order, mostly none.
 
         Raises
         ------
@@ -269,7 +256,7 @@ class Watch:
             self._count(whole, bound, data.rows)
             return []
         o = bound.take(old + new)
-        columns, readings, predicted = self._watched.at(o)
+        columns, readings = self._watched.at(o)
         if self._whitener is not None:
             gap = self._watched.gaps(bound.take(np.append(np.arange(old), old + new)))[old:]
             motion = self._watched.motion(o)
@@ -280,7 +267,7 @@ class Watch:
         # numbers of another file begin anew, counts do not
         marks = np.column_stack([numbers[new], time, self.rows + new, self._watched.outside(o)])
         self._count(whole, bound, data.rows)
-        events = list(self._stuck(data.take(new), predicted, numbers[new]))
+        events = list[Event]()
         self._pending = tuple(  # type: ignore[assignment]
             np.concatenate(parts) for parts in zip(self._pending, (columns, readings, marks), strict=True)
         )
@@ -297,7 +284,7 @@ class Watch:
             return []
         self._settling = 0
         with one_thread_in_blas():
-            return [self._settled(int(self.detector.recent.marks[-1, 0]))]
+            return [self._settled(int(self.detector.recent[2][-1, 0]))]
 
     def _settled(self, at: int) -> Changed:
         """Name a change for good; how things are since is how they should be."""
@@ -337,7 +324,8 @@ class Watch:
             if x > bound
         ]
         if self.detector.alarm:
-            self._count_alarm(self.rows - len(self._pending[0]))
+            self.alarms += 1
+            self.alarm_rows = [*self.alarm_rows, self.rows - len(self._pending[0])][-HISTORY:]
             self._settling = max(SETTLED // self._per_block, 1)
             found = what_changed(self.detector, self._watched)
             yield from self._released(at, before=found.first[2])
@@ -349,45 +337,33 @@ class Watch:
         """Yield outliers that no change explains."""
         for row, distance, block, count in self._outliers:
             if block <= at_block and count <= before:
-                yield OutlierSeen(at, self._counted, row, distance)
+                yield OutlierSeen(row, self._counted, distance)
         self._outliers = [one for one in self._outliers if one[2] > at_block] if at_block < math.inf else []
 
     def _passed(self, marks: Array) -> float:
         """Return the time that passed since the block before, seconds.
 
-        A clock that stands still, or is set back, does not stop the watch; and one that is set forward, or a long
-        pause, is no more time than there is before the first reading: else it alone would be as much as a false
-        alarm takes.
+        A clock that stands still, or is set back, does not stop the watch; a pause, or a clock that is set forward, is
+        no more time than such readings usually take: else it alone would be as much as a false alarm takes.
         """
         t, usual = float(marks[-1, 1]), len(marks) * self._row_time
         if self._rate is not None or math.isnan(t):
             return usual
         gap = t - (float(marks[0, 1]) if math.isnan(self._last_t) else self._last_t)
         self._last_t = t
-        if gap <= 0:
-            self._ahead += usual
-            return usual
-        passed = max(gap - self._ahead, 0.0)
-        self._ahead = max(self._ahead - gap, 0.0)
-        return min(passed, max(usual, WATCH.at_once * self._limit))
+        return min(gap, usual) if gap > 0 else usual
 
     def _remember(self) -> None:
-        """Keep the largest evidence of every few blocks: of twice as many where the curve is full."""
-        self._best = max(self._best, self.evidence)
-        if self.blocks % self._every == 0:
-            self.history.append((float(self.rows - len(self._pending[0])), self._best))
-            self._best = -math.inf
+        """Keep the evidence of every block; where these are many, the larger one of each two."""
+        self.history.append((float(self.rows - len(self._pending[0])), self.evidence))
         if len(self.history) >= HISTORY:
-            pairs = zip(self.history[::2], self.history[1::2], strict=False)
+            pairs = zip(self.history[::2], self.history[1::2], strict=True)
             self.history = [(b[0], max(a[1], b[1])) for a, b in pairs]
-            self._every *= 2
 
     # what it means -----------------------------------------------------------------------------------------------
 
     def _changed(self, found: Change, at: int, *, settled: bool) -> Changed:
-        t_after, t_by = [
-            None if math.isnan(mark[1]) else float(mark[1]) for mark in (found.first, found.last)
-        ]
+        marks = self.detector.recent[2]
         return Changed(
             at,
             self._counted,
@@ -397,39 +373,8 @@ class Watch:
             found.noise if found.likely[0].is_noise else 1.0,
             settled,
             self.evidence,
-            t_after,
-            t_by,
-            self._outside(found),
+            bool(np.mean(marks[marks[:, 2] > found.first[2], 3]) > 0.5),
         )
-
-    def _outside(self, found: Change) -> Range | None:
-        """Return what the reference covers of a condition beyond which most readings since a change are."""
-        marks = self.detector.recent.marks
-        where = marks[marks[:, 2] > found.first[2], 3].astype(int)
-        most = np.bincount(where + 1, minlength=1)[1:]
-        if not 2 * most.sum() > len(where):
-            return None
-        return self._watched.ranges[int(np.argmax(most))]
-
-    def _stuck(self, data: Measurements, predicted: Array, numbers: Array) -> Iterator[Event]:
-        """Yield columns of readings that repeat a value although what is predicted moves away from it."""
-        least = STUCK * self.fit.rms * self.fit.unit_factor
-        for name, expected in zip(self.fit.machine.measurand.columns, predicted.T, strict=False):
-            if name not in data.columns:
-                continue
-            values = data.columns[name].values
-            for value, there, number in zip(
-                values.tolist(), expected.tolist(), numbers.tolist(), strict=True
-            ):
-                last, before, times, since = self._repeated.get(name, (math.nan, 0.0, 0, 0))
-                if value != last:
-                    times, since = 0, int(number)
-                elif abs(there - before) > least:
-                    times += 1
-                    if times == STUCK_TIMES:
-                        self._count_alarm(self.rows)
-                        yield Stuck(int(number), data.counted, name, since)
-                self._repeated[name] = value, there, times, since
 
     # kept in a file ----------------------------------------------------------------------------------------------
 
