@@ -22,8 +22,7 @@ from simulated_fleet import Truth, make_fleet
 
 from rodgen.calibration.fleet import Fleet, Pair, diagnose_fleet, pairs_of
 from rodgen.calibration.fleet.changes import Changes, Night
-from rodgen.calibration.fleet.fleet import FleetMachine
-from rodgen.calibration.fleet.store import Plan, write_plan
+from rodgen.calibration.fleet.store import FleetMachine, Plan, write_plan
 from rodgen.calibration.fleet.summary import parameter_cells, valued
 from rodgen.cli.main import main
 from rodgen.errors import InputFileError
@@ -142,33 +141,17 @@ def test_another_fleet_that_is_written_to_the_same_folder_meanwhile_is_refused(
         diagnose_fleet([Pair("a", "", "")], tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ("machine,data\na.toml,m.csv\nb.toml,m.csv\n", "line 3: 'm', as in line 2"),
-        ("machine,file\n", "line 1: 'machine,file'"),
-        ("machine,data\na.toml\n", "line 2: 1 cells"),
-        ("machine,data\n", "no machine"),
-    ],
-)
-def test_table_of_pairs_says_what_is_wrong(tmp_path: Path, table: str, message: str) -> None:
-    (tmp_path / "pairs.csv").write_text(table)
-    with pytest.raises(InputFileError, match=message):
-        pairs_of(str(tmp_path / "pairs.csv"), None)
-
-
-def test_pairs_come_from_a_table_from_folders_or_from_one_machine_file(tmp_path: Path) -> None:
+def test_pairs_come_from_folders_or_from_one_machine_file(tmp_path: Path) -> None:
     for name in ("a.toml", "a.csv.gz", "b.parquet"):
         (tmp_path / name).touch()
-    (tmp_path / "pairs.csv").write_text("name,machine,data\nfirst,a.toml,a.csv.gz\n")
     a, b = str(tmp_path / "a.csv.gz"), str(tmp_path / "b.parquet")
     machine = str(tmp_path / "a.toml")
-    assert pairs_of(str(tmp_path / "pairs.csv"), None) == [Pair("first", machine, a)]
-    (tmp_path / "pairs.csv").unlink()
     assert pairs_of(machine, str(tmp_path)) == [Pair("a", machine, a), Pair("b", machine, b)]
     with pytest.raises(InputFileError, match=r"c\.toml: file: no such file"):
         pairs_of(str(tmp_path / "c.toml"), str(tmp_path))
     assert pairs_of(str(tmp_path), str(tmp_path)) == [Pair("a", machine, a), Pair("b", "", b)]
+    with pytest.raises(InputFileError, match=r"a\.toml: file: cannot be read"):
+        pairs_of(machine, machine)
 
 
 # processes ---------------------------------------------------------------------------------------------
@@ -329,7 +312,7 @@ def made_machine(
     step = {"effect": "tube_flexure", "joint": None, "indistinguishable_from": []}
     estimates = {"values": dict(values), "effects": {"tube_flexure": ["tube_flexure", None]}}
     return FleetMachine(
-        Pair(name, "", ""),
+        name,
         {
             "verdict": "effects_missing" if found else "nothing_missing",
             "steps": [step] * found,

@@ -102,8 +102,17 @@ def test_a_fleet_starts_its_scheduler_once(monkeypatch, tmp_path, rodgen_command
             yield made
 
     monkeypatch.setattr(schedulers, "_made", counted)
-    (tmp_path / "pairs.csv").write_text("machine,data\nnone.toml,none.csv\n")
-    line = ["fleet", tmp_path / "pairs.csv", "-o", tmp_path / "results", "--scheduler", "processes=1"]
+    (tmp_path / "none.csv").write_text("")
+    (tmp_path / "none.toml").write_text("")
+    line = [
+        "fleet",
+        tmp_path / "none.toml",
+        tmp_path,
+        "-o",
+        tmp_path / "results",
+        "--scheduler",
+        "processes=1",
+    ]
     assert rodgen_command(*line)[0] == 2
     assert started == ["processes=1"]
 

@@ -309,26 +309,25 @@ def test_a_folder_that_is_read_gets_no_further_part(tmp_path, monkeypatch, rodge
     assert {path.name: path.read_bytes() for path in Path("parts").iterdir()} == {"a.parquet": b"PAR1"}
 
 
-def test_results_of_a_fleet_replace_no_file_of_the_fleet(tmp_path, monkeypatch, rodgen_command):
+@pytest.mark.parametrize("results", ["m", "data", ".", "m/../data"])
+def test_results_of_a_fleet_stand_apart_from_its_files(results, tmp_path, monkeypatch, rodgen_command):
     monkeypatch.chdir(tmp_path)
-    Path("machines").mkdir()
-    Path("machines/a.json").write_text("data")
-    Path("pairs.csv").write_text("machine,data,name\nm.toml,machines/a.json,a\n")
-    code, _, err = rodgen_command("fleet", "pairs.csv", "-o", ".", "--jobs", "1")
+    for folder, name in (("m", "a.toml"), ("data", "a.csv"), ("machines", "b.toml")):
+        Path(folder).mkdir()
+        Path(folder, name).write_text("file")
+    code, _, err = rodgen_command("fleet", "machines" if results == "." else "m", "data", "-o", results)
     assert (code, err.count("\n")) == (2, 1)
-    assert "machines/a.json: file: in the place of results" in err
-    assert Path("machines/a.json").read_text() == "data"
-    assert sorted(os.listdir()) == ["machines", "pairs.csv"]
+    assert f"in the folder of results, {results}; expected another folder of results" in err
+    assert sorted(map(str, Path().rglob("*.*"))) == ["data/a.csv", "m/a.toml", "machines/b.toml"]
 
 
 def test_no_link_among_the_results_of_a_fleet_leads_to_its_files(work, rodgen_command):
     Path("r/machines").mkdir(parents=True)
-    Path("r/machines/a.json").symlink_to("../../d.csv")
-    Path("pairs.csv").write_text("machine,data,name\nm.toml,d.csv,a\n")
+    Path("r/machines/d.json").symlink_to("../../d.csv")
     before = Path("d.csv").read_bytes()
-    code, _, err = rodgen_command("fleet", "pairs.csv", "-o", "r", "--jobs", "1")
+    code, _, err = rodgen_command("fleet", "m.toml", ".", "-o", "r", "--jobs", "1")
     assert (code, err.count("\n")) == (2, 1)
-    assert "d.csv: file: in the place of results" in err
+    assert "d.csv: file: in the folder of results" in err
     assert Path("d.csv").read_bytes() == before
 
 

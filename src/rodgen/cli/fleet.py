@@ -11,15 +11,14 @@ from rodgen.cli._values import InputFile, OutputFolder, frequency, whole
 _FLEET = """\
 Diagnose every machine of a fleet, and say which effects are common, which machines are odd, and what changes from night
 to night. MACHINES and DATA are folders, in which a machine file (NAME.toml) and its measurements (NAME.csv) have the
-same name; one machine file for all measurements will do. Or MACHINES is a CSV file of pairs, with the columns machine,
-data and, where wanted, name.
+same name; one machine file for all measurements will do.
 
 RESULTS gets one file for each machine. What is there, from the same files, is not diagnosed again, so that a run that
 was ended goes on where it was. A machine that cannot be diagnosed is named, and the others go on.
 
   rodgen fleet machines/ data/ -o results/
   rodgen fleet robot.toml tonight/ -o results-26/ --history results-24/ --history results-25/
-  rodgen fleet pairs.csv -o results/ --jobs 8
+  rodgen fleet machines/ data/ -o results/ --jobs 8
   rodgen report results/ -o fleet.html
 """
 
@@ -31,10 +30,9 @@ def add_to(command: Command) -> None:
         "machines",
         metavar="MACHINES",
         type=InputFile,
-        help="a folder of machine files, one file, or a table of pairs",
+        help="a folder of machine files, or one file",
     )
-    about = "a folder of measurements; a table of pairs names its own"
-    fleet.add_argument("data", metavar="DATA", type=InputFile, nargs="?", help=about)
+    fleet.add_argument("data", metavar="DATA", type=InputFile, help="a folder of measurements")
     about = "the folder of results"
     fleet.add_argument("-o", "--output", metavar="RESULTS", type=OutputFolder, required=True, help=about)
     about = "the folder of earlier results, to compare the nights; may be given several times"

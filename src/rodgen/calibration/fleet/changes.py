@@ -15,40 +15,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from rodgen.array_types import Array
+from rodgen.calibration.fleet.store import FleetMachine
 from rodgen.statistics.drift import Drifts, drifts
 from rodgen.statistics.random_effects import discovery_rates
 from rodgen.statistics.thresholds import FLEET
 from rodgen.views import Result
 
 DAY = 86400.0
-
-
-class Measured(Protocol):
-    """A machine as one night shows it."""
-
-    @property
-    def kind(self) -> str:
-        """Its design."""
-
-    @property
-    def model(self) -> str:
-        """The content of its machine file, by the hash."""
-
-    @property
-    def found(self) -> list[str]:
-        """Titles of the effects that were found."""
-
-    @property
-    def degrees_of_freedom(self) -> float:
-        """With which standard deviations are known."""
-
-    def estimates(self, which: str = "with_found") -> Mapping[str, tuple[float, float, str]]:
-        """Return values, standard deviations and units by key."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +36,11 @@ class Night:
     Attributes
     ----------
     date : str
-    machines : mapping of str to Measured
+    machines : mapping of str to FleetMachine
     """
 
     date: str
-    machines: Mapping[str, Measured]
+    machines: Mapping[str, FleetMachine]
 
     @property
     def time(self) -> float:
@@ -114,20 +92,17 @@ class Change(Result):
     new: bool
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """One parameter of machines of one kind, by night."""
+class _Rows(NamedTuple):
+    """One parameter of machines of one kind, by night: values, their standard deviations and degrees of freedom."""
 
     key: str
     unit: str
     machines: list[str]
-    values: Array
-    std: Array
-    degrees: Array
+    numbers: Array  # (N, 3, T)
 
     def tests(self, times: Array, nights: int) -> Drifts:
-        values = np.where(np.arange(len(times)) < nights, self.values, np.nan)
-        return drifts(values, self.std, self.degrees, times)
+        values, std, degrees = np.moveaxis(self.numbers, 1, 0)
+        return drifts(np.where(np.arange(len(times)) < nights, values, np.nan), std, degrees, times)
 
 
 class Changes:
@@ -148,33 +123,24 @@ class Changes:
     @cached_property
     def rows(self) -> list[_Rows]:
         """What is tested."""
-        by: dict[tuple[str, str, str], list[tuple[str, list[tuple[int, float, float, float]]]]] = {}
+        by: dict[tuple[str, str, str], dict[str, Array]] = {}
         for name, tonight in self.nights[-1].machines.items():
-            seen = self._nights_of(name)
+            found = [
+                (t, night.machines[name]) for t, night in enumerate(self.nights) if name in night.machines
+            ]
+            seen = [(t, machine) for t, machine in found if machine.model == tonight.model]
             which = "with_found" if len({tuple(sorted(m.found)) for _, m in seen}) == 1 else "as_file"
-            points: dict[tuple[str, str], list[tuple[int, float, float, float]]] = {}
             for t, machine in seen:
                 for key, (value, std, unit) in machine.estimates(which).items():
-                    points.setdefault((key, unit), []).append((t, value, std, machine.degrees_of_freedom))
-            for (key, unit), some in points.items():
-                if len(some) > 1 and some[-1][0] == len(self.nights) - 1:
-                    by.setdefault((tonight.kind, key, unit), []).append((name, some))
-        return [self._row(key, unit, each) for (_, key, unit), each in by.items()]
-
-    def _nights_of(self, name: str) -> list[tuple[int, Measured]]:
-        """Return the nights that have a machine with the file that it has tonight."""
-        model = self.nights[-1].machines[name].model
-        found = ((t, night.machines.get(name)) for t, night in enumerate(self.nights))
-        return [(t, machine) for t, machine in found if machine is not None and machine.model == model]
-
-    def _row(
-        self, key: str, unit: str, each: list[tuple[str, list[tuple[int, float, float, float]]]]
-    ) -> _Rows:
-        arrays = np.full((3, len(each), len(self.nights)), np.nan)
-        for i, (_, points) in enumerate(each):
-            for t, *numbers in points:
-                arrays[:, i, t] = numbers
-        return _Rows(key, unit, [name for name, _ in each], *arrays)
+                    of = by.setdefault((tonight.kind, key, unit), {})
+                    row = of.setdefault(name, np.full((3, len(self.nights)), np.nan))
+                    row[:, t] = value, std, machine.degrees_of_freedom
+        rows = []
+        for (_, key, unit), of in by.items():
+            known = {name: np.isfinite(row[0]) for name, row in of.items()}
+            names = [name for name, there in known.items() if there[-1] and there.sum() > 1]
+            rows += [_Rows(key, unit, names, np.stack([of[name] for name in names]))] if names else []
+        return rows
 
     @property
     def tests(self) -> int:
@@ -190,30 +156,21 @@ class Changes:
     def found(self) -> tuple[Change, ...]:
         """What drifts or has changed, the surest first; alarms among them."""
         count = len(self.nights)
-        tested = [(row, row.tests(self.times, count)) for row in self.rows]
-        if not tested:
-            return ()
-        p = np.concatenate([np.stack([d.trend_p, d.change_p]) for _, d in tested], axis=1)
-        rates = discovery_rates(p)
-        found, start = list[Change](), 0
-        for row, d in tested:
-            own = slice(start, start + len(row.machines))
-            start = own.stop
-            wanted = (rates[:, own].min(axis=0) < FLEET.false_discoveries) | (
-                p[:, own].min(axis=0) < self.threshold
-            )
-            if wanted.any():
-                before = row.tests(self.times, count - 1)
-                found += [
-                    self._change(row, i, d, before, rates[:, start - len(row.machines) + i])
-                    for i in np.flatnonzero(wanted).tolist()
-                ]
+        tested = [
+            (row, i, d, before)
+            for row in self.rows
+            for d, before in [(row.tests(self.times, count), row.tests(self.times, count - 1))]
+            for i in range(len(row.machines))
+        ]
+        p = np.array([(d.trend_p[i], d.change_p[i]) for _, i, d, _ in tested]).reshape(-1, 2)
+        rates, least = discovery_rates(p).min(axis=1), p.min(axis=1)
+        wanted = np.flatnonzero((rates < FLEET.false_discoveries) | (least < self.threshold))
+        found = [self._change(*tested[k], float(least[k]), float(rates[k])) for k in wanted]
         return tuple(sorted(found, key=lambda one: (one.p_value, one.machine, one.key)))
 
-    def _change(self, row: _Rows, i: int, d: Drifts, before: Drifts, rates: Array) -> Change:
+    def _change(self, row: _Rows, i: int, d: Drifts, before: Drifts, p: float, rate: float) -> Change:
         trend = bool(d.trend_p[i] < d.change_p[i])
-        at = int(np.flatnonzero(np.isfinite(row.values[i]))[0]) if trend else int(d.at[i])
-        p = float(min(d.trend_p[i], d.change_p[i]))
+        at = int(np.flatnonzero(np.isfinite(row.numbers[i, 0]))[0]) if trend else int(d.at[i])
         alarm = p < self.threshold
         return Change(
             row.machines[i],
@@ -224,7 +181,7 @@ class Changes:
             float((d.slope_std if trend else d.step_std)[i]),
             self.nights[at].date,
             p,
-            float(rates.min()),
+            rate,
             alarm,
             alarm and not min(before.trend_p[i], before.change_p[i]) < self.threshold,
         )
@@ -233,6 +190,6 @@ class Changes:
         """Yield the nights of a parameter: date, value, standard deviation."""
         for row in self.rows:
             if row.key == key and name in row.machines:
-                i = row.machines.index(name)
-                for t in np.flatnonzero(np.isfinite(row.values[i])).tolist():
-                    yield self.nights[t].date, float(row.values[i, t]), float(row.std[i, t])
+                values, std, _ = row.numbers[row.machines.index(name)]
+                for t in np.flatnonzero(np.isfinite(values)).tolist():
+                    yield self.nights[t].date, float(values[t]), float(std[t])

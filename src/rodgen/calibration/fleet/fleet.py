@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
@@ -14,97 +14,11 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.calibration.fleet.changes import Change, Changes, Night
-from rodgen.calibration.fleet.pairs import Pair
-from rodgen.calibration.fleet.store import Plan, read_plan, read_result
+from rodgen.calibration.fleet.store import FleetMachine, Plan, read_plan, read_result, title_of
 from rodgen.methods import method
 from rodgen.statistics.random_effects import Population, discovery_rates, population
 from rodgen.statistics.thresholds import FLEET
 from rodgen.views import Result, plain
-
-RMS = "rms"
-"""Key of the error that the model with all effects leaves, which is compared like a parameter."""
-
-
-@dataclass(frozen=True, eq=False)
-class FleetMachine:
-    """A machine of a fleet, and its result.
-
-    Attributes
-    ----------
-    pair : Pair
-    result : mapping
-        As of ``rodgen diagnose --json``, with ``"fleet"``; or with ``"error"``. Empty until it is diagnosed.
-    """
-
-    pair: Pair
-    result: Mapping[str, Any]
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        return self.pair.name
-
-    @property
-    def error(self) -> str:
-        """Why it could not be diagnosed: a sentence; empty where it was, or was not yet."""
-        return str(self.result.get("error", ""))
-
-    @property
-    def pending(self) -> bool:
-        """Whether it was not diagnosed yet."""
-        return not self.result
-
-    @property
-    def diagnosed(self) -> bool:
-        """Whether it was diagnosed."""
-        return "fleet" in self.result
-
-    @property
-    def model(self) -> str:
-        """The content of its machine file, by the hash."""
-        return str(self.result["key"]["sha256"]["machine"])
-
-    @property
-    def kind(self) -> str:
-        """What it has in common with machines of one design: joints, effects of the file, and what is measured."""
-        return str(self.result["fleet"]["kind"])
-
-    @property
-    def found(self) -> list[str]:
-        """Titles of the effects that were found."""
-        return [_title(step["effect"], step["joint"]) for step in self.result["steps"]]
-
-    @property
-    def alike(self) -> dict[str, list[str]]:
-        """By the titles of effects that were found, those of others that its data cannot tell from them."""
-        return {
-            _title(step["effect"], step["joint"]): [
-                _title(**alias["effects"][0])
-                for alias in step["indistinguishable_from"]
-                if len(alias["effects"]) == 1
-            ]
-            for step in self.result["steps"]
-        }
-
-    def estimates(self, which: str = "with_found") -> dict[str, tuple[float, float, str]]:
-        """Return values, standard deviations and units by key; "with_found" or "as_file" says of which model."""
-        found = {key: tuple(each) for key, each in self.result["fleet"][which]["values"].items()}
-        if which == "with_found":
-            rms = self.result["rms"]
-            dof = self.result["fleet"]["residual_dof"]
-            if rms["after"] and dof > 0:
-                found[RMS] = rms["after"], rms["after"] / math.sqrt(2 * dof), rms["unit"]
-        return found
-
-    @property
-    def degrees_of_freedom(self) -> float:
-        """With which the standard deviations are known; infinite where the noise is stated."""
-        found = self.result["fleet"]["degrees_of_freedom"]
-        return math.inf if found is None else float(found)
-
-
-def _title(effect: str, joint: str | None) -> str:
-    return f"{effect} at {joint}" if joint else effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,7 +174,7 @@ class Fleet(Result):
         name = os.fspath(folder)
         plan = read_plan(name)
         return cls(
-            name, plan, tuple(FleetMachine(pair, read_result(name, pair.name) or {}) for pair in plan.pairs)
+            name, plan, tuple(FleetMachine(each, read_result(name, each) or {}) for each in plan.machines)
         )
 
     @property
@@ -357,7 +271,7 @@ def _kind(title: str, machines: Sequence[FleetMachine]) -> Kind:
     columns: dict[tuple[str, str], list[tuple[str, float, float]]] = {}
     for machine in machines:
         for start, (name, place) in machine.result["fleet"]["with_found"]["effects"].items():
-            titles[start] = _title(name, place)
+            titles[start] = title_of(name, place)
         taken = {
             effect
             for effect, others in machine.alike.items()

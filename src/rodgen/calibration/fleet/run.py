@@ -6,8 +6,9 @@ import hashlib
 import os
 import time
 import warnings
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from datetime import date as calendar
 from datetime import datetime
 from importlib.metadata import version
@@ -15,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 from rodgen.calibration.fleet.changes import moment
 from rodgen.calibration.fleet.fleet import Fleet
-from rodgen.calibration.fleet.pairs import Pair
 from rodgen.calibration.fleet.store import (
     FORMAT,
+    MACHINES,
     PLAN,
     Plan,
     read_plan,
@@ -26,7 +27,7 @@ from rodgen.calibration.fleet.store import (
     write_plan,
     write_result,
 )
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.errors import InputFileError, RodgenError, listed, shown
 from rodgen.files import make_folder, unreadable, written_at_once
 from rodgen.schedulers import local_processes, workers
 from rodgen.stages import stage, step
@@ -34,6 +35,68 @@ from rodgen.statistics.thresholds import FLEET
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnosis import Diagnosis
+
+DATA = (".csv", ".csv.gz", ".parquet")
+"""Endings of measurement files."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A machine of the fleet.
+
+    Attributes
+    ----------
+    name : str
+    machine, data : str
+        The files; empty where there is none.
+    """
+
+    name: str
+    machine: str
+    data: str
+
+
+def pairs_of(machines: str, data: str) -> list[Pair]:
+    """Return the machines of a fleet by name.
+
+    Parameters
+    ----------
+    machines : str
+        A folder of machine files, which have the names of their measurements; or one machine file for all.
+    data : str
+        A folder of measurement files.
+
+    Raises
+    ------
+    InputFileError
+        When there are none.
+    """
+    if not os.path.exists(machines):
+        raise unreadable(machines, FileNotFoundError(), "a folder of machine files, or one machine file")
+    files = _files(data, DATA)
+    known = _files(machines, (".toml",)) if os.path.isdir(machines) else dict.fromkeys(files, machines)
+    found = [Pair(name, known.get(name, ""), files.get(name, "")) for name in sorted({*known, *files})]
+    if not found:
+        raise InputFileError(data, "file", "no machine", f"measurements, {listed(DATA)}")
+    return found
+
+
+def _files(folder: str, endings: Iterable[str]) -> dict[str, str]:
+    """Return the files of a folder with some endings, by their names without them."""
+    found: dict[str, str] = {}
+    try:
+        names = sorted(os.listdir(folder))
+    except OSError as error:
+        raise InputFileError(folder, "file", f"cannot be read ({error.strerror})", "a folder") from None
+    for name in names:
+        ending = next((e for e in sorted(endings, key=len, reverse=True) if name.endswith(e)), None)
+        if ending is None or name.startswith("."):
+            continue
+        stem, file = name.removesuffix(ending), os.path.join(folder, name)
+        if stem in found:
+            raise InputFileError(file, "file", f"a second file of {shown(stem)}", "one file for each machine")
+        found[stem] = file
+    return found
 
 
 def diagnose_fleet(
@@ -86,7 +149,8 @@ def diagnose_fleet(
             keys = [_key_of(pair) for pair in pairs]
             known = [read_result(folder, pair.name) for pair in pairs]
         stale = any(r is not None and r.get("key") != k for r, k in zip(known, keys, strict=True))
-        plan = Plan(_date(folder, date, stale), false_alarms, tuple(history), tuple(pairs))
+        names = tuple(pair.name for pair in pairs)
+        plan = Plan(_date(folder, date, stale), false_alarms, tuple(history), names)
         _check_history(folder, plan)
         write_plan(folder, plan)
         written = read_plan(folder)
@@ -106,14 +170,17 @@ def diagnose_fleet(
 
 
 def _check_apart(folder: str, pairs: Sequence[Pair]) -> None:
-    """Refuse a folder of results that has files of the fleet where results stand."""
+    """Refuse a folder of results that has files of the fleet, or where results would replace them."""
     files = [os.path.join(folder, PLAN), *(result_file(folder, pair.name) for pair in pairs)]
-    taken = set(map(os.path.realpath, files))
-    for file in {file for pair in pairs for file in (pair.machine, pair.data) if file}:
-        if os.path.realpath(file) in taken:
-            raise InputFileError(
-                file, "file", f"in the place of results, {folder}", "another folder of results"
-            )
+    taken = {
+        *map(os.path.realpath, files),
+        *(os.path.realpath(each) for each in (folder, f"{folder}/{MACHINES}")),
+    }
+    for file in (file for pair in pairs for file in (pair.machine, pair.data) if file):
+        place = os.path.realpath(file)
+        if not taken.isdisjoint({place, os.path.dirname(place)}):
+            expected = "another folder of results"
+            raise InputFileError(file, "file", f"in the folder of results, {folder}", expected)
 
 
 def _date(folder: str, given: str | None, stale: bool) -> str:

@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 from urllib.parse import quote
 
-from rodgen.calibration.fleet.pairs import Pair
 from rodgen.errors import InputFileError
 from rodgen.files import make_folder, read_input, write_file
 from rodgen.views import finite
 
 PLAN, MACHINES = "fleet.json", "machines"
-FORMAT = 1
+FORMAT = 2
 """Of a result; those of another one are made anew."""
 LARGEST = 50_000_000
 _EXPECTED = "results of 'rodgen fleet'"
@@ -39,30 +39,107 @@ class Plan:
         For the whole fleet, a year.
     history : tuple of str
         Folders of earlier results.
-    pairs : tuple of Pair
+    machines : tuple of str
+        Their names.
     """
 
     date: str
     false_alarms: float
     history: tuple[str, ...]
-    pairs: tuple[Pair, ...]
+    machines: tuple[str, ...]
+
+
+RMS = "rms"
+"""Key of the error that the model with all effects leaves, which is compared like a parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class FleetMachine:
+    """A machine of a fleet, and its result.
+
+    Attributes
+    ----------
+    name : str
+    result : mapping
+        As of ``rodgen diagnose --json``, with ``"fleet"``; or with ``"error"``. Empty until it is diagnosed.
+    """
+
+    name: str
+    result: Mapping[str, Any]
+
+    @property
+    def error(self) -> str:
+        """Why it could not be diagnosed: a sentence; empty where it was, or was not yet."""
+        return str(self.result.get("error", ""))
+
+    @property
+    def pending(self) -> bool:
+        """Whether it was not diagnosed yet."""
+        return not self.result
+
+    @property
+    def diagnosed(self) -> bool:
+        """Whether it was diagnosed."""
+        return "fleet" in self.result
+
+    @property
+    def model(self) -> str:
+        """The content of its machine file, by the hash."""
+        return str(self.result["key"]["sha256"]["machine"])
+
+    @property
+    def kind(self) -> str:
+        """What it has in common with machines of one design: joints, effects of the file, and what is measured."""
+        return str(self.result["fleet"]["kind"])
+
+    @property
+    def found(self) -> list[str]:
+        """Titles of the effects that were found."""
+        return [title_of(step["effect"], step["joint"]) for step in self.result["steps"]]
+
+    @property
+    def alike(self) -> dict[str, list[str]]:
+        """By the titles of effects that were found, those of others that its data cannot tell from them."""
+        return {
+            title_of(step["effect"], step["joint"]): [
+                title_of(**alias["effects"][0])
+                for alias in step["indistinguishable_from"]
+                if len(alias["effects"]) == 1
+            ]
+            for step in self.result["steps"]
+        }
+
+    def estimates(self, which: str = "with_found") -> dict[str, tuple[float, float, str]]:
+        """Return values, standard deviations and units by key; "with_found" or "as_file" says of which model."""
+        found = {key: tuple(each) for key, each in self.result["fleet"][which]["values"].items()}
+        if which == "with_found":
+            rms = self.result["rms"]
+            dof = self.result["fleet"]["residual_dof"]
+            if rms["after"] and dof > 0:
+                found[RMS] = rms["after"], rms["after"] / math.sqrt(2 * dof), rms["unit"]
+        return found
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """With which the standard deviations are known; infinite where the noise is stated."""
+        found = self.result["fleet"]["degrees_of_freedom"]
+        return math.inf if found is None else float(found)
+
+
+def title_of(effect: str, joint: str | None) -> str:
+    """Return an effect and its place."""
+    return f"{effect} at {joint}" if joint else effect
 
 
 def write_plan(folder: str, plan: Plan) -> None:
-    """Write what a fleet consists of; files are named relative to the folder."""
-    text = asdict(plan) | {
-        "history": [_relative(each, folder) for each in plan.history],
-        "pairs": [
-            {"name": p.name, "machine": _relative(p.machine, folder), "data": _relative(p.data, folder)}
-            for p in plan.pairs
-        ],
-    }
-    _write(os.path.join(folder, PLAN), {"format": 1, **text})
+    """Write what a fleet consists of; folders are named relative to the folder."""
+    history = [_relative(each, folder) for each in plan.history]
+    _write(os.path.join(folder, PLAN), {"format": FORMAT, **asdict(plan), "history": history})
 
 
 def _relative(file: str, folder: str) -> str:
     with contextlib.suppress(ValueError):  # another drive
-        return os.path.relpath(file, folder) if file else ""
+        return os.path.relpath(file, folder)
     return os.path.abspath(file)
 
 
@@ -77,16 +154,10 @@ def read_plan(folder: str) -> Plan:
     file = os.path.join(folder, PLAN)
     found = _read(file)
     try:
-
-        def place(name: str) -> str:
-            return os.path.normpath(os.path.join(folder, name)) if name else ""
-
-        pairs = tuple(
-            Pair(str(p["name"]), place(str(p["machine"])), place(str(p["data"]))) for p in found["pairs"]
-        )
-        history = tuple(place(str(each)) for each in found["history"])
-        return Plan(str(found["date"]), float(found["false_alarms"]), history, pairs)
-    except (LookupError, TypeError, ValueError, AttributeError):
+        history = tuple(os.path.normpath(os.path.join(folder, each)) for each in found["history"])
+        machines = tuple(map(str, found["machines"]))
+        return Plan(str(found["date"]), float(found["false_alarms"]), history, machines)
+    except (LookupError, TypeError, ValueError):
         raise InputFileError(file, "file", "no fleet", _EXPECTED) from None
 
 
