@@ -122,7 +122,9 @@ def test_a_fleet_and_a_watch_read_how_often_alarms_come_alike(monkeypatch, rodge
 
     def diagnosed(*_, false_alarms, **__):
         asked.append(false_alarms)
-        return SimpleNamespace(to_dict=dict, summary=str, failed=(), alarms=(), diagnosed=())
+        return SimpleNamespace(
+            to_dict=dict, summary=str, failed=(), changes=SimpleNamespace(found=()), diagnosed=()
+        )
 
     monkeypatch.setattr("rodgen.calibration.fleet.diagnose_fleet", diagnosed)
     monkeypatch.setattr("rodgen.calibration.fleet.pairs_of", lambda *_: [])

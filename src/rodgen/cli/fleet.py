@@ -68,6 +68,6 @@ def _run(options: argparse.Namespace) -> int:
         return INTERNAL
     if found.failed:
         return BAD_INPUT
-    if found.alarms:
+    if found.changes.found:
         return FAILED
     return OK if all(machine.result["fleet"]["converged"] for machine in found.diagnosed) else NOT_CONVERGED

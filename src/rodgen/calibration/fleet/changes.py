@@ -1,4 +1,4 @@
-"""What drifts or has changed from night to night, and alarms at a rate of false ones that holds for a whole fleet.
+"""What drifts or has changed from night to night: alarms at a rate of false ones that holds for a whole fleet.
 
 Nights of a machine are compared under one model: an effect that is found on one of them only would change the other
 parameters there. It is that with the effects found where these are the same on all nights, else that of the machine
@@ -6,7 +6,7 @@ file, to which each further effect is added alone. Nights with another machine f
 
 Each night every parameter of every machine is tested twice, for a trend and for a change of level. An alarm has a
 p-value below false alarms a year / (nights a year x tests a night): as many false ones are expected, whatever the tests
-have in common. What is merely listed has a rate of false discoveries.
+have in common.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.calibration.fleet.store import FleetMachine
 from rodgen.statistics.drift import Drifts, drifts
-from rodgen.statistics.random_effects import discovery_rates
 from rodgen.statistics.thresholds import FLEET
 from rodgen.views import Result
 
@@ -62,7 +61,7 @@ def moment(date: str) -> datetime:
 
 @dataclass(frozen=True)
 class Change(Result):
-    """A parameter of a machine that is not the same on all nights.
+    """An alarm: a parameter of a machine is not the same on all nights.
 
     Attributes
     ----------
@@ -73,10 +72,6 @@ class Change(Result):
     since : str
         Date of the first night after a change; of the first night of a trend.
     p_value : float
-    rate : float
-        Least rate of false discoveries, among all tests, at which it is one.
-    alarm, new : bool
-        Whether it is beyond the threshold for alarms, and whether it was not the night before.
     """
 
     machine: str
@@ -87,9 +82,6 @@ class Change(Result):
     std: float
     since: str
     p_value: float
-    rate: float
-    alarm: bool
-    new: bool
 
 
 class _Rows(NamedTuple):
@@ -99,10 +91,6 @@ class _Rows(NamedTuple):
     unit: str
     machines: list[str]
     numbers: Array  # (N, 3, T)
-
-    def tests(self, times: Array, nights: int) -> Drifts:
-        values, std, degrees = np.moveaxis(self.numbers, 1, 0)
-        return drifts(np.where(np.arange(len(times)) < nights, values, np.nan), std, degrees, times)
 
 
 class Changes:
@@ -154,24 +142,18 @@ class Changes:
 
     @cached_property
     def found(self) -> tuple[Change, ...]:
-        """What drifts or has changed, the surest first; alarms among them."""
-        count = len(self.nights)
-        tested = [
-            (row, i, d, before)
-            for row in self.rows
-            for d, before in [(row.tests(self.times, count), row.tests(self.times, count - 1))]
-            for i in range(len(row.machines))
-        ]
-        p = np.array([(d.trend_p[i], d.change_p[i]) for _, i, d, _ in tested]).reshape(-1, 2)
-        rates, least = discovery_rates(p).min(axis=1), p.min(axis=1)
-        wanted = np.flatnonzero((rates < FLEET.false_discoveries) | (least < self.threshold))
-        found = [self._change(*tested[k], float(least[k]), float(rates[k])) for k in wanted]
+        """What drifts or has changed, the surest first."""
+        found = []
+        for row in self.rows:
+            values, std, degrees = np.moveaxis(row.numbers, 1, 0)
+            d = drifts(values, std, degrees, self.times)
+            alarms = np.minimum(d.trend_p, d.change_p) < self.threshold
+            found += [self._change(row, i, d) for i in np.flatnonzero(alarms).tolist()]
         return tuple(sorted(found, key=lambda one: (one.p_value, one.machine, one.key)))
 
-    def _change(self, row: _Rows, i: int, d: Drifts, before: Drifts, p: float, rate: float) -> Change:
+    def _change(self, row: _Rows, i: int, d: Drifts) -> Change:
         trend = bool(d.trend_p[i] < d.change_p[i])
         at = int(np.flatnonzero(np.isfinite(row.numbers[i, 0]))[0]) if trend else int(d.at[i])
-        alarm = p < self.threshold
         return Change(
             row.machines[i],
             row.key,
@@ -180,10 +162,7 @@ class Changes:
             float((d.slope if trend else d.step)[i]),
             float((d.slope_std if trend else d.step_std)[i]),
             self.nights[at].date,
-            p,
-            rate,
-            alarm,
-            alarm and not min(before.trend_p[i], before.change_p[i]) < self.threshold,
+            float(min(d.trend_p[i], d.change_p[i])),
         )
 
     def series(self, name: str, key: str) -> Iterator[tuple[str, float, float]]:

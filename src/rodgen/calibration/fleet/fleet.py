@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.calibration.fleet.changes import Change, Changes, Night
+from rodgen.calibration.fleet.changes import Changes, Night
 from rodgen.calibration.fleet.store import FleetMachine, Plan, read_plan, read_result, title_of
 from rodgen.methods import method
 from rodgen.statistics.random_effects import Population, discovery_rates, population
@@ -221,11 +221,6 @@ class Fleet(Result):
         nights = [Night(fleet.plan.date, {m.name: m for m in fleet.diagnosed}) for fleet in (*earlier, self)]
         return Changes(sorted(nights, key=lambda night: night.time), self.plan.false_alarms)
 
-    @property
-    def alarms(self) -> list[Change]:
-        """Changes beyond the threshold for alarms."""
-        return [change for change in self.changes.found if change.alarm]
-
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, as ``rodgen fleet --json`` prints it."""
         return {
@@ -250,7 +245,7 @@ class Fleet(Result):
                 "false_alarms_per_year": self.plan.false_alarms,
                 "tests": self.changes.tests,
                 "threshold": self.changes.threshold,
-                "machines": sorted({change.machine for change in self.alarms}),
+                "machines": sorted({change.machine for change in self.changes.found}),
             },
         }
 

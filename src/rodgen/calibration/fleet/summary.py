@@ -53,16 +53,11 @@ def _lines(fleet: Fleet) -> Iterator[str]:
         yield from (f"  {name}: {text}" for name, text in odd[:MOST])
         yield from _more(len(odd), "machines")
     if len(fleet.changes.nights) > 1:
-        found = fleet.changes.found
         yield ""
         yield about_alarms(fleet)
-        alarms, others = (changes_text([c for c in found if c.alarm is alarm]) for alarm in (True, False))
+        alarms = changes_text(fleet.changes.found)
         yield from (f"  {name}: {text}" for name, text in alarms[:MOST])
         yield from _more(len(alarms), "machines")
-        by_chance = f"of all listed {FLEET.false_discoveries:.0%} by chance"
-        yield f"Also not the same on all nights ({by_chance}): {len(others) or 'none'}"
-        yield from (f"  {name}: {text}" for name, text in others[:MOST])
-        yield from _more(len(others), "machines")
     if fleet.failed:
         yield ""
         yield "Not diagnosed:"
@@ -161,7 +156,7 @@ def about_alarms(fleet: Fleet) -> str:
     """Return a sentence on alarms and their rate, then which parameters changed in most machines at once."""
     changes = fleet.changes
     first, last = changes.nights[0].date, changes.nights[-1].date
-    alarmed = _count(len({change.machine for change in fleet.alarms}), "machine")
+    alarmed = _count(len({change.machine for change in changes.found}), "machine")
     head = f"{len(changes.nights)} nights, {first} to {last}: {alarmed} with an alarm"
     if not changes.tests:
         return f"{head}; changes are looked for from two nights of the same machine file on."
@@ -186,8 +181,7 @@ def _of_most(fleet: Fleet) -> Iterator[str]:
 def _change_text(change: Change) -> str:
     by_day = change.what == "trend"
     size = valued(change.size, change.std, change.unit)
-    new = ", new" if change.new else ""
     what = (
         f"drifts by {size} a day since {change.since}" if by_day else f"changed by {size} on {change.since}"
     )
-    return f"{change.key} {what}, p {_sign(change.p_value)}{new}"
+    return f"{change.key} {what}, p {_sign(change.p_value)}"

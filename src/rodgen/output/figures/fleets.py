@@ -122,13 +122,8 @@ def fleet_nights(changes: Changes, change: Change) -> go.Figure:
     )  # fmt: skip
     if change.what == "change":
         figure.add_vline(change.since, line={"color": ORANGE, "width": 1.3, "dash": "dash"})
-    note = (
-        "An alarm."
-        if change.alarm
-        else "No alarm: beyond chance for a list, not for the whole fleet in a year."
-    )
     return describe(
-        figure, f"nights_{change.machine}_{change.key}", f"{change.machine}: {change.key}", note=note
+        figure, f"nights_{change.machine}_{change.key}", f"{change.machine}: {change.key}", note="An alarm."
     )
 
 

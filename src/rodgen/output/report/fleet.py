@@ -54,12 +54,8 @@ def fleet_tables(fleet: Fleet) -> Iterator[FleetTable]:
         rows = tuple((machine.name, machine.error) for machine in fleet.failed)
         yield FleetTable("Not diagnosed", "", ("machine", "why"), rows)
     if len(fleet.changes.nights) > 1:
-        found = fleet.changes.found
-        alarms, others = (changes_text([c for c in found if c.alarm is alarm]) for alarm in (True, False))
-        about = ("machine", "what changed")
-        yield FleetTable("Alarms", about_alarms(fleet), about, tuple(alarms))
-        by_chance = f"No alarms; {FLEET.false_discoveries:.0%} of all listed are by chance."
-        yield FleetTable("Also not the same on all nights", by_chance, about, tuple(others))
+        rows = tuple(changes_text(fleet.changes.found))
+        yield FleetTable("Alarms", about_alarms(fleet), ("machine", "what changed"), rows)
     like = f"Of these {FLEET.false_discoveries:.0%} may be like the others."
     yield FleetTable("Odd machines", like, ("machine", "what is odd"), tuple(odd_text(fleet)))
     for kind in fleet.kinds:
