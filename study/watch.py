@@ -23,6 +23,7 @@ import hidden_effects
 import rodgen
 from rodgen.calibration.fit import fit
 from rodgen.calibration.watch import Watch
+from rodgen.calibration.watch.events import Changed
 from rodgen.machines.files.read import machine_of
 
 ROWS, LIMIT, LONG = 120, 500, 1500
@@ -93,7 +94,9 @@ def delays(title: str, key: str, size: float, tries: int) -> tuple[list[int], in
                 found.append(events[0].at - before + 1)
                 break
         named = [*watch.update(readings(40, random, **{key: value})), *watch.finish()]
-        titles = next(([one.title for one in e.likely] for e in named if e.settles), [])
+        titles = next(
+            ([one.title for one in e.likely] for e in named if isinstance(e, Changed) and e.settled), []
+        )
         first += titles[:1] == [title]
         among += title in titles
     return found, first, among

@@ -20,7 +20,6 @@ from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.sensitivities import Sensitivities
 from rodgen.data.units import unit_factor
-from rodgen.errors import RodgenError
 from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.thresholds import COST
@@ -49,13 +48,9 @@ def estimates_of(fit: Fit) -> dict[str, Any]:
     effects = {effect.key(""): [effect.name, effect.place] for effect in fit.machine.effects}
     wanted = [e for e in catalogue_effects(fit.machine, fit.observations) if not e.definition.searched]
     with one_thread_in_blas():
-        try:
-            of = Sensitivities.of(fit, wanted)
-            found = candidates(of, wanted)
-        except RodgenError:  # a machine whose candidates cannot be evaluated where the fit is
-            return {"values": values, "effects": effects}
+        of = Sensitivities.of(fit, wanted)
         basis = orthonormal_basis(of.model.reshape(of.residual.size, -1))
-        for candidate in found:
+        for candidate in candidates(of, wanted):
             effect = candidate.effect
             if effect.key("") in effects:  # with weights at later joints, too
                 continue

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -123,8 +122,6 @@ class Odd(Result):
         Of the others.
     p_value : float
         Probability that one of them is as far from the mean.
-    rate : float
-        Least rate of false discoveries, among all parameters of all machines, at which it is one.
     """
 
     machine: str
@@ -137,14 +134,6 @@ class Odd(Result):
     mean_std: float
     spread: float
     p_value: float
-    rate: float
-
-    _keys = "machine key unit effect value std mean mean_std spread p_value rate distance"
-
-    @property
-    def distance(self) -> float:
-        """How many times the spread of the others and its own uncertainty it is away from their mean."""
-        return (self.value - self.mean) / math.hypot(self.spread, self.std)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -312,14 +301,12 @@ def _odd(kind: Kind) -> Iterator[Odd]:
     """Yield what is odd among all parameters of machines of one kind."""
     if not kind.parameters:
         return
-    p_values = np.concatenate([p.population.p_value for p in kind.parameters])
-    rates = discovery_rates(p_values)
-    start = 0
-    for p in kind.parameters:
-        own = rates[start : start + len(p.machines)]
-        start += len(p.machines)
+    rates = discovery_rates(np.concatenate([p.population.p_value for p in kind.parameters]))
+    ends = np.cumsum([len(p.machines) for p in kind.parameters])
+    for p, own in zip(kind.parameters, np.split(rates, ends[:-1]), strict=True):
+        of = p.population
         for i in np.flatnonzero(own < FLEET.false_discoveries):
             yield Odd(
-                p.machines[i], p.key, p.unit, p.effect, float(p.values[i]), float(p.std[i]), p.population.mean,
-                p.population.mean_std, p.population.spread, float(p.population.p_value[i]), float(own[i]),
+                p.machines[i], p.key, p.unit, p.effect, float(p.values[i]), float(p.std[i]), of.mean, of.mean_std,
+                of.spread, float(of.p_value[i]),
             )  # fmt: skip

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import os
-import time
 import warnings
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from datetime import date as calendar
-from datetime import datetime
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -153,7 +151,6 @@ def diagnose_fleet(
         plan = Plan(_date(folder, date, stale), false_alarms, tuple(history), names)
         _check_history(folder, plan)
         write_plan(folder, plan)
-        written = read_plan(folder)
         todo = [
             pair
             for pair, key, result in zip(pairs, keys, known, strict=True)
@@ -163,9 +160,11 @@ def diagnose_fleet(
             for number, result in found:
                 write_result(folder, todo[number].name, result)
         fleet = Fleet.load(folder)
-        if fleet.plan != written:
-            expected = "another folder for each fleet"
-            raise InputFileError(folder, "file", "another run of rodgen has written to it", expected)
+        if [(each.name, each.result.get("key")) for each in fleet.machines] != [
+            *zip(names, keys, strict=True)
+        ]:
+            what = "another run of rodgen has written to it, or a file of the fleet has changed"
+            raise InputFileError(folder, "file", what, "another folder for each fleet, and one more run")
         return fleet
 
 
@@ -198,20 +197,19 @@ def _date(folder: str, given: str | None, stale: bool) -> str:
 
 def _check_history(folder: str, plan: Plan) -> None:
     """Refuse earlier results that cannot be read, are not earlier, or are of the same date as others."""
-    dates: dict[datetime, str] = {}
+    dates = [moment(plan.date)]
     for each in plan.history:
-        if os.path.realpath(each) == os.path.realpath(folder):
-            raise InputFileError(
-                each, "file", "the folder of these results", "earlier results, in another folder"
-            )
         date = read_plan(each).date
-        if moment(date) >= moment(plan.date) or moment(date) in dates:
-            other = dates.get(moment(date), folder)
-            found = f"results of {date}, with {other} of {plan.date if other == folder else date}"
-            raise InputFileError(
-                each, "file", found, "earlier results, each of another date; --date says when"
+        if (
+            os.path.realpath(each) == os.path.realpath(folder)
+            or not moment(date) < dates[0]
+            or moment(date) in dates
+        ):
+            expected = (
+                f"earlier results than of {plan.date}, each of another date and folder; --date says when"
             )
-        dates[moment(date)] = each
+            raise InputFileError(each, "file", f"results of {date}", expected)
+        dates.append(moment(date))
 
 
 def _each(
@@ -262,7 +260,6 @@ def diagnose_pair(pair: Pair) -> dict[str, Any]:
 
     Where it cannot be diagnosed ``"error"`` is a sentence that says why, and ``"internal"`` whether rodgen is at fault.
     """
-    begun = time.process_time()
     key = _key_of(pair)
     try:
         with warnings.catch_warnings():
@@ -275,7 +272,7 @@ def diagnose_pair(pair: Pair) -> dict[str, Any]:
     except Exception as error:
         what = " ".join(f"{type(error).__name__}: {error}".split())[:300]
         record = _failed(f"an error in rodgen itself: {what}", internal=True)
-    return record | {"key": key, "seconds": round(time.process_time() - begun, 3)}
+    return record | {"key": key}
 
 
 def _failed(error: str, *, internal: bool = False) -> dict[str, Any]:
@@ -289,15 +286,11 @@ def _diagnosed(pair: Pair) -> dict[str, Any]:
     from rodgen.machines.machine import Machine
 
     for file, other, what in (
-        (pair.machine, pair.data, "a machine file"),
+        (pair.machine, pair.data, "machine file"),
         (pair.data, pair.machine, "measurements"),
     ):
         if not file:
-            raise InputFileError(
-                other, "file", f"no {what.split()[-1]} of this name", f"{what} of the same name"
-            )
-        if not os.path.exists(file):
-            raise unreadable(file, FileNotFoundError(), what)
+            raise InputFileError(other, "file", f"no {what} of this name", f"{what} of the same name")
     return _record(diagnose(Machine.load(pair.machine), Measurements.load(pair.data)))
 
 

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from itertools import groupby
-from typing import TYPE_CHECKING, TypeVar
+from collections import Counter
+from collections.abc import Iterator, Sequence
 
+from rodgen.calibration.fleet.changes import Change
+from rodgen.calibration.fleet.fleet import Fleet, FleetEffect, FleetParameter, Odd
 from rodgen.calibration.words import capitalized, probability, two_digits
 from rodgen.data.units import readable
 from rodgen.errors import joined
 from rodgen.statistics.digits import measured
 from rodgen.statistics.thresholds import FLEET
-
-if TYPE_CHECKING:
-    from rodgen.calibration.fleet.changes import Change
-    from rodgen.calibration.fleet.fleet import Fleet, FleetEffect, FleetParameter, Odd
-
-One = TypeVar("One", "Odd", "Change")
 
 VERDICTS = {
     "nothing_missing": "nothing is missing",
@@ -41,32 +36,30 @@ def _lines(fleet: Fleet) -> Iterator[str]:
         yield f"{capitalized(kind.title)}: {_count(len(kind.machines), 'machine')}"
         if not kind.effects:
             yield "  No effect was found in any of them."
-        for effect in kind.effects[:MOST]:
-            yield from _effect_lines(effect)
-        yield from _more(len(kind.effects), "effects")
+        yield from _first_of([_effect_text(effect) for effect in kind.effects], "effects")
         if len(kind.machines) < FLEET.fewest:
             yield f"  A distribution is estimated from {FLEET.fewest} machines on."
     if any(kind.parameters for kind in fleet.kinds):
         yield ""
-        odd = odd_text(fleet)
+        odd = [f"  {name}: {text}" for name, text in by_machine(fleet.odd)]
         yield f"Odd machines: {len(odd) or 'none'} (of these {FLEET.false_discoveries:.0%} may be like the others)"
-        yield from (f"  {name}: {text}" for name, text in odd[:MOST])
-        yield from _more(len(odd), "machines")
+        yield from _first_of(odd, "machines")
     if len(fleet.changes.nights) > 1:
         yield ""
         yield about_alarms(fleet)
-        alarms = changes_text(fleet.changes.found)
-        yield from (f"  {name}: {text}" for name, text in alarms[:MOST])
-        yield from _more(len(alarms), "machines")
+        yield from _first_of(
+            [f"  {name}: {text}" for name, text in by_machine(fleet.changes.found)], "machines"
+        )
     if fleet.failed:
         yield ""
         yield "Not diagnosed:"
         yield from (f"  {machine.name}: {machine.error}" for machine in fleet.failed)
 
 
-def _more(count: int, what: str) -> Iterator[str]:
-    if count > MOST:
-        yield f"  … and {count - MOST} more {what}, which the page and --json show"
+def _first_of(texts: Sequence[str], what: str) -> Iterator[str]:
+    yield from texts[:MOST]
+    if len(texts) > MOST:
+        yield f"  … and {len(texts) - MOST} more {what}, which the page and --json show"
 
 
 def _count(count: int, what: str) -> str:
@@ -75,23 +68,21 @@ def _count(count: int, what: str) -> str:
 
 def about_machines(fleet: Fleet) -> str:
     """Return a sentence on how many machines were diagnosed, and what was found."""
-    counts = dict.fromkeys(VERDICTS, 0)
-    for machine in fleet.diagnosed:
-        counts[str(machine.result["verdict"])] += 1
-    said = [f"{VERDICTS[verdict]} in {count}" for verdict, count in counts.items() if count]
-    not_yet = [f"{len(fleet.failed)} could not be diagnosed"] * bool(fleet.failed)
-    not_yet += [f"{len(fleet.pending)} are not diagnosed yet"] * bool(fleet.pending)
-    said = [*said, *not_yet]
-    return f"{_count(len(fleet.machines), 'machine')}, {fleet.plan.date}: {joined(said)}."
+    counts = Counter(str(machine.result["verdict"]) for machine in fleet.diagnosed)
+    about = [f"{words} in {counts[verdict]}" for verdict, words in VERDICTS.items() if counts[verdict]]
+    about += [f"{len(fleet.failed)} could not be diagnosed"] * bool(fleet.failed)
+    about += [f"{len(fleet.pending)} are not diagnosed yet"] * bool(fleet.pending)
+    return f"{_count(len(fleet.machines), 'machine')}, {fleet.plan.date}: {joined(about)}."
 
 
-def _effect_lines(effect: FleetEffect) -> Iterator[str]:
+def _effect_text(effect: FleetEffect) -> str:
     alike = f", and may be there in {effect.alike} more" if effect.alike else ""
-    yield f"  {effect.title}: found in {effect.found} of {effect.of}{alike}{about_effect(effect, '; ')}"
+    text = f"  {effect.title}: found in {effect.found} of {effect.of}{alike}{about_effect(effect, '; ')}"
     for parameter in effect.parameters:
         name = parameter.key.rpartition(".")[2]
         mean, spread, alone = parameter_cells(parameter)
-        yield f"    {name}: mean {mean}, between machines {spread}; one machine alone is known to {alone}"
+        text += f"\n    {name}: mean {mean}, between machines {spread}; one machine alone is known to {alone}"
+    return text
 
 
 def about_effect(effect: FleetEffect, before: str = "") -> str:
@@ -112,26 +103,17 @@ def parameter_cells(parameter: FleetParameter) -> tuple[str, str, str]:
     return f"{mean} ± {of_mean}{unit}", f"{spread} ({low_text} to {high_text}){unit}", f"{std_text}{unit}"
 
 
-def odd_text(fleet: Fleet) -> list[tuple[str, str]]:
-    """Return the odd machines, the farthest first, each with what is odd about it."""
-    return _by_machine(fleet.odd, _odd_text)
-
-
-def changes_text(changes: Sequence[Change]) -> list[tuple[str, str]]:
-    """Return the machines of changes, the surest first, each with what changed and since when."""
-    return _by_machine(changes, _change_text)
-
-
-def _by_machine(found: Sequence[One], text: Callable[[One], str]) -> list[tuple[str, str]]:
-    """Return each machine with the text of its first one, and which other parameters there are."""
-    by: dict[str, list[One]] = {}
+def by_machine(found: Sequence[Odd | Change]) -> list[tuple[str, str]]:
+    """Return each machine with the text of what is first of it, and which other parameters there are."""
+    by: dict[str, list[Odd | Change]] = {}
     for one in found:
         by.setdefault(one.machine, []).append(one)
-    said = []
+    texts = []
     for name, (first, *rest) in by.items():
         others = list(dict.fromkeys(one.key for one in rest if one.key != first.key))
-        said.append((name, text(first) + (f"; also {joined(others, most=3)}" if others else "")))
-    return said
+        text = _odd_text(first) if isinstance(first, Odd) else _change_text(first)
+        texts.append((name, text + (f"; also {joined(others, most=3)}" if others else "")))
+    return texts
 
 
 def _odd_text(one: Odd) -> str:
@@ -161,27 +143,25 @@ def about_alarms(fleet: Fleet) -> str:
     if not changes.tests:
         return f"{head}; changes are looked for from two nights of the same machine file on."
     rate = f"{changes.false_alarms:g} false alarm{'s' * (changes.false_alarms != 1)} a year"
-    said = (
+    text = (
         f"{head}. By chance the whole fleet has {rate}: {changes.tests} tests a night, {FLEET.nights:g} nights a year, "
         f"each alarm with p below {changes.threshold:.1e}."
     )
-    return " ".join([said, *_of_most(fleet)])
+    return " ".join([text, *_of_most(fleet)])
 
 
 def _of_most(fleet: Fleet) -> Iterator[str]:
-    def place(change: Change) -> tuple[str, str]:
-        return change.key, change.since
-
-    for (key, since), group in groupby(sorted(fleet.changes.found, key=place), key=place):
-        count = len({change.machine for change in group})
+    counts = Counter(
+        (key, since) for key, since, _ in {(c.key, c.since, c.machine) for c in fleet.changes.found}
+    )
+    for (key, since), count in sorted(counts.items()):
         if count >= max(FLEET.common * len(fleet.diagnosed), 2):
             yield f"{key} changed in {count} machines on {since}: look at what they share, such as the instrument."
 
 
 def _change_text(change: Change) -> str:
-    by_day = change.what == "trend"
     size = valued(change.size, change.std, change.unit)
-    what = (
-        f"drifts by {size} a day since {change.since}" if by_day else f"changed by {size} on {change.since}"
-    )
+    what = f"changed by {size} on {change.since}"
+    if change.what == "trend":
+        what = f"drifts by {size} a day since {change.since}"
     return f"{change.key} {what}, p {_sign(change.p_value)}"

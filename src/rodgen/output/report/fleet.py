@@ -14,8 +14,7 @@ from rodgen.calibration.fleet.summary import (
     about_alarms,
     about_effect,
     about_machines,
-    changes_text,
-    odd_text,
+    by_machine,
     parameter_cells,
     valued,
 )
@@ -54,10 +53,10 @@ def fleet_tables(fleet: Fleet) -> Iterator[FleetTable]:
         rows = tuple((machine.name, machine.error) for machine in fleet.failed)
         yield FleetTable("Not diagnosed", "", ("machine", "why"), rows)
     if len(fleet.changes.nights) > 1:
-        rows = tuple(changes_text(fleet.changes.found))
+        rows = tuple(by_machine(fleet.changes.found))
         yield FleetTable("Alarms", about_alarms(fleet), ("machine", "what changed"), rows)
     like = f"Of these {FLEET.false_discoveries:.0%} may be like the others."
-    yield FleetTable("Odd machines", like, ("machine", "what is odd"), tuple(odd_text(fleet)))
+    yield FleetTable("Odd machines", like, ("machine", "what is odd"), tuple(by_machine(fleet.odd)))
     for kind in fleet.kinds:
         yield _effects(kind)
 
