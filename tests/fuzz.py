@@ -382,7 +382,7 @@ COMMANDS = [  # NAME stands for each of MACHINES
     "simulate NAME.toml NAME.csv --effect encoder_eccentricity@JOINT:a=9arcsec --noise NOISE -o s.csv --seed 3",
     "simulate NAME.toml NAME.csv --hidden --truth t.json --noise NOISE -o s.csv",
     "diagnose NAME.toml NAME.csv --json --prefer scale@JOINT",
-    "watch NAME.toml NAME.csv --learn 30 --state s.watch --rate 5/min --json",
+    "watch NAME.toml NAME.csv --reference NAME.csv --state s.watch --rate 5/min --json",
     "plan NAME.toml NAME.csv -n 4 -o p.csv --constraints limits.toml",
 ]
 MACHINES = {"rotary_table": "C", "gantry_rotary": "C", "mount": "EL", "trunnion": "A", "tricept": "A0"}

@@ -7,8 +7,7 @@ import pytest
 
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.watch.watch import SETTLED
-from rodgen.statistics.change_detector import ChangeDetector
-from rodgen.statistics.stream_whitening import StreamWhitener
+from rodgen.statistics.change_detector import ChangeDetector, StreamWhitener
 from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion, Whitener
 
 GROUPS = [[0], [1], [2, 3], [4]]

@@ -73,7 +73,7 @@ COMMANDS: dict[str, tuple[dict[str, bytes], str, str]] = {
     "fit": (FEW, "fit m.toml d.csv -o f.toml --residuals r.csv.gz", "f.toml r.csv.gz"),
     "emit c": (FEW, "emit m.toml d.csv --lang c -o code/deep", ""),
     "predict": (FEW, "predict m.toml d.csv d.csv -o p.parquet", "p.parquet"),
-    "watch": (FEW, "watch m.toml d.csv --reference d.csv --state s.watch --plot w.html", "w.html"),
+    "watch": (FEW, "watch m.toml d.csv --reference d.csv --state s.watch", ""),
 }
 """One for each way to write: a file, several, a folder, a table, and standard output."""
 QUICK = list(COMMANDS)[:5]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import signal
 import threading
 import time
@@ -11,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import FAILED, OK, Command, notify, refused, show, show_json
-from rodgen.cli._machine import add_json, add_plot, figures_for, load_data, remark_on_rows
+from rodgen.cli._machine import add_json, load_data, remark_on_rows
 from rodgen.cli._values import InputFile, StateFile, frequency, whole
 from rodgen.errors import InputFileError
 from rodgen.files import publish_outputs, write_file, written_at_once
@@ -83,20 +84,16 @@ def add_to(command: Command) -> None:
             default="go-on",
             help=f"{about}: say so and go on (default), or {stop}",
         )
-    about = "keep there what was seen; a later call goes on from it"
+    about = "keep there what was seen, with --reference; a later call goes on from it"
     watch.add_argument("--state", metavar="FILE", type=StateFile, help=about)
-    add_plot(watch, "the evidence for a change over the rows")
     add_json(watch)
 
 
 def _run(options: argparse.Namespace) -> int:
-    figures = figures_for(options.plot)
     with _stopping() as stop:
         watching = _Watching(options, stop)
         watching.run()
         watching.save()
-        if figures and watching.watch is not None:
-            figures.save_figure(figures.watched(watching.watch), options.plot)
         publish_outputs()  # also after a signal
     return FAILED if watching.alarms else OK
 
@@ -144,23 +141,14 @@ class _Watching:
 
     def run(self) -> None:
         """Read until the end, a signal, or what an option says."""
-        from rodgen.calibration.watch.watch import stored
         from rodgen.data.tail import Tail
 
-        kept = stored(self.options.state) if self.options.state else None
         if self.options.reference is not None:
             self._begin(load_data(self.options.reference))
-        elif kept is not None and kept.learned is not None:
-            self._learned = kept.learned
-            self._begin(kept.learned)
-        if kept is not None:
-            if self.watch is None:
-                found = "a state without a reference"
-                raise InputFileError(
-                    self.options.state, "file", found, "--reference as before, or another name"
-                )
-            self.watch.restore(kept)
-            self._place = kept.place
+        elif self.options.state:
+            raise refused("--state", "given without --reference", "--reference with it")
+        if self.watch is not None and self.options.state and os.path.exists(self.options.state):
+            self._place = self.watch.restore(self.options.state)
             notify(f"{self.options.state}: goes on after {self.watch.rows} rows")
         if _is_table(self.options.data):
             for option in ("follow", "state"):
@@ -295,7 +283,7 @@ class _Watching:
     def save(self) -> None:
         """Write the state, where it is wanted and there is one."""
         if self.options.state and self.watch is not None:
-            write_file(self.options.state, self.watch.state(self._place, self._learned))
+            write_file(self.options.state, self.watch.state(self._place))
         self._saved = time.monotonic()
 
 

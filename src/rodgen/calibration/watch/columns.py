@@ -25,8 +25,8 @@ from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.machine import Effect
 from rodgen.machines.observations import Observations
+from rodgen.statistics.change_detector import StreamWhitener
 from rodgen.statistics.decompositions import eigh
-from rodgen.statistics.stream_whitening import StreamWhitener
 from rodgen.statistics.thresholds import SMALLEST_P
 from rodgen.statistics.whitening import SHORTEST
 
@@ -78,7 +78,7 @@ class WatchedColumns:
 
     Attributes
     ----------
-    columns, readings : ndarray, shape (n, m, d) and (n, m)
+    rows : ndarray, shape (n, m, d + 1)
         Of the reference: derivatives of what weighted readings would be, and what they are more than the fit predicts;
         without what readings share.
     correlation : Correlation
@@ -108,8 +108,7 @@ class WatchedColumns:
         self._effects = [candidate.effect for candidate in found]
         extra = [*(e for e in effects if is_direct(e)), *bare_effects(fit.machine)]
         self._model, self._theta = model_with(fit, extra, compiled=True)
-        self.columns = self._stacked(sensitivities, found)
-        self.readings = sensitivities.residual
+        self.rows = self._stacked(sensitivities, found)
         self.correlation = estimate_correlation(sensitivities, [c.columns for c in found])
         self._motion(sensitivities)
         self.free = len(fit.moving)
@@ -139,19 +138,17 @@ class WatchedColumns:
         self._timed = motion.poses.timed
         time = o.t if self._timed and o.t is not None else np.arange(o.n)
         order = np.lexsort((np.arange(o.n), time, o.run))
-        both = np.concatenate([self.columns, self.readings[..., None]], axis=2)[order]
         white = self.whitener()
         assert white is not None
-        nothing = np.zeros(both.shape[2] - 1)
-        both = white(both, motion.columns[order], self.gaps(o.take(order)), nothing)
-        self.columns, self.readings = both[..., :-1], both[..., -1]
+        nothing = np.zeros(self.rows.shape[2] - 1)
+        self.rows = white(self.rows[order], motion.columns[order], self.gaps(o.take(order)), nothing)
 
     def whitener(self) -> StreamWhitener | None:
         """Return what whitens readings from the first new one on; None where they are independent."""
         deviations = self.correlation.cautious
         if deviations is None:
             return None
-        return StreamWhitener(deviations, self.columns.shape[2] + 1, self.correlation.white)
+        return StreamWhitener(deviations, self.rows.shape[2], self.correlation.white)
 
     def gaps(self, o: Observations) -> Array:
         """Return the time since the row before, (n,): 0 of one pose, infinite at the beginning of a run."""
@@ -219,9 +216,9 @@ class WatchedColumns:
         return [by[c.key] for c in found]
 
     def _stacked(self, sensitivities: Sensitivities, found: Sequence[Candidate]) -> Array:
-        """Return the columns of the model and of effects, as what readings are more: the residuals' signs turned."""
+        """Return the columns of the model and of effects, as what readings are more, and the readings."""
         columns = [sensitivities.model, *(candidate.columns for candidate in found)]
-        return -np.concatenate(columns, axis=2)
+        return np.concatenate([-np.concatenate(columns, axis=2), sensitivities.residual[..., None]], axis=2)
 
     def bound(self, data: Measurements) -> Observations:
         """Return new measurements as observations of the fit."""
@@ -275,8 +272,8 @@ class WatchedColumns:
         )
         return np.asarray(found * self._scale)
 
-    def at(self, o: Observations) -> tuple[Array, Array]:
-        """Return the columns, (n, m, d), and the weighted residuals, (n, m), of observations.
+    def at(self, o: Observations) -> Array:
+        """Return the columns of observations and their weighted residuals, (n, m, d + 1).
 
         Raises
         ------
@@ -291,10 +288,10 @@ class WatchedColumns:
         sensitivities = Sensitivities(self.fit, np.arange(o.n), o, problem.weight, residual, columns, index)
         found = [unsearched(sensitivities, effect) for effect in self._effects]
         stacked = self._stacked(sensitivities, [candidate for candidate in found if candidate])
-        finite = np.isfinite(residual).all(axis=1) & np.isfinite(stacked).all(axis=(1, 2))
+        finite = np.isfinite(stacked).all(axis=(1, 2))
         if not finite.all():
             row = int(np.argmin(finite))
             raise InputFileError(
                 o.data.file, o.data.place(row), "no prediction of the model there", "a place that it reaches"
             )
-        return stacked, residual
+        return stacked

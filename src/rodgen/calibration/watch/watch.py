@@ -10,10 +10,8 @@ import hashlib
 import io
 import json
 import math
-import os
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,8 +36,7 @@ SETTLED = 32
 """Blocks after an alarm until a change is named for good, and things are taken for what they are since."""
 WAITED = 10
 """Blocks after which a reading that was far off is an outlier: a change as large would have raised an alarm."""
-__all__ = ["Stored", "Watch", "frequency", "stored"]
-
+__all__ = ["Watch", "frequency"]
 
 BLOCK_SECONDS = 10.0
 """Readings that come within so many seconds are looked at together, so that the time a year takes does not grow."""
@@ -47,11 +44,9 @@ MOST_ROWS = 1000
 """The same, at most."""
 PAUSE = 10.0
 """Times that the usual gap between readings is exceeded by a pause."""
-HISTORY = 1000
-"""Points of the curve that is drawn: each is the largest of some blocks, of more where they are older."""
 FORMAT = 4
 """Of a state."""
-KEPT = ("rows", "blocks", "alarms", "alarm_rows", "history", "_last_t", "_settling", "_outliers")
+KEPT = ("rows", "alarms", "_last_t", "_settling", "_outliers")
 """What a state keeps of a watch besides arrays."""
 LARGEST_STATE = 500_000_000
 """Bytes of a state that is read: that of a robot has 10 MB."""
@@ -98,10 +93,6 @@ class Watch:
         That were taken in.
     alarms : int
         That were raised.
-    alarm_rows : list of int
-        How many rows had been taken in then, of the last ones.
-    history : list of (float, float)
-        Rows, and the largest :attr:`evidence` since the point before; a thousand points at most.
 
     Examples
     --------
@@ -136,8 +127,8 @@ class Watch:
         self._limit = 1 / (frequency(false_alarms) if isinstance(false_alarms, str) else false_alarms)
         self.alternatives = self._watched.alternatives
         self.detector = ChangeDetector(
-            self._watched.columns,
-            self._watched.readings,
+            self._watched.rows[..., :-1],
+            self._watched.rows[..., -1],
             self._watched.free,
             [alternative.columns for alternative in self.alternatives],
             self._limit,
@@ -145,17 +136,15 @@ class Watch:
         )
         self._demand(self.detector.dof)
         self._whitener = self._watched.whitener()
-        self.rows = self.blocks = 0
+        self.rows = self.alarms = 0
         self._counted = "line"
         self._row_time = self._time_of_a_row()
         self._per_block = int(min(max(1.0, BLOCK_SECONDS / self._row_time), MOST_ROWS))
-        self._pending = self._nothing()
+        self._pending = [self._watched.rows[:0], np.empty((0, 4))]
         self._context: Measurements | None = None
         self._last_t = math.nan
         self._settling = 0
-        self.alarms, self.alarm_rows = 0, list[int]()
         self._outliers: list[Sequence[Any]] = []  # number, distance, block, count
-        self.history: list[Sequence[float]] = []
 
     def _demand(self, degrees: float) -> None:
         """Refuse a reference that leaves too few degrees of freedom."""
@@ -167,10 +156,6 @@ class Watch:
             raise InputFileError(
                 file, "file", found, f"a reference that leaves {WATCH.fewest:.0f}: more rows"
             )
-
-    def _nothing(self) -> tuple[Array, Array, Array]:
-        m, d = self._watched.columns.shape[1:]
-        return np.empty((0, m, d)), np.empty((0, m)), np.empty((0, 4))
 
     def _time_of_a_row(self) -> float:
         """Return the time from one reading to the next, seconds; that of the reference, without its pauses."""
@@ -184,7 +169,7 @@ class Watch:
     @property
     def evidence(self) -> float:
         """Logarithm of the sum that raises an alarm, less that of its limit: an alarm is raised above 0."""
-        return self.detector.log_sum - self.log_limit
+        return self.detector.log_sum - math.log(self._limit)
 
     @property
     def text(self) -> str:
@@ -217,11 +202,6 @@ class Watch:
         if found.wanders and found.time > self._watched.duration / 2:
             text += " How it wanders in a longer time than the reference took is unknown, and may look like a change."
         return text
-
-    @property
-    def log_limit(self) -> float:
-        """Logarithm of the limit of the sum."""
-        return math.log(self._limit)
 
     def update(self, data: Any) -> list[Event]:
         """Take new readings in, and return what they show.
@@ -256,26 +236,21 @@ class Watch:
             self._count(whole, bound, data.rows)
             return []
         o = bound.take(old + new)
-        columns, readings = self._watched.at(o)
+        rows = self._watched.at(o)
         if self._whitener is not None:
             gap = self._watched.gaps(bound.take(np.append(np.arange(old), old + new)))[old:]
-            motion = self._watched.motion(o)
-            both = np.concatenate([columns, readings[..., None]], axis=2)
-            both = self._whitener(both, motion, gap, self.detector.mean * self.detector.unit)
-            columns, readings = both[..., :-1], both[..., -1]
+            rows = self._whitener(rows, self._watched.motion(o), gap, self.detector.mean * self.detector.unit)
         time = np.full(o.n, np.nan) if o.t is None else o.t
         # numbers of another file begin anew, counts do not
         marks = np.column_stack([numbers[new], time, self.rows + new, self._watched.outside(o)])
         self._count(whole, bound, data.rows)
         events = list[Event]()
-        self._pending = tuple(  # type: ignore[assignment]
-            np.concatenate(parts) for parts in zip(self._pending, (columns, readings, marks), strict=True)
-        )
+        self._pending = [np.concatenate(parts) for parts in zip(self._pending, (rows, marks), strict=True)]
         while len(self._pending[0]) >= self._per_block:
-            block = [part[: self._per_block] for part in self._pending]
-            self._pending = tuple(part[self._per_block :] for part in self._pending)  # type: ignore[assignment]
+            rows, marks = (part[: self._per_block] for part in self._pending)
+            self._pending = [part[self._per_block :] for part in self._pending]
             with one_thread_in_blas():
-                events += self._block(*block)
+                events += self._block(rows[..., :-1], rows[..., -1], marks)
         return sorted(events, key=lambda event: event.at)
 
     def finish(self) -> list[Event]:
@@ -307,17 +282,13 @@ class Watch:
 
     def _block(self, columns: Array, readings: Array, marks: Array) -> Iterator[Event]:
         far = self.detector.update(columns, readings, self._passed(marks), marks)
-        self.blocks += 1
-        self._remember()
-        at, blocks = int(marks[-1, 0]), self.blocks
+        at, blocks = int(marks[-1, 0]), self.detector.blocks
         if self._settling:
             self._settling -= 1
             if not self._settling:
                 yield self._settled(at)
-                self._outliers = []
             return
-        rare = max(self._row_time / self._limit, 1e-12)
-        bound = self.detector.distance_of(rare)
+        bound = self.detector.distance_of(max(self._row_time / self._limit, 1e-12))
         self._outliers += [
             (int(mark[0]), float(x), blocks, int(mark[2]))
             for mark, x in zip(marks, far, strict=True)
@@ -325,20 +296,18 @@ class Watch:
         ]
         if self.detector.alarm:
             self.alarms += 1
-            self.alarm_rows = [*self.alarm_rows, self.rows - len(self._pending[0])][-HISTORY:]
             self._settling = max(SETTLED // self._per_block, 1)
             found = what_changed(self.detector, self._watched)
-            yield from self._released(at, before=found.first[2])
+            yield from self._released(lambda block, row: row <= found.first[2])
+            self._outliers = []
             yield self._changed(found, at, settled=False)
         elif not self.detector.suspects:
-            yield from self._released(at, at_block=blocks - WAITED)
+            yield from self._released(lambda block, row: block <= blocks - WAITED)
+            self._outliers = [one for one in self._outliers if one[2] > blocks - WAITED]
 
-    def _released(self, at: int, *, at_block: float = math.inf, before: float = math.inf) -> Iterator[Event]:
-        """Yield outliers that no change explains."""
-        for row, distance, block, count in self._outliers:
-            if block <= at_block and count <= before:
-                yield OutlierSeen(row, self._counted, distance)
-        self._outliers = [one for one in self._outliers if one[2] > at_block] if at_block < math.inf else []
+    def _released(self, when: Callable[[int, int], bool]) -> list[Event]:
+        """Return outliers that no change explains."""
+        return [OutlierSeen(n, self._counted, far) for n, far, *place in self._outliers if when(*place)]
 
     def _passed(self, marks: Array) -> float:
         """Return the time that passed since the block before, seconds.
@@ -352,13 +321,6 @@ class Watch:
         gap = t - (float(marks[0, 1]) if math.isnan(self._last_t) else self._last_t)
         self._last_t = t
         return min(gap, usual) if gap > 0 else usual
-
-    def _remember(self) -> None:
-        """Keep the evidence of every block; where these are many, the larger one of each two."""
-        self.history.append((float(self.rows - len(self._pending[0])), self.evidence))
-        if len(self.history) >= HISTORY:
-            pairs = zip(self.history[::2], self.history[1::2], strict=True)
-            self.history = [(b[0], max(a[1], b[1])) for a, b in pairs]
 
     # what it means -----------------------------------------------------------------------------------------------
 
@@ -378,27 +340,22 @@ class Watch:
 
     # kept in a file ----------------------------------------------------------------------------------------------
 
-    def state(self, place: Mapping[str, Any] | None = None, learned: Measurements | None = None) -> bytes:
+    def state(self, place: Mapping[str, Any] | None = None) -> bytes:
         """Return everything that a later watch of the same fit needs to go on, for a file.
 
         Parameters
         ----------
         place : mapping, optional
             How far the file of the readings was read; kept with it.
-        learned : Measurements, optional
-            The reference, where it is in no file of its own; kept with it.
         """
         about = {
             "format": FORMAT,
             "fit": self._fingerprint,
             "place": place,
-            "learned": _as_dict(learned),
             "context": _as_dict(self._context),
             "kept": {name: getattr(self, name) for name in KEPT},
         }
-        arrays = self.detector.state() | dict(
-            zip(("columns", "readings", "marks"), self._pending, strict=True)
-        )
+        arrays = self.detector.state() | dict(zip(("rows", "marks"), self._pending, strict=True))
         if self._whitener is not None:
             arrays |= self._whitener.state()
         arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
@@ -406,34 +363,43 @@ class Watch:
         np.savez(stream, **arrays)  # type: ignore[arg-type]
         return stream.getvalue()
 
-    def restore(self, kept: Stored) -> None:
-        """Go on from what :meth:`state` returned, as `stored` reads it.
+    def restore(self, file: str) -> dict[str, Any] | None:
+        """Go on from what :meth:`state` returned; return how far the file of the readings was read.
 
         Raises
         ------
         InputFileError
-            When it is of another fit.
+            When the file has no state, or that of another fit.
         """
-        about, arrays = kept.about, dict(kept.arrays)
-        if about["fit"] != self._fingerprint:
-            found = "the state of a watch with another machine, reference or rate"
-            raise InputFileError(kept.file, "file", found, "the same as before, or another name")
+        content = read_input(file, "a state as --state writes it", largest=LARGEST_STATE)
         try:
-            self._pending = tuple(arrays.pop(key) for key in ("columns", "readings", "marks"))  # type: ignore[assignment]
-            self.detector.restore(arrays)
-            if self._whitener is not None:
-                self._whitener.restore(arrays)
-            for name in KEPT:
-                setattr(self, name, about["kept"][name])
-            self._context = _from_dict(about["context"])
-        except (ValueError, LookupError, TypeError, AttributeError) as error:
-            raise _no_state(kept.file) from error
+            with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+                about = json.loads(arrays["about"].tobytes())
+                if about["format"] != FORMAT:
+                    expected = f"{FORMAT}: a new file, as this one is of another version of rodgen"
+                    raise InputFileError(file, "format", str(about["format"]), expected)
+                if about["fit"] != self._fingerprint:
+                    found = "the state of a watch with another machine, reference or rate"
+                    raise InputFileError(file, "file", found, "the same as before, or another name")
+                self._pending = [arrays["rows"], arrays["marks"]]
+                self.detector.restore(arrays)
+                if self._whitener is not None:
+                    self._whitener.restore(arrays)
+                for name in KEPT:
+                    setattr(self, name, about["kept"][name])
+                self._context = _from_dict(about["context"])
+                place: dict[str, Any] | None = about["place"]
+                return place
+        except InputFileError:
+            raise
+        except (ValueError, LookupError, TypeError, AttributeError, OSError, EOFError, zipfile.BadZipFile):
+            expected = "one that --state wrote, or another name"
+            raise InputFileError(file, "file", "no state of a watch", expected) from None
 
     @property
     def _fingerprint(self) -> str:
         digest = hashlib.sha256(json.dumps([self._per_block, self._rate, self._limit]).encode())
-        for part in (self._watched.columns, self._watched.readings):
-            digest.update(np.ascontiguousarray(part.astype(np.float32)).tobytes())
+        digest.update(np.ascontiguousarray(self._watched.rows.astype(np.float32)).tobytes())
         return digest.hexdigest()
 
 
@@ -444,57 +410,6 @@ def _duration(seconds: float) -> str:
             count = seconds / size
             return f"a {name}" if abs(count - 1) < 0.01 else f"{count:.3g} {name}s"
     return f"{seconds:.3g} seconds"
-
-
-@dataclass(frozen=True, eq=False)
-class Stored:
-    """A state that was read.
-
-    Attributes
-    ----------
-    file : str
-    place : dict or None
-        How far the file of the readings was read.
-    learned : Measurements or None
-        The reference, where it is in no file of its own.
-    about, arrays : dict
-        The rest.
-    """
-
-    file: str
-    place: dict[str, Any] | None
-    learned: Measurements | None
-    about: dict[str, Any]
-    arrays: dict[str, Array]
-
-
-def stored(file: str) -> Stored | None:
-    """Return the state in a file; None where there is no such file.
-
-    Raises
-    ------
-    InputFileError
-        When it is no state.
-    """
-    if not os.path.exists(file):
-        return None
-    content = read_input(file, "a state as --state writes it", largest=LARGEST_STATE)
-    try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-            arrays = {key: archive[key] for key in archive.files}
-        about = json.loads(arrays.pop("about").tobytes())
-        if about["format"] != FORMAT:
-            expected = f"{FORMAT}: a new file, as this one is of another version of rodgen"
-            raise InputFileError(file, "format", str(about["format"]), expected)
-        return Stored(file, about["place"], _from_dict(about["learned"]), about, arrays)
-    except InputFileError:
-        raise
-    except (ValueError, LookupError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise _no_state(file) from error
-
-
-def _no_state(file: str) -> InputFileError:
-    return InputFileError(file, "file", "no state of a watch", "one that --state wrote, or another name")
 
 
 def _as_dict(data: Measurements | None) -> dict[str, Any] | None:

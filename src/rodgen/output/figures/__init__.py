@@ -27,7 +27,6 @@ if _TYPE_CHECKING:
     from rodgen.output.figures.files import save_figures as save_figures
     from rodgen.output.figures.fleets import fleet_nights as fleet_nights
     from rodgen.output.figures.fleets import fleet_parameter as fleet_parameter
-    from rodgen.output.figures.fleets import watched as watched
     from rodgen.output.figures.ladders import ladder as ladder
     from rodgen.output.figures.machines import residual_vectors as residual_vectors
     from rodgen.output.figures.machines import skeleton as skeleton
@@ -65,7 +64,6 @@ _PLACES = {
     "save_figures": "files",
     "skeleton": "machines",
     "uncertainty_map": "parallel",
-    "watched": "fleets",
 }
 """The module of each function."""
 
