@@ -258,7 +258,7 @@ def test_trends_and_changes_have_their_p_values(nights: int, scatter: float, deg
             np.full(sigma.shape, float(degrees)),
             np.arange(nights) * 1.0,
         )
-        p.append([found.trend_p, found.change_p])
+        p.append(found.p_value)
     for level in (0.01, 0.001):
         trend, change = (np.concatenate(p, axis=1) < level).mean(axis=1)
         expected = 4 * np.sqrt(level / 8_000)
@@ -274,7 +274,7 @@ def test_scatter_that_few_differences_tell_is_not_taken_for_known(machines: int,
     for _ in range(3000 // machines):
         values = np.sqrt(1 + 2.0**2) * random.normal(size=std.shape)
         found = drifts(values, std, degrees, np.arange(nights) * 1.0)
-        p.append([found.trend_p, found.change_p])
+        p.append(found.p_value)
     assert (np.concatenate(p, axis=1) < 0.001).mean() < 0.002
 
 
@@ -286,8 +286,8 @@ def test_machines_that_repeat_themselves_worse_than_others_raise_no_more_alarms(
         values = np.sqrt(1 + scatter**2) * random.normal(size=std.shape)
         values[:20, 6:] += 200.0  # some do change
         found = drifts(values, std, degrees, np.arange(12) * 1.0)
-        p.append([found.trend_p[20:], found.change_p[20:]])
-        assert found.change_p[:20].max() < 1e-9
+        p.append(found.p_value[:, 20:])
+        assert found.p_value[1, :20].max() < 1e-9
     for level in (0.01, 1e-4):
         assert (np.concatenate(p, axis=1) < level).mean() < 1.5 * level + 4 * np.sqrt(level / 12_000)
 
@@ -298,11 +298,11 @@ def test_a_trend_and_a_change_are_told_apart() -> None:
     values[0] += times
     values[1, 6:] += 5.0
     found = drifts(values, std, np.full((50, 10), np.inf), times)
-    assert found.trend_p[0] < found.change_p[0]
-    assert found.change_p[1] < found.trend_p[1]
+    assert found.p_value[0, 0] < found.p_value[1, 0]
+    assert found.p_value[1, 1] < found.p_value[0, 1]
     assert found.at[1] == 6
-    assert abs(found.slope[0] - 1.0) < 5 * found.slope_std[0]
-    assert abs(found.step[1] - 5.0) < 5 * found.step_std[1]
+    assert abs(found.size[0, 0] - 1.0) < 5 * found.std[0, 0]
+    assert abs(found.size[1, 1] - 5.0) < 5 * found.std[1, 1]
 
 
 def made_machine(

@@ -139,6 +139,8 @@ class ChangeDetector:
         Of the e-detector, at the last update.
     components : int
         m.
+    suspected : int
+        Block at which the sum exceeded the limit, where later readings are waited for; else -1.
     """
 
     def __init__(
@@ -184,7 +186,7 @@ class ChangeDetector:
         """Forget all beginnings."""
         self.blocks, self.time, self.log_sum = 0, 0.0, -np.inf
         self.levels: list[list[Start]] = [[] for _ in range(LEVELS)]
-        self._suspected = -1
+        self.suspected = -1
         self._start()
 
     def distance_of(self, probability: float) -> float:
@@ -193,17 +195,8 @@ class ChangeDetector:
 
         return float(np.sqrt(special.chdtri(self.components, probability)))
 
-    @property
-    def dof(self) -> float:
-        """ν, of the variance that is known so far."""
-        return self.dof_of(self.sums)
-
-    @property
-    def variance(self) -> float:
-        """σ², relative to the mean square of the reference readings."""
-        return self._variance_of(self.sums)
-
     def _variance_of(self, sums: Sums) -> float:
+        """Return σ², relative to the mean square of the reference readings."""
         return float(sums.scatter) / self.dof_of(sums)
 
     def dof_of(self, sums: Sums) -> float:
@@ -228,7 +221,7 @@ class ChangeDetector:
         new = columns, readings, marks
         self.recent = tuple(np.concatenate(parts)[-RECENT:] for parts in zip(self.recent, new, strict=True))
         spread = self._spread(columns, self.covariance)
-        _, far, sums = _clipped(columns, readings, self.mean, spread, self.variance, marks[-1])
+        _, far, sums = _clipped(columns, readings, self.mean, spread, self._variance_of(self.sums), marks[-1])
         self.sums = self.sums.plus(sums)
         self.blocks += 1
         self.time += time
@@ -290,7 +283,7 @@ class ChangeDetector:
             inner = A * size**2 + np.eye(u.shape[-1])
             q = size**2 * np.einsum("...a,...a->...", u, np.linalg.solve(inner, u[..., None])[..., 0])
             part = np.minimum(q / self.sums.scatter, 1 - ROUNDING)
-            of_sizes.append(-np.linalg.slogdet(inner)[1] / 2 - self.dof / 2 * np.log1p(-part))
+            of_sizes.append(-np.linalg.slogdet(inner)[1] / 2 - self.dof_of(self.sums) / 2 * np.log1p(-part))
         return np.asarray(_log_add(np.array(of_sizes), axis=0) - np.log(len(of_sizes)))
 
     @staticmethod
@@ -310,18 +303,13 @@ class ChangeDetector:
         What a single bad reading did, later ones take back.
         """
         limit = float(np.log(self.limit * (1 + WATCH.at_once)))
-        if self._suspected < 0:
-            self._suspected = self.blocks if self.log_sum >= limit else -1
-        elif self.blocks - self._suspected >= CONFIRMED:
+        if self.suspected < 0:
+            self.suspected = self.blocks if self.log_sum >= limit else -1
+        elif self.blocks - self.suspected >= CONFIRMED:
             if self.log_sum >= limit:
                 return True
-            self._suspected = -1
+            self.suspected = -1
         return False
-
-    @property
-    def suspects(self) -> bool:
-        """Whether the sum exceeded the limit, and later readings are waited for."""
-        return self._suspected >= 0
 
     # what is known of a change ---------------------------------------------------------------------------------
 
@@ -399,7 +387,7 @@ class ChangeDetector:
         every = [*(start.sums for _, start in starts), self.sums]
         sums = zip(Sums._fields, zip(*every, strict=True), strict=True)
         numbers = [(level, *start[:-1]) for level, start in starts]
-        counts = self.blocks, self.time, self.log_sum, self.lost, self._suspected
+        counts = self.blocks, self.time, self.log_sum, self.lost, self.suspected
         return (
             {f"sums.{name}": np.stack(parts) for name, parts in sums}
             | {"starts": np.array(numbers, float), "counts": np.array(counts, float), "base": self.base}
@@ -411,7 +399,7 @@ class ChangeDetector:
         parts = zip(*(state[f"sums.{name}"] for name in Sums._fields), strict=True)
         *sums, self.sums = [Sums(*part) for part in parts]
         blocks, self.time, self.log_sum, self.lost, suspected = state["counts"].tolist()
-        self.blocks, self._suspected = int(blocks), int(suspected)
+        self.blocks, self.suspected = int(blocks), int(suspected)
         self.levels = [[] for _ in range(LEVELS)]
         for (level, block, weight, time), each in zip(state["starts"].tolist(), sums, strict=True):
             self.levels[int(level)].append(Start(int(block), weight, time, each))

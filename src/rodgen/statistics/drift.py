@@ -35,29 +35,22 @@ CENSORED = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Drifts:
-    """The tests of series.
+    """The tests of series, each for a straight line and for one change of its level.
 
     Attributes
     ----------
-    slope, slope_std : ndarray, shape (N,)
-        Of the line, per unit of time.
-    trend_p : ndarray, shape (N,)
-        Probability that chance makes as steep a line; 1 where there are too few values.
-    step, step_std : ndarray, shape (N,)
-        The change of the level.
+    size, std : ndarray, shape (2, N)
+        The slope, per unit of time; and the change, at the place where it fits best.
+    p_value : ndarray, shape (2, N)
+        Probability that chance makes as steep a line, and as large a change at any place; 1 of too few values.
     at : ndarray of int, shape (N,)
-        Number of the first value after it.
-    change_p : ndarray, shape (N,)
-        Probability that chance makes as large a change at any place.
+        Number of the first value after the change.
     """
 
-    slope: Array
-    slope_std: Array
-    trend_p: Array
-    step: Array
-    step_std: Array
+    size: Array
+    std: Array
+    p_value: Array
     at: Index
-    change_p: Array
 
 
 def drifts(values: Array, std: Array, degrees: Array, times: Array) -> Drifts:
@@ -117,17 +110,13 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array) -> Drifts:
     slope, slope_std, trend_p = fitted(times)
     steps = [fitted((np.arange(len(times)) >= k).astype(float)) for k in range(1, len(times))]
     size, size_std, p = (np.stack(part, axis=1) for part in zip(*steps, strict=True))
-    best = np.where(there, p, 2.0).argmin(axis=1)
-    row = np.arange(len(y))
-    change_p = np.minimum(p[row, best] * np.maximum(count - 1, 1), 1.0)
+    best, row = np.where(there, p, 2.0).argmin(axis=1), np.arange(len(y))
+    change_p = np.where(count > 1, np.minimum(p[row, best] * np.maximum(count - 1, 1), 1.0), 1.0)
     return Drifts(
-        slope,
-        slope_std,
-        np.where(count > 2, trend_p, 1.0),
-        size[row, best],
-        size_std[row, best],
+        np.stack([slope, size[row, best]]),
+        np.stack([slope_std, size_std[row, best]]),
+        np.stack([np.where(count > 2, trend_p, 1.0), change_p]),
         best + 1,
-        np.where(count > 1, change_p, 1.0),
     )
 
 

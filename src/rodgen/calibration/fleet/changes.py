@@ -21,7 +21,7 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.calibration.fleet.store import FleetMachine
-from rodgen.statistics.drift import Drifts, drifts
+from rodgen.statistics.drift import drifts
 from rodgen.statistics.thresholds import FLEET
 from rodgen.views import Result
 
@@ -147,23 +147,13 @@ class Changes:
         for row in self.rows:
             values, std, degrees = np.moveaxis(row.numbers, 1, 0)
             d = drifts(values, std, degrees, self.times)
-            alarms = np.minimum(d.trend_p, d.change_p) < self.threshold
-            found += [self._change(row, i, d) for i in np.flatnonzero(alarms).tolist()]
+            for i in np.flatnonzero(d.p_value.min(axis=0) < self.threshold).tolist():
+                k = int(d.p_value[:, i].argmin())
+                at = int(d.at[i]) if k else int(np.flatnonzero(np.isfinite(values[i]))[0])
+                size, std, p = (float(x[k, i]) for x in (d.size, d.std, d.p_value))
+                what, since = ("trend", "change")[k], self.nights[at].date
+                found.append(Change(row.machines[i], row.key, row.unit, what, size, std, since, p))
         return tuple(sorted(found, key=lambda one: (one.p_value, one.machine, one.key)))
-
-    def _change(self, row: _Rows, i: int, d: Drifts) -> Change:
-        trend = bool(d.trend_p[i] < d.change_p[i])
-        at = int(np.flatnonzero(np.isfinite(row.numbers[i, 0]))[0]) if trend else int(d.at[i])
-        return Change(
-            row.machines[i],
-            row.key,
-            row.unit,
-            "trend" if trend else "change",
-            float((d.slope if trend else d.step)[i]),
-            float((d.slope_std if trend else d.step_std)[i]),
-            self.nights[at].date,
-            float(min(d.trend_p[i], d.change_p[i])),
-        )
 
     def series(self, name: str, key: str) -> Iterator[tuple[str, float, float]]:
         """Yield the nights of a parameter: date, value, standard deviation."""

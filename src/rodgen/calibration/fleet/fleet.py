@@ -174,12 +174,12 @@ class Fleet(Result):
     @property
     def pending(self) -> list[FleetMachine]:
         """Machines that were not diagnosed yet."""
-        return [machine for machine in self.machines if machine.pending]
+        return [machine for machine in self.machines if not machine.result]
 
     @property
     def diagnosed(self) -> list[FleetMachine]:
         """Machines that were."""
-        return [machine for machine in self.machines if machine.diagnosed]
+        return [machine for machine in self.machines if "fleet" in machine.result]
 
     @cached_property
     def kinds(self) -> tuple[Kind, ...]:

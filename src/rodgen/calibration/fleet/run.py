@@ -6,7 +6,7 @@ import hashlib
 import os
 import warnings
 from collections.abc import Generator, Iterable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import date as calendar
 from importlib.metadata import version
@@ -17,19 +17,9 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.calibration.candidates import Candidate, candidates
 from rodgen.calibration.fitted import Fit
+from rodgen.calibration.fleet import store
 from rodgen.calibration.fleet.changes import moment
 from rodgen.calibration.fleet.fleet import Fleet
-from rodgen.calibration.fleet.store import (
-    FORMAT,
-    MACHINES,
-    PLAN,
-    Plan,
-    read_plan,
-    read_result,
-    result_file,
-    write_plan,
-    write_result,
-)
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.sensitivities import Sensitivities
@@ -98,7 +88,7 @@ def _files(folder: str, endings: Iterable[str]) -> dict[str, str]:
     except OSError as error:
         raise InputFileError(folder, "file", f"cannot be read ({error.strerror})", "a folder") from None
     for name in names:
-        ending = next((e for e in sorted(endings, key=len, reverse=True) if name.endswith(e)), None)
+        ending = next((e for e in endings if name.endswith(e)), None)
         if ending is None or name.startswith("."):
             continue
         stem, file = name.removesuffix(ending), os.path.join(folder, name)
@@ -156,12 +146,12 @@ def diagnose_fleet(
     with written_at_once():
         with stage("reading results"):
             keys = [_key_of(pair) for pair in pairs]
-            known = [read_result(folder, pair.name) for pair in pairs]
+            known = [store.read_result(folder, pair.name) for pair in pairs]
         stale = any(r is not None and r.get("key") != k for r, k in zip(known, keys, strict=True))
         names = tuple(pair.name for pair in pairs)
-        plan = Plan(_date(folder, date, stale), false_alarms, tuple(history), names)
+        plan = store.Plan(_date(folder, date, stale), false_alarms, tuple(history), names)
         _check_history(folder, plan)
-        write_plan(folder, plan)
+        store.write_plan(folder, plan)
         todo = [
             pair
             for pair, key, result in zip(pairs, keys, known, strict=True)
@@ -169,11 +159,9 @@ def diagnose_fleet(
         ]
         with closing(_each(todo, jobs, scheduler)) as found:
             for number, result in found:
-                write_result(folder, todo[number].name, result)
+                store.write_result(folder, todo[number].name, result)
         fleet = Fleet.load(folder)
-        if [(each.name, each.result.get("key")) for each in fleet.machines] != [
-            *zip(names, keys, strict=True)
-        ]:
+        if [each.result.get("key") for each in fleet.machines] != keys:
             what = "another run of rodgen has written to it, or a file of the fleet has changed"
             raise InputFileError(folder, "file", what, "another folder for each fleet, and one more run")
         return fleet
@@ -181,11 +169,8 @@ def diagnose_fleet(
 
 def _check_apart(folder: str, pairs: Sequence[Pair]) -> None:
     """Refuse a folder of results that has files of the fleet, or where results would replace them."""
-    files = [os.path.join(folder, PLAN), *(result_file(folder, pair.name) for pair in pairs)]
-    taken = {
-        *map(os.path.realpath, files),
-        *(os.path.realpath(each) for each in (folder, f"{folder}/{MACHINES}")),
-    }
+    own = [os.path.join(folder, each) for each in ("", store.PLAN, store.MACHINES)]
+    taken = set(map(os.path.realpath, own + [store.result_file(folder, pair.name) for pair in pairs]))
     for file in (file for pair in pairs for file in (pair.machine, pair.data) if file):
         place = os.path.realpath(file)
         if not taken.isdisjoint({place, os.path.dirname(place)}):
@@ -195,10 +180,10 @@ def _check_apart(folder: str, pairs: Sequence[Pair]) -> None:
 
 def _date(folder: str, given: str | None, stale: bool) -> str:
     if given is None:
-        try:
-            return calendar.today().isoformat() if stale else read_plan(folder).date
-        except RodgenError:
-            return calendar.today().isoformat()
+        with suppress(InputFileError):
+            if not stale:
+                return store.read_plan(folder).date
+        return calendar.today().isoformat()
     try:
         moment(given)
     except ValueError:
@@ -206,21 +191,15 @@ def _date(folder: str, given: str | None, stale: bool) -> str:
     return given
 
 
-def _check_history(folder: str, plan: Plan) -> None:
+def _check_history(folder: str, plan: store.Plan) -> None:
     """Refuse earlier results that cannot be read, are not earlier, or are of the same date as others."""
-    dates = [moment(plan.date)]
+    taken: set[object] = {os.path.realpath(folder)}
     for each in plan.history:
-        date = read_plan(each).date
-        if (
-            os.path.realpath(each) == os.path.realpath(folder)
-            or not moment(date) < dates[0]
-            or moment(date) in dates
-        ):
-            expected = (
-                f"earlier results than of {plan.date}, each of another date and folder; --date says when"
-            )
+        date = store.read_plan(each).date
+        if moment(date) >= moment(plan.date) or not taken.isdisjoint({moment(date), os.path.realpath(each)}):
+            expected = f"earlier results than of {plan.date}, each of another date; --date says when"
             raise InputFileError(each, "file", f"results of {date}", expected)
-        dates.append(moment(date))
+        taken.add(moment(date))
 
 
 def _each(
@@ -237,15 +216,13 @@ def _each(
         files = pairs
         if scheduler is not None:  # its workers are in other folders
             files = [Pair(p.name, *(f and os.path.abspath(f) for f in (p.machine, p.data))) for p in pairs]
+
+        def killed(number: int) -> dict[str, Any]:
+            why = "its process was killed, perhaps for lack of memory; expected more of it, fewer --jobs, or fewer rows"
+            return _failed(why, internal=True) | {"key": _key_of(pairs[number])}
+
         with local_processes(jobs) if scheduler is None else workers(scheduler) as some:
-            yield from some.each(what, diagnose_pair, files, of_killed=lambda number: _killed(pairs[number]))
-
-
-def _killed(pair: Pair) -> dict[str, Any]:
-    why = (
-        "its process was killed, perhaps for lack of memory; expected more of it, fewer --jobs, or fewer rows"
-    )
-    return _failed(why, internal=True) | {"key": _key_of(pair)}
+            yield from some.each(what, diagnose_pair, files, of_killed=killed)
 
 
 # one machine ---------------------------------------------------------------------------------------
@@ -254,7 +231,7 @@ def _killed(pair: Pair) -> dict[str, Any]:
 def _key_of(pair: Pair) -> dict[str, Any]:
     """Return what the result of a machine depends on: the contents of its files, and what made it."""
     found = {"machine": _sha256(pair.machine), "data": _sha256(pair.data)}
-    return {"sha256": found, "rodgen": version("rodgen"), "format": FORMAT}
+    return {"sha256": found, "rodgen": version("rodgen"), "format": store.FORMAT}
 
 
 def _sha256(file: str) -> str:
@@ -296,12 +273,10 @@ def _diagnosed(pair: Pair) -> dict[str, Any]:
     from rodgen.data.measurements import Measurements
     from rodgen.machines.machine import Machine
 
-    for file, other, what in (
-        (pair.machine, pair.data, "machine file"),
-        (pair.data, pair.machine, "measurements"),
-    ):
-        if not file:
-            raise InputFileError(other, "file", f"no {what} of this name", f"{what} of the same name")
+    if not (pair.machine and pair.data):
+        what = "measurements" if pair.machine else "machine file"
+        expected = "a machine file and measurements of one name"
+        raise InputFileError(pair.machine or pair.data, "file", f"no {what} of this name", expected)
     return _record(diagnose(Machine.load(pair.machine), Measurements.load(pair.data)))
 
 

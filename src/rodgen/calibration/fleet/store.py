@@ -73,16 +73,6 @@ class FleetMachine:
         return str(self.result.get("error", ""))
 
     @property
-    def pending(self) -> bool:
-        """Whether it was not diagnosed yet."""
-        return not self.result
-
-    @property
-    def diagnosed(self) -> bool:
-        """Whether it was diagnosed."""
-        return "fleet" in self.result
-
-    @property
     def model(self) -> str:
         """The content of its machine file, by the hash."""
         return str(self.result["key"]["sha256"]["machine"])

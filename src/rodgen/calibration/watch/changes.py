@@ -3,8 +3,7 @@
 The detector clips readings that are far from what is expected, so that it knows neither how large a large change is
 nor, therefore, which columns it follows. Here the last readings are not clipped. The evidence names the set of effects
 that explains those since the change began best; that moves to where -2 ln of the probability falls most, and readings
-that are wrong by themselves are left out, until all stay. Of several starts that with the most probable end counts.
-That readings scatter more competes with it.
+that are wrong by themselves are left out, until all stay. That readings scatter more competes with it.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.sensitivities import Sensitivities, is_direct
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import unit_factor
-from rodgen.errors import InputFileError, UnexpectedError
+from rodgen.errors import InputFileError, UnexpectedError, in_file
 from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.machine import Effect
@@ -128,12 +129,9 @@ class WatchedColumns:
         self._timed = False
         if deviations is None:
             return
-        motion, groups = shared_motion(sensitivities)
-        scale = np.zeros(motion.dof)
-        for of in groups.values():
-            scale[of] = np.sqrt(
-                np.sum(motion.columns[..., of] ** 2) / np.sum(sensitivities.frame[..., of] ** 2)
-            )
+        motion, _ = shared_motion(sensitivities)
+        ours, frame = (np.sum(x**2, axis=(0, 1)) for x in (motion.columns, sensitivities.frame))
+        scale = np.sqrt(np.divide(ours, frame, out=np.zeros_like(frame), where=frame > 0))
         self._scale, self._spacing, self.duration = scale, motion.poses.spacing, motion.poses.duration
         self._timed = motion.poses.timed
         time = o.t if self._timed and o.t is not None else np.arange(o.n)
@@ -250,16 +248,11 @@ class WatchedColumns:
         """
         aside = np.zeros(data.rows, bool)
         for entry in self.rules:
-            try:
+            found = None
+            file = self.fit.machine.file or self.fit.machine.name
+            # a run may be of other rows
+            with suppress(UnexpectedError) if entry.run else in_file(file, "[measured], set_aside"):
                 found = entry.of(data, ())
-            except UnexpectedError as error:
-                if entry.run:  # of other rows
-                    continue
-                machine = self.fit.machine
-                place = "[measured], set_aside"
-                raise InputFileError(
-                    machine.file or machine.name, place, error.found, error.expected
-                ) from None
             if found is not None:
                 aside = aside & ~found if entry.back else aside | found
         return ~aside

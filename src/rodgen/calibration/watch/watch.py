@@ -42,8 +42,6 @@ BLOCK_SECONDS = 10.0
 """Readings that come within so many seconds are looked at together, so that the time a year takes does not grow."""
 MOST_ROWS = 1000
 """The same, at most."""
-PAUSE = 10.0
-"""Times that the usual gap between readings is exceeded by a pause."""
 FORMAT = 4
 """Of a state."""
 KEPT = ("rows", "alarms", "_last_t", "_settling", "_outliers")
@@ -134,7 +132,7 @@ class Watch:
             self._limit,
             np.array([-1.0, np.nan, -1.0, -1.0]),
         )
-        self._demand(self.detector.dof)
+        self._demand(self.detector.dof_of(self.detector.sums))
         self._whitener = self._watched.whitener()
         self.rows = self.alarms = 0
         self._counted = "line"
@@ -158,12 +156,10 @@ class Watch:
             )
 
     def _time_of_a_row(self) -> float:
-        """Return the time from one reading to the next, seconds; that of the reference, without its pauses."""
+        """Return the time from one reading to the next, seconds; the usual one of the reference."""
         t = self.fit.observations.t
-        if self._rate is None and t is not None:
-            gaps = np.abs(np.diff(t))
-            if gaps.any():
-                return float(np.mean(gaps[gaps <= PAUSE * np.median(gaps[gaps > 0])]))
+        if self._rate is None and t is not None and (gaps := np.abs(np.diff(t))).any():
+            return float(np.median(gaps[gaps > 0]))
         return 1 / (self._rate or frequency("100/h"))
 
     @property
@@ -301,7 +297,7 @@ class Watch:
             yield from self._released(lambda block, row: row <= found.first[2])
             self._outliers = []
             yield self._changed(found, at, settled=False)
-        elif not self.detector.suspects:
+        elif self.detector.suspected < 0:
             yield from self._released(lambda block, row: block <= blocks - WAITED)
             self._outliers = [one for one in self._outliers if one[2] > blocks - WAITED]
 
