@@ -269,11 +269,10 @@ class ChangeDetector:
         for some, index in self._widths:
             A = square[:, index[:, :, None], index[:, None, :]]
             effects[:, some] = self._log_ratio(score[:, index], A)
-        share = np.log((1 - NOISE) / len(self.groups))
-        noise = [
-            self._log_of_noise(start.sums.bins, each.bins) for start, each in zip(starts, since, strict=True)
-        ]
-        found = np.column_stack([effects + share, np.array(noise) + np.log(NOISE)])
+        share, bins = np.log((1 - NOISE) / len(self.groups)), np.stack([each.bins for each in since])
+        before = np.stack([start.sums.bins for start in starts])
+        noise = _log_of_counts(np.ones_like(bins), bins) - _log_of_counts(before, bins) + np.log(NOISE)
+        found = np.column_stack([effects + share, noise])
         return np.asarray(found + np.log([start.weight for start in starts])[:, None])
 
     def _log_ratio(self, u: Array, A: Array) -> Array:
@@ -285,16 +284,6 @@ class ChangeDetector:
             part = np.minimum(q / self.sums.scatter, 1 - ROUNDING)
             of_sizes.append(-np.linalg.slogdet(inner)[1] / 2 - self.dof_of(self.sums) / 2 * np.log1p(-part))
         return np.asarray(_log_add(np.array(of_sizes), axis=0) - np.log(len(of_sizes)))
-
-    @staticmethod
-    def _log_of_noise(before: Array, since: Array) -> float:
-        alike = np.ones(len(since))
-        return (
-            _log_dirichlet(alike + since)
-            - _log_dirichlet(alike)
-            - _log_dirichlet(before + since)
-            + _log_dirichlet(before)
-        )
 
     @property
     def alarm(self) -> bool:
@@ -422,31 +411,33 @@ def _distance(error: Array, spread: Array) -> Array:
     return np.asarray(np.sqrt(squares))
 
 
-def _bounds(components: int) -> Array:
-    from scipy import special
-
-    return np.asarray(np.sqrt(special.chdtri(components, 1 - np.array(BINS))))
-
-
 def _clipped(
     columns: Array, readings: Array, mean: Array, spread: Array, variance: float, mark: Array
 ) -> tuple[Array, Array, Sums]:
     """Return the clipped errors of readings, (n, m), how far each is from what is expected, (n,), and sums."""
+    from scipy import special
+
     _, m, d = columns.shape
     error, flat = readings - columns @ mean, columns.reshape(-1, d)
     far = _distance(error, np.broadcast_to(spread * variance, (len(error), m, m)))
     near = np.minimum(1.0, WATCH.clip(m) / np.maximum(far, SMALLEST))
     left = error * near[:, None]
     clipped, scatter = readings - (error - left), np.array(variance * np.sum((far * near) ** 2))
-    rows, bins = np.array(float(len(far))), np.searchsorted(_bounds(m), far)
+    rows, bins = (
+        np.array(float(len(far))),
+        np.searchsorted(np.sqrt(special.chdtri(m, 1 - np.array(BINS))), far),
+    )
     counts = np.bincount(bins, minlength=len(BINS) + 1).astype(float)
     return left, far, Sums(mark, rows, scatter, flat.T @ flat, flat.T @ clipped.ravel(), counts)
 
 
-def _log_dirichlet(counts: Array) -> float:
+def _log_of_counts(before: Array, since: Array) -> Array:
+    """Return the logarithm of the probability of counts, whose frequencies have Dirichlet priors, (...)."""
     from scipy import special
 
-    return float(np.sum(special.gammaln(counts)) - special.gammaln(np.sum(counts)))
+    whole = before + since
+    each = special.gammaln(whole) - special.gammaln(before)
+    return np.asarray(each.sum(-1) - special.gammaln(whole.sum(-1)) + special.gammaln(before.sum(-1)))
 
 
 def _log_add(logarithms: Array, axis: int | None = None) -> Any:

@@ -28,8 +28,7 @@ from rodgen.views import Result
 DAY = 86400.0
 
 
-@dataclass(frozen=True, eq=False)
-class Night:
+class Night(NamedTuple):
     """What was measured on one date.
 
     Attributes

@@ -10,7 +10,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import date as calendar
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -31,9 +31,6 @@ from rodgen.stages import stage, step
 from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.thresholds import COST, FLEET
-
-if TYPE_CHECKING:
-    from rodgen.calibration.diagnosis import Diagnosis
 
 DATA = (".csv", ".csv.gz", ".parquet")
 """Endings of measurement files."""
@@ -277,10 +274,7 @@ def _diagnosed(pair: Pair) -> dict[str, Any]:
         what = "measurements" if pair.machine else "machine file"
         expected = "a machine file and measurements of one name"
         raise InputFileError(pair.machine or pair.data, "file", f"no {what} of this name", expected)
-    return _record(diagnose(Machine.load(pair.machine), Measurements.load(pair.data)))
-
-
-def _record(found: Diagnosis) -> dict[str, Any]:
+    found = diagnose(Machine.load(pair.machine), Measurements.load(pair.data))
     base, last = found.base, found.final_with_forms
     as_file = _estimates_of(base)
     machine = base.machine

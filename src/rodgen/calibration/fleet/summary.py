@@ -62,8 +62,8 @@ def _first_of(texts: Sequence[str], what: str) -> Iterator[str]:
         yield f"  … and {len(texts) - MOST} more {what}, which the page and --json show"
 
 
-def _count(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"
+def _count(count: float, what: str) -> str:
+    return f"{count:g} {what}{'s' * (count != 1)}"
 
 
 def about_machines(fleet: Fleet) -> str:
@@ -142,21 +142,20 @@ def about_alarms(fleet: Fleet) -> str:
     head = f"{len(changes.nights)} nights, {first} to {last}: {alarmed} with an alarm"
     if not changes.tests:
         return f"{head}; changes are looked for from two nights of the same machine file on."
-    rate = f"{changes.false_alarms:g} false alarm{'s' * (changes.false_alarms != 1)} a year"
+    rate = _count(changes.false_alarms, "false alarm")
     text = (
-        f"{head}. By chance the whole fleet has {rate}: {changes.tests} tests a night, {FLEET.nights:g} nights a year, "
-        f"each alarm with p below {changes.threshold:.1e}."
+        f"{head}. By chance the whole fleet has {rate} a year: {changes.tests} tests a night, {FLEET.nights:g} nights "
+        f"a year, each alarm with p below {changes.threshold:.1e}."
     )
-    return " ".join([text, *_of_most(fleet)])
-
-
-def _of_most(fleet: Fleet) -> Iterator[str]:
-    counts = Counter(
-        (key, since) for key, since, _ in {(c.key, c.since, c.machine) for c in fleet.changes.found}
-    )
-    for (key, since), count in sorted(counts.items()):
-        if count >= max(FLEET.common * len(fleet.diagnosed), 2):
-            yield f"{key} changed in {count} machines on {since}: look at what they share, such as the instrument."
+    alarms = {(change.key, change.since, change.machine) for change in changes.found}
+    counts = Counter((key, since) for key, since, _ in alarms)
+    least = max(FLEET.common * len(fleet.diagnosed), 2)
+    shared = [
+        f"{key} changed in {count} machines on {since}: look at what they share, such as the instrument."
+        for (key, since), count in sorted(counts.items())
+        if count >= least
+    ]
+    return " ".join([text, *shared])
 
 
 def _change_text(change: Change) -> str:

@@ -68,7 +68,8 @@ def what_changed(detector: ChangeDetector, watched: WatchedColumns) -> Change:
     for _ in range(WATCH.rounds):
         some = Since(*(part[after & near] for part in readings))
         evidence = watched.evidence(*detector.products(before, some), some.unexpected.size, dof)
-        chosen, sizes = _sized(evidence, _chosen(evidence))
+        # something changed, so that the likeliest effect is named where none is likely enough
+        chosen, sizes = _sized(evidence, select(evidence) or evidence.promising([], 1))
         change = np.zeros(readings.columns.shape[2])
         change[[i for one in watched.of(chosen) for i in one.columns]] = sizes.theta
         left = readings.distance(change)
@@ -83,7 +84,7 @@ def what_changed(detector: ChangeDetector, watched: WatchedColumns) -> Change:
     whole = float(np.logaddexp.reduce(since))
     of_beginning = float(np.max(since)) - whole + math.log(len(far))
     cost = dof + 2 * (unchanged - log_ratio - wrong - of_beginning)
-    likely, moved = _weighed(watched, evidence, cost)
+    likely, moved = _weighed(watched, evidence, chosen, cost)
     began = noisier if likely[0].is_noise else np.exp(since - whole)
     ends = [readings.marks[i - 1] if i else before.mark for i in central(began)]
     if not any(one.is_noise and one.probability >= WATCH.likely for one in likely):
@@ -93,14 +94,10 @@ def what_changed(detector: ChangeDetector, watched: WatchedColumns) -> Change:
     return Change(likely, moved, ends[0], ends[1], noise, *sums)
 
 
-def _chosen(evidence: Evidence) -> list[Candidate]:
-    """Return what changed: something did, so that the likeliest effect is named where none is likely enough."""
-    return select(evidence) or evidence.promising([], 1)
-
-
-def _weighed(watched: WatchedColumns, evidence: Evidence, of_noise: float) -> tuple[list[Likely], list[int]]:
+def _weighed(
+    watched: WatchedColumns, evidence: Evidence, chosen: list[Candidate], of_noise: float
+) -> tuple[list[Likely], list[int]]:
     """Return what may have changed, and its columns; the cost of readings that only scatter more is given."""
-    chosen = _chosen(evidence)
     sets = [chosen, *([c] for c in evidence.candidates)]
     for equal in equals(evidence, chosen):
         sets.append([*(c for c in chosen if c not in equal.replaced), *equal.candidates])

@@ -148,12 +148,10 @@ class Watch:
         """Refuse a reference that leaves too few degrees of freedom."""
         if degrees < WATCH.fewest:
             rows, file = self.fit.observations.n, self.fit.observations.data.file
-            found = (
-                f"{rows} row{'s' * (rows != 1)}, which leave {math.floor(max(degrees, 0))} degrees of freedom"
-            )
-            raise InputFileError(
-                file, "file", found, f"a reference that leaves {WATCH.fewest:.0f}: more rows"
-            )
+            left = math.floor(max(degrees, 0))
+            expected = f"a reference that leaves {WATCH.fewest:.0f}: more rows"
+            found = f"{rows} row{'s' * (rows != 1)}, which leave {left} degrees of freedom"
+            raise InputFileError(file, "file", found, expected)
 
     def _time_of_a_row(self) -> float:
         """Return the time from one reading to the next, seconds; the usual one of the reference."""
@@ -170,14 +168,13 @@ class Watch:
     @property
     def text(self) -> str:
         """A sentence on what is watched, and how."""
-        titles = len(self.alternatives)
         every = "each row" if self._per_block == 1 else f"every {self._per_block} rows"
         timed = self._rate is not None or self.fit.observations.t is not None
         assumed = "" if timed else ", 100 rows an hour assumed (--rate)"
         o = self.fit.observations
         return (
-            f"Reference: {o.n} rows of {o.data.file}. Watched: {titles} parameters and effects, and the noise, "
-            f"after {every}; an alarm by chance once in {_duration(self._limit)} at most{assumed}."
+            f"Reference: {o.n} rows of {o.data.file}. Watched: {len(self.alternatives)} parameters and effects, "
+            f"and the noise, after {every}; an alarm by chance once in {_duration(self._limit)} at most{assumed}."
             f"{self._shared}{self._left_out}"
         )
 
@@ -267,11 +264,8 @@ class Watch:
     def _count(self, whole: Measurements, o: Observations, new: int) -> None:
         """Count new rows; keep those that tell directions: between which each joint moved last, and the last."""
         self.rows += new
-        rows = {o.n - 1}
-        for moved in (np.diff(o.q, axis=0) != 0).T:
-            if moved.any():
-                last = int(np.flatnonzero(moved)[-1])
-                rows |= {last, last + 1}
+        moves = [np.flatnonzero(moved) for moved in (np.diff(o.q, axis=0) != 0).T]
+        rows = {o.n - 1, *(int(each[-1]) + k for each in moves if len(each) for k in (0, 1))}
         self._context = whole.take(np.array(sorted(rows)))
 
     # blocks ------------------------------------------------------------------------------------------------------
