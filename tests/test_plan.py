@@ -99,32 +99,10 @@ def test_plan_of_a_diagnosis_lets_the_next_one_say_what_is_there(make, seed, tri
     assert trial.settled(trial.diagnosed(*trial.after(found)))
 
 
-def test_way_is_gone_back_where_the_set_up_wandered_while_a_joint_went_one_way(trials):
-    trial, walk = trials["one_side"], np.random.default_rng(1).normal(0, 5e-4, (3, 300)).cumsum(axis=1)
-    wandered = {f"{x} [mm]": trial.data[f"{x} [mm]"] + way for x, way in zip("xyz", walk, strict=True)}
-    first = trial.fitted(trial.loop.file, {**trial.data, **wandered}).diagnose()
-    assert not first.steps
-    assert "C went through its range once while the set-up wandered" in " ".join(str(first).split())
-    found = first.plan(12)
-    assert [goal.kind for goal in found.goals] == ["order"]
-    C = np.array(found.rows["C [rad]"])
-    assert len(C) == 12
-    assert (np.diff(C) < 0).all()
-    assert np.ptp(C) > 5.9
-
-
 def test_target_in_no_row_keeps_no_diagnosis_from_an_answer(trials):
     found = trials["one_radius"].fit.diagnose()
     assert [step.effect.title for step in found.steps] == ["encoder_eccentricity at C"]
     assert "No row has the target r." in found.notes
-
-
-@pytest.mark.thorough
-def test_positions_that_are_to_show_a_function_of_one_joint_are_not_those_of_two_ends(trials):
-    found = trials["never_moved"].plan(24)
-    parts = np.bincount((np.array(found.rows["X [mm]"]) / 100).astype(int), minlength=8)
-    assert np.count_nonzero(parts) >= 3
-    assert parts.max() <= -(-found.count // 3)
 
 
 def test_people_read_no_more_digits_than_they_can_set():
@@ -373,19 +351,18 @@ def test_model_of_which_every_parameter_rests_on_coordinates_is_sharpened_as_a_w
 
 
 @pytest.mark.thorough
-def test_parameters_that_look_like_a_choice_of_coordinates_are_left_out_and_named():
+def test_readings_that_would_sharpen_nothing_are_not_planned():
     found = diagnosed("rotary_table").plan()
     (goal,) = found.goals
-    assert goal.parameters == tuple(f"C.tilt_error_motion.{x}" for x in ("u_c2", "u_s2", "v_c2", "v_s2"))
-    assert "Determine" not in found.summary()
-    (note,) = [note for note in found.notes if "left out" in note]
-    assert note.startswith("C.tilt_error_motion.u_c1, ")
+    assert set(goal.parameters) == {
+        f"C.tilt_error_motion.{x}{k}" for x in ("u_c", "u_s", "v_c", "v_s") for k in (1, 2)
+    }
     # twelve readings beside 432
     assert not found.count
     assert not goal.resolvable
     assert "Nothing to measure would tell more." in found.summary()
     assert (
-        "12 further readings would lower no standard deviation of C.tilt_error_motion.u_c2" in goal.sentence
+        "12 further readings would lower no standard deviation of C.tilt_error_motion.u_c1" in goal.sentence
     )
     assert goal.sentence.endswith("by more than 2 %, beside the 432 that there are.")
 
@@ -395,7 +372,7 @@ def test_same_effect_with_other_sign_does_the_same_to_every_reading_and_is_sharp
     first = diagnosed("ballbar_gantry")
     found = first.plan()
     apart, sharper = found.goals
-    assert "would distinguish squareness at X, squareness at Y" in apart.sentence
+    assert "would distinguish squareness at X and squareness at Y" in apart.sentence
     assert not apart.resolvable
     (named,) = [step.effect.place for step in first.steps]  # which of the two the diagnosis names
     assert named in {"X", "Y"}

@@ -2,45 +2,30 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.open_questions import HasOpenQuestions, OpenQuestions
-from rodgen.calibration.plan.campaign import MOST_READINGS, Campaign, Search
 from rodgen.calibration.plan.constraints import Constraints
-from rodgen.calibration.plan.goals import Gain, Goal, goals_of
-from rodgen.calibration.plan.question import (
-    PlanError,
-    Question,
-    ask,
-    determined_parameters,
-    parameters_to_sharpen,
-    undetermined_sentences,
-)
+from rodgen.calibration.plan.goals import MOST_READINGS, Gain, Goal, PlanError
 from rodgen.calibration.plan.rows import as_csv, as_text, table
+from rodgen.calibration.plan.separation import Separation
+from rodgen.calibration.plan.sharpening import Sharpening
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.data.poses import moved_one_way
 from rodgen.errors import joined, shown
-from rodgen.statistics.thresholds import PLAN
+from rodgen.machines.machine import Effect
 from rodgen.views import Result
-
-if TYPE_CHECKING:
-    from rodgen.machines.machine import Effect
-    from rodgen.machines.observations import Observations
 
 __all__ = ["Plan", "PlanError", "plan", "plan_for"]
 
 WIDTH = 100
 """Of a line of text."""
-WHOLE_TURN = 0.9
-"""Part of a turn from which data of a revolute joint cover all there is."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -123,7 +108,7 @@ class Plan(Result):
             yield from (f"    {line}" for line in as_text(self.rows))
             yield "What it settles"
         else:
-            sharpens = all(goal.kind == "sharpen" for goal in self.goals)
+            sharpens = all(goal.kind == "sharpen" and goal.gains for goal in self.goals)
             why = " would tell more." if sharpens else ": no reading within the travel settles what is open."
             yield f"Nothing to measure{why}"
             yield "What is open"
@@ -199,51 +184,16 @@ def plan(
     final = questions.final
     if wanted or questions.found is None:
         return plan_for(final, (), n, wanted=wanted or (), constraints=constraints)
-    found = None
+    apart = Plan({}, (), (), None)
     if questions.alternatives:
-        found = plan_for(
-            final, questions.alternatives, n, trusted=questions.dependent, constraints=constraints
-        )
-    if found is None or not any(goal.resolvable for goal in found.goals):
-        found = _there_and_back(questions, n, constraints) or _sharper(questions, n, found, constraints)
-    return found
-
-
-def _there_and_back(questions: OpenQuestions, n: int, constraints: Constraints | None) -> Plan | None:
-    """Return a plan that goes back where joints went one way only while the set-up wandered; else None."""
-    o = questions.final.observations
-    q = np.asarray(o.q)
-    one_way = np.flatnonzero(moved_one_way(q))
-    if questions.found or not questions.wanders or not len(one_way):
-        return None
-    names = joined([o.machine.joints[j].name for j in one_way])
-    question = replace(ask(questions.final, (), (), trusted=True), constraints=constraints or Constraints())
-    if not question.keys:
-        return None
-    with one_thread_in_blas():
-        campaign = Campaign(question, o)
-    span = np.ptp(campaign.travel, axis=1)
-    scale = np.where(span > 0, span, 1.0)
-    places = q[np.linspace(o.n - 1, 0, min(n, question.constraints.session or n, o.n)).astype(int)]
-    nearest = [int(np.argmin(np.abs((campaign.rows.q - place) / scale).max(axis=1))) for place in places]
-    rows = campaign.rows.take(np.array(list(dict.fromkeys(nearest)))).as_moved(q[-1])
-    sentence = (
-        f"Tell errors that follow {names} from a set-up that wanders: {names} went one way only meanwhile, and goes "
-        f"back through its positions."
-    )
-    goal = Goal("order", (), (), (sentence,), True, False, ())
-    return Plan(table(campaign.machine, campaign.surroundings, rows), (goal,), (), None)
-
-
-def _sharper(questions: OpenQuestions, n: int, before: Plan | None, constraints: Constraints | None) -> Plan:
-    """Return a plan that sharpens the parameters of effects, with what an earlier plan could not settle."""
-    keys, notes = determined_parameters(questions.final, questions.found or ())
-    if before is not None and not keys:
-        return before
-    sharper = plan_for(questions.final, (), n, wanted=keys, asked=False, constraints=constraints)
-    before = before or Plan({}, (), (), None)
-    every = dict.fromkeys((*before.notes, *sharper.notes, *notes))
-    return replace(sharper, goals=(*before.goals, *sharper.goals), notes=tuple(every))
+        apart = plan_for(final, questions.alternatives, n, trusted=True, constraints=constraints)
+        if apart.count:
+            return apart
+    free = [final.parameters[i].key for i in final.free]
+    keys = [key for key in free if any(effect.owns(key) for effect in questions.found)]
+    sharper = plan_for(final, (), n, wanted=keys, asked=False, constraints=constraints)
+    notes = tuple(dict.fromkeys((*apart.notes, *sharper.notes)))
+    return replace(sharper, goals=(*apart.goals, *sharper.goals), notes=notes)
 
 
 def plan_for(
@@ -256,7 +206,7 @@ def plan_for(
     asked: bool = True,
     constraints: Constraints | None = None,
 ) -> Plan:
-    """Return what to measure to tell effects apart, or to sharpen parameters; see :func:`plan`.
+    """Return what to measure to tell effects apart, or else to sharpen parameters; see :func:`plan`.
 
     Parameters
     ----------
@@ -266,9 +216,10 @@ def plan_for(
         Effects of which one is there, and the data do not say which; the likeliest first.
     n : int
     wanted : iterable of str
+        Left out where there are alternatives.
     trusted : bool
-        Whether the alternatives are those of a diagnosis that found readings to depend on each other. Otherwise effects
-        that independent readings refute are left out.
+        Whether the alternatives are those of a diagnosis. Otherwise effects that independent readings refute are left
+        out.
     asked : bool
         Whether a user asked for the wanted parameters. Otherwise no readings are planned that sharpen none of them.
     constraints : Constraints, optional
@@ -279,105 +230,47 @@ def plan_for(
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 1 <= n <= MOST_READINGS:
         raise PlanError(f"n {shown(n)}", f"a whole number from 1 to {MOST_READINGS}")
-    question = ask(
-        fit, alternatives, [wanted] if isinstance(wanted, str) else wanted, trusted=trusted, asked=asked
-    )
-    question = replace(question, constraints=constraints or Constraints())
-    most = min(int(n), question.constraints.session or int(n))
-    if not question.alternatives and not question.keys:
-        return Plan({}, (), ("Nothing is estimated that measurements could sharpen.",), None)
-    with one_thread_in_blas():
-        found = _planned(fit, question, most)
-        if question.kind == "show" and not found.count and not _without_travel(question, fit.observations):
-            keys = parameters_to_sharpen(fit, question.keys)
-            notes = undetermined_sentences(fit)
-            question = replace(question, kind="sharpen", keys=tuple(keys), notes=notes)
-            found = _planned(fit, question, most)
-    return found
-
-
-def _planned(fit: Fit, question: Question, n: int) -> Plan:
-    """Return the plan for a question."""
+    constraints = constraints or Constraints()
+    most = min(int(n), constraints.session or int(n))
     o = fit.observations.take(~fit.outliers) if fit.outliers.any() else fit.observations
-    campaign = Campaign(question, o)
-    search = Search(campaign, n)
-    goals = tuple(goals_of(search, fit))
-    notes = [*question.notes, *campaign.rivals.refused]
-    if question.keys and not fit.dependence.independent:
-        notes.append(fit.dependence.text)
-    if not all(goal.reached for goal in goals):
-        notes += _about_travel(campaign)
-    if not any(goal.resolvable for goal in goals):
-        return Plan({}, goals, tuple(dict.fromkeys(notes)), None)
-    notes += _about_rows(campaign)
-    notes += _not_enough(search)
-    rows = table(campaign.machine, campaign.surroundings, search.rows)
-    return Plan(rows, goals, tuple(dict.fromkeys(notes)), search.needed)
+    found: Separation | Sharpening
+    with one_thread_in_blas():
+        if alternatives:
+            found = Separation(fit, o, alternatives, constraints, most, trusted)
+        else:
+            texts = [wanted] if isinstance(wanted, str) else list(wanted)
+            found = Sharpening(fit, o, texts, constraints, most, asked)
+        rows = {} if found.rows is None else table(fit.machine, found.pool.surroundings, found.rows)
+    notes = [*found.notes, *_notes(found)] if found.goals else found.notes
+    return Plan(rows, tuple(found.goals), tuple(notes), found.needed)
 
 
-# what limits it ------------------------------------------------------------------------------------------------------
-
-
-def _without_travel(question: Question, o: Observations) -> list[int]:
-    """Return joints in question without a travel in the machine file, of which there may be more than in the data."""
-    machine = question.machine
-    # the file of a closed chain states no travel of its legs; a list of poses has all that there are
-    if machine.kinematics.is_closed or question.constraints.poses is not None:
-        return []
-    places = {e.place for each in question.alternatives for e in each}
-    places |= {key.split(".")[0] for key in question.keys}
-    of_joints = bool(places & {joint.name for joint in machine.joints})
-    turned = np.ptp(o.q, axis=0) > 2 * math.pi * WHOLE_TURN
-    return [
-        j
-        for j, joint in enumerate(machine.joints)
-        if machine.limits[j] is None
-        and joint.is_read
-        and joint.column not in question.constraints.limits
-        and not (joint.revolute and turned[j])
-        and (joint.name in places or not of_joints)
-    ]
-
-
-def _about_travel(campaign: Campaign) -> Iterator[str]:
-    """Yield a sentence on joints without a travel in the machine file."""
-    joints = _without_travel(campaign.question, campaign.o)
-    if joints:
-        names = [campaign.machine.joints[j].name for j in joints]
+def _notes(found: Separation | Sharpening) -> Iterator[str]:
+    """Yield sentences on what limits a plan: the travel, the run, the constraints, and the number of readings."""
+    pool, constraints = found.pool, found.pool.constraints
+    if pool.without_travel and not all(goal.reached for goal in found.goals):
         ranges = []
-        for j, name in zip(joints, names, strict=True):
-            unit, factor = campaign.o.unit_of(campaign.machine.joints[j].column)
-            low, high = (f"{x / factor + 0.0:.4g}" for x in campaign.travel[j])
-            ranges.append(f"{name} {low} {unit}" if low == high else f"{name} {low} to {high} {unit}")
+        for j in pool.without_travel:
+            joint = pool.machine.joints[j]
+            unit, factor = pool.o.unit_of(joint.column)
+            low, high = (f"{x / factor + 0.0:.4g}" for x in pool.travel[j])
+            ranges.append(
+                f"{joint.name} {low} {unit}" if low == high else f"{joint.name} {low} to {high} {unit}"
+            )
+        names = joined([pool.machine.joints[j].name for j in pool.without_travel])
         yield (
-            f"The machine file gives no travel of {joined(names)}, so that of the data was used: {joined(ranges)}. If "
-            f"there is more, state it there (travel = [low, high]) and plan again."
+            f"The machine file gives no travel of {names}, so that of the data was used: {joined(ranges)}. If there is "
+            f"more, state it there (travel = [low, high]) and plan again."
         )
-
-
-def _about_rows(campaign: Campaign) -> Iterator[str]:
-    """Yield sentences on the run of the rows, on what the constraints exclude, and on what they do not."""
-    if "run" in campaign.o.columns_given:
-        run = campaign.o.run_names[campaign.o.run[-1]]
+    if found.rows is None:
+        return
+    if "run" in pool.o.columns_given:
+        run = pool.o.run_names[pool.o.run[-1]]
         yield f"The rows continue run {run}, in its set-up; after a new set-up give them a run of their own."
-    if far := campaign.out_of_reach:
+    if far := pool.out_of_reach:
         balls = f"ball{'s' * (len(far) > 1)} {joined(map(str, far))}"
         yield f"Out of reach within the travel and the limits: {balls} of the artefact."
-    if campaign.question.constraints.boxes:
+    if constraints.boxes:
         yield "The target keeps out of the boxes in the planned readings, not on the ways between them."
-
-
-def _not_enough(search: Search) -> Iterator[str]:
-    """Yield how many readings would be enough, where these are not."""
-    question, count = search.campaign.question, search.rows.n
-    planned = [gain for gain in search.gains() if gain.pair.possible]
-    if all(gain.reached for gain in planned):
-        return
-    least = min(gain.probability for gain in planned)
-    said = "are probably not enough" if least < PLAN.hopeless else "may not be enough"
-    if search.needed:
-        session = question.constraints.session
-        sessions = f", in {math.ceil(search.needed / session)} sessions" if session else ""
-        yield f"{count} readings {said}; about {search.needed} would be{sessions}."
-    else:
-        yield f"{count} readings {said}, and neither may {MOST_READINGS}."
+    if isinstance(found, Separation):
+        yield from found.not_enough(constraints.session)

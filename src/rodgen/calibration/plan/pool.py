@@ -6,38 +6,36 @@ What the constraints of a plan forbid is not among them.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.calibration.plan.rows import Rows, Surroundings
+from rodgen.calibration.fitted import Fit
+from rodgen.calibration.plan.constraints import Constraints
+from rodgen.calibration.plan.rows import Rows, Surroundings, ordered
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import attainable
 from rodgen.errors import InputFileError, joined
+from rodgen.machines.machine import Effect
+from rodgen.machines.observations import Observations
 from rodgen.statistics.decompositions import svd
-
-if TYPE_CHECKING:
-    from rodgen.calibration.fitted import Fit
-    from rodgen.calibration.plan.constraints import Constraints
-    from rodgen.machines.observations import Observations
-
 
 READINGS = 2400
 """Readings that are considered at most."""
-FEWEST_POSITIONS = 80
-LEVELS = 13
-"""Places along each joint while the others stand in the middle."""
-CORNERS = 6
-"""Joints of which every combination of ends is considered."""
 VARIANTS = 16
 """Readings that are considered at each position, at most."""
+MOST_SIDES = 3
+"""Joints that are considered from both sides, at most."""
+ENDS = 1.25
+"""How much wider than the travel positions are spread: those beyond an end stand at it, where most is seen."""
 STEPS, FEW_STEPS = 200, 30
 """Positions are rounded to a round number, such that the travel has at least this many: FEW_STEPS where three joints or
 more can move. Finer ones would only be the same reading again and again."""
-FINER = (8, 64)
+FINER = (1, 8, 64)
 """By what factors more positions are looked at where constraints leave few of them."""
 ENOUGH_READINGS = 200
 """Readings to choose from that are enough."""
@@ -52,6 +50,8 @@ ROUNDS = 15
 """Newton's steps at most."""
 REACHED = 1e-6
 """Distance from a place that counts as none, as a part of the distance of the places that are reached at all."""
+WHOLE_TURN = 0.9
+"""Part of a turn from which data of a revolute joint cover all there is."""
 SAME = 1e-4
 """Positions nearer to each other than this part of the travel are one."""
 
@@ -67,7 +67,7 @@ def rounding(low: float, high: float, unit: float, steps: int) -> float:
 
 
 def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
-    """Return positions within the travel, (n, J): scans of each joint, corners, some that were measured, and others.
+    """Return positions within the travel, (n, J): some that were measured, and others, many of them at its ends.
 
     Parameters
     ----------
@@ -75,104 +75,21 @@ def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
     units : ndarray, shape (J,)
         Internal value of the unit that each joint is commanded in.
     count : int
-        At least.
     taken : ndarray, shape (n, J)
         What was measured.
     """
     from scipy.stats import qmc  # takes half a second to import
 
     low, high = travel.T
-    joints = len(travel)
-    middle = np.clip(np.median(taken, axis=0), low, high)
-    found = [middle[None]]
-    for j in range(joints):
-        scan = np.repeat(middle[None], LEVELS, axis=0)
-        scan[:, j] = np.linspace(low[j], high[j], LEVELS)
-        found.append(scan)
-    moving = np.flatnonzero(high > low)
-    if 0 < len(moving) <= CORNERS:
-        corners = np.repeat(middle[None], 2 ** len(moving), axis=0)
-        corners[:, moving] = list(itertools.product(*(travel[j] for j in moving)))
-        found.append(corners)
-    if len(moving) == 2:
-        grid = np.repeat(middle[None], 49, axis=0)
-        grid[:, moving] = list(itertools.product(*(np.linspace(low[j], high[j], 7) for j in moving)))
-        found.append(grid)
-    found.append(
-        np.clip(taken[np.linspace(0, len(taken) - 1, min(len(taken), count // 4)).astype(int)], low, high)
-    )
-    rest = max(count - sum(map(len, found)), count // 4)
-    evenly = qmc.Halton(joints, scramble=False)
+    measured = taken[np.linspace(0, len(taken) - 1, min(len(taken), count // 4)).astype(int)]
+    evenly = qmc.Halton(len(travel), scramble=False)
     evenly.fast_forward(1)
-    found.append(low + evenly.random(rest) * (high - low))
-    every = np.concatenate(found)
-    steps = STEPS if len(moving) < 3 else FEW_STEPS
-    step = np.array([rounding(low[j], high[j], units[j], steps) for j in range(joints)])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rounded = np.where(step > 0, np.round(every / step) * step, every)
-        first, last = np.ceil(low / step - 1e-9) * step, np.floor(high / step + 1e-9) * step
-    rounded = np.where(step > 0, np.clip(rounded, first, last), rounded)
-    rounded = np.where(np.isclose(rounded, 0.0, atol=1e-9 * np.maximum(step, 1e-300)), 0.0, rounded)
-    return np.unique(rounded, axis=0)
-
-
-@dataclass(frozen=True)
-class Levels:
-    """What else may be chosen."""
-
-    sides: tuple[int, ...]
-    """Joints that are considered from both sides."""
-    speeds: dict[int, tuple[float, ...]]
-    """Speeds of a joint, without sign."""
-    loads: tuple[float, ...]
-    states: tuple[int, ...]
-    """Rows of the data whose temperatures are to be met again."""
-    targets: int
-
-    @property
-    def variants(self) -> int:
-        """How many readings there may be at a position."""
-        speeds = int(np.prod([len(x) for x in self.speeds.values()], dtype=int))
-        return int(2 ** len(self.sides) * speeds * len(self.loads) * len(self.states) * self.targets)
-
-
-def levels(
-    o: Observations,
-    *,
-    sides: list[int],
-    speeds: list[int],
-    temperatures: list[int],
-    load: bool,
-) -> Levels:
-    """Return what may be chosen in addition to positions.
-
-    Parameters
-    ----------
-    o : Observations
-        The data: loads, speeds and temperatures lie within theirs.
-    sides, speeds, temperatures : list of int
-        Joints of which the effects in question ask for the direction, the speed, the temperature.
-    load : bool
-        Whether they ask for the load.
-    """
-    last = o.n - 1
-    extremes: set[int] = set()
-    for j in temperatures:
-        values = o.temperature.get(o.machine.joints[j].name)
-        if values is not None and np.ptp(values) > 0:
-            extremes |= {int(np.argmin(values)), int(np.argmax(values))}
-    states = extremes or {last}
-    loads: tuple[float, ...] = (0.0,) if o.load is None else (float(o.load[last]),)
-    if o.load is not None and load:
-        loads = tuple(sorted({0.0, float(o.load.min()), float(o.load.max())}))
-    fastest = {j: float(np.max(np.abs(o.v[:, j]))) for j in speeds}
-    return Levels(
-        sides=tuple(sorted({*sides, *speeds}))[:3],
-        speeds={j: (v / 3, v) if v > 0 else (0.0,) for j, v in fastest.items()},
-        loads=loads,
-        states=tuple(sorted(states)),
-        targets=len(o.machine.targets),
-    )
+    part = 0.5 + ENDS * (evenly.random(count - len(measured)) - 0.5)
+    every = np.concatenate([measured, low + part * (high - low)])
+    steps = STEPS if np.count_nonzero(high > low) < 3 else FEW_STEPS
+    step = np.array([rounding(a, b, unit, steps) for (a, b), unit in zip(travel, units, strict=True)])
+    rounded = np.round(every / np.where(step > 0, step, 1.0)) * step
+    return np.unique(np.clip(np.where(step > 0, rounded, every), low, high), axis=0)
 
 
 class Pool:
@@ -182,40 +99,65 @@ class Pool:
     ----------
     fit : Fit
         Says where the target is.
-    travel : ndarray, shape (J, 2)
-        Within the limits.
-    choice : Levels
-    surroundings : Surroundings
-        Of the data.
+    o : Observations
+        The data without outliers.
+    effects : sequence of Effect
+        Those in question: they say which sides, loads and temperatures matter.
     constraints : Constraints
 
     Attributes
     ----------
+    travel : ndarray, shape (J, 2)
+        Within the limits.
+    rows : Rows
     out_of_reach : list of int
         Numbers, from 1, of given places that no target reaches.
+
+    Raises
+    ------
+    InputFileError
+        When the constraints leave no reading; it names the first that none meets together with those before.
     """
 
     def __init__(
-        self,
-        fit: Fit,
-        travel: Array,
-        choice: Levels,
-        surroundings: Surroundings,
-        constraints: Constraints,
+        self, fit: Fit, o: Observations, effects: Sequence[Effect], constraints: Constraints
     ) -> None:
-        self.fit, self.travel, self.choice = fit, travel, choice
-        self.surroundings, self.constraints = surroundings, constraints
-        self.o, self.machine = surroundings.o, fit.machine
+        self.fit, self.o, self.machine, self.constraints = fit, o, fit.machine, constraints
+        self.travel = constraints.travel(self.machine, fit.problem.model.travel)
+        self.surroundings = Surroundings(o)
         self.out_of_reach: list[int] = []
+        self._vary(effects)
+        self.rows = self._readings()
 
-    def readings(self) -> Rows:
-        """Return the readings that can be taken.
+    def _vary(self, effects: Sequence[Effect]) -> None:
+        """Find what is varied beside positions: sides, loads, and the surroundings of some rows of the data."""
+        o = self.o
+        names = [
+            (e.place, frozenset[str]().union(*(f.names for f in e.definition.formulas))) for e in effects
+        ]
 
-        Raises
-        ------
-        InputFileError
-            When the constraints leave none; it names the first that no reading meets together with those before.
-        """
+        def users(column: str) -> list[int]:
+            places = {place for place, of in names if column in of}
+            return [j for j, joint in enumerate(self.machine.joints) if joint.name in places]
+
+        self.moving = np.array([joint.is_read for joint in self.machine.joints]) & (
+            np.ptp(self.travel, axis=1) > 0
+        )
+        self.varied = sorted({j for j in (*users("s"), *users("v")) if self.moving[j]})[:MOST_SIDES]
+        one_way = np.abs(o.s.sum(axis=0, dtype=int)) == o.n  # as measured: a change would be one more
+        self.sides = sorted({*self.varied, *np.flatnonzero(one_way).tolist()})
+        columns = [np.abs(o.v[:, j]) for j in users("v")]
+        columns += [
+            o.temperature[name] for j in users("T") if (name := self.machine.joints[j].name) in o.temperature
+        ]
+        extremes = {int(f(x)) for x in columns if np.ptp(x) > 0 for f in (np.argmin, np.argmax)}
+        self.states = sorted(extremes) or [o.n - 1]
+        loads = {0.0} if o.load is None else {float(o.load[-1])}
+        if o.load is not None and any("F" in of for _, of in names):
+            loads |= {0.0, float(o.load.min()), float(o.load.max())}
+        self.loads = sorted(loads)
+
+    def _readings(self) -> Rows:
         constraints = self.constraints
         if constraints.poses is not None:
             pool = self._listed(constraints.poses)
@@ -225,11 +167,12 @@ class Pool:
             pool = self._within_reach()
         if not constraints.regions and not constraints.boxes:
             return pool
-        found, reason = self._allowed(pool)
-        for finer in FINER if constraints.poses is None and constraints.places is None else ():
-            if found.n >= ENOUGH_READINGS:
+        for finer in FINER:
+            if finer > 1:
+                pool = self._variants(self._positions(finer), most=finer * READINGS)
+            found, reason = self._allowed(pool)
+            if found.n >= ENOUGH_READINGS or constraints.poses is not None or constraints.places is not None:
                 break
-            found, reason = self._allowed(self._every(finer=finer))
         if not found.n:
             within = "the list of poses" if constraints.poses is not None else "the travel and the limits"
             expected = "constraints that some reading meets"
@@ -254,31 +197,20 @@ class Pool:
     def _listed(self, poses: Observations) -> Rows:
         """Return readings in listed poses that are within the travel, as far as the columns of the list go."""
         low, high = self.travel.T
-        q = poses.q[np.all((poses.q >= low) & (poses.q <= high), axis=1)]
-        none = InputFileError(
-            poses.data.file, "file", "no pose within the travel and the limits", "one at least"
-        )
-        if not len(q):
-            raise none
-        pool = self._every(among=q)
-        given = poses.columns_given
-        sides = [j for j, joint in enumerate(poses.machine.joints) if f"dir_{joint.column}" in given]
-
-        def kinds(rows: Rows | Observations) -> list[tuple[float, ...]]:
-            columns: list[NDArray[Any]] = [rows.q, rows.s[:, sides]]
-            columns += [np.asarray(getattr(rows, name)) for name in ("target", "load") if name in given]
-            return [tuple(kind) for kind in np.column_stack(columns).astype(float).tolist()]
-
-        wanted = set(kinds(poses))
-        pool = pool.take(np.array([kind in wanted for kind in kinds(pool)], bool))
-        if not pool.n:
-            raise none
-        return pool
+        poses = poses.take(np.all((poses.q >= low) & (poses.q <= high), axis=1))
+        if not poses.n:
+            expected = "one at least"
+            raise InputFileError(
+                poses.data.file, "file", "no pose within the travel and the limits", expected
+            )
+        rows = self._variants(poses.q, poses)
+        kind = np.column_stack([rows.q, rows.s, rows.target, rows.load, rows.state])
+        return rows.take(np.sort(np.unique(kind, axis=0, return_index=True)[1]))
 
     def _at_places(self, places: Array) -> Rows:
         """Return readings whose target is brought to one of some places, by small moves from readings elsewhere."""
         random = np.random.default_rng(0)
-        starts = self._every()
+        starts = self._variants(self._positions())
         starts = starts.take(random.permutation(starts.n)[: max(READINGS // len(places), FEWEST_STARTS)])
         found = [self._brought_to(starts, place) for place in places]
         pool = Rows.joined(found)
@@ -309,24 +241,22 @@ class Pool:
         with np.errstate(invalid="ignore"):
             rows = rows.take(np.linalg.norm(at - place, axis=1) < REACHED * size)
         near = np.round(rows.q / np.where(span > 0, span, 1.0) / SAME)
-        kind = np.column_stack([near, rows.s, np.sign(rows.v), rows.target, rows.load, rows.state])
+        kind = np.column_stack([near, rows.s, rows.target, rows.load, rows.state])
         _, first = np.unique(kind, axis=0, return_index=True)
         return rows.take(np.sort(first))
 
     def _within_reach(self) -> Rows:
         """Return readings without those beyond an instrument for deviations only: a probe on a ball, a ball bar."""
-        pool = self._every()
+        pool = self._variants(self._positions())
         if not self.machine.measurand.moving:
             return pool
         low, high = self.o.reading.min(axis=0), self.o.reading.max(axis=0)
-        measured = np.stack([self.o.q.min(axis=0), self.o.q.max(axis=0)], axis=1)
-        near = self._every(measured)
+        near = pool.take(np.all((pool.q >= self.o.q.min(axis=0)) & (pool.q <= self.o.q.max(axis=0)), axis=1))
         usual = np.linalg.norm(np.nanstd(self._predicted(near), axis=0)) if near.n > 1 else 0.0
         if not np.linalg.norm(high - low) < SMALL * usual:
             return pool
-        room = 0.5 * (high - low)
-        pool = self._every(among=self.o.q)
-        predicted = self._predicted(pool)
+        pool = self._variants(np.unique(self.o.q, axis=0))
+        predicted, room = self._predicted(pool), 0.5 * (high - low)
         inside = np.all((predicted > low - room) & (predicted < high + room), axis=1)
         return pool.take(inside) if inside.sum() > 1 else pool
 
@@ -339,62 +269,68 @@ class Pool:
         problem = Problem(self.fit.problem.model, self.surroundings.observations(pool, at_once=True))
         return problem.predicted(self.fit.solution.theta, self.fit.solution.frame)
 
-    def _every(self, travel: Array | None = None, *, among: Array | None = None, finer: int = 1) -> Rows:
-        """Return all readings, whatever the constraints forbid.
+    def _positions(self, finer: int = 1) -> Array:
+        """Return positions that the machine can take, (n, J), whatever the constraints forbid; so many times more."""
+        machine, o = self.machine, self.o
+        kinds = 2 ** len(self.varied) * len(self.loads) * len(self.states) * len(machine.targets)
+        units = np.array([o.unit_of(joint.column)[1] for joint in machine.joints])
+        still = np.array([not joint.is_read for joint in machine.joints])
+        within = np.where(still[:, None], np.median(o.q, axis=0)[:, None], self.travel)
+        q = machine.followed(
+            positions(within, units, finer * READINGS // min(kinds, VARIANTS), np.asarray(o.q))
+        )
+        q = q[machine.within_travel(q)]
+        return q[attainable(o, q)] if machine.kinematics.is_closed else q
 
-        Parameters
-        ----------
-        travel : ndarray, shape (J, 2), optional
-            Another one than that of the plan.
-        among : ndarray, shape (n, J), optional
-            The only positions; left out: any within the travel.
-        finer : int
-            Factor of the number of positions, of which many will be left out.
-        """
-        machine, o, choice = self.machine, self.o, self.choice
-        travel = self.travel if travel is None else travel
-        count = max(FEWEST_POSITIONS, READINGS // min(choice.variants, VARIANTS)) * finer
-        taken = np.asarray(o.q)
-        if among is not None:
-            q = np.unique(among, axis=0)
-            q = q[np.linspace(0, len(q) - 1, min(len(q), count)).astype(int)]
-        else:
-            units = np.array([o.unit_of(joint.column)[1] for joint in machine.joints])
-            still = [not joint.is_read for joint in machine.joints]
-            within = np.where(np.array(still)[:, None], np.median(taken, axis=0)[:, None], travel)
-            q = machine.followed(positions(within, units, count, taken))
-            q = q[machine.within_travel(q)]
-        if machine.kinematics.is_closed:
-            q = q[attainable(o, q)]
-        random = np.random.default_rng(0)
+    def _variants(self, q: Array, listed: Observations | None = None, most: int = READINGS) -> Rows:
+        """Return readings at positions, (n, J), with what else is varied; what a list of poses has is as listed."""
+        o, low, high = self.o, *self.travel.T
         kinds = list(
             itertools.product(
-                itertools.product((-1, 1), repeat=len(choice.sides)),
-                itertools.product(*choice.speeds.values()),
-                choice.loads,
-                choice.states,
-                range(choice.targets),
+                itertools.product((-1, 1), repeat=len(self.varied)),
+                self.loads, self.states, range(len(self.machine.targets)),
             )
+        )  # fmt: skip
+        pick = np.arange(len(q) * len(kinds))
+        if len(pick) > most:
+            pick = np.sort(np.random.default_rng(0).choice(len(pick), most, replace=False))
+        at, kind = np.divmod(pick, len(kinds))
+        q = q[at]
+        signs, loads, states, targets = (np.array(x) for x in zip(*(kinds[k] for k in kind), strict=True))
+        usual = np.where(self.moving, np.where(np.sum(o.s < 0, axis=0) <= o.n / 2, 1, -1), o.s[-1])
+        s = np.repeat(usual[None], len(q), axis=0).astype(np.int8)
+        s[:, self.varied] = signs
+        if listed is not None:
+            columns = [f"dir_{joint.column}" in listed.columns_given for joint in self.machine.joints]
+            s = np.where(columns, listed.s[at], s).astype(np.int8)
+            loads = listed.load[at] if listed.load is not None and "load" in listed.columns_given else loads
+            targets = listed.target[at] if "target" in listed.columns_given else targets
+        # at an end of the travel a joint comes from inside
+        of = self.varied
+        outside = ((s > 0) & (q <= low) | (s < 0) & (q >= high))[:, of].any(axis=1)
+        return Rows(q, s, targets, loads.astype(float), states).take(~outside)
+
+    @cached_property
+    def without_travel(self) -> list[int]:
+        """Joints without a travel in the machine file, of which there may be more than in the data."""
+        # the file of a closed chain states no travel of its legs; a list of poses has all that there are
+        if self.machine.kinematics.is_closed or self.constraints.poses is not None:
+            return []
+        turned = np.ptp(self.o.q, axis=0) > 2 * math.pi * WHOLE_TURN
+        return [
+            j
+            for j, joint in enumerate(self.machine.joints)
+            if self.machine.limits[j] is None
+            and joint.is_read
+            and joint.column not in self.constraints.limits
+            and not (joint.revolute and turned[j])
+        ]
+
+    def ordered(self, picked: Sequence[int]) -> Rows:
+        """Return some of the readings in the order in which they are to be taken, with the directions it makes."""
+        start = np.asarray(self.o.q[-1])
+        rows = ordered(self.rows.take(np.array(picked)), self.sides, np.ptp(self.travel, axis=1), start)
+        stated = [f"dir_{joint.column}" in self.o.columns_given for joint in self.machine.joints]
+        return replace(
+            rows.as_moved(start), s=np.where(stated, rows.s, rows.as_moved(start).s).astype(np.int8)
         )
-        if len(kinds) * len(q) <= READINGS:
-            pick = np.indices((len(q), len(kinds))).reshape(2, -1).T
-        else:
-            most = max(1, min(VARIANTS, READINGS // len(q)))
-            some = [random.choice(len(kinds), min(most, len(kinds)), replace=False) for _ in q]
-            pick = np.array([(i, k) for i, row in enumerate(some) for k in row])
-        usual = np.array([1 if np.sum(o.s[:, j] < 0) <= o.n / 2 else -1 for j in range(q.shape[1])], np.int8)
-        n = len(pick)
-        s, v = np.repeat(usual[None], n, axis=0), np.repeat(np.median(np.abs(o.v), axis=0)[None], n, axis=0)
-        load, state, target = np.empty(n), np.empty(n, int), np.empty(n, int)
-        for i, (_, k) in enumerate(pick):
-            signs, speed, load[i], state[i], target[i] = kinds[k]
-            s[i, list(choice.sides)] = signs
-            v[i, list(choice.speeds)] = speed
-        q = q[pick[:, 0]]
-        # at an end of the travel a joint comes from inside, and one that cannot move comes from nowhere
-        low, high = travel.T
-        inside = ~np.any((s[:, choice.sides] > 0) & (q <= low)[:, choice.sides], axis=1)
-        inside &= ~np.any((s[:, choice.sides] < 0) & (q >= high)[:, choice.sides], axis=1)
-        still = high <= low
-        s[:, still] = o.s[-1, still]
-        return Rows(q, s, v * s, target, load, state).take(inside)

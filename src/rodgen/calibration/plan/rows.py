@@ -36,14 +36,12 @@ class Rows:
     """Shape (n, J)."""
     s: NDArray[np.int8]
     """Direction of approach, (n, J)."""
-    v: Array
-    """Shape (n, J)."""
     target: Ints
     """Shape (n,)."""
     load: Array
     """Zero where the data have no such column, (n,)."""
     state: Ints
-    """The row of the data in which temperatures and further columns were as they are to be now, (n,)."""
+    """The row of the data in which speeds, temperatures and further columns were as they are to be now, (n,)."""
 
     @property
     def n(self) -> int:
@@ -60,21 +58,13 @@ class Rows:
         return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
 
     def as_moved(self, start: Array) -> Rows:
-        """Return them with the directions of approach, and signs of speeds, that their order makes from a start on."""
+        """Return them with the directions of approach that their order makes from a start on."""
         s = np.stack([approach(column)[1:] for column in np.concatenate([start[None], self.q]).T], axis=1)
-        s = np.where(s == 0, self.s, s).astype(np.int8)
-        return replace(self, s=s, v=np.abs(self.v) * s)
-
-
-def usual_by_target(o: Observations, values: Array, targets: int) -> Array:
-    """Return the median of the values (n, ...) of each target's readings, of all where it has none, (targets, ...)."""
-    every = np.median(values, axis=0)
-    of = [values[o.target == k] for k in range(targets)]
-    return np.array([np.median(part, axis=0) if len(part) else every for part in of])
+        return replace(self, s=np.where(s == 0, self.s, s).astype(np.int8))
 
 
 class Surroundings:
-    """Makes observations of commanded readings: adds times, temperatures and uncertainties.
+    """Makes observations of commanded readings: adds times, speeds, temperatures and uncertainties.
 
     Parameters
     ----------
@@ -84,7 +74,7 @@ class Surroundings:
 
     def __init__(self, observations: Observations) -> None:
         self.o = o = observations
-        self.sigma = None if o.sigma is None else usual_by_target(o, o.sigma, len(o.machine.targets))
+        self.sigma = None if o.sigma is None else np.median(o.sigma, axis=0)
         t, pose = o.t, o.pose
         self.step = 0.0
         if t is not None:
@@ -115,13 +105,13 @@ class Surroundings:
             o.take(rows.state),
             q=rows.q,
             s=rows.s,
-            v=rows.v,
+            v=np.abs(o.v[rows.state]) * rows.s,
             t=times,
             load=None if o.load is None else rows.load,
             target=rows.target.astype(np.int32),
             run=np.full(n, o.run[-1], np.int32),
             pose=np.arange(n, dtype=np.int32),
-            sigma=None if self.sigma is None else self.sigma[rows.target],
+            sigma=None if self.sigma is None else np.repeat(self.sigma[None], n, axis=0),
             reading=np.ones((n, o.reading.shape[1])),
         )
         return with_commands(made, o)
@@ -130,15 +120,15 @@ class Surroundings:
 # the order -------------------------------------------------------------------------------------------------------
 
 
-def ordered(rows: Rows, sides: tuple[int, ...], span: Array, start: Array) -> Rows:
-    """Return readings in an order with a short way in which joints come from the sides that were planned.
+def ordered(rows: Rows, sides: Sequence[int], span: Array, start: Array) -> Rows:
+    """Return readings in an order with a short way in which a joint comes from the sides that were planned.
 
     What cannot be changed in passing comes first: the temperature, the load. Where the sides cannot be had for all,
     `Rows.as_moved` says what the order makes of them.
 
     Parameters
     ----------
-    sides : tuple of int
+    sides : sequence of int
         Joints whose direction of approach counts: that of the first reading, too, on the way from the start.
     span : ndarray, shape (J,)
         Travel of each joint.
@@ -151,25 +141,16 @@ def ordered(rows: Rows, sides: tuple[int, ...], span: Array, start: Array) -> Ro
     for kind in np.unique(block, axis=0)[::-1]:  # the temperature of the last rows is met first
         inside = np.flatnonzero(np.all(block == kind, axis=1))
         some = rows.take(inside)
-        key = np.concatenate([some.q, some.s[:, sides], some.v], axis=1)
+        key = np.concatenate([some.q, some.s[:, sides]], axis=1)
         _, first, pose = np.unique(key, axis=0, return_index=True, return_inverse=True)
-        rank = np.argsort(_poses(some.q[first] / scale, some.s[first][:, sides], sides, start / scale))
+        rank = np.argsort(_poses(some.q[first] / scale, some.s[first], sides, start / scale))
         found += inside[np.lexsort((some.target, rank[pose.ravel()]))].tolist()
         start = rows.q[found[-1]]
     return rows.take(np.array(found))
 
 
-def _poses(q: Array, s: NDArray[np.int8], sides: tuple[int, ...], start: Array) -> Ints:
-    """Return the order of poses: to the nearest each time, or up and down one joint whose side counts."""
-
-    def cost(order: Ints) -> float:
-        way = np.concatenate([start[None], q[order]])
-        total = float(np.abs(np.diff(way, axis=0)).max(axis=1).sum())
-        for i, j in enumerate(sides):
-            made = approach(np.append(start[j], q[order, j]))[1:]
-            total += WRONG * float(np.sum((made != 0) & (made != s[order, i])))
-        return total
-
+def _poses(q: Array, s: NDArray[np.int8], sides: Sequence[int], start: Array) -> Ints:
+    """Return the order of poses: to the nearest each time, or up and down the joint whose side counts most."""
     left, nearest, at = list(range(len(q))), [], start
     while left:
         k = min(left, key=lambda i: float(np.abs(q[i] - at).max()))
@@ -177,10 +158,16 @@ def _poses(q: Array, s: NDArray[np.int8], sides: tuple[int, ...], start: Array) 
         nearest.append(k)
         at = q[k]
     orders = [np.array(nearest)]
-    for i, j in enumerate(sides):
-        up, down = np.flatnonzero(s[:, i] > 0), np.flatnonzero(s[:, i] < 0)
-        rising, falling = up[np.argsort(q[up, j])], down[np.argsort(-q[down, j])]
-        orders += [np.concatenate([rising, falling]), np.concatenate([falling, rising])]
+    for j in sides:
+        for first in (1, -1):
+            orders.append(np.lexsort((s[:, j] * q[:, j], s[:, j] != first)))
+
+    def cost(order: Ints) -> float:
+        way = np.concatenate([start[None], q[order]])
+        made = np.stack([approach(way[:, j])[1:] for j in sides], axis=1) if len(sides) else np.zeros((1, 0))
+        wrong = (made != 0) & (made != s[order][:, sides])
+        return float(np.abs(np.diff(way, axis=0)).max(axis=1).sum() + WRONG * np.sum(wrong))
+
     return min(orders, key=cost)
 
 
@@ -220,10 +207,9 @@ def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str,
         elif prefix == "dir" and rest in names:
             found[column.text] = [int(x) or 1 for x in rows.s[:, names.index(rest)]]
         elif prefix == "v" and rest in names:
-            found[column.text] = numbers(rows.v[:, names.index(rest)], column.unit)
+            found[column.text] = numbers(surroundings.observations(rows).v[:, names.index(rest)], column.unit)
         elif prefix == "u" and rest in readings:
-            usual = usual_by_target(o, np.asarray(column.values), len(targets))
-            found[column.text] = usual[rows.target].tolist()
+            found[column.text] = [float(np.median(np.asarray(column.values)))] * rows.n
         elif not hasattr(column, "codes"):  # temperatures and covariates, as they were
             values = np.asarray(column.values)
             found[column.text] = np.round(values[rows.state], _decimals(values, TO_BE_MET)).tolist()

@@ -1,0 +1,195 @@
+"""The readings that determine or sharpen parameters, and the standard deviations that are expected of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from rodgen.calibration.fit import fitted
+from rodgen.calibration.fitted import Estimate, Fit
+from rodgen.calibration.plan.constraints import Constraints
+from rodgen.calibration.plan.design import Design, linearized
+from rodgen.calibration.plan.goals import Gain, Goal, PlanError
+from rodgen.calibration.plan.pool import Pool
+from rodgen.calibration.plan.rows import Rows
+from rodgen.errors import RodgenError, joined, listed, shown
+from rodgen.machines.machine import Effect, Machine
+from rodgen.machines.observations import Observations
+
+NOTICED = 0.95
+"""Readings that lower every standard deviation to no less than this part sharpen nothing: how large a standard
+deviation is, is known to a twentieth from 200 readings."""
+KEYS = 6
+"""Keys of parameters that a sentence names; the others are counted."""
+
+
+class Sharpening:
+    """A plan of readings that determine parameters, or lower their standard deviations.
+
+    Parameters
+    ----------
+    fit : Fit
+    o : Observations
+        The data without outliers.
+    wanted : sequence of str
+        Keys of parameters, or of effects that the machine may not have yet; none: the model as a whole.
+    constraints : Constraints
+    n : int
+        Readings at most.
+    asked : bool
+        Whether a user asked for these parameters. Otherwise no readings are planned that sharpen none of them.
+
+    Attributes
+    ----------
+    pool : Pool
+    rows : Rows or None
+        In the order in which the readings are to be taken; None where none would tell more.
+    goals : list of Goal
+        One.
+    notes : list of str
+    needed : None
+
+    Raises
+    ------
+    PlanError
+        When a wanted key is unknown.
+    """
+
+    needed = None
+
+    def __init__(
+        self, fit: Fit, o: Observations, wanted: Sequence[str], constraints: Constraints, n: int, asked: bool
+    ) -> None:
+        keys, further = _wanted(fit, wanted)
+        machine = fit.machine
+        for effect in further:
+            machine = machine.with_effect(effect)
+        self.fit = fitted(machine, o) if further or fit.outliers.any() else fit
+        free = [self.fit.parameters[i].key for i in self.fit.free]
+        self.keys = keys or [key for key in free if not key.startswith("frame.")] or free
+        self.as_a_whole = not keys
+        effects = [e for e in machine.effects if any(map(e.owns, self.keys))]
+        self.pool = Pool(self.fit, o, effects, constraints)
+        self.notes = [] if fit.dependence.independent else [fit.dependence.text]
+        self.rows: Rows | None = None
+        self.goals: list[Goal] = []
+        if not free:
+            self.notes = ["Nothing is estimated that measurements could sharpen."]
+            return
+        readings = self.pool.surroundings.observations(self.pool.rows, at_once=True)
+        (model,) = linearized([self.fit], readings, 1.0)
+        finite = np.asarray(np.isfinite(model.jacobian).all((1, 2)))
+        model, self.pool.rows = model.take(finite), self.pool.rows.take(finite)
+        in_reach = self.fit.estimates_with(model.jacobian.reshape(-1, len(free)))
+        lacking = [key for key in self.keys if not in_reach[key].determined]
+        seen = [key for key in self.keys if not (key in lacking or in_reach[key].convention)]
+        self.hidden = lacking if self.as_a_whole else [key for key in self.keys if key not in seen]
+        self.gains: list[Gain] = []
+        if not (lacking and self.pool.without_travel) if self.as_a_whole else seen:
+            directions = None if self.as_a_whole else model.root[[free.index(key) for key in seen]].T
+            picked = Design([model], [], directions).chosen(min(n, self.pool.rows.n))
+            self.rows = self.pool.ordered(picked)
+            (then,) = linearized([self.fit], self.pool.surroundings.observations(self.rows), 1.0, [model])
+            after = self.fit.estimates_with(then.jacobian.reshape(-1, len(free)))
+            self.gains = [self._gain(key, after[key]) for key in seen]
+        self.goals = [self._goal(o.n, asked and not self.as_a_whole)]
+
+    def _gain(self, key: str, after: Estimate) -> Gain:
+        now = self.fit.estimates[key]
+        return Gain("std", key, now.std, after.std, unit=now.unit, determined=after.determined)
+
+    def _goal(self, count: int, asked: bool) -> Goal:
+        """Return the goal to determine or sharpen parameters, beside so many readings that there are."""
+        gains, estimates = self.gains, self.fit.estimates
+        shown = [gain for gain in gains if gain.determined and not estimates[gain.of].determined]
+        ratios = [gain.after / gain.now if gain.now and gain.after else 0.0 for gain in gains]
+        names = joined([gain.of for gain in gains], most=KEYS)
+        sentences: list[str] = []
+        idle = not shown and len(gains) > 0 and min(ratios) > NOTICED
+        if self.rows is not None and (asked or not idle):
+            sentences += self._sentences(names, ratios)
+        if self.rows is not None and idle:
+            sentences.append(
+                f"{self.rows.n} further readings would lower no standard deviation of {names} by more than "
+                f"{100 * (1 - min(ratios)):.1g} %, beside the {count} that there are."
+            )
+            self.rows = self.rows if asked else None
+        if self.hidden:
+            why = "" if self.as_a_whole else ": a choice of coordinates, or without any effect here"
+            sentences.append(
+                f"No reading within the travel determines {joined(self.hidden, most=KEYS)}{why}."
+            )
+        reached = self.rows is not None and not self.hidden and all(gain.determined for gain in gains)
+        kind = "show" if shown or (self.hidden and self.as_a_whole) else "sharpen"
+        return Goal(
+            kind, (), tuple(self.keys), tuple(sentences), self.rows is not None, reached, tuple(gains)
+        )
+
+    def _sentences(self, names: str, ratios: Sequence[float]) -> Iterator[str]:
+        """Yield what readings determine or sharpen, that of which most is learnt first."""
+        if not self.gains:
+            yield "Sharpen the model as a whole, as each parameter rests on a choice of coordinates."
+            return
+        yield "Sharpen the model as a whole." if self.as_a_whole else f"Sharpen {names}."
+        order = np.argsort(ratios, kind="stable")[:KEYS] if self.as_a_whole else range(len(ratios))
+        more = len(self.gains) - KEYS
+        texts = [_std(self.gains[i]) for i in order][:KEYS]
+        yield f"Standard deviations: {'; '.join(texts)}{f'; and {more} more' if more > 0 else ''}."
+
+
+def _std(gain: Gain) -> str:
+    unit = "" if gain.unit == "1" else f" {gain.unit}"
+    now = "not determined" if gain.now is None else f"± {gain.now:.3g}{unit}"
+    known = "known from these readings" if gain.determined else "not determined"
+    return f"{gain.of} now {now}, then {known if gain.after is None else f'± {gain.after:.3g}{unit}'}"
+
+
+# what is wanted ------------------------------------------------------------------------------------------------------
+
+
+def _wanted(fit: Fit, texts: Iterable[str]) -> tuple[list[str], list[Effect]]:
+    """Return the keys that texts mean, and the effects that are not in the model yet."""
+    free = [fit.parameters[i].key for i in fit.free]
+    found: dict[str, None] = {}
+    further: dict[tuple[str, str | None], Effect] = {}
+    for text in texts:
+        inside = [key for key in free if key == text or key.startswith((f"{text}.", f"{text}["))]
+        if not inside:
+            inside, effect = _further(fit, str(text), free)
+            further[effect.identity] = effect
+        found |= dict.fromkeys(inside)
+    return list(found), list(further.values())
+
+
+def _further(fit: Fit, text: str, free: Sequence[str]) -> tuple[list[str], Effect]:
+    """Return the keys that a text means of an effect that is not in the model yet, and the effect."""
+    machine = fit.machine
+    if text in {p.key for p in fit.parameters}:
+        raise PlanError(f"parameter {shown(text)} is held", f"one that is estimated: {joined(free, most=6)}")
+    parts, place = _split(machine, text)
+    try:
+        effect = machine.effect(parts[0], place)
+        machine.with_effect(effect)
+    except RodgenError:
+        few = joined(free)
+        raise PlanError(
+            f"no parameter {shown(text)}",
+            f"one of {few or 'none, as nothing is estimated'}, or an effect that the machine may have, such as "
+            f"EFFECT@JOINT",
+        ) from None
+    units = effect.units(machine)
+    own = [name for name in units if not name.startswith("k_")] or list(units)
+    if parts[1:] and parts[1] not in units:
+        raise PlanError(f"no parameter {shown(parts[1])} of {effect.title}", listed(units))
+    return [effect.key(name) for name in (parts[1:2] or own)], effect
+
+
+def _split(machine: Machine, text: str) -> tuple[list[str], str | None]:
+    """Return the effect and the parameter that a text names, and its place: ``C.backlash.b`` or ``backlash@C``."""
+    effect, _, at = text.partition("@")
+    if at:
+        return effect.split("."), at
+    places = {joint.name for joint in machine.joints} | {target.name for target in machine.targets}
+    place = next((p for p in sorted(places, key=len, reverse=True) if text.startswith(f"{p}.")), None)
+    return (text if place is None else text[len(place) + 1 :]).split("."), place
