@@ -56,8 +56,8 @@ def words(found: Plan) -> str:
 def test_planned_readings_tell_apart_effects_that_looked_the_same(make, trials):
     trial = trials[make.__name__]
     assert not trial.resolved(trial.loop.file, trial.loop.columns)  # by design
-    found = trial.plan(30)
-    assert found.count
+    found = trial.plan(60)
+    assert found.reached
     assert trial.resolved(*trial.after(found))
 
 

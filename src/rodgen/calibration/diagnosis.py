@@ -411,9 +411,6 @@ class Diagnosis(Result):
             final=self.final_with_forms,
             found=tuple(one.effect for one in self.found),
             alternatives=tuple(each for each in alternatives if len(each) > 1),
-            dependent=self.correlation is not None and not self.correlation.independent,
-            wanders=self.correlation is not None
-            and bool(self.correlation.wanders and self.correlation.claimed),
         )
 
     def plan(self, n: int = 12) -> Plan:

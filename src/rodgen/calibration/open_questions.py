@@ -20,10 +20,6 @@ class OpenQuestions:
     """Effects and forms that were found; None where none were looked for."""
     alternatives: tuple[tuple[Effect, ...], ...] = ()
     """An effect that was found, and those that the data cannot tell from it."""
-    dependent: bool = False
-    """Whether readings were found to depend on each other."""
-    wanders: bool = False
-    """Whether the set-up was found to wander from pose to pose."""
 
 
 class HasOpenQuestions(Protocol):

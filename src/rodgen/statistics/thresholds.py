@@ -171,8 +171,6 @@ class PlanPolicy(NamedTuple):
     confidence as a rule. Half of it would take a sixth more readings."""
     margin: float = 1.8
     """Quantile of the normal distribution for that probability, with one wrong effect (1.64) or two (1.96)."""
-    hopeless: float = 0.5
-    """Probability below which readings rather fail to tell effects apart: none are spent on these alone."""
 
 
 class FleetPolicy(NamedTuple):

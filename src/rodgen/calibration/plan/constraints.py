@@ -137,9 +137,8 @@ class Constraints:
             if self.poses is not None and limits is None and own is None:
                 limits = float(self.poses.q[:, j].min()), float(self.poses.q[:, j].max())
             if limits is not None:
-                low, high = limits
-                stated = own if own is not None else limits
-                found[j] = max(low, stated[0]), min(high, stated[1])
+                stated = own or limits
+                found[j] = max(limits[0], stated[0]), min(limits[1], stated[1])
                 if found[j, 0] > found[j, 1]:
                     raise InputFileError(
                         self.file, f"[limits], {joint.name}", "limits outside the travel of the machine file",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from textwrap import wrap
+from textwrap import TextWrapper
 from typing import Any
 
 import numpy as np
@@ -24,8 +24,7 @@ from rodgen.views import Result
 
 __all__ = ["Plan", "PlanError", "plan", "plan_for"]
 
-WIDTH = 100
-"""Of a line of text."""
+_SENTENCE = TextWrapper(100, "  ", "    ", break_long_words=False, break_on_hyphens=False)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -112,23 +111,13 @@ class Plan(Result):
             why = " would tell more." if sharpens else ": no reading within the travel settles what is open."
             yield f"Nothing to measure{why}"
             yield "What is open"
-        yield from _wrapped(sentence for goal in self.goals for sentence in goal.sentences)
+        for goal in self.goals:
+            for sentence in goal.sentences:
+                yield from _SENTENCE.wrap(sentence)
         if self.notes:
             yield "Notes"
-        yield from _wrapped(self.notes)
-
-
-def _wrapped(sentences: Iterable[str]) -> Iterator[str]:
-    """Yield sentences as indented lines, each from a line of its own on."""
-    for sentence in sentences:
-        yield from wrap(
-            sentence,
-            WIDTH,
-            initial_indent="  ",
-            subsequent_indent="    ",
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
+        for note in self.notes:
+            yield from _SENTENCE.wrap(note)
 
 
 def plan(
@@ -216,7 +205,7 @@ def plan_for(
         Effects of which one is there, and the data do not say which; the likeliest first.
     n : int
     wanted : iterable of str
-        Left out where there are alternatives.
+        Only where there are no alternatives.
     trusted : bool
         Whether the alternatives are those of a diagnosis. Otherwise effects that independent readings refute are left
         out.
@@ -230,6 +219,9 @@ def plan_for(
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 1 <= n <= MOST_READINGS:
         raise PlanError(f"n {shown(n)}", f"a whole number from 1 to {MOST_READINGS}")
+    texts = [wanted] if isinstance(wanted, str) else list(map(str, wanted))
+    if alternatives and texts:
+        raise PlanError("both alternatives and wanted parameters", "one of them")
     constraints = constraints or Constraints()
     most = min(int(n), constraints.session or int(n))
     o = fit.observations.take(~fit.outliers) if fit.outliers.any() else fit.observations
@@ -238,7 +230,6 @@ def plan_for(
         if alternatives:
             found = Separation(fit, o, alternatives, constraints, most, trusted)
         else:
-            texts = [wanted] if isinstance(wanted, str) else list(wanted)
             found = Sharpening(fit, o, texts, constraints, most, asked)
         rows = {} if found.rows is None else table(fit.machine, found.pool.surroundings, found.rows)
     notes = [*found.notes, *_notes(found)] if found.goals else found.notes
@@ -247,7 +238,7 @@ def plan_for(
 
 def _notes(found: Separation | Sharpening) -> Iterator[str]:
     """Yield sentences on what limits a plan: the travel, the run, the constraints, and the number of readings."""
-    pool, constraints = found.pool, found.pool.constraints
+    pool = found.pool
     if pool.without_travel and not all(goal.reached for goal in found.goals):
         ranges = []
         for j in pool.without_travel:
@@ -270,7 +261,7 @@ def _notes(found: Separation | Sharpening) -> Iterator[str]:
     if far := pool.out_of_reach:
         balls = f"ball{'s' * (len(far) > 1)} {joined(map(str, far))}"
         yield f"Out of reach within the travel and the limits: {balls} of the artefact."
-    if constraints.boxes:
+    if pool.constraints.boxes:
         yield "The target keeps out of the boxes in the planned readings, not on the ways between them."
     if isinstance(found, Separation):
-        yield from found.not_enough(constraints.session)
+        yield from found.not_enough()

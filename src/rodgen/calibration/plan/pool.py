@@ -32,9 +32,9 @@ MOST_SIDES = 3
 """Joints that are considered from both sides, at most."""
 ENDS = 1.25
 """How much wider than the travel positions are spread: those beyond an end stand at it, where most is seen."""
-STEPS, FEW_STEPS = 200, 30
-"""Positions are rounded to a round number, such that the travel has at least this many: FEW_STEPS where three joints or
-more can move. Finer ones would only be the same reading again and again."""
+STEPS = 100
+"""Positions are rounded to a power of ten of their unit, such that the travel has at least this many: finer ones would
+only be the same reading again and again."""
 FINER = (1, 8, 64)
 """By what factors more positions are looked at where constraints leave few of them."""
 ENOUGH_READINGS = 200
@@ -42,8 +42,6 @@ ENOUGH_READINGS = 200
 SMALL = 0.1
 """Where readings cover less than this part of what positions within the range of those measured make of them, the
 instrument reads small deviations only, and only positions that keep to these are considered."""
-FEWEST_STARTS = 40
-"""From how many positions at least one is sought that brings the target to a place."""
 STEP = 1e-6
 """Of the derivative of places, as a part of a joint's travel."""
 ROUNDS = 15
@@ -54,16 +52,6 @@ WHOLE_TURN = 0.9
 """Part of a turn from which data of a revolute joint cover all there is."""
 SAME = 1e-4
 """Positions nearer to each other than this part of the travel are one."""
-
-
-def rounding(low: float, high: float, unit: float, steps: int) -> float:
-    """Return the step that positions are rounded to, internal units: 1, 2 or 5 times a power of ten of the unit."""
-    span = (high - low) / unit
-    if span <= 0:
-        return 0.0
-    power = 10.0 ** np.floor(np.log10(span / steps))
-    step = max(k * power for k in (1, 2, 5) if k * power <= span / steps * (1 + 1e-9))
-    return float(step * unit)
 
 
 def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
@@ -86,10 +74,11 @@ def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
     evenly.fast_forward(1)
     part = 0.5 + ENDS * (evenly.random(count - len(measured)) - 0.5)
     every = np.concatenate([measured, low + part * (high - low)])
-    steps = STEPS if np.count_nonzero(high > low) < 3 else FEW_STEPS
-    step = np.array([rounding(a, b, unit, steps) for (a, b), unit in zip(travel, units, strict=True)])
-    rounded = np.round(every / np.where(step > 0, step, 1.0)) * step
-    return np.unique(np.clip(np.where(step > 0, rounded, every), low, high), axis=0)
+    moving = high > low
+    step = units * 10.0 ** np.floor(np.log10(np.where(moving, high - low, 1.0) / units / STEPS))
+    first, last = np.ceil(low / step - 1e-9) * step, np.floor(high / step + 1e-9) * step
+    rounded = np.clip(np.round(every / step) * step, first, last)
+    return np.unique(np.where(moving, rounded, np.clip(every, low, high)), axis=0)
 
 
 class Pool:
@@ -131,31 +120,24 @@ class Pool:
 
     def _vary(self, effects: Sequence[Effect]) -> None:
         """Find what is varied beside positions: sides, loads, and the surroundings of some rows of the data."""
-        o = self.o
-        names = [
-            (e.place, frozenset[str]().union(*(f.names for f in e.definition.formulas))) for e in effects
-        ]
-
-        def users(column: str) -> list[int]:
-            places = {place for place, of in names if column in of}
-            return [j for j, joint in enumerate(self.machine.joints) if joint.name in places]
-
-        self.moving = np.array([joint.is_read for joint in self.machine.joints]) & (
-            np.ptp(self.travel, axis=1) > 0
-        )
-        self.varied = sorted({j for j in (*users("s"), *users("v")) if self.moving[j]})[:MOST_SIDES]
+        o, joints = self.o, self.machine.joints
+        names = [(e.place, formula.names) for e in effects for formula in e.definition.formulas]
+        users = {column: {place for place, of in names if column in of} for column in "svTF"}
+        self.moving = (np.ptp(self.travel, axis=1) > 0) & [joint.is_read for joint in joints]
+        turning = users["s"] | users["v"]
+        varied = [j for j, joint in enumerate(joints) if joint.name in turning and self.moving[j]]
+        self.varied = varied[:MOST_SIDES]
         one_way = np.abs(o.s.sum(axis=0, dtype=int)) == o.n  # as measured: a change would be one more
         self.sides = sorted({*self.varied, *np.flatnonzero(one_way).tolist()})
-        columns = [np.abs(o.v[:, j]) for j in users("v")]
-        columns += [
-            o.temperature[name] for j in users("T") if (name := self.machine.joints[j].name) in o.temperature
-        ]
+        columns = [np.abs(o.v[:, j]) for j, joint in enumerate(joints) if joint.name in users["v"]]
+        columns += [values for name, values in o.temperature.items() if name in users["T"]]
         extremes = {int(f(x)) for x in columns if np.ptp(x) > 0 for f in (np.argmin, np.argmax)}
-        self.states = sorted(extremes) or [o.n - 1]
         loads = {0.0} if o.load is None else {float(o.load[-1])}
-        if o.load is not None and any("F" in of for _, of in names):
+        if o.load is not None and users["F"]:
             loads |= {0.0, float(o.load.min()), float(o.load.max())}
-        self.loads = sorted(loads)
+        either = [(-1, 1)] * len(self.varied)
+        states, targets = sorted(extremes) or [o.n - 1], range(len(self.machine.targets))
+        self.kinds = np.array(list(itertools.product(*either, sorted(loads), states, targets)), float)
 
     def _readings(self) -> Rows:
         constraints = self.constraints
@@ -211,7 +193,7 @@ class Pool:
         """Return readings whose target is brought to one of some places, by small moves from readings elsewhere."""
         random = np.random.default_rng(0)
         starts = self._variants(self._positions())
-        starts = starts.take(random.permutation(starts.n)[: max(READINGS // len(places), FEWEST_STARTS)])
+        starts = starts.take(random.permutation(starts.n)[: READINGS // len(places)])
         found = [self._brought_to(starts, place) for place in places]
         pool = Rows.joined(found)
         pool = replace(pool, q=self.machine.followed(pool.q))
@@ -272,43 +254,35 @@ class Pool:
     def _positions(self, finer: int = 1) -> Array:
         """Return positions that the machine can take, (n, J), whatever the constraints forbid; so many times more."""
         machine, o = self.machine, self.o
-        kinds = 2 ** len(self.varied) * len(self.loads) * len(self.states) * len(machine.targets)
+        count = finer * READINGS // min(len(self.kinds), VARIANTS)
         units = np.array([o.unit_of(joint.column)[1] for joint in machine.joints])
         still = np.array([not joint.is_read for joint in machine.joints])
         within = np.where(still[:, None], np.median(o.q, axis=0)[:, None], self.travel)
-        q = machine.followed(
-            positions(within, units, finer * READINGS // min(kinds, VARIANTS), np.asarray(o.q))
-        )
+        q = machine.followed(positions(within, units, count, np.asarray(o.q)))
         q = q[machine.within_travel(q)]
         return q[attainable(o, q)] if machine.kinematics.is_closed else q
 
     def _variants(self, q: Array, listed: Observations | None = None, most: int = READINGS) -> Rows:
         """Return readings at positions, (n, J), with what else is varied; what a list of poses has is as listed."""
         o, low, high = self.o, *self.travel.T
-        kinds = list(
-            itertools.product(
-                itertools.product((-1, 1), repeat=len(self.varied)),
-                self.loads, self.states, range(len(self.machine.targets)),
-            )
-        )  # fmt: skip
-        pick = np.arange(len(q) * len(kinds))
+        pick = np.arange(len(q) * len(self.kinds))
         if len(pick) > most:
             pick = np.sort(np.random.default_rng(0).choice(len(pick), most, replace=False))
-        at, kind = np.divmod(pick, len(kinds))
-        q = q[at]
-        signs, loads, states, targets = (np.array(x) for x in zip(*(kinds[k] for k in kind), strict=True))
+        at, kind = np.divmod(pick, len(self.kinds))
+        q, columns = q[at], self.kinds[kind].T
+        load, state, target = columns[-3], columns[-2].astype(int), columns[-1].astype(int)
         usual = np.where(self.moving, np.where(np.sum(o.s < 0, axis=0) <= o.n / 2, 1, -1), o.s[-1])
-        s = np.repeat(usual[None], len(q), axis=0).astype(np.int8)
-        s[:, self.varied] = signs
+        s = np.repeat(usual[None], len(q), axis=0)
+        s[:, self.varied] = columns[:-3].T
         if listed is not None:
-            columns = [f"dir_{joint.column}" in listed.columns_given for joint in self.machine.joints]
-            s = np.where(columns, listed.s[at], s).astype(np.int8)
-            loads = listed.load[at] if listed.load is not None and "load" in listed.columns_given else loads
-            targets = listed.target[at] if "target" in listed.columns_given else targets
+            given = listed.columns_given
+            s = np.where([f"dir_{joint.column}" in given for joint in self.machine.joints], listed.s[at], s)
+            load = listed.load[at] if listed.load is not None and "load" in given else load
+            target = listed.target[at].astype(int) if "target" in given else target
+        rows = Rows(q, s.astype(np.int8), target, load, state)
         # at an end of the travel a joint comes from inside
-        of = self.varied
-        outside = ((s > 0) & (q <= low) | (s < 0) & (q >= high))[:, of].any(axis=1)
-        return Rows(q, s, targets, loads.astype(float), states).take(~outside)
+        outside = (((s > 0) & (q <= low)) | ((s < 0) & (q >= high)))[:, self.varied].any(axis=1)
+        return rows if listed is not None else rows.take(~outside)
 
     @cached_property
     def without_travel(self) -> list[int]:

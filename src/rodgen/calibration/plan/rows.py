@@ -75,14 +75,11 @@ class Surroundings:
     def __init__(self, observations: Observations) -> None:
         self.o = o = observations
         self.sigma = None if o.sigma is None else np.median(o.sigma, axis=0)
-        t, pose = o.t, o.pose
-        self.step = 0.0
-        if t is not None:
-            starts = np.flatnonzero(np.diff(pose, prepend=pose[0] - 1))
-            steps = np.diff(t[starts])
-            steps = steps[steps > 0]
-            self.step = float(np.median(steps)) if len(steps) else 0.0
-            self.begin = float(t.max()) + self.step
+        self.step = self.begin = 0.0
+        if o.t is not None:
+            starts = np.unique(o.t[np.diff(o.pose, prepend=o.pose[0] - 1) != 0])  # of the poses
+            self.step = float(np.median(np.diff(starts))) if len(starts) > 1 else 0.0
+            self.begin = float(o.t.max()) + self.step
 
     def times(self, rows: Rows) -> Array | None:
         """Return when each is taken, one pose after the other.

@@ -98,7 +98,10 @@ class Separation:
         effects = [e for each in alternatives for e in each]
         self.pool = Pool(self.rivals[0].fit if self.rivals else fit, o, effects, constraints)
         self.variance = self._variance(groups, trusted) if self.rivals else 1.0
-        left = [[b for b in of if not any(self._refutes(a, b) for a in of if a != b)] for of in groups]
+        left = [
+            [b for b in of if not any(self._worse(a, b) > self.variance * self._threshold(a, b) for a in of)]
+            for of in groups
+        ]
         pairs = [self._pair(a, b) for of in left for a, b in itertools.permutations(of, 2)]
         self.pairs, self.alike = self._resolvable(pairs) if pairs else ([], set())
         if self.pairs:
@@ -139,9 +142,7 @@ class Separation:
         left = [(r.fit.chi_square, r.fit.degrees_of_freedom) for r in self.rivals]
         cost, residual_dof = min(left, key=lambda x: x[0] / max(x[1], 1))
         stated = self.o.sigma is not None
-        found = cost / max(residual_dof, 1)
-        if residual_dof < (FEWEST_RESIDUAL_DOF if stated else 1):
-            found = 1.0
+        found = cost / residual_dof if residual_dof >= (FEWEST_RESIDUAL_DOF if stated else 1) else 1.0
         found = max(found, 1.0) if stated else found
         pairs = [pair for of in groups for pair in itertools.permutations(of, 2)] if trusted else []
         ratios = [self._worse(*pair) / found / self._threshold(*pair) for pair in pairs]
@@ -154,9 +155,6 @@ class Separation:
     def _threshold(self, a: int, b: int) -> float:
         """Return by how much b must fit worse than a to be refuted."""
         return SELECTION.parameter_cost(self.o.n) * max(self.rivals[a].own - self.rivals[b].own, 1)
-
-    def _refutes(self, a: int, b: int) -> bool:
-        return self._worse(a, b) / self.variance > self._threshold(a, b)
 
     def _pair(self, a: int, b: int) -> Pair:
         """Return the pair of a true model and a wrong one."""
@@ -255,19 +253,13 @@ class Separation:
         least = sorted(gains.values(), key=lambda gain: (gain.probability, gain.after))
         return Goal("separate", of, (), tuple(sentences), bool(gains), reached, tuple(least))
 
-    def not_enough(self, session: int | None) -> Iterator[str]:
+    def not_enough(self) -> Iterator[str]:
         """Yield how many readings would be enough, where these are not."""
         chances = [gain.probability or 0.0 for goal in self.goals for gain in goal.gains]
         if self.rows is None or min(chances) >= 1 - PLAN.doubt:
             return
-        be = "are probably not enough" if min(chances) < PLAN.hopeless else "may not be enough"
-        sessions = f", in {math.ceil(self.needed / session)} sessions" if session and self.needed else ""
-        more = (
-            f"; about {self.needed} would be{sessions}"
-            if self.needed
-            else f", and neither may {MOST_READINGS}"
-        )
-        yield f"{self.rows.n} readings {be}{more}."
+        more = f"; about {self.needed} would be" if self.needed else f", and neither may {MOST_READINGS}"
+        yield f"{self.rows.n} readings may not be enough{more}."
 
 
 def _chance(chances: Sequence[float]) -> str:

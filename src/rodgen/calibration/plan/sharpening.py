@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -61,14 +61,24 @@ class Sharpening:
     def __init__(
         self, fit: Fit, o: Observations, wanted: Sequence[str], constraints: Constraints, n: int, asked: bool
     ) -> None:
-        keys, further = _wanted(fit, wanted)
-        machine = fit.machine
-        for effect in further:
-            machine = machine.with_effect(effect)
+        before = [fit.parameters[i].key for i in fit.free]
+        texts, machine = [], fit.machine
+        for text in wanted:
+            if not any(_means(text, key) for key in before):
+                effect, text = _further(fit, text, before)
+                there = effect.identity in {e.identity for e in machine.effects}
+                machine = machine if there else machine.with_effect(effect)
+            texts.append(text)
+        further = len(machine.effects) > len(fit.machine.effects)
         self.fit = fitted(machine, o) if further or fit.outliers.any() else fit
         free = [self.fit.parameters[i].key for i in self.fit.free]
-        self.keys = keys or [key for key in free if not key.startswith("frame.")] or free
-        self.as_a_whole = not keys
+        self.as_a_whole = not wanted
+        if self.as_a_whole:
+            self.keys = [key for key in free if not key.startswith("frame.")] or free
+        else:
+            self.keys = [key for key in free if any(_means(text, key) for text in texts)]
+        if wanted and not self.keys:
+            raise PlanError(f"no parameter {shown(wanted[0])}", f"one of {joined(free, most=KEYS)}")
         effects = [e for e in machine.effects if any(map(e.owns, self.keys))]
         self.pool = Pool(self.fit, o, effects, constraints)
         self.notes = [] if fit.dependence.independent else [fit.dependence.text]
@@ -148,22 +158,13 @@ def _std(gain: Gain) -> str:
 # what is wanted ------------------------------------------------------------------------------------------------------
 
 
-def _wanted(fit: Fit, texts: Iterable[str]) -> tuple[list[str], list[Effect]]:
-    """Return the keys that texts mean, and the effects that are not in the model yet."""
-    free = [fit.parameters[i].key for i in fit.free]
-    found: dict[str, None] = {}
-    further: dict[tuple[str, str | None], Effect] = {}
-    for text in texts:
-        inside = [key for key in free if key == text or key.startswith((f"{text}.", f"{text}["))]
-        if not inside:
-            inside, effect = _further(fit, str(text), free)
-            further[effect.identity] = effect
-        found |= dict.fromkeys(inside)
-    return list(found), list(further.values())
+def _means(text: str, key: str) -> bool:
+    """Return whether a text means a parameter: its key, or what this begins with."""
+    return key == text or key.startswith((f"{text}.", f"{text}["))
 
 
-def _further(fit: Fit, text: str, free: Sequence[str]) -> tuple[list[str], Effect]:
-    """Return the keys that a text means of an effect that is not in the model yet, and the effect."""
+def _further(fit: Fit, text: str, free: Sequence[str]) -> tuple[Effect, str]:
+    """Return the effect that a text means and that is not in the model yet, and what its keys begin with."""
     machine = fit.machine
     if text in {p.key for p in fit.parameters}:
         raise PlanError(f"parameter {shown(text)} is held", f"one that is estimated: {joined(free, most=6)}")
@@ -179,10 +180,9 @@ def _further(fit: Fit, text: str, free: Sequence[str]) -> tuple[list[str], Effec
             f"EFFECT@JOINT",
         ) from None
     units = effect.units(machine)
-    own = [name for name in units if not name.startswith("k_")] or list(units)
     if parts[1:] and parts[1] not in units:
         raise PlanError(f"no parameter {shown(parts[1])} of {effect.title}", listed(units))
-    return [effect.key(name) for name in (parts[1:2] or own)], effect
+    return effect, effect.key("".join(parts[1:2])).rstrip(".")
 
 
 def _split(machine: Machine, text: str) -> tuple[list[str], str | None]:
