@@ -228,9 +228,7 @@ def test_plan_keeps_motors_and_joints_within_their_travels_and_names_columns_of_
     machine = Machine.load(EXAMPLE / "machine.toml")
     text = (EXAMPLE / "data.csv").read_text().splitlines()
     (tmp_path / "few.csv").write_text("\n".join(text[:40]) + "\n")
-    found = plan_for(
-        machine.fit(Measurements.load(tmp_path / "few.csv")), [(machine.effect("gravity_windup", "J3"),)], 8
-    )
+    found = plan_for(machine.fit(Measurements.load(tmp_path / "few.csv")), n=8, wanted=["J3.gravity_windup"])
     columns = {name: np.array(x) for name, x in found.rows.items()}
     assert [*columns] == ["J1 [deg]", "J2m [deg]", "J3m [deg]", "J5 [deg]", "target"]
     j3 = columns["J3m [deg]"] - columns["J2m [deg]"]

@@ -173,6 +173,15 @@ def test_droop_and_eccentricity_of_elevation_are_the_same_whatever_is_observed()
     )
 
 
+def test_one_effect_has_nothing_to_be_told_apart_from(trials):
+    machine = trials["one_side"].fit.machine
+    found = plan_for(trials["one_side"].fit, [[machine.effect("backlash", "C")]])
+    assert not found.count
+    assert found.goals[0].sentence == "Fewer than two effects to tell apart: backlash at C."
+    with pytest.raises(PlanError, match="both alternatives and wanted parameters"):
+        plan_for(trials["one_side"].fit, [machine.effects], wanted=["C.axis"])
+
+
 def test_effect_that_the_data_refute_is_left_out():
     loop = one_scan()
     trial = Trial(loop, 0)

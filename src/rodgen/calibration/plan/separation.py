@@ -234,9 +234,7 @@ class Separation:
                 _chance(chances),
             ]
         if len(group) < 2:
-            sentences.append(
-                f"Fewer than two of {joined([e.title for e in effects])} can be added to this machine."
-            )
+            sentences.append(f"Fewer than two effects to tell apart: {joined([e.title for e in effects])}.")
         elif refuted := [title[k] for k in group if k not in left]:
             only = f"Only {title[left[0]]} remains: " if len(left) == 1 else ""
             sentences.append(
