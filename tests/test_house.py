@@ -158,7 +158,6 @@ WRITERS = {
 OWN_PLACES = {
     "rodgen.files": "the writers themselves",
     "rodgen.codegen.build_cache": "the cache of kernels",
-    "rodgen.calibration.archive": "a temporary folder",
     "rodgen.workbench.start": "a temporary folder",
 }
 

@@ -448,8 +448,8 @@ def test_a_prediction_has_attitudes_with_uncertainties_that_hold():
 
 def test_a_fit_of_poses_is_kept_with_the_weights_that_it_found(tmp_path):
     fit = fitted()
-    fit.save(tmp_path / "fit.zip")
-    again = Fit.load(tmp_path / "fit.zip")
+    fit.save(tmp_path / "fit.json")
+    again = Fit.load(tmp_path / "fit.json")
     assert again.observations.arm == fit.observations.arm
     assert again.rms == pytest.approx(fit.rms, rel=1e-12)
     said = fit.to_dict()

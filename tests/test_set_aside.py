@@ -119,16 +119,16 @@ def test_a_saved_fit_reads_back(capsys: pytest.CaptureFixture[str]) -> None:
     for one, given in ((machine, data), (in_memory, table)):
         found = fit(one, given, outliers=outlier)
         assert found.outlier_numbers == [7, 30]
-        found.save("fit.zip")
-        again = Fit.load("fit.zip")
+        found.save("fit.json")
+        again = Fit.load("fit.json")
         assert again.rms == pytest.approx(found.rms, rel=1e-12)
         np.testing.assert_array_equal(again.outliers, found.outliers)
         assert again.outlier_numbers == found.outlier_numbers
         assert again.observations.aside.mask.tolist() == found.observations.aside.mask.tolist()
     copied = {name: np.repeat(values, 2) for name, values in table.items()}
     found = fit(machine.bringing_back(data), copied, outliers=np.repeat(outlier, 2))
-    found.save("fit.zip")
-    np.testing.assert_array_equal(Fit.load("fit.zip").outliers, found.outliers)
+    found.save("fit.json")
+    np.testing.assert_array_equal(Fit.load("fit.json").outliers, found.outliers)
 
 
 def test_rows_stay_the_same_rows(capsys: pytest.CaptureFixture[str]) -> None:
