@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.calibration.determinacy.undetermined import Direction, Elsewhere, Spectrum, describe, lacking
+from rodgen.calibration.determinacy.hypothetical_readings import HypotheticalReadings
+from rodgen.calibration.determinacy.undetermined import Direction, Spectrum
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.file_values import ASIDE, Pull
 from rodgen.calibration.solve.least_squares import NearFile
@@ -99,7 +100,7 @@ class Determinacy:
         found = np.zeros(len(self.undetermined), bool)
         if self._spectrum is not None and self.undetermined.any():
             with one_thread_in_blas():
-                found[self._spectrum.index] = lacking(self._spectrum)
+                found[self._spectrum.index] = self._spectrum.lacking
         return found
 
     @cached_property
@@ -107,7 +108,7 @@ class Determinacy:
         if self._spectrum is None:
             return (), ()
         with one_thread_in_blas():
-            return describe(self._spectrum)
+            return self._spectrum.described
 
 
 def determinacy(
@@ -237,6 +238,6 @@ def _without_effect(
     size = np.linalg.norm(triangle, axis=0)
     if not np.any(size < SUSPECT * size.max(initial=0.0)):
         return np.zeros(len(size), bool)
-    usual = Elsewhere.of(problem, theta, frame, index).size * problem.total_weight
+    usual = HypotheticalReadings(problem, theta, frame, index).size * problem.total_weight
     found: NDArray[np.bool_] = size < DETERMINACY.nothing * usual
     return found

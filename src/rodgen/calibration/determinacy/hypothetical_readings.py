@@ -6,8 +6,8 @@ that can be read changes at all, that it is a choice of coordinates.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,174 +18,185 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import within_reach
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
+from rodgen.machines.observations import Observations
+from rodgen.statistics.decompositions import lstsq
 
 ROWS = 240
 """Least number of hypothetical readings: what none of them shows, none would."""
 FAR = 2.0
 """How far beyond the middle of the data's range readings are placed, in half ranges."""
+OF_JOINTS = {
+    "s": "approach {} from both sides",
+    "q": "measure at other positions of {}",
+    "v": "measure at other speeds of {}",
+}
+OF_NAMES = {
+    "temperature": "measure at other temperatures of {}",
+    "covariates": "measure at other values of {}",
+}
+OF_ALL = {"load": "measure with other loads", "t": "measure at other times"}
+"""What to do to vary a column of observations."""
 
 
 @dataclass(frozen=True)
-class Variation:
+class Kind:
     """Readings that differ from those taken in one thing."""
 
-    problem: Problem
+    jacobian: Array
+    """Of these readings, (readings, p)."""
     hint: str
     """What to do to take them: "measure ..."."""
     wanting: bool
     """Whether the data hold one value only of what is varied: then this is what they lack."""
-    fresh: tuple[int, ...] = ()
-    """Numbers of the parameters that have another value in these readings, which is not known either."""
+    fresh: bool = False
+    """Whether they have parameters of their own, which are not known either."""
     still: str | None = None
     """The joint that moves in these readings only."""
 
 
-class _Generator:
-    """Draws columns of readings that were not taken; what it does not draw is as in some rows of the data."""
+@dataclass(frozen=True, eq=False)
+class HypotheticalReadings:
+    """Readings that were not taken, by their derivatives; what is not varied is as in some rows of the data.
 
-    def __init__(
-        self, problem: Problem, theta: Array, frame: Frame, rows: NDArray[np.int_], seed: int
-    ) -> None:
-        self.o, self.model = problem.observations, problem.model
-        self.machine = self.model.machine
-        self.theta, self.frame = theta, frame
-        self.random = np.random.default_rng(seed)
-        self.n = len(rows)
-        shape = (self.n, self.o.reading.shape[1])
-        self.base = replace(self.o.take(rows), sigma=None, reading=np.ones(shape))
+    Attributes
+    ----------
+    problem : Problem
+    theta, frame : ndarray, Frame
+        Where derivatives are taken.
+    index : ndarray of int, shape (p,)
+        Numbers of the parameters.
+    """
+
+    problem: Problem
+    theta: Array
+    frame: Frame
+    index: NDArray[np.int_]
+
+    @cached_property
+    def everywhere(self) -> Array:
+        """The derivative of readings of anything at all, (readings, p): every target, set-up, position, time, load.
+
+        Once of the targets that there are, and once of targets at other places on the body.
+        """
+        turn, targets = np.arange(self._base.n), len(self._machine.targets)
+        run = turn // targets % len(self._base.run_names)
+        of = {"target": (turn % targets).astype(np.int32), "run": run.astype(np.int32)}
+        here, there = (
+            self._jacobian(**self._drawn, **of),
+            self._jacobian(self._retargeted, **self._drawn, **of),
+        )
+        return np.concatenate([here, self._without_targets(there)])
+
+    @cached_property
+    def size(self) -> Array:
+        """By how much each parameter usually changes a reading: root mean square, (p,)."""
+        return np.asarray(np.sqrt(np.sum(self.everywhere**2, axis=0) / max(len(self.everywhere) // 2, 1)))
+
+    @cached_property
+    def taken(self) -> Array:
+        """The derivative of some of the readings that were taken, (readings, p)."""
+        return self._jacobian()
+
+    @cached_property
+    def kinds(self) -> list[Kind]:
+        """What could be measured further, each alone."""
+        o, base, drawn, machine = self.problem.observations, self._base, self._drawn, self._machine
+        found = []
+        for k in sorted(set(range(len(machine.targets))) - set(np.unique(o.target).tolist())):
+            there = self._jacobian(target=np.full(base.n, k, np.int32))
+            found.append(Kind(there, f"measure target {machine.targets[k].name}, which is in no row", True))
+        for name, hint in OF_JOINTS.items():
+            for j, joint in enumerate(machine.joints):
+                one = bool(np.ptp(getattr(o, name)[:, j]) == 0)
+                this = np.arange(len(machine.joints)) == j
+                there = self._jacobian(**{name: np.where(this, drawn[name], getattr(base, name))})
+                still = joint.name if one and name == "q" else None
+                hint_of = hint.format(joint.name) + (", which never moves" if still else "")
+                found.append(Kind(there, hint_of, one, still=still))
+        for name, hint in OF_NAMES.items():
+            for key, values in getattr(o, name).items():
+                there = self._jacobian(**{name: {**getattr(base, name), key: drawn[name][key]}})
+                found.append(Kind(there, hint.format(key), bool(np.ptp(values) == 0)))
+        for name, hint in OF_ALL.items():
+            if (values := getattr(o, name)) is not None:
+                found.append(Kind(self._jacobian(**{name: drawn[name]}), hint, bool(np.ptp(values) == 0)))
+        there = self._without_targets(self._jacobian(self._retargeted))
+        return [*found, Kind(there, "measure a target at another place on the body", False, fresh=True)]
 
     @property
-    def size(self) -> float:
+    def _machine(self) -> Machine:
+        return self.problem.model.machine
+
+    @cached_property
+    def _base(self) -> Observations:
+        o = self.problem.observations
+        rows = np.linspace(0, o.n - 1, max(ROWS, 4 * len(self.problem.model.parameters))).astype(int)
+        return replace(o.take(rows), sigma=None, reading=np.ones((len(rows), o.reading.shape[1])))
+
+    @cached_property
+    def _drawn(self) -> dict[str, Any]:
+        """Columns of readings of anything at all."""
+        o, machine, n = self.problem.observations, self._machine, self._base.n
+        random = np.random.default_rng(1)
+
+        def around(values: Any, least: float) -> Array:
+            """Return numbers like some, and beyond."""
+            middle, half = (np.max(values) + np.min(values)) / 2, np.ptp(values) / 2
+            return np.asarray(middle + FAR * max(half, least) * random.uniform(-1, 1, n))
+
+        def coordinates(j: int) -> Array:
+            if machine.joints[j].revolute:
+                return random.uniform(-np.pi, np.pi, n)
+            return around([*self.problem.model.travel[j], *o.q[:, j]], self._size / 4)
+
+        speeds = [1.0 if joint.revolute else self._size for joint in machine.joints]
+        return {
+            "q": np.stack([coordinates(j) for j in range(len(speeds))], axis=1),
+            "s": random.choice(np.array([-1, 1], np.int8), (n, len(speeds))),
+            "v": np.stack([around([0, np.abs(o.v[:, j]).max()], x) for j, x in enumerate(speeds)], axis=1),
+            "t": None if o.t is None else random.uniform(0, FAR * max(float(np.abs(o.t).max()), 1.0), n),
+            "load": None if o.load is None else around(o.load, 10.0),
+            "temperature": {name: around(values, 10.0) for name, values in o.temperature.items()},
+            "covariates": {name: around(values, 1.0) for name, values in o.covariates.items()},
+        }
+
+    @cached_property
+    def _size(self) -> float:
         """How large the machine is; at least 1."""
-        points = [t.point for t in self.machine.targets] + [j.point for j in self.machine.joints]
-        slides = [j for j, joint in enumerate(self.machine.joints) if joint.type == "prismatic"]
-        spans = np.ptp(self.o.q[:, slides], axis=0)
-        size = self.machine.kinematics.size
+        machine = self._machine
+        points = [t.point for t in machine.targets] + [j.point for j in machine.joints]
+        slides = [j for j, joint in enumerate(machine.joints) if joint.type == "prismatic"]
+        spans = np.ptp(self.problem.observations.q[:, slides], axis=0)
+        size = machine.kinematics.size
         return float(max(np.linalg.norm(points, axis=1).max(), spans.max(initial=size), 1.0))
 
-    def problem(self, machine: Machine | None = None, **columns: Any) -> Problem:
-        """Return a problem with some columns replaced, perhaps of another machine of the same structure."""
-        model = self.model
+    @cached_property
+    def _retargeted(self) -> Machine:
+        """The machine with its targets at other places on the body."""
+        targets = self._machine.targets
+        places = np.random.default_rng(2).normal(size=(len(targets), 3)) * self._size
+        if not self._machine.measurand.moving:  # directions
+            places /= np.linalg.norm(places, axis=1, keepdims=True)
+        moved = [replace(t, point=tuple(p)) for t, p in zip(targets, places.tolist(), strict=True)]
+        return replace(self._machine, targets=tuple(moved))
+
+    def _jacobian(self, machine: Machine | None = None, /, **columns: Any) -> Array:
+        """Return the derivative of readings with some columns replaced, without those that are not finite."""
+        model = self.problem.model
         if machine is not None:
-            model = Model(machine, model.travel, self.o.run_names, compiled=model.compiled)
-        q = columns.pop("q", None)
-        observations = replace(self.base, **columns)
-        if q is not None and self.machine.kinematics.is_closed:
-            observations = within_reach(observations, q)
-        elif q is not None:
-            observations = replace(observations, q=q)
-        return Problem(model, observations).read_as_predicted(self.theta, self.frame)
+            model = Model(machine, model.travel, self._base.run_names, compiled=model.compiled)
+        if "q" in columns and self._machine.kinematics.is_closed:
+            q = columns.pop("q")
+            observations = within_reach(replace(self._base, **columns), q)
+        else:
+            observations = replace(self._base, **columns)
+        there = Problem(model, observations).read_as_predicted(self.theta, self.frame)
+        found = there.jacobian(self.theta, self.frame)[:, :, self.index].reshape(-1, len(self.index))
+        return np.asarray(found[np.isfinite(found).all(axis=1)])
 
-    def with_column(self, name: str, j: int, values: Any) -> Problem:
-        """Return a problem with one joint's column replaced."""
-        matrix = np.array(getattr(self.base, name))
-        matrix[:, j] = values
-        columns: dict[str, Any] = {name: matrix}
-        return self.problem(**columns)
-
-    def around(self, values: Any, least: float) -> Array:
-        """Return numbers like some, and beyond."""
-        middle, half = (np.max(values) + np.min(values)) / 2, np.ptp(values) / 2
-        return np.asarray(middle + FAR * max(half, least) * self.random.uniform(-1, 1, self.n))
-
-    def coordinates(self, j: int) -> Array:
-        """Return any angle, or places on a slide and beyond its ends."""
-        if self.machine.joints[j].revolute:
-            return self.random.uniform(-np.pi, np.pi, self.n)
-        if self.machine.joints[j].type == "leg":
-            return self.around(self.o.q[:, j], self.size / 4)
-        return self.around([*self.model.travel[j], self.o.q[:, j].min(), self.o.q[:, j].max()], self.size)
-
-    def sides(self) -> NDArray[np.int8]:
-        """Return directions of approach."""
-        return self.random.choice(np.array([-1, 1], np.int8), self.n)
-
-    def speeds(self, j: int) -> Array:
-        """Return velocities of a joint."""
-        slides = not self.machine.joints[j].revolute
-        return self.around([0.0, np.max(np.abs(self.o.v[:, j]))], self.size if slides else 1.0)
-
-    def times(self) -> Array:
-        """Return times from the start to beyond the end."""
-        latest = 1.0 if self.o.t is None else float(np.max(np.abs(self.o.t)))
-        return self.random.uniform(0, FAR * max(latest, 1.0), self.n)
-
-    def place(self) -> tuple[float, float, float]:
-        """Return a point within the machine's size, or as good, a direction."""
-        x, y, z = self.random.normal(size=3) * self.size
-        return float(x), float(y), float(z)
-
-    def elsewhere_on_the_body(self) -> Machine:
-        """Return the machine with its targets at other places."""
-        directions = not self.machine.measurand.moving
-        places = [np.array(self.place()) for _ in self.machine.targets]
-        if directions:
-            places = [place / np.linalg.norm(place) for place in places]
-        targets = (replace(t, point=tuple(p)) for t, p in zip(self.machine.targets, places, strict=True))
-        return replace(self.machine, targets=tuple(targets))
-
-
-def elsewhere(problem: Problem, theta: Array, frame: Frame) -> tuple[Problem, Variation]:
-    """Return readings of anything at all: of every target in every set-up at random positions, times and loads.
-
-    Once of the targets that there are, and once of targets at other places on the body.
-    """
-    o, machine = problem.observations, problem.model.machine
-    count = max(ROWS, 4 * len(problem.model.parameters))
-    draw = _Generator(problem, theta, frame, np.arange(count) % o.n, 1)
-    joints, turn = range(len(machine.joints)), np.arange(count)
-    columns: dict[str, Any] = {
-        "q": np.stack([draw.coordinates(j) for j in joints], axis=1),
-        "s": np.stack([draw.sides() for _ in joints], axis=1),
-        "v": np.stack([draw.speeds(j) for j in joints], axis=1),
-        "t": None if o.t is None else draw.times(),
-        "load": None if o.load is None else draw.around(o.load, 10.0),
-        "temperature": {name: draw.around(values, 10.0) for name, values in o.temperature.items()},
-        "covariates": {name: draw.around(values, 1.0) for name, values in o.covariates.items()},
-        "target": (turn % len(machine.targets)).astype(np.int32),
-        "run": (turn // len(machine.targets) % len(o.run_names)).astype(np.int32),
-    }
-    return draw.problem(**columns), _other_targets(draw, problem, columns)
-
-
-def _other_targets(draw: _Generator, problem: Problem, columns: dict[str, Any]) -> Variation:
-    fresh = tuple(i for i, p in enumerate(problem.model.parameters) if p.slot[0] == "target")
-    there = draw.problem(draw.elsewhere_on_the_body(), **columns)
-    return Variation(there, "measure a target at another place on the body", False, fresh)
-
-
-def variations(problem: Problem, theta: Array, frame: Frame) -> Iterator[Variation]:
-    """Yield readings that differ in one thing from those taken, after some of those taken themselves."""
-    o, model = problem.observations, problem.model
-    joints, targets = model.machine.joints, model.machine.targets
-    some = np.linspace(0, o.n - 1, min(o.n, ROWS)).astype(int)
-    draw = _Generator(problem, theta, frame, some[np.arange(ROWS) % len(some)], 2)
-    yield Variation(draw.problem(), "", False)
-    for k in sorted(set(range(len(targets))) - set(np.unique(o.target).tolist())):
-        there = draw.problem(target=np.full(draw.n, k, np.int32))
-        yield Variation(there, f"measure target {targets[k].name}, which is in no row", True)
-    for j, joint in enumerate(joints):
-        one = bool(np.all(o.s[:, j] == o.s[0, j]))
-        side = "from the other side, too" if one else "from both sides at more places"
-        yield Variation(draw.with_column("s", j, draw.sides()), f"approach {joint.name} {side}", one)
-    for j, joint in enumerate(joints):
-        still = bool(np.ptp(o.q[:, j]) == 0)
-        where = f"{joint.name}, which never moves" if still else f"{joint.name}"
-        hint = f"measure at other positions of {where}"
-        there = draw.with_column("q", j, draw.coordinates(j))
-        yield Variation(there, hint, still, still=joint.name if still else None)
-    for j, joint in enumerate(joints):
-        hint = f"measure at other speeds of {joint.name}"
-        yield Variation(draw.with_column("v", j, draw.speeds(j)), hint, np.ptp(o.v[:, j]) == 0)
-    if o.load is not None:
-        there = draw.problem(load=draw.around(o.load, 10.0))
-        yield Variation(there, "measure with other loads", np.ptp(o.load) == 0)
-    for name, values in o.temperature.items():
-        there = draw.problem(temperature={**draw.base.temperature, name: draw.around(values, 10.0)})
-        yield Variation(there, f"measure at other temperatures of {name}", np.ptp(values) == 0)
-    if o.t is not None:
-        yield Variation(draw.problem(t=draw.times()), "measure at other times", np.ptp(o.t) == 0)
-    for name, values in o.covariates.items():
-        there = draw.problem(covariates={**draw.base.covariates, name: draw.around(values, 1.0)})
-        yield Variation(there, f"measure at other values of {name}", np.ptp(values) == 0)
-    yield _other_targets(draw, problem, {})
+    def _without_targets(self, jacobian: Array) -> Array:
+        """Return a derivative of readings of other targets, whose places are not known: these make up for the rest."""
+        fresh = np.array([self.problem.model.parameters[i].slot[0] == "target" for i in self.index], bool)
+        rest = np.where(fresh, 0.0, jacobian)
+        own = jacobian[:, fresh]
+        return np.asarray(rest - own @ lstsq(own, rest, relative=None) if fresh.any() else rest)
