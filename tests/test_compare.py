@@ -25,7 +25,6 @@ from rodgen.calibration.dependence import MOST_READINGS
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
-from rodgen.calibration.worst_regions import round_between
 from rodgen.data.measurements import Measurements
 from rodgen.machines.drivers import Driver
 from rodgen.machines.machine import Machine
@@ -142,12 +141,12 @@ def test_data_of_which_nothing_is_missing_claim_anything_once_in_a_hundred(
 
 HIDDEN = {  # what ANSWERS.md says is missing, and how a comparison without any catalogue names it
     "ballbar_gantry": r"depend on X and Y together: 9\d %",
-    "gantry_rotary": r"depend on C: 8\d % .*, in x and y, along the motion of C \(more than a million to 1\)",
-    "mount": r"depend on EL \(the altitude\): 9\d % of their variance, mostly towards the zenith",
+    "gantry_rotary": r"depend on C: 8\d % .*, along the motion of C \(more than a million to 1\)",
+    "mount": r"depend on EL: 9\d % of their variance, along the motion of EL",
     "positioner": r"depend on the direction of approach of phi: 7\d % .*along the motion of phi",
     "robot_6r_tracker": r"depend on J2 and J3 together: 8\d % of their variance, along the motion of J2",
     "rotary_table": r"depend on C, differently for each target: 5\d % of their variance",
-    "trunnion": r"depend on time: 9\d % of their variance, mostly in z",
+    "trunnion": r"depend on time: 9\d % of their variance \(more than",
 }
 
 
@@ -295,7 +294,6 @@ def test_a_row_far_out_is_reported(bench: Bench) -> None:
     assert any(
         re.match(r"Line 39 of .* is off by .* in y, all other rows by", said) for said in far.sentences
     )
-    assert far.worst_rows[0] == 37
     assert [one["row"] for one in far.to_dict()["gross"]] == [37]
 
 
@@ -309,13 +307,6 @@ def test_rows_that_a_fit_does_not_believe_are_left_out(bench: Bench) -> None:
     assert not set(comparison.sensitivities.rows) & set(range(0, 120, 20))
     assert comparison.claims == []
     assert comparison.rms.max() < 2 * NOISE
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "found"), [(68.31, 71.2, 70.0), (-0.2, 3, 0.0), (1e-7, 2e-7, 2e-7), (-7.9, -7.1, -7.5)]
-)
-def test_a_round_number_is_found_between_two(a: float, b: float, found: float) -> None:
-    assert round_between(a, b) == found
 
 
 def test_orthonormal_columns_leave_out_what_is_nothing() -> None:
@@ -412,9 +403,10 @@ def test_temperature_and_scale_of_the_tutorial() -> None:
     assert [one.trial.name for one in comparison.found] == ["X", "T_X"]
     assert sum(one.explained for one in comparison.found) == pytest.approx(0.88, abs=0.03)
     said, _, table = str(comparison).partition("\n\n")
-    assert "No dependence is seen on Y or the direction of approach of X." in said
+    assert "cannot distinguish that from a dependence on place x." in said
+    assert "No dependence is seen on Y, the direction of approach of X or the place in y." in said
     rows = {line.split(" [")[0]: line.split() for line in table.splitlines()}
-    assert rows["T_X"][2:5] == ["x", "93", "%"]  # of the variance in x
+    assert rows["T_X"][2] == "x"
 
 
 def test_time_is_not_denied_where_a_wander_would_look_the_same(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations, groupby, repeat
+from itertools import combinations, repeat
 from typing import Any
 
 import numpy as np
@@ -33,26 +33,19 @@ from rodgen.calibration.summary import contradictions
 from rodgen.calibration.words import IN_UNCERTAINTIES, NOTHING_LEFT, in_component, odds_text, plain, sized
 from rodgen.calibration.worst_regions import Region, worst_regions
 from rodgen.data.poses import stretches
-from rodgen.data.units import readable
 from rodgen.errors import joined
-from rodgen.machines.drivers import HARMONICS, Driver, drivers_of_place, products
+from rodgen.machines.drivers import Driver, drivers_of_place, products
 from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.machine import Effect
 from rodgen.machines.plausibility import Plausibility
-from rodgen.statistics.columns import orthonormal_basis
 from rodgen.statistics.thresholds import COST
 from rodgen.views import Records, Result
 
 ROUNDING = 64 * np.finfo(float).eps
 """Residuals below this part of the largest reading are rounding, of which nothing is said."""
-SAME = 0.9999
-"""Correlation from which two drivers are one: an altitude and the elevation axis that makes it."""
 COMPETING = 30
 """Drivers in a component, the likeliest each alone, of which sets are selected."""
-MOSTLY, NEARLY_ALL = 0.65, 0.9
-"""Parts of the explained variance from which one component, or two, are named."""
-WORST_ROWS = 5
 
 
 # candidates ----------------------------------------------------------------------------------------------------------
@@ -95,8 +88,14 @@ class Trial:
         if len(texts) > 1:
             each = self.drivers[0].kind == "target"
             return f"{texts[1]}, differently for each target" if each else f"{joined(texts)} together"
-        same = [plain(name) for name in self.drivers[0].same]
-        return texts[0] + (f" ({joined(same)})" if same else "")
+        return texts[0]
+
+    @property
+    def place(self) -> str:
+        """Where a sentence says that it shows; empty of the set-up as a whole."""
+        if self.joint:
+            return f"along the motion of {plain(self.joint)}"
+        return in_component(self.component) if self.component else ""
 
     def curves(self) -> Iterator[Array]:
         """Yield the columns of curves, (n, k), of the lowest order first."""
@@ -116,12 +115,11 @@ class Trial:
     @cached_property
     def candidates(self) -> list[Candidate]:
         """The drivers as candidates, one of each curve."""
-        by_size = {curve.shape[1]: curve for curve in reversed([*self.curves()]) if curve.shape[1]}
-        curves = [*(_waves(self.drivers[0]) if len(self.drivers) == 1 else ()), *reversed(by_size.values())]
+        curves = {curve.shape[1]: curve for curve in reversed([*self.curves()]) if curve.shape[1]}
         definition = EffectDefinition(self.name, frozenset({"machine"}), "reading", _BARE, {}, own=True)
         effect, several = Effect(definition, self.where), list[Candidate]()
         made = any(driver.kind == "place" for driver in self.drivers)  # by the joints
-        for curve in curves:
+        for curve in reversed(curves.values()):
             columns = self.motion[:, :, :, None] * curve[:, None, None, :]
             columns = columns.reshape(*self.motion.shape[:2], -1)
             names = tuple(f"{self.name}.{k}" for k in range(columns.shape[2]))
@@ -131,14 +129,6 @@ class Trial:
 
 
 _BARE = Formula.parse("a", file="comparison", place="driver")
-
-
-def _waves(driver: Driver) -> Iterator[Array]:
-    """Yield each wave of several a turn, (n, 2), such as that of a graduation that is out of round."""
-    if driver.turn is not None:
-        angle = 2 * np.pi * driver.values / driver.turn
-        for k in range(2, min(HARMONICS, (driver.levels - 1) // 2) + 1):
-            yield np.column_stack([np.cos(k * angle), np.sin(k * angle)])
 
 
 def _first_order(driver: Driver) -> Array:
@@ -156,35 +146,11 @@ def _first_order(driver: Driver) -> Array:
 
 
 def _drivers(rows: Sensitivities) -> list[Driver]:
-    """Return everything that residuals are compared with; the place last, because joints make it.
-
-    What does not vary is left out; what has the same values as another one becomes a further name of that.
-    """
+    """Return everything that residuals are compared with, as far as it varies."""
     fit, own = rows.fit, rows.rows
     recorded = (driver.as_noted(lambda values: values[own], own) for driver in fit.observations.drivers())
-    found: list[Driver] = []
-    for driver in (*recorded, *drivers_of_place(fit.machine, fit.places(rows.observations))):
-        if driver.levels < 2:
-            continue
-        twin = next((i for i, other in enumerate(found) if _same(driver, other)), None)
-        if twin is None:
-            found.append(driver)
-        else:
-            found[twin] = replace(found[twin], same=(*found[twin].same, driver.text))
-    return sorted(found, key=lambda driver: driver.kind == "place")
-
-
-def _same(one: Driver, other: Driver) -> bool:
-    """Return whether two drivers are the same numbers, but for their zero, sign and size."""
-    if {one.kind, other.kind} & {"approach", "run", "target", "period", "time", "order"}:
-        return False
-    if one.turn is not None and other.turn is not None:
-        a, b = (
-            2 * np.pi / turn * values for turn, values in ((one.turn, one.values), (other.turn, other.values))
-        )
-        return bool(max(abs(np.mean(np.exp(1j * (a + sign * b)))) for sign in (1, -1)) > SAME)
-    a, b = (driver.values - driver.values.mean() for driver in (one, other))
-    return bool(abs(a @ b) > SAME * np.linalg.norm(a) * np.linalg.norm(b))
+    places = drivers_of_place(fit.machine, fit.places(rows.observations))
+    return [driver for driver in (*recorded, *places) if driver.levels > 1]
 
 
 def _trials(rows: Sensitivities, drivers: Sequence[Driver]) -> list[Trial]:
@@ -219,11 +185,11 @@ class Followed(Result):
 
     trial: Trial
     explained: float
-    """Part of the variance of all residuals, or of its component, less what chance explains."""
-    falls: Array = field(repr=False)
-    """By how much the sum of squares of each component falls, (m,)."""
+    """Part of the variance of all residuals, less what chance explains."""
     log10_odds: float
     """Logarithm of the odds that it matters."""
+    places: tuple[str, ...] = ()
+    """Where it shows: components, or motions of joints."""
     instead: tuple[str, ...] = ()
     """Drivers that explain the same in its place."""
 
@@ -281,14 +247,6 @@ class Comparison(Result):
         squares = np.mean(self.fit.residuals[~self.fit.outliers] ** 2, axis=0)
         return np.sqrt(squares) * self.fit.in_units  # type: ignore[no-any-return]
 
-    @cached_property
-    def worst_rows(self) -> NDArray[np.intp]:
-        """Rows with the largest residuals, outliers left out, the largest first."""
-        size = np.linalg.norm(self.fit.sizes, axis=1)
-        size[self.fit.outliers | ~np.isfinite(size)] = -1.0
-        rows = np.argsort(-size, kind="stable")[:WORST_ROWS]
-        return np.asarray(rows[size[rows] >= 0])
-
     @property
     def table(self) -> Records[dict[str, Any]]:
         """What each driver explains alone, as dicts with the keys of :meth:`to_dict`, or as a DataFrame."""
@@ -305,7 +263,7 @@ class Comparison(Result):
         return list(_sentences(self))
 
     def __str__(self) -> str:
-        parts = (self.sentences, [*_table(self)], [*_largest(self)])
+        parts = (self.sentences, [*_table(self)], [_by_component(self)])
         return "\n\n".join("\n".join(part) for part in parts if part)
 
     def to_dict(self) -> dict[str, Any]:
@@ -325,12 +283,10 @@ class Comparison(Result):
             JOINT"`` for a joint's reading, ``"all"`` for the whole set-up), ``explained`` (part of the variance of all
             residuals, each in its uncertainty), ``log10_odds`` that it matters, ``instead`` (what the data cannot
             distinguish from it);
-            ``table``: each covariate alone: ``covariate``, ``unit``, ``component``, ``explained`` (part of the variance
-            of that component, along a joint of all), ``log10_odds``;
+            ``table``: each covariate alone: ``covariate``, ``unit``, ``component``, ``explained``, ``log10_odds``;
             ``correlation``: a sentence on errors that readings share, or null;
-            ``worst``: ``regions`` (``covariate``, ``unit``, ``low``, ``high``, ``category``, ``where``, ``rms``, in
-            stated uncertainties where these differ much, ``poses``) and ``rows`` (``row``, ``place``, ``residual`` by
-            component).
+            ``worst``: regions: ``covariate``, ``unit``, ``low``, ``high``, ``category``, ``where``, ``rms``, in stated
+            uncertainties where these differ much, and ``poses``.
         """
         fit = self.fit
         return {
@@ -348,19 +304,7 @@ class Comparison(Result):
             "depends_on": [one.to_dict() | {"instead": list(one.instead)} for one in self.found],
             "table": list(self.table),
             "correlation": (self.correlation and self.correlation.text) or None,
-            "worst": {
-                "regions": [region.to_dict() for region in self.worst],
-                "rows": [
-                    {
-                        "row": int(fit.observations.given(np.array(row))),
-                        "place": fit.observations.data.place(int(row)),
-                        "residual": dict(
-                            zip(self.components, (fit.residuals[row] * fit.in_units).tolist(), strict=True)
-                        ),
-                    }
-                    for row in self.worst_rows
-                ],
-            },
+            "worst": [region.to_dict() for region in self.worst],
         }
 
 
@@ -438,26 +382,24 @@ def _alone(bare: Evidence, trial: Trial) -> Followed | None:
         return None
     best = min(evidence.candidates, key=lambda c: evidence.cost([c]))
     odds = log10_of(evidence.cost([]) - evidence.cost([best]))
-    falls, total = _falls(evidence, [best])
-    names = evidence.base.machine.measurand.components
-    here = [trial.component in {"", name} for name in names]
-    return Followed(trial, _part(falls[here], total[here]), falls, odds)
+    return Followed(trial, _explained(evidence, [best]), odds)
 
 
 def _together(evidence: Evidence, chosen: list[Candidate], trials: Sequence[Trial]) -> Iterator[Followed]:
     """Yield the drivers of a set, each given those before; one in several components is one dependence."""
     of = {id(c): trial for trial in trials for c in trial.candidates}
     together, before = dict[str, list[Candidate]](), list[Candidate]()
-    for c in sorted(chosen, key=lambda c: -float(_falls(evidence, [c])[0].sum())):
+    for c in sorted(chosen, key=lambda c: -_explained(evidence, [c])):
         together.setdefault(of[id(c)].name, []).append(c)
-    alike, falls = equals(evidence, chosen), np.zeros(evidence.sensitivities.residual.shape[1])
+    alike, explained = equals(evidence, chosen), 0.0
     for parts in together.values():
         before += parts
-        last, (falls, total) = falls, _falls(evidence, before)
+        last, explained = explained, _explained(evidence, before)
         single = [e.candidates[0] for e in alike if e.replaced == (parts[0],) and len(e.candidates) == 1]
         names = tuple(dict.fromkeys(of[id(c)].name for c in single if of[id(c)].name not in together))
         odds = log10_of(sum(worth(evidence, chosen, c) for c in parts))
-        yield Followed(of[id(parts[0])], _part(falls - last, total), falls - last, odds, names)
+        places = tuple(filter(None, (of[id(c)].place for c in parts)))
+        yield Followed(of[id(parts[0])], explained - last, odds, places, names)
 
 
 def _clear(
@@ -485,20 +427,12 @@ def _matters(bare: Evidence, chosen: Sequence[Candidate], tried: Sequence[Candid
     return False
 
 
-def _falls(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[Array, Array]:
-    """Return by how much a set lowers the sum of squares of each component, (m,), beyond chance; and these sums."""
-    shape = evidence.sensitivities.residual.shape
-    model = evidence.independent
-    y = model.space.residual
-    columns = model.across[:, np.concatenate([evidence.parts[id(c)] for c in chosen])]
-    basis = orthonormal_basis(columns, relative=COST.visible**2)
-    left = y - basis @ (basis.T @ y)
-    by_chance = float(left @ left) / max(evidence.dof - basis.shape[1], 1) * np.sum(basis**2, axis=1)
-    return np.sum((y**2 - left**2 - by_chance).reshape(shape), axis=0), np.sum(y.reshape(shape) ** 2, axis=0)
-
-
-def _part(falls: Array, total: Array) -> float:
-    return float(np.clip(falls.sum() / (total.sum() or 1.0), 0.0, 1.0))
+def _explained(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
+    """Return which part of the variance of independent readings a set explains, beyond chance."""
+    model, count = evidence.independent, sum(len(evidence.parts[id(c)]) for c in chosen)
+    fall = evidence.explained(chosen, model)
+    by_chance = count * (model.square - fall) / max(evidence.dof - count, 1)
+    return min(max((fall - by_chance) / model.square, 0.0), 1.0)
 
 
 # words ---------------------------------------------------------------------------------------------------------------
@@ -549,9 +483,8 @@ def _found(comparison: Comparison) -> Iterator[str]:
     for i, one in enumerate(comparison.found):
         start = "The residuals depend on" if i == 0 else "In addition they depend on"
         said = f"{start} {one.trial.text}: {_percent(one.explained)} of their variance"
-        said += _mostly(comparison, one)
-        if one.trial.joint:
-            said += f", along the motion of {plain(one.trial.joint)}"
+        if one.trial.joint or 0 < len(one.places) < len(comparison.components):
+            said += f", {joined(one.places)}"
         yield f"{said} ({_odds(one.log10_odds)})."
         if one.instead:
             names = [plain(name) for name in one.instead]
@@ -563,18 +496,6 @@ def _shared(comparison: Comparison, *, wanders: bool) -> Iterator[str]:
     correlation = comparison.correlation
     if correlation and correlation.text and correlation.wanders == wanders:
         yield correlation.text
-
-
-def _mostly(comparison: Comparison, one: Followed) -> str:
-    part = one.falls / max(float(one.falls.sum()), 1e-300)
-    order = np.argsort(-part)
-    if len(part) == 1:
-        return ""
-    if part[order[0]] >= MOSTLY:
-        return f", mostly {in_component(comparison.components[order[0]])}"
-    if len(part) > 2 and part[order[:2]].sum() >= NEARLY_ALL:
-        return f", in {' and '.join(sorted(comparison.components[c] for c in order[:2]))}"
-    return ""
 
 
 def _denied(comparison: Comparison) -> Iterator[str]:
@@ -605,32 +526,16 @@ def _table(comparison: Comparison) -> Iterator[str]:
         name, unit = plain(one.trial.name), one.trial.unit
         name += f" [{plain(unit)}]" if unit and name != "order" else ""
         rows.append((name, one.trial.where, _percent(one.explained), _odds(one.log10_odds)))
-    part = "of its variance" + (", weighted" if comparison.fit.weighted else "")
+    part = "of the variance" + (", weighted" if comparison.fit.weighted else "")
     head = ("covariate, each alone", "component", part, "odds that it matters")
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(4)]
     for row in (head, *rows):
         yield f"{row[0]:{widths[0]}}  {row[1]:{widths[1]}}  {row[2]:>{widths[2]}}  {row[3]:>{widths[3]}}".rstrip()
 
 
-def _largest(comparison: Comparison) -> Iterator[str]:
-    o, fit = comparison.fit.observations, comparison.fit
-    each = zip(comparison.components, comparison.rms, fit.units, strict=True)
-    yield f"rms by component: {', '.join(f'{name} {sized(r, unit)}' for name, r, unit in each)}"
-    yield "largest residuals" + (", in their stated uncertainties:" if fit.weighted else ":")
-    for row in comparison.worst_rows:
-        parts = zip(comparison.components, fit.residuals[row] * fit.in_units, fit.units, strict=True)
-        by_unit = [(unit, [*group]) for unit, group in groupby(parts, key=lambda part: part[2])]
-        values = ", ".join(_in_one_unit([part[:2] for part in group], unit) for unit, group in by_unit)
-        at = ", ".join(
-            f"{plain(column.name)} {column.values[row]:.6g} {column.unit}"
-            for column in (o.data.columns[joint.column] for joint in fit.machine.joints)
-        )
-        yield f"  {o.data.place(int(row))}: {values} ({at})"
-
-
-def _in_one_unit(parts: Sequence[tuple[str, float]], unit: str) -> str:
-    factor, unit = readable(unit, max(abs(value) for _, value in parts))
-    return f"{', '.join(f'{name} {value * factor:+.3g}' for name, value in parts)} {unit}"
+def _by_component(comparison: Comparison) -> str:
+    each = zip(comparison.components, comparison.rms, comparison.fit.units, strict=True)
+    return f"rms by component: {', '.join(f'{name} {sized(r, unit)}' for name, r, unit in each)}"
 
 
 def _percent(part: float) -> str:

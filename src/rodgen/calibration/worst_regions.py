@@ -1,6 +1,6 @@
 """Where a model is worst: ranges of joints and of the workspace whose residuals are larger than elsewhere.
 
-Each driver is cut at its deciles, or between its values where there are few; neighbouring pieces together are a region.
+Each driver is cut at its deciles, in round numbers; neighbouring pieces together are a region.
 A region of P₁ poses with the mean square s₁, P₂ others with s₂, all P with s, gains P ln s - P₁ ln s₁ - P₂ ln s₂ in
 chi-square with a variance of its own, which costs ln P, and twice the logarithm of the number of regions. Where
 successive poses are alike, they count for fewer.
@@ -9,8 +9,9 @@ successive poses are alike, they count for fewer.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,6 @@ from rodgen.statistics.thresholds import COST
 from rodgen.views import Result
 
 PIECES = 10
-CLOSEST = 1e-6
-"""Values that are closer than this part of the range are not cut apart."""
 FEWEST_POSES = 5
 """In a region, and outside of it."""
 
@@ -35,7 +34,7 @@ class Region(Result):
     covariate: Driver
     low: float | None
     high: float | None
-    """In the driver's unit; None: open. Of what goes round, `low` may be above `high`."""
+    """In the driver's unit, `low` with it and `high` without; None: open. Of what goes round, `low` may be above."""
     category: str | None
     rms: float
     """There, in the unit of the sizes."""
@@ -56,7 +55,7 @@ class Region(Result):
         if self.low is None:
             return f"{name} is below {self.high:.12g}{unit}"
         if self.high is None:
-            return f"{name} is above {self.low:.12g}{unit}"
+            return f"{name} is {self.low:.12g}{unit} or more"
         return f"{name} is between {self.low:.12g} and {self.high:.12g}{unit}"
 
 
@@ -83,7 +82,7 @@ def worst_regions(drivers: Sequence[Driver], sizes: Array, pose: NDArray[np.inte
         if driver.kind in {"target", "approach", "period"}:
             continue
         values = np.add.reduceat(driver.values.astype(float), starts) / rows
-        several = list(_regions(driver, values, square, fewer))
+        several = [*_regions(driver, values, square, fewer)]
         tried += len(several)
         found += [max(several, key=lambda region: region.gain)] if several else []
     price = math.log(max(len(square) * fewer, 1.0)) + 2 * math.log(max(tried, 1))
@@ -92,64 +91,33 @@ def worst_regions(drivers: Sequence[Driver], sizes: Array, pose: NDArray[np.inte
     return sorted(seen, key=lambda r: -r.gain + (COST.needed if r.covariate.kind == "place" else 0.0))
 
 
-def _regions(driver: Driver, values: Array, square: Array, fewer: float) -> list[Region]:
-    """Return the regions of a driver that are worse than the others; of half of the poses at most."""
-    edges: Array = np.zeros(0)
+def _regions(driver: Driver, values: Array, square: Array, fewer: float) -> Iterator[Region]:
+    """Yield the regions of a driver that are worse than the others; of half of the poses at most."""
     if driver.categories:
-        piece, pieces = values.astype(int), len(driver.categories)
-        first, last = np.arange(pieces), np.arange(pieces)
+        edges, widest = np.arange(1, len(driver.categories)) - 0.5, 1
     else:
         if driver.turn is not None and np.ptp(driver.values) > 1.01 * driver.turn:
             values = values % driver.turn
-        edges = _edges(values)
-        piece, pieces = np.searchsorted(edges, values, "right"), len(edges) + 1
-        first, last = (x.ravel() for x in np.mgrid[:pieces, : 2 * pieces])
-        allowed = (last >= first) & (last < first + pieces) & ((last < pieces) | (driver.turn is not None))
-        first, last = first[allowed], last[allowed]
-    by_piece = np.stack([np.bincount(piece, weights, pieces) for weights in (np.ones(len(square)), square)])
-    below = np.concatenate([np.zeros((2, 1)), np.cumsum(np.tile(by_piece, 2), axis=1)], axis=1)
-    count, inside = below[:, last + 1] - below[:, first]
-    poses, total = len(square), float(square.sum())
-    fits = (count >= max(FEWEST_POSES, int(0.05 * poses))) & (count <= poses / 2)
-    found = []
-    for a, b, n, own in zip(first[fits], last[fits], count[fits], inside[fits], strict=True):
-        here, elsewhere = own / n, (total - own) / (poses - n)
-        if here <= elsewhere or not elsewhere > 0:
+        edges, widest = _edges(values), PIECES
+    piece, last = np.searchsorted(edges, values, "right"), len(edges)
+    poses, whole = len(square), float(square.mean())
+    for a, width in product(range(last + 1), range(1, widest + 1)):
+        inside = (piece - a) % (last + 1) < width
+        n, b = int(np.count_nonzero(inside)), a + width - 1
+        if not max(FEWEST_POSES, 0.05 * poses) <= n <= poses / 2 or (b > last and driver.turn is None):
             continue
-        gain = poses * math.log(total / poses) - n * math.log(here) - (poses - n) * math.log(elsewhere)
-        low = float(edges[a - 1]) if a > 0 and len(edges) else None
-        high = float(edges[b % pieces]) if b % pieces < pieces - 1 and len(edges) else None
+        here, elsewhere = float(square[inside].mean()), float(square[~inside].mean())
+        if not here > elsewhere > 0:
+            continue
+        gain = poses * math.log(whole) - n * math.log(here) - (poses - n) * math.log(elsewhere)
+        low = float(edges[a - 1]) if a > 0 else None
+        high = float(edges[b % (last + 1)]) if b % (last + 1) < last else None
         category = driver.categories[a] if driver.categories else None
-        found.append(Region(driver, low, high, category, math.sqrt(here), int(n), fewer * gain))
-    return found
+        yield Region(driver, low, high, category, math.sqrt(here), n, fewer * gain)
 
 
 def _edges(values: Array) -> Array:
-    """Return round numbers that cut values into about equal pieces, or between every two where these are few."""
-    known, count = np.unique(values, return_counts=True)
-    gaps = np.flatnonzero(np.diff(known) > CLOSEST * (known[-1] - known[0]))
-    below = np.cumsum(count)[gaps]
-    if len(gaps) >= PIECES:
-        wanted = np.arange(1, PIECES) * len(values) / PIECES
-        gaps = gaps[np.unique(np.argmin(np.abs(below[:, None] - wanted), axis=0))]
-    return np.unique([round_between(known[i], known[i + 1]) for i in gaps])
-
-
-def round_between(a: float, b: float) -> float:
-    """Return the roundest number x with a < x <= b.
-
-    Examples
-    --------
-    >>> round_between(68.31, 71.2), round_between(0.0123, 0.0127), round_between(-3.0, 8.0)
-    (70.0, 0.0125, 0.0)
-    """
-    if a < 0 <= b:
-        return 0.0
-    step = 10.0 ** np.ceil(np.log10(max(abs(a), abs(b))))
-    for _ in range(17):
-        for part in (1.0, 0.5, 0.2, 0.1):
-            x = np.floor(b / (step * part)) * step * part
-            if a < x <= b:
-                return float(f"{x:.15g}")
-        step /= 10
-    return b
+    """Return round numbers that cut values into about equal pieces: deciles, to a hundredth of their range."""
+    deciles = np.quantile(values, np.arange(1, PIECES) / PIECES)
+    edges = np.unique(np.round(deciles, int(2 - np.ceil(np.log10(np.ptp(values) or 1.0)))))
+    return np.asarray(edges[(edges > values.min()) & (edges <= values.max())])

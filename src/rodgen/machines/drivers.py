@@ -76,8 +76,6 @@ class Driver:
     """What a whole turn is, internal units, of what may close on itself."""
     categories: tuple[str, ...] = ()
     """Names of the categories; empty for numbers."""
-    same: tuple[str, ...] = ()
-    """Other names of drivers with the same values."""
 
     @property
     def label(self) -> str:
