@@ -215,8 +215,6 @@ class Comparison(Result):
         Each driver alone, in each component where it was tried.
     found : tuple of Followed
         Those that the data call for, each given those before.
-    clear : tuple of Driver
-        Those that residuals do not depend on, beside those found, however readings depend on each other.
     worst : tuple of Region
         Where the model is worse than elsewhere, the clearest first.
     """
@@ -227,7 +225,6 @@ class Comparison(Result):
     covariates: tuple[Driver, ...]
     alone: tuple[Followed, ...]
     found: tuple[Followed, ...]
-    clear: tuple[Driver, ...]
     worst: tuple[Region, ...]
 
     @property
@@ -344,7 +341,7 @@ def compare(fit: Fit) -> Comparison:
         rows = Sensitivities.of(fit)
         drivers = tuple(_drivers(rows))
         worst = tuple(worst_regions(drivers, fit.sizes[rows.rows], np.asarray(rows.observations.pose)))
-        nothing = Comparison(fit, rows, None, drivers, (), (), (), worst)
+        nothing = Comparison(fit, rows, None, drivers, (), (), worst)
         if nothing.exact or not drivers:
             return nothing
         trials, beside = _trials(rows, drivers), _offsets(rows)
@@ -361,9 +358,8 @@ def compare(fit: Fit) -> Comparison:
             if not chosen:
                 break
         followed = tuple(_together(evidence, chosen, trials))
-        clear = _clear(bare.including(chosen), chosen, alone, followed)
         correlation = evidence.correlation if chosen else evidence.correlation_for([])
-        return Comparison(fit, rows, correlation, drivers, tuple(alone), followed, tuple(clear), worst)
+        return Comparison(fit, rows, correlation, drivers, tuple(alone), followed, worst)
 
 
 def _offsets(rows: Sensitivities) -> Array | None:
@@ -402,31 +398,6 @@ def _together(evidence: Evidence, chosen: list[Candidate], trials: Sequence[Tria
         yield Followed(of[id(parts[0])], explained - last, odds, places, names)
 
 
-def _clear(
-    evidence: Evidence, chosen: Sequence[Candidate], alone: Sequence[Followed], followed: Sequence[Followed]
-) -> list[Driver]:
-    """Return the drivers that matter under no noise model; what may matter is neither claimed nor denied."""
-    likely = [one for one in alone if one.log10_odds > 0] + [*followed]
-    named = {driver.name for one in likely for driver in one.trial.drivers}
-    named |= {name for one in followed for name in one.instead}
-    curves = dict[Driver, list[Candidate]]()
-    for trial in (one.trial for one in alone if len(one.trial.drivers) == 1):
-        curves.setdefault(trial.drivers[0], []).extend(trial.candidates)
-    if any(not one.trial.drivers for one in followed):  # what a set-up does, differs with the joints
-        named |= {driver.name for driver in curves if driver.kind in {"joint", "place"}}
-    return [d for d, tried in curves.items() if d.name not in named and not _matters(evidence, chosen, tried)]
-
-
-def _matters(bare: Evidence, chosen: Sequence[Candidate], tried: Sequence[Candidate]) -> bool:
-    """Return whether one of some candidates lowers the cost of a set under one of the noise models."""
-    evidence = bare.including(tried)
-    for model in evidence.models:
-        alone = replace(evidence, models=[model], _estimates={})
-        if any(alone.cost([*chosen, c]) < alone.cost(chosen) for c in tried if id(c) in alone.parts):
-            return True
-    return False
-
-
 def _explained(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
     """Return which part of the variance of independent readings a set explains, beyond chance."""
     model, count = evidence.independent, sum(len(evidence.parts[id(c)]) for c in chosen)
@@ -451,7 +422,7 @@ def _sentences(comparison: Comparison) -> Iterator[str]:
     claims = comparison.claims
     yield from claims
     yield from _shared(comparison, wanders=False)
-    yield from _denied(comparison)
+    yield from _nothing(comparison)
     lack = fit.lack_of_fit
     if lack and lack.misses and not claims:
         yield (
@@ -498,20 +469,11 @@ def _shared(comparison: Comparison, *, wanders: bool) -> Iterator[str]:
         yield correlation.text
 
 
-def _denied(comparison: Comparison) -> Iterator[str]:
-    """Say what the residuals do not depend on."""
-    at_once = {"approach": "any direction of approach", "velocity": "any velocity"}
-    at_once["place"] = (
-        "the place on the sky" if comparison.fit.unit == "arcsec" else "the place in the workspace"
-    )
-    clear = [driver for driver in comparison.covariates if driver in comparison.clear]
-    names = [plain(d.text) for d in clear if d.kind not in at_once]
-    for kind, all_of_them in at_once.items():
-        here = [d for d in clear if d.kind == kind]
-        every = len(here) > 1 and len(here) == sum(d.kind == kind for d in comparison.covariates)
-        names += [all_of_them] if every else [plain(d.text) for d in here]
-    if names:
-        yield f"No dependence is seen on {joined(names, 'or')}."
+def _nothing(comparison: Comparison) -> Iterator[str]:
+    """Say that residuals depend on nothing that was recorded; what may be there is neither claimed nor denied."""
+    alone, correlation = comparison.alone, comparison.correlation
+    if alone and not any(one.log10_odds > 0 for one in alone) and not (correlation and correlation.wanders):
+        yield "No dependence is seen on anything that was recorded."
 
 
 def _table(comparison: Comparison) -> Iterator[str]:

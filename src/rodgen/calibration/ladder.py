@@ -256,7 +256,7 @@ def _odds(before: Fit, after: Fit, effect: Effect) -> StepOdds | None:
 
 def first_rung(fit: Fit) -> Rung:
     """Return a fit as the first rung of a ladder."""
-    return Rung(_base_title(fit.machine), None, fit, held_out(fit))
+    return Rung("base", None, fit, held_out(fit))
 
 
 def fit_after(before: Fit, machine: Machine, outliers: NDArray[np.bool_]) -> Fit:
@@ -285,14 +285,6 @@ def next_rung(before: Fit, after: Fit) -> Rung:
     same = before.observations is after.observations and np.array_equal(before.outliers, after.outliers)
     odds = _odds(before, after, effect) if same and effect is not None else None
     return Rung(title, effect, after, held_out(after), odds)
-
-
-def _base_title(machine: Machine) -> str:
-    return (
-        "base"
-        if all(effect.hold.keys() >= effect.units(machine).keys() for effect in machine.effects)
-        else "before"
-    )
 
 
 def _started(machine: Machine, before: Fit) -> Machine:

@@ -19,7 +19,7 @@ STEP = 1e-5
 """Step of the central differences: radians, or a part of the range. They are good to six digits for any machine, far
 more than a regression needs."""
 TURN = 0.1
-"""Angle to both sides by which tangents are turned to find where the axis is, radians; exact for any."""
+"""Angle to both sides by which points are turned to find where the axis is, radians; exact for any."""
 SMALL_MOTION = 0.1
 """Where a joint moves the target less than this part of the median motion, residuals say nothing about its reading."""
 
@@ -41,17 +41,20 @@ def motion_with_reading(fit: Fit, observations: Observations, joint: int, *, wei
     ndarray
         Per radian, or per internal unit of length.
     """
-    q = observations.q
-    theta, frame = fit.solution.theta, fit.solution.frame
     turns = fit.machine.joints[joint].revolute
-    step = STEP if turns else STEP * float(np.ptp(q[:, joint]) or 1.0)
-    sides = []
-    for sign in (1, -1):
-        moved = q.copy()
-        moved[:, joint] += sign * step
-        problem = Problem(fit.problem.model, replace(observations, q=moved))
-        sides.append(problem.residuals(theta, frame, weighted=weighted))
-    return np.asarray((sides[1] - sides[0]) / (2 * step))
+    step = STEP if turns else STEP * float(np.ptp(observations.q[:, joint]) or 1.0)
+    behind, ahead = (_residuals(fit, observations, joint, x, weighted=weighted) for x in (-step, step))
+    return np.asarray((behind - ahead) / (2 * step))
+
+
+def _residuals(
+    fit: Fit, observations: Observations, joint: int, moved: float, *, weighted: bool = False
+) -> Array:
+    """Return the residuals with a joint's reading moved, (n, m)."""
+    q = observations.q.copy()
+    q[:, joint] += moved
+    problem = Problem(fit.problem.model, replace(observations, q=q))
+    return problem.residuals(fit.solution.theta, fit.solution.frame, weighted=weighted)
 
 
 def directions_about(fit: Fit, observations: Observations, joint: int) -> Array:
@@ -60,13 +63,8 @@ def directions_about(fit: Fit, observations: Observations, joint: int) -> Array:
     Row by row unit vectors in the frame of the readings: away from the axis, ahead with the joint's reading, and along
     the axis about which the target is then seen to turn. NaN where a point is on the axis.
     """
-    ahead = motion_with_reading(fit, observations, joint)[:, :3]
-    sides = []
-    for sign in (1, -1):
-        turned = observations.q.copy()
-        turned[:, joint] += sign * TURN
-        sides.append(motion_with_reading(fit, replace(observations, q=turned), joint)[:, :3])
-    away = sides[1] - sides[0]  # a rotation takes a tangent towards the axis
+    behind, here, before = (_residuals(fit, observations, joint, x)[:, :3] for x in (-TURN, 0.0, TURN))
+    ahead, away = behind - before, behind + before - 2 * here  # exact on a circle
     size = [np.linalg.norm(v, axis=1, keepdims=True) for v in (away, ahead)]
     far = size[1] > SMALL_MOTION**2 * np.max(size[1], initial=0.0)
     radial, tangential = (

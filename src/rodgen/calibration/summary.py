@@ -26,8 +26,6 @@ CONVENTION = (
     "* A choice of coordinates is in this value: others, with other values of more parameters, predict the same. The "
     "one nearest to the machine file is shown, and the std is that of this choice."
 )
-DIFFERENT = 1.01
-"""Ratio of the largest to the smallest stated uncertainty from which they differ."""
 TOLD = 1e-3
 """Part of a prior's variance that readings take away at least to say anything of it: rounding takes less."""
 NAMED = 8
@@ -120,13 +118,11 @@ def _lines(fit: Fit) -> Iterator[str]:
         yield NOTHING_LEFT
     elif fit.lack_of_fit and fit.solution.converged:
         yield fit.lack_of_fit.text
-        yield from _uneven(fit)
     if out := on_outliers(fit, fit.outliers):
         yield out
     if fit.held_out_geometry and not fit.held_out_geometry.lowers:
         yield fit.held_out_geometry.text
     yield from _warnings(fit)
-    yield from _about_priors(fit)
     shown = [e for e in fit.estimates.values() if not e.held or e.value]
     if shown:
         yield ""
@@ -159,23 +155,6 @@ def _warnings(fit: Fit) -> Iterator[str]:
         if abs(first) > LATE * span:
             yield f"t begins at {first:.6g} s: warm_up_drift counts from t = 0, when the machine was cold."
     yield from _about_modes(fit)
-
-
-def _uneven(fit: Fit) -> Iterator[str]:
-    """Say that stated uncertainties differ, so that the ratio to the noise is not that of the rms."""
-    sigma = fit.observations.sigma
-    if sigma is not None and sigma.max() > DIFFERENT * sigma.min():
-        low, high = sigma.min() / fit.unit_factor, sigma.max() / fit.unit_factor
-        yield f"In that ratio each reading counts by its own stated uncertainty, {low:.3g} to {high:.3g} {fit.unit}."
-
-
-def _about_priors(fit: Fit) -> Iterator[str]:
-    """Say what priors of the machine file do to a fit."""
-    if count := len(_priors(fit)):
-        yield (
-            f"The machine file has priors of {count} parameter{'s' * (count > 1)}; the chi-square of their "
-            f"deviations is {fit.prior_chi_square:.3g}."
-        )
 
 
 def _priors(fit: Fit) -> list[int]:

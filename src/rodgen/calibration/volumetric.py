@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice, product
 
 import numpy as np
 
@@ -25,12 +26,12 @@ from rodgen.machines.observations import Observations
 from rodgen.statistics.columns import unit_columns
 from rodgen.statistics.decompositions import lstsq
 
-SHARE, NEAR = 0.95, 0.01
-"""Part of the positions whose errors are smaller, and of those to both sides that say how uncertain it is."""
+SHARE = 0.95
+"""Part of the positions whose errors are smaller."""
 STEP = 1e-3
 """By which a target is moved to see what that does: of points it does not matter, of directions radians."""
-POSITIONS = {1: 101, 2: 33, 3: 11}
-"""Positions of each joint where one, two or three move."""
+POSITIONS = (1, 101, 33, 11)
+"""Positions of each joint where none, one, two or three move."""
 MOST = 1500
 """Positions where more joints move, or where the legs of a closed chain were measured."""
 CHOICE = 0.05
@@ -123,12 +124,11 @@ def _over_travel(fit: Fit) -> VolumetricError:
         return np.asarray(size if measurand.moving else 2 * np.arcsin(size / 2) / ARCSEC)
 
     found = errors(theta)
-    where, rank = int(np.argmax(found)), np.argsort(found, kind="stable")
-    near = rank[int((SHARE - NEAR) * o.n) : int((SHARE + NEAR) * o.n) + 1]
+    where, most_at = int(np.argmax(found)), int(np.argsort(found, kind="stable")[int(SHARE * (o.n - 1))])
 
     def statistics(machine: Machine) -> Array:
         moved = errors(np.array([machine.values[p.key] for p in fit.parameters]))
-        return np.array([moved[where], moved[near].mean()])
+        return np.array([moved[where], moved[most_at]])
 
     keys = [p.key for p in fit.parameters]
     largest_u, most_u = with_uncertainty(fit.machine, (keys, fit.covariance), statistics)[1].tolist()
@@ -198,22 +198,13 @@ def _positions(fit: Fit) -> tuple[Observations, bool]:
 def _grid(travel: Array) -> Array:
     """Return positions over ranges, (n, J): a grid of up to three, of more the corners and an even spread."""
     moved = np.flatnonzero(travel[:, 1] > travel[:, 0])
-    q = np.tile(travel[:, 0], (1, 1))
-    if not len(moved):
-        return q
-    if len(moved) in POSITIONS:
-        part = np.linspace(0, 1, POSITIONS[len(moved)])
-        shares = np.stack(np.meshgrid(*[part] * len(moved), indexing="ij"), axis=-1).reshape(-1, len(moved))
-    else:
-        d = len(moved)
-        corners = (np.arange(2 ** min(d, 8))[:, None] >> np.arange(d)) % 2
-        golden = (
-            2.0  # the root of x^(d + 1) = x + 1: an additive sequence that fills a cube evenly (Roberts 2018)
-        )
-        for _ in range(50):
-            golden = (1 + golden) ** (1 / (d + 1))
-        inside = (0.5 + np.outer(np.arange(1, MOST), golden ** -np.arange(1.0, d + 1))) % 1
-        shares = np.concatenate([corners, inside])
+    d = len(moved)
+    side = np.linspace(0, 1, POSITIONS[d]) if d < len(POSITIONS) else (0.0, 1.0)
+    shares = np.array([*islice(product(side, repeat=d), MOST)]).reshape(-1, d)
+    if d >= len(POSITIONS):
+        from scipy.stats import qmc  # takes half a second to import
+
+        shares = np.concatenate([shares, qmc.Halton(d, scramble=False).random(MOST)])
     q = np.tile(travel[:, 0], (len(shares), 1))
     q[:, moved] += shares * (travel[moved, 1] - travel[moved, 0])
     return q

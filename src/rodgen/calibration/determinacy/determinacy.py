@@ -143,23 +143,17 @@ def determinacy(
     stated = near.stated(variance)
     pull = near.pull(square, variance) if np.isfinite(cost) else None
     block = square[index[:, None], index] + stated.T @ stated
-    well = _well_determined(block) if pull is None and np.isfinite(cost) else None
-    if well is not None:
-        covariance[np.ix_(index, index)], scale = well
-        none = np.zeros((0, len(index)))
-        return Determinacy(
-            covariance,
-            undetermined,
-            len(index),
-            _spectrum=Spectrum(problem, theta, frame, index, scale, none, none),
-        )
-    rows = stated if further is None else np.concatenate([stated, further])
-    triangle = problem.triangle(theta, frame, index, rows)
-    triangle[:, _without_effect(problem, theta, frame, index, triangle)] = 0.0
-    scale = np.linalg.norm(triangle, axis=0)
-    scale[scale == 0.0] = 1.0
-    _, values, vt = svd(triangle / scale, full_matrices=True)
-    values = np.concatenate([values, np.zeros(len(index) - len(values))])
+    known = _of_normal_equations(block) if pull is None and np.isfinite(cost) else None
+    if known is None:
+        rows = stated if further is None else np.concatenate([stated, further])
+        triangle = problem.triangle(theta, frame, index, rows)
+        triangle[:, _without_effect(problem, theta, frame, index, triangle)] = 0.0
+        scale = np.linalg.norm(triangle, axis=0)
+        scale[scale == 0.0] = 1.0
+        _, values, vt = svd(triangle / scale, full_matrices=True)
+        values = np.concatenate([values, np.zeros(len(index) - len(values))])
+    else:
+        scale, values, vt = known
     held = values > DETERMINACY.nothing * max(values[0], 1e-300)
     held &= values > 0
     root = vt[held].T / values[held] / scale[:, None]
@@ -221,14 +215,13 @@ def _with_prior(root: Array, pull: Pull, factor: float) -> tuple[Array, Array]:
     return np.concatenate([root - gain.T @ seen, gain.T], axis=1), rows
 
 
-def _well_determined(square: Array) -> tuple[Array, Array] | None:
-    """Return the covariance and the lengths of the columns where no combination is nearly weak, else None."""
+def _of_normal_equations(square: Array) -> tuple[Array, Array, Array] | None:
+    """Return the columns' lengths, singular values and directions where no combination is nearly weak, else None."""
     scaled, size = unit_diagonal(square)
     values, vectors = eigh(scaled)
     if values[0] <= (NEARLY_WEAK * WEAK) ** 2 * values[-1] or size.min() < SUSPECT * size.max():
         return None
-    v = vectors / np.sqrt(values)
-    return (v @ v.T) / np.outer(size, size), size
+    return size, np.sqrt(values[::-1]), vectors.T[::-1]
 
 
 def _without_effect(

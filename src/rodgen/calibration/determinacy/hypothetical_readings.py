@@ -19,6 +19,7 @@ from rodgen.calibration.problem.assembly_modes import within_reach
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.observations import Observations
+from rodgen.machines.plausibility import reach
 from rodgen.statistics.decompositions import lstsq
 
 ROWS = 240
@@ -160,15 +161,10 @@ class HypotheticalReadings:
             "covariates": {name: around(values, 1.0) for name, values in o.covariates.items()},
         }
 
-    @cached_property
+    @property
     def _size(self) -> float:
         """How large the machine is; at least 1."""
-        machine = self._machine
-        points = [t.point for t in machine.targets] + [j.point for j in machine.joints]
-        slides = [j for j, joint in enumerate(machine.joints) if joint.type == "prismatic"]
-        spans = np.ptp(self.problem.observations.q[:, slides], axis=0)
-        size = machine.kinematics.size
-        return float(max(np.linalg.norm(points, axis=1).max(), spans.max(initial=size), 1.0))
+        return max(reach(self._machine), self._machine.kinematics.size, 1.0)
 
     @cached_property
     def _retargeted(self) -> Machine:
