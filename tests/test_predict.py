@@ -155,20 +155,6 @@ def test_directions_have_the_decimals_of_their_angles():
     assert columns["predicted_uz"].tolist() == [0.8, 1e-9]  # what is not determined is left as it is
 
 
-def test_attitudes_have_the_decimals_of_their_turns():
-    arcsec = np.pi / 648000
-    made = Prediction(
-        np.zeros((1, 3)), np.diag([1e-4, 1e-4, 1e-4, *(np.array([30, 20, 40]) * arcsec) ** 2])[None], np.array([True]),
-        ("x", "y", "z", "rx", "ry", "rz"), "mm",
-        {"rx [deg]": np.array([12.3456789]), "yaw [rad]": np.array([0.123456789]), "qw": np.array([0.987654321])},
-    )  # fmt: skip
-    columns = made.columns(rounded=True)
-    assert columns["predicted_rx [deg]"].tolist() == [12.3457]  # 20 arcsec are 0.0056 deg, 0.000097 rad
-    assert columns["predicted_yaw [rad]"].tolist() == [0.123457]
-    assert columns["predicted_qw"].tolist() == [0.987654]  # which half of a turn changes
-    assert columns["model_u_ry [arcsec]"].tolist() == [20]
-
-
 def test_a_command_out_of_reach_is_an_error_with_its_place(tmp_path, capsys):
     design = tmp_path / "design.csv"
     design.write_text("A0 [mm],A1 [mm],A-1 [mm],target\n760,770,750,nose\n100,770,750,nose\n")

@@ -75,11 +75,6 @@ class Trial:
         return " and ".join(driver.name for driver in self.drivers) or "set-up"
 
     @property
-    def unit(self) -> str:
-        """Of the driver where there is one."""
-        return self.drivers[0].unit if len(self.drivers) == 1 else ""
-
-    @property
     def text(self) -> str:
         """What a sentence calls the drivers."""
         if not self.drivers:
@@ -89,13 +84,6 @@ class Trial:
             each = self.drivers[0].kind == "target"
             return f"{texts[1]}, differently for each target" if each else f"{joined(texts)} together"
         return texts[0]
-
-    @property
-    def place(self) -> str:
-        """Where a sentence says that it shows; empty of the set-up as a whole."""
-        if self.joint:
-            return f"along the motion of {plain(self.joint)}"
-        return in_component(self.component) if self.component else ""
 
     def curves(self) -> Iterator[Array]:
         """Yield the columns of curves, (n, k), of the lowest order first."""
@@ -193,7 +181,12 @@ class Followed(Result):
     instead: tuple[str, ...] = ()
     """Drivers that explain the same in its place."""
 
-    _keys = "covariate=trial.name unit=trial.unit component=trial.where explained log10_odds"
+    @property
+    def unit(self) -> str:
+        """Of the driver where there is one."""
+        return self.trial.drivers[0].unit if len(self.trial.drivers) == 1 else ""
+
+    _keys = "covariate=trial.name unit component=trial.where explained log10_odds"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -260,7 +253,9 @@ class Comparison(Result):
         return list(_sentences(self))
 
     def __str__(self) -> str:
-        parts = (self.sentences, [*_table(self)], [_by_component(self)])
+        each = zip(self.components, self.rms, self.fit.units, strict=True)
+        rms = ", ".join(f"{name} {sized(value, unit)}" for name, value, unit in each)
+        parts = (self.sentences, [*_table(self)], [f"rms by component: {rms}"])
         return "\n\n".join("\n".join(part) for part in parts if part)
 
     def to_dict(self) -> dict[str, Any]:
@@ -335,7 +330,7 @@ def compare(fit: Fit) -> Comparison:
     >>> data = {"C [deg]": C, "x [mm]": x + noise[0], "y [mm]": y + noise[1], "z [mm]": z + noise[2]}
     >>> comparison = compare(fit(table, Measurements.from_frame(data)))
     >>> print(comparison.sentences[0])
-    The residuals depend on C: 87 % of their variance, in x and y, along the motion of C (more than a million to 1).
+    The residuals depend on C: 87 % of their variance, along the motion of C (more than a million to 1).
     """
     with one_thread_in_blas():
         rows = Sensitivities.of(fit)
@@ -394,8 +389,12 @@ def _together(evidence: Evidence, chosen: list[Candidate], trials: Sequence[Tria
         single = [e.candidates[0] for e in alike if e.replaced == (parts[0],) and len(e.candidates) == 1]
         names = tuple(dict.fromkeys(of[id(c)].name for c in single if of[id(c)].name not in together))
         odds = log10_of(sum(worth(evidence, chosen, c) for c in parts))
-        places = tuple(filter(None, (of[id(c)].place for c in parts)))
+        places = tuple(_place(of[id(c)]) for c in parts)
         yield Followed(of[id(parts[0])], explained - last, odds, places, names)
+
+
+def _place(trial: Trial) -> str:
+    return f"along the motion of {plain(trial.joint)}" if trial.joint else in_component(trial.where)
 
 
 def _explained(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
@@ -454,7 +453,7 @@ def _found(comparison: Comparison) -> Iterator[str]:
     for i, one in enumerate(comparison.found):
         start = "The residuals depend on" if i == 0 else "In addition they depend on"
         said = f"{start} {one.trial.text}: {_percent(one.explained)} of their variance"
-        if one.trial.joint or 0 < len(one.places) < len(comparison.components):
+        if one.trial.joint or (one.trial.component and len(one.places) < len(comparison.components)):
             said += f", {joined(one.places)}"
         yield f"{said} ({_odds(one.log10_odds)})."
         if one.instead:
@@ -485,7 +484,7 @@ def _table(comparison: Comparison) -> Iterator[str]:
         return
     rows = []
     for one in best.values():
-        name, unit = plain(one.trial.name), one.trial.unit
+        name, unit = plain(one.trial.name), one.unit
         name += f" [{plain(unit)}]" if unit and name != "order" else ""
         rows.append((name, one.trial.where, _percent(one.explained), _odds(one.log10_odds)))
     part = "of the variance" + (", weighted" if comparison.fit.weighted else "")
@@ -493,11 +492,6 @@ def _table(comparison: Comparison) -> Iterator[str]:
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(4)]
     for row in (head, *rows):
         yield f"{row[0]:{widths[0]}}  {row[1]:{widths[1]}}  {row[2]:>{widths[2]}}  {row[3]:>{widths[3]}}".rstrip()
-
-
-def _by_component(comparison: Comparison) -> str:
-    each = zip(comparison.components, comparison.rms, comparison.fit.units, strict=True)
-    return f"rms by component: {', '.join(f'{name} {sized(r, unit)}' for name, r, unit in each)}"
 
 
 def _percent(part: float) -> str:

@@ -31,7 +31,7 @@ from rodgen.calibration.diagnosis import (
     WrongGeometry,
 )
 from rodgen.calibration.displaced_stretch import DisplacedStretch
-from rodgen.calibration.effect_estimates import EffectEstimates
+from rodgen.calibration.estimates import EffectEstimates
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.forms import propose, sharpened

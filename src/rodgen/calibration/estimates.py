@@ -1,17 +1,24 @@
-"""The estimates of a fit's parameters, and their uncertainties."""
+"""What is asked of a fit: its estimates and their uncertainties, its noise, its error on poses left out, its rows."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from rodgen.array_types import Array
+from rodgen.calibration import held_out as checks
+from rodgen.calibration.dependence import Dependence
+from rodgen.calibration.dependence import dependence as dependence_of
 from rodgen.calibration.determinacy import Determinacy, determinacy
 from rodgen.calibration.fitted import Estimate, Fit
+from rodgen.calibration.noise_floor import NoiseFloor, noise_floor
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.machines.known import Tied
-from rodgen.statistics.columns import unit_diagonal
+from rodgen.machines.machine import Effect
+from rodgen.stages import Progress, reporting, stage
+from rodgen.statistics.columns import inverse_root, unit_diagonal
 
 
 def covariance(fit: Fit) -> Array:
@@ -84,3 +91,99 @@ def _tied(fit: Fit, tied: Tied, others: Mapping[str, Estimate], covariance: Arra
         any(part.convention for part in parts),
         tied_to=tied.text,
     )
+
+
+class EffectEstimates:
+    """The estimates of a fit's parameters, with standard deviations that allow for correlated readings."""
+
+    def __init__(self, final: Fit) -> None:
+        self.final = final
+        self.covariance = final.covariance
+
+    def of(self, effect: Effect) -> dict[str, Estimate]:
+        """Return the parameters of an effect by their short names.
+
+        Those of set-ups are relative to the first one where only their differences are determined.
+        """
+        numbers = self._numbers(effect)
+        first = {self.final.parameters[i].slot[2]: i for i in reversed(numbers) if self._is_shift(i)}
+        relative = bool(first) and any(self.final.determinacy.undetermined[i] for i in numbers)
+        found = {}
+        for i in numbers:
+            parameter = self.final.parameters[i]
+            name = parameter.key[len(effect.key("")) :].removeprefix(".")
+            start = first[parameter.slot[2]] if relative else None
+            if start is None:
+                found[name] = self.final.estimates[parameter.key]
+            elif i != start:
+                found[name] = self._difference(i, start)
+        return found
+
+    def _numbers(self, effect: Effect) -> list[int]:
+        return [
+            i
+            for i, parameter in enumerate(self.final.parameters)
+            if effect.owns(parameter.key) and not (parameter.optional and i not in self.final.free)
+        ]
+
+    def _is_shift(self, i: int) -> bool:
+        return self.final.parameters[i].slot[0] == "shift" and "[" in self.final.parameters[i].key
+
+    def _difference(self, i: int, start: int) -> Estimate:
+        parameter, C = self.final.parameters[i], self.covariance
+        variance = C[i, i] + C[start, start] - 2 * C[i, start]
+        value = (self.final.values[i] - self.final.values[start]) / parameter.factor
+        std = float(np.sqrt(max(variance, 0.0)) / parameter.factor)
+        return Estimate(parameter.key, parameter.unit, float(value), std, False, True)
+
+    def significance(self, effect: Effect) -> float:
+        """Return the p-value of an effect, by Wald's test of the hypothesis that all its parameters are zero."""
+        from scipy import special
+
+        final = self.final
+        searched = [p.searched for p in final.parameters]
+        numbers = [i for i in self._numbers(effect) if i in final.free and not searched[i]]
+        if not numbers or any(self._is_shift(i) for i in numbers):
+            return 0.0
+        C = self.covariance[np.ix_(numbers, numbers)]
+        size = np.sqrt(np.maximum(np.diag(C), 1e-300))
+        along = inverse_root(C / np.outer(size, size), relative=1e-12).T @ (final.values[numbers] / size)
+        return float(special.chdtrc(len(along), float(along @ along)))
+
+
+@stage("estimating the noise")
+def noise(fit: Fit) -> NoiseFloor:
+    """Return how well the machine could be modelled at all, from the data alone."""
+    return noise_floor(fit)
+
+
+@stage("how readings depend on each other")
+def dependence(fit: Fit) -> Dependence:
+    """Return how the errors of readings depend on each other: within a pose, and of successive poses."""
+    return dependence_of(fit)
+
+
+def held_out(fit: Fit, folds: int | None = None, *, progress: Progress | None = None) -> checks.HeldOut:
+    """Return the error on whole poses that a fit did not see: each is predicted by a fit to others.
+
+    Parameters
+    ----------
+    folds : int, optional
+        Into how many parts the poses are dealt; left out: each of up to 100 poses is one, else 10 parts, or 5 of
+        more than 50 000 rows.
+    progress : callable, optional
+        As of :func:`fit`.
+    """
+    with reporting(progress):
+        found: checks.HeldOut = fit.held_out_of_poses if folds is None else checks.held_out(fit, folds=folds)
+        return found
+
+
+def used_rows(fit: Fit) -> dict[str, Any]:
+    """Return how many rows were fitted, which were not, and which disagree grossly with the others, as plain data."""
+    return {
+        "rows": fit.problem.count,
+        **fit.observations.not_here,
+        "outliers": fit.outlier_numbers,
+        "gross": [one.to_dict(fit.observations) for one in fit.gross_readings],
+    }

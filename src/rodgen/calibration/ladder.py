@@ -27,7 +27,6 @@ from rodgen.data.units import readable
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Effect, Machine
 from rodgen.stages import Progress, reporting
-from rodgen.statistics.digits import in_column
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import Result, plain
 
@@ -107,41 +106,22 @@ class Ladder(Result):
         found: NoiseFloor = max((rung.fit for rung in self.rungs), key=lambda f: len(f.free)).noise
         return found
 
-    @property
-    def _shown(self) -> tuple[float, str]:
-        """Factor and unit in which its errors are shown."""
-        return readable(self.rungs[0].fit.unit, max(rung.fit.rms for rung in self.rungs))
-
-    def figure_of(self, value: float | None) -> str:
-        """Write an error, with the decimals that all of them have."""
-        if value is None:
-            return "-"
-        factor, _ = self._shown
-        smallest = min((rung.fit.rms for rung in self.rungs if rung.fit.rms > 0), default=1.0) * factor
-        return in_column(value * factor, smallest)
-
     def __str__(self) -> str:
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
         first = self.rungs[0].fit
-        unit = self._shown[1]
+        factor, unit = readable(first.unit, max(rung.fit.rms for rung in self.rungs))
         yield f"{first.machine.name}, {first.observations.data.file}: rms in {unit} per reading"
         width = max(len(rung.title) for rung in self.rungs)
         yield f"{'':{width}}  {'fitted':>9}  {'held out':>9}  {'parameters':>10}  odds"
         for rung in self.rungs:
-            row = f"{rung.title:{width}}  {self.figure_of(rung.fit.rms):>9}  {self.figure_of(rung.held_out.rms):>9}"
-            row += f"  {len(rung.fit.free):10}"
-            if rung.step:
-                row += f"  {odds_text(rung.step.odds)}"
-            yield row
+            errors = ["-" if x is None else f"{x * factor:.4g}" for x in (rung.fit.rms, rung.held_out.rms)]
+            row = f"{rung.title:{width}}  {errors[0]:>9}  {errors[1]:>9}  {len(rung.fit.free):10}"
+            yield row + (f"  {odds_text(rung.step.odds)}" if rung.step else "")
         yield self.noise.text
-        yield from dict.fromkeys(
-            sentence
-            for rung in self.rungs
-            if rung.held_out.rms is None or rung.held_out.unpredicted
-            for sentence in [rung.held_out.text]
-        )
+        held_out = [rung.held_out for rung in self.rungs]
+        yield from dict.fromkeys(one.text for one in held_out if one.rms is None or one.unpredicted)
         for rung in self.rungs:
             if count := int(rung.fit.outliers.sum()):
                 # outliers of a fit, or rows that a session sets aside
@@ -234,24 +214,20 @@ def ladder_of(
             machine = _started(machine, fits[-1])
         fits.append(fit(machine, observations, loss=loss))
     for k in range(len(fits) - 1, 0, -1):
-        if _larger(fits[k - 1], fits[k]):
-            fits[k] = _not_worse(fits[k], fits[k - 1])
+        fits[k] = _not_worse(fits[k], fits[k - 1])
     for k in range(1, len(fits)):
-        if _larger(fits[k], fits[k - 1]):
-            fits[k - 1] = _not_worse(fits[k - 1], fits[k])
+        fits[k - 1] = _not_worse(fits[k - 1], fits[k])
     changes = [_changed(before.machine, after.machine) for before, after in pairwise(fits)]
-    if all(sign == "+" for _, sign in changes):  # given all others: what comes later is no noise
-        odds = odds_of_steps(fits[0], fits[-1], [effect for effect, _ in changes])
-    else:
-        odds = [_odds(*pair, effect) for pair, (effect, _) in zip(pairwise(fits), changes, strict=True)]
+    odds = _odds(fits[0], fits[-1], [effect for effect, _ in changes])
     steps = zip(fits[1:], changes, odds, strict=True)
     rungs = [Rung(f"{sign} {e.title}", e, after, held_out(after), one) for after, (e, sign), one in steps]
     return Ladder((first_rung(fits[0]), *rungs))
 
 
-def _odds(before: Fit, after: Fit, effect: Effect) -> StepOdds | None:
+def _odds(before: Fit, after: Fit, effects: Sequence[Effect]) -> list[StepOdds | None]:
+    """Return what each effect that came, or went, is worth given all others: what comes later is no noise."""
     smaller, larger = sorted((before, after), key=lambda f: len(f.machine.effects))
-    return odds_of_steps(smaller, larger, [effect])[0]
+    return odds_of_steps(smaller, larger, effects)
 
 
 def first_rung(fit: Fit) -> Rung:
@@ -270,7 +246,7 @@ def fit_after(before: Fit, machine: Machine, outliers: NDArray[np.bool_]) -> Fit
         Rows that are not to be believed.
     """
     after = fit(_started(machine, before), before.observations, outliers=outliers)
-    return _not_worse(after, before) if _larger(before, after) else after
+    return _not_worse(after, before)
 
 
 def next_rung(before: Fit, after: Fit) -> Rung:
@@ -283,7 +259,7 @@ def next_rung(before: Fit, after: Fit) -> Rung:
         effect, sign = _changed(before.machine, after.machine)
         title = f"{sign} {effect.title}"
     same = before.observations is after.observations and np.array_equal(before.outliers, after.outliers)
-    odds = _odds(before, after, effect) if same and effect is not None else None
+    odds = _odds(before, after, [effect])[0] if same and effect is not None else None
     return Rung(title, effect, after, held_out(after), odds)
 
 
@@ -308,13 +284,11 @@ def _changed(before: Machine, after: Machine) -> tuple[Effect, str]:
     return (came[0], "+") if came else (went[0], "-")
 
 
-def _larger(smaller: Fit, larger: Fit) -> bool:
-    return len(larger.machine.effects) > len(smaller.machine.effects)
-
-
 def _not_worse(larger: Fit, smaller: Fit) -> Fit:
     """Return the larger fit, from where the smaller one ended if it had ended in a worse valley than that."""
-    if not np.array_equal(larger.outliers, smaller.outliers) or larger.chi_square <= smaller.chi_square:
+    comparable = np.array_equal(larger.outliers, smaller.outliers)
+    comparable &= len(larger.machine.effects) > len(smaller.machine.effects)
+    if not comparable or larger.chi_square <= smaller.chi_square:
         return larger
     model = larger.problem.model
     theta = model.start()

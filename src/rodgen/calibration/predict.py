@@ -26,7 +26,7 @@ from rodgen.calibration.problem.binding import bind, names_of
 from rodgen.calibration.problem.blocks import Motion, entries
 from rodgen.data.measurements import Scan
 from rodgen.data.tables.parts import Part
-from rodgen.data.units import ARCSEC, parse_unit
+from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError, listed, shown
 from rodgen.files import new_folder
 from rodgen.machines.machine import Machine
@@ -90,9 +90,7 @@ class Prediction(Tabular):
 
     def shown_columns(self, rows: Sequence[int]) -> dict[str, NDArray[Any]]:
         """Return the columns of some rows."""
-        attitude = {name: values[rows] for name, values in self.attitude.items()}
-        part = replace(self, place=self.place[rows], covariance=self.covariance[rows], attitude=attitude)
-        return replace(part, determined=self.determined[rows]).columns()
+        return {name: values[rows] for name, values in self.columns().items()}
 
     def columns(self, *, coverage: float | None = None, rounded: bool = False) -> dict[str, NDArray[Any]]:
         """Return the prediction as columns of a table, ``determined`` 1 or 0.
@@ -102,17 +100,12 @@ class Prediction(Tabular):
         coverage : float, optional
             Factor k of expanded uncertainties ``model_U_…``, which stand instead of the standard ones, ``model_u_…``.
         rounded : bool
-            Whether uncertainties have two significant digits, and places as many decimals (GUM, 7.2.6).
+            Whether uncertainties have two significant digits, and places as many decimals (GUM, 7.2.6); not attitudes.
         """
         k = 1.0 if coverage is None else coverage
         u, is_direction = k * self.u, self.names[0] == "ux"
         place = self.place if is_direction else self.place / self._factor
-        attitude = dict(self.attitude)
         if rounded:
-            of_turns = [i for i, name in enumerate(self.names) if name in TURNS]
-            if attitude:  # each of its numbers to the least uncertain turn
-                least = np.min(u[:, of_turns], axis=1) * ARCSEC
-                attitude = {n: round_by(x, least / _turn_of(n)) for n, x in attitude.items()}
             seen = u[:, : place.shape[1]]
             of_place = np.min(u, axis=1, keepdims=True) * self._factor if is_direction else seen
             place, u = round_by(place, of_place), round_by(u, u)
@@ -120,18 +113,12 @@ class Prediction(Tabular):
         found: dict[str, NDArray[Any]] = {}
         if self.names != TURNS:  # attitudes have no place
             found = {f"predicted_{n}{unit}": x for n, x in zip(self.names, place.T, strict=False)}
-        found |= {f"predicted_{n}": x for n, x in attitude.items()}
+        found |= {f"predicted_{n}": x for n, x in self.attitude.items()}
         parts = ("horizontal", "vertical") if is_direction else self.names
         known = "u" if coverage is None else "U"
         for n, x in zip(parts, u.T, strict=True):
             found[f"model_{known}_{n} [{'arcsec' if n in TURNS else self.unit}]"] = x
         return found | {"determined": self.determined.astype(np.int8)}
-
-
-def _turn_of(header: str) -> float:
-    """Return the turn, rad, by which a number of an attitude changes by 1: half of it changes a quaternion."""
-    _, _, unit = header.rstrip("]").partition(" [")
-    return parse_unit(unit).factor() if unit else 2.0
 
 
 def predict(fit: Fit, design: Any) -> Prediction:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from rodgen.calibration.bounds import held_at_bounds
+from rodgen.calibration.decidability import why_wrong_geometry
 from rodgen.calibration.fitted import Estimate, Fit
 from rodgen.calibration.gross_readings import on_gross_readings, on_outliers
-from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
+from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance
 from rodgen.errors import joined
-from rodgen.statistics.decompositions import svd
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import plain
 
@@ -109,7 +109,8 @@ def _lines(fit: Fit) -> Iterator[str]:
     yield from fit.observations.on_rows
     if not fit.solution.converged:
         yield "NOT CONVERGED: the numbers below are where the fit stopped."
-        yield from _weakly_held(fit)
+        if wrong := why_wrong_geometry(fit):
+            yield wrong
     if gross := on_gross_readings(fit):
         yield gross
     yield from contradictions(fit)
@@ -173,24 +174,18 @@ def _against_priors(fit: Fit, priors: list[int]) -> Iterator[str]:
     """Yield a sentence where priors and readings differ by more than both allow.
 
     A fit is off a prior of variance P by P/(P + D) of what the readings, of variance D, say; the variance of that is P
-    less the variance of the fit.
+    less the variance of the fit. The largest difference counts, of as many as there are priors.
     """
     from scipy import special
 
     precision = fit.problem.file_values.precision[priors]
     off = (fit.solution.theta[priors] - fit.problem.file_values.centre[priors]) * precision
-    variance = (
-        np.eye(len(priors))
-        - precision[:, None] * fit.independent_covariance[np.ix_(priors, priors)] * precision
-    )
-    if not np.isfinite(variance).all():
-        return
-    _, told, along = svd(variance)
-    told, along = told[told > TOLD], along[told > TOLD].T
-    p = float(special.chdtrc(len(told), np.sum((off @ along) ** 2 / told))) if len(told) else 1.0
+    own = fit.independent_covariance[priors, priors]
+    variance = 1 - precision**2 * own
+    sizes = np.where(variance > TOLD, np.abs(off) / np.sqrt(np.maximum(variance, TOLD)), 0.0)
+    worst = int(np.argmax(np.nan_to_num(sizes)))
+    p = len(priors) * float(special.chdtrc(1, sizes[worst] ** 2))
     if p < LACK_OF_FIT.rare:
-        sizes = np.abs(off) / np.sqrt(np.maximum(variance.diagonal(), TOLD))
-        worst = int(np.argmax(sizes))
         yield (
             f"The readings contradict the priors of the machine file ({chance(p)}): the two differ by "
             f"{sizes[worst]:.3g} standard deviations in {fit.parameters[priors[worst]].key}, the most."
@@ -208,16 +203,6 @@ def _about_modes(fit: Fit) -> Iterator[str]:
                 f"In {other:.1%} of the rows the platform is in another assembly mode than in most: what is written "
                 "with the fitted numbers has the mode of most, and predicts the others wrongly."
             )
-
-
-def _weakly_held(fit: Fit) -> Iterator[str]:
-    """Name the row whose pose is the nearest to a singular one, where that may be why a fit stopped."""
-    worst = weakest(fit.observations)
-    if worst is not None:
-        yield (
-            f"In {fit.observations.data.place(worst)} the platform is near a singular pose, which its legs hardly "
-            "hold: leave such rows out, or begin with a better geometry."
-        )
 
 
 def _held(keys: Sequence[str]) -> str:
@@ -242,8 +227,6 @@ def _table(estimates: list[Estimate]) -> Iterator[str]:
             spread = "unknown"  # no more readings than parameters: the noise is not known
         elif e.std is None:
             spread = "undetermined"
-        yield f"{e.key:{width}}  {value:>12}  {spread:>10}{'* ' if e.convention else '  '}{unit}{_tied(e)}"
-
-
-def _tied(e: Estimate) -> str:
-    return f"  = {e.tied_to}" if e.tied_to else ""
+        yield f"{e.key:{width}}  {value:>12}  {spread:>10}{'* ' if e.convention else '  '}{unit}" + (
+            f"  = {e.tied_to}" if e.tied_to else ""
+        )

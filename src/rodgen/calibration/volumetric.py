@@ -9,7 +9,6 @@ statistic is found again with the parameters moved along each principal axis of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
 
@@ -120,7 +119,11 @@ def _over_travel(fit: Fit) -> VolumetricError:
         if free_frame:
             moves += [np.cross(e, nominal) for e in np.eye(3)]
             moves += [np.broadcast_to(e, nominal.shape) for e in np.eye(3)] * measurand.moving
-        size = np.linalg.norm(_without(real - nominal, moves), axis=1)
+        off = real - nominal
+        if moves:
+            columns = unit_columns(np.stack(moves, axis=-1).reshape(-1, len(moves)))
+            off -= (columns @ lstsq(columns, off.reshape(-1), relative=1e-9)).reshape(off.shape)
+        size = np.linalg.norm(off, axis=1)
         return np.asarray(size if measurand.moving else 2 * np.arcsin(size / 2) / ARCSEC)
 
     found = errors(theta)
@@ -130,6 +133,11 @@ def _over_travel(fit: Fit) -> VolumetricError:
         moved = errors(np.array([machine.values[p.key] for p in fit.parameters]))
         return np.array([moved[where], moved[most_at]])
 
+    steps = [1e-4 * null / np.max(np.abs(null)) for null in fit.determinacy.null]
+    at, unit = places(theta), fit.unit_factor
+    changes = [np.abs(errors(theta + step) - found).max() * unit for step in steps]
+    moves = [np.abs(places(theta + step) - at).max() for step in steps]
+    by_choice = any(x > CHOICE * y > 0 for x, y in zip(changes, moves, strict=True))
     keys = [p.key for p in fit.parameters]
     largest_u, most_u = with_uncertainty(fit.machine, (keys, fit.covariance), statistics)[1].tolist()
     largest, most = float(found[where]), float(np.quantile(found, SHARE))
@@ -137,30 +145,8 @@ def _over_travel(fit: Fit) -> VolumetricError:
     return VolumetricError(
         largest, largest_u if known else None, most, most_u if known else None, fit.unit, o.q[where], o.n // 2,
         np.stack([o.q.min(axis=0), o.q.max(axis=0)], axis=1), measured_only,
-        ("target",) * bool(mounted) + ("instrument",) * free_frame, _rests_on_a_choice(fit, theta, places, errors),
+        ("target",) * bool(mounted) + ("instrument",) * free_frame, by_choice,
     )  # fmt: skip
-
-
-def _without(errors: Array, moves: Sequence[Array]) -> Array:
-    """Return errors (n, 3) less what small moves, each (n, 3), explain best."""
-    if not moves:
-        return errors
-    columns = unit_columns(np.stack(moves, axis=-1).reshape(-1, len(moves)))
-    return np.asarray(
-        errors - (columns @ lstsq(columns, errors.reshape(-1), relative=1e-9)).reshape(errors.shape)
-    )
-
-
-def _rests_on_a_choice(
-    fit: Fit, theta: Array, places: Callable[[Array], Array], errors: Callable[[Array], Array]
-) -> bool:
-    before, at = errors(theta), places(theta)
-    for null in fit.determinacy.null:
-        step = 1e-4 * null / np.max(np.abs(null))
-        moved = float(np.abs(places(theta + step) - at).max()) / fit.unit_factor
-        if float(np.abs(errors(theta + step) - before).max()) > CHOICE * moved > 0:
-            return True
-    return False
 
 
 def _positions(fit: Fit) -> tuple[Observations, bool]:

@@ -28,9 +28,7 @@ INVARIANT = 1e-3
 """A combination is invariant that changes no reading of the data, and others by less than this part of what its parts
 change: at best it would be hardly determined. An error motion of 1e-5 rad bends the exact symmetries by as much."""
 SHOWN = 0.01
-"""Readings would determine a combination that they show by this part of what its parts change ..."""
-SHOWN_BETTER = 30.0
-"""... or, of one that the data show a little, by so many times more."""
+"""Readings would determine a combination that they show by this part of what its parts change."""
 NAMED = 4
 """Parameters that a sentence names; the rest is counted."""
 
@@ -134,39 +132,37 @@ class Spectrum:
     # words -----------------------------------------------------------------------------------------------------------
 
     def _on_choice(self, d: Array) -> str:
-        names, several = self._names(d), len(self._order(d)) > 1
-        slots = {self.problem.model.parameters[self.index[i]].slot[0] for i in self._order(d)}
-        if slots & {"frame", "shift"}:
-            together = "change together" if several else "changes"
-            return f"{names} {together} without changing any reading, which is a choice of coordinates, not a fault."
-        if several:
-            return f"{names} change together without changing any reading, whatever is measured: hold one of them."
-        return f"{names} changes no reading, whatever is measured: leave it out."
+        order = self._order(d)
+        verb = "change together" if len(order) > 1 else "changes"
+        if {self.problem.model.parameters[self.index[i]].slot[0] for i in order} & {"frame", "shift"}:
+            rest = "without changing any reading, which is a choice of coordinates, not a fault"
+        elif len(order) > 1:
+            rest = "without changing any reading, whatever is measured: hold one of them"
+        else:
+            rest = "no reading, whatever is measured: leave it out"
+        return f"{self._names(d)} {verb} {rest}."
 
     def _on_lack(self, d: Array) -> str:
-        names, hint = self._names(d), self._hint(d, SHOWN)
+        hint = self._hint(d)
         if len(self._order(d)) == 1:
-            return f"{names} changes no reading in these data{hint}."
+            return f"{self._names(d)} changes no reading in these data{hint}."
         rest = hint or ": only their combination is determined"
-        return f"{names} change together without changing any reading in these data{rest}."
+        return f"{self._names(d)} change together without changing any reading in these data{rest}."
 
     def _on_weakness(self, d: Array) -> str:
-        names, hint = self._names(d), self._hint(d, SHOWN_BETTER * self._shown(d, self.readings.taken))
         one = len(self._order(d)) == 1
-        return f"{names} {'hardly changes a reading' if one else 'are hardly distinguished by these data'}{hint}."
+        what = "hardly changes a reading" if one else "are hardly distinguished by these data"
+        return f"{self._names(d)} {what}{self._hint(d)}."
 
     def _still(self, d: Array) -> tuple[str, ...]:
         """Return the joints that never moved of which other positions would show a combination."""
         moved = [kind for kind in self.readings.kinds if kind.still]
         return tuple(kind.still or "" for kind in moved if self._shown(d, kind.jacobian) > SHOWN)
 
-    def _hint(self, d: Array, needed: float) -> str:
+    def _hint(self, d: Array) -> str:
         """Return what to measure, or nothing where no single thing would do."""
-        found = [
-            (kind.fresh, not kind.wanting, -self._shown(d, kind.jacobian), kind.hint)
-            for kind in self.readings.kinds
-        ]
-        found = sorted(x for x in found if -x[2] > needed)
+        shown = [(self._shown(d, kind.jacobian), kind) for kind in self.readings.kinds]
+        found = sorted((k.fresh, not k.wanting, -part, k.hint) for part, k in shown if part > SHOWN)
         hints = [x[3] for x in found if x[:2] == found[0][:2]]
         return f": {' or '.join(hints[:2])}" if hints else ""
 
