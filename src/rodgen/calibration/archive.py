@@ -28,6 +28,7 @@ from rodgen.files import decoded, read_input, write_file
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.model import Frame, model_of
+from rodgen.views import plain
 
 FORMAT = 2
 AGREE = 1e-6
@@ -73,19 +74,16 @@ def save(fit: Fit, path: str | os.PathLike[str]) -> None:
         "sha256": {name: _hash(content) for name, content in inputs.items()},
         **inputs,
         "settings": {
-            "loss": fit.loss,
-            "compiled": fit.problem.model.compiled,
-            "outliers": fit.outlier_numbers,
+            **plain(
+                fit, "loss compiled=problem.model.compiled outliers=outlier_numbers arm=observations.arm"
+            ),
             "start": dict(start.values),
-            "arm": o.arm,
         },
         "solution": {
+            **plain(fit.solution, "cost iterations converged"),
             "values": {p.key: x for p, x in zip(fit.parameters, fit.solution.theta.tolist(), strict=True)},
             "rotation": fit.solution.frame.rotation.tolist(),
             "position": fit.solution.frame.position.tolist(),
-            "cost": fit.solution.cost,
-            "iterations": fit.solution.iterations,
-            "converged": fit.solution.converged,
             "free": [fit.parameters[i].key for i in fit.free],
         },
         "rms": fit.rms,

@@ -94,8 +94,6 @@ class Trial:
         else:
             (driver,) = self.drivers
             first = _first_order(driver)
-            if driver.coordinate is not None:
-                first = np.column_stack([first, products(first, _first_order(driver.coordinate))])
             yield first - first.mean(axis=0)
             yield driver.low_columns
             yield driver.columns

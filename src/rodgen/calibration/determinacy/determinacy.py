@@ -61,6 +61,8 @@ class Determinacy:
         Parameters whose value rests on such a direction.
     rank : int
         Number of combinations that are determined.
+    null : ndarray, shape (k, parameters)
+        Changes of the parameters that change no reading of these data, internal units.
     held : tuple of str
         Keys of parameters along which the readings determine so little that the machine file holds them.
     """
@@ -68,18 +70,9 @@ class Determinacy:
     covariance: Array
     undetermined: NDArray[np.bool_]
     rank: int
+    null: Array
     held: tuple[str, ...] = ()
     _spectrum: Spectrum | None = field(default=None, repr=False)
-
-    @property
-    def null(self) -> Array:
-        """Changes of the parameters that change no reading of these data, (k, parameters), internal units."""
-        s, p = self._spectrum, len(self.undetermined)
-        if s is None:
-            return np.zeros((0, p))
-        found = np.zeros((len(s.null), p))
-        found[:, s.index] = s.null / s.scale
-        return found
 
     @property
     def directions(self) -> tuple[Direction, ...]:
@@ -133,7 +126,7 @@ def determinacy(
     index = np.asarray(free, int)[moves]
     further = None if further is None else further[:, moves]
     if not len(index):
-        return Determinacy(covariance, undetermined, 0)
+        return Determinacy(covariance, undetermined, 0, np.zeros((0, p)))
     cost, square, _ = problem.normal_equations(theta, frame)
     if further is not None:
         square = square.copy()
@@ -170,7 +163,9 @@ def determinacy(
     undetermined[index] = np.any(np.abs(null) > DETERMINACY.rests, axis=0) if len(null) else False
     weak = held & (values < WEAK * values[0])
     spectrum = Spectrum(problem, theta, frame, index, scale, null, vt[weak])
-    return Determinacy(covariance, undetermined, int(held.sum()), keys, spectrum)
+    changes = np.zeros((len(null), p))
+    changes[:, index] = null / scale
+    return Determinacy(covariance, undetermined, int(held.sum()), changes, keys, spectrum)
 
 
 def _nearest(root: Array, null: Array, scale: Array, near: NearFile, square: Array) -> Array:

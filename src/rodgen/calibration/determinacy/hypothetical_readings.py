@@ -79,13 +79,7 @@ class HypotheticalReadings:
 
         Once of the targets that there are, and once of targets at other places on the body.
         """
-        turn, targets = np.arange(self._base.n), len(self._machine.targets)
-        run = turn // targets % len(self._base.run_names)
-        of = {"target": (turn % targets).astype(np.int32), "run": run.astype(np.int32)}
-        here, there = (
-            self._jacobian(**self._drawn, **of),
-            self._jacobian(self._retargeted, **self._drawn, **of),
-        )
+        here, there = self._jacobian(**self._drawn), self._jacobian(self._retargeted, **self._drawn)
         return np.concatenate([here, self._without_targets(there)])
 
     @cached_property
@@ -154,6 +148,8 @@ class HypotheticalReadings:
             "load": None if o.load is None else around(o.load, 10.0),
             "temperature": {name: around(values, 10.0) for name, values in o.temperature.items()},
             "covariates": {name: around(values, 1.0) for name, values in o.covariates.items()},
+            "target": random.integers(len(machine.targets), size=n, dtype=np.int32),
+            "run": random.integers(len(o.run_names), size=n, dtype=np.int32),
         }
 
     @property
@@ -176,11 +172,10 @@ class HypotheticalReadings:
         model = self.problem.model
         if machine is not None:
             model = Model(machine, model.travel, self._base.run_names, compiled=model.compiled)
-        if "q" in columns and self._machine.kinematics.is_closed:
-            q = columns.pop("q")
-            observations = within_reach(replace(self._base, **columns), q)
-        else:
-            observations = replace(self._base, **columns)
+        q = columns.pop("q", self._base.q)
+        observations = replace(self._base, **columns)
+        closed = self._machine.kinematics.is_closed
+        observations = within_reach(observations, q) if closed else replace(observations, q=q)
         there = Problem(model, observations).read_as_predicted(self.theta, self.frame)
         found = there.jacobian(self.theta, self.frame)[:, :, self.index].reshape(-1, len(self.index))
         return np.asarray(found[np.isfinite(found).all(axis=1)])
