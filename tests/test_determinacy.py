@@ -9,7 +9,7 @@ import pytest
 from simulated_fits import fit_to, joint, machine_file, measure
 
 from rodgen.calibration.determinacy import Direction
-from rodgen.calibration.determinacy.undetermined import sparse
+from rodgen.calibration.determinacy.determinacy import sparse
 from rodgen.calibration.fit import Fit
 
 C = joint("C", "revolute", (0, 0, 1))

@@ -146,9 +146,7 @@ def _trials(rows: Sensitivities, drivers: Sequence[Driver]) -> list[Trial]:
     pairs = [*combinations(joints, 2), *((o, j) for o in others for j in joints if o.joint != j.joint)]
     machine = rows.fit.machine
     along = {joint.name: rows.component(joint.name, "reading") for joint in machine.joints}
-    weights = np.split(
-        rows.weight[:, :, None] * np.eye(rows.residual.shape[1]), rows.residual.shape[1], axis=2
-    )
+    weights = [rows.weight[:, :, None] * unit[:, None] for unit in np.eye(rows.residual.shape[1])]
     trials = [Trial((driver,), rows.frame) for driver in drivers if driver.kind == "run"]
     if machine.measured.frame != "free":
         trials.append(Trial((), rows.frame))
@@ -225,11 +223,6 @@ class Comparison(Result):
         return bool(self.fit.rms * self.fit.unit_factor <= ROUNDING * np.max(reading, initial=0.0))
 
     @property
-    def components(self) -> tuple[str, ...]:
-        """Names of the components of a residual."""
-        return self.fit.machine.measurand.components
-
-    @property
     def rms(self) -> NDArray[np.float64]:
         """Root mean square of each component, (m,), in the fit's `units`, without outliers."""
         squares = np.mean(self.fit.residuals[~self.fit.outliers] ** 2, axis=0)
@@ -251,7 +244,7 @@ class Comparison(Result):
         return list(_sentences(self))
 
     def __str__(self) -> str:
-        each = zip(self.components, self.rms, self.fit.units, strict=True)
+        each = zip(self.fit.machine.measurand.components, self.rms, self.fit.units, strict=True)
         rms = ", ".join(f"{name} {sized(value, unit)}" for name, value, unit in each)
         parts = (self.sentences, [*_table(self)], [f"rms by component: {rms}"])
         return "\n\n".join("\n".join(part) for part in parts if part)
@@ -287,7 +280,7 @@ class Comparison(Result):
             **views.plain(fit, "unit rms"),
             "components": [
                 {"name": n, "rms": float(r), "unit": unit}
-                for n, r, unit in zip(self.components, self.rms, fit.units, strict=True)
+                for n, r, unit in zip(self.fit.machine.measurand.components, self.rms, fit.units, strict=True)
             ],
             "sentences": self.sentences,
             "claims": self.claims,
@@ -337,7 +330,9 @@ def compare(fit: Fit) -> Comparison:
         nothing = Comparison(fit, rows, None, drivers, (), (), worst)
         if nothing.exact or not drivers:
             return nothing
-        trials, beside = _trials(rows, drivers), _offsets(rows)
+        trials, beside = _trials(rows, drivers), None
+        if not rows.model.shape[2]:  # an offset in a component would seem to be a set-up that wanders
+            beside = rows.weight[:, :, None] * np.eye(rows.residual.shape[1])
         widest = [trial.candidates[-1] for trial in trials if trial.candidates]
         chosen = list[Candidate]()
         for _ in range(2):  # what was selected would seem to be errors that readings share
@@ -353,15 +348,6 @@ def compare(fit: Fit) -> Comparison:
         followed = tuple(_together(evidence, chosen, trials))
         correlation = evidence.correlation if chosen else evidence.correlation_for([])
         return Comparison(fit, rows, correlation, drivers, tuple(alone), followed, worst)
-
-
-def _offsets(rows: Sensitivities) -> Array | None:
-    """Return columns of an offset in each component, (n, m, m), where a machine has no parameters that are fitted.
-
-    An offset is no dependence on a driver; it would seem to be a set-up that wanders.
-    """
-    m = rows.residual.shape[1]
-    return None if rows.model.shape[2] else np.asarray(rows.weight[:, :, None] * np.eye(m))
 
 
 def _alone(bare: Evidence, trial: Trial) -> Followed | None:
@@ -419,7 +405,9 @@ def _sentences(comparison: Comparison) -> Iterator[str]:
     claims = comparison.claims
     yield from claims
     yield from _shared(comparison, wanders=False)
-    yield from _nothing(comparison)
+    likely = any(one.log10_odds > 0 for one in comparison.alone)  # is neither claimed nor denied
+    if comparison.alone and not (likely or claims):
+        yield "No dependence is seen on anything that was recorded."
     lack = fit.lack_of_fit
     if lack and lack.misses and not claims:
         yield (
@@ -430,8 +418,7 @@ def _sentences(comparison: Comparison) -> Iterator[str]:
         yield "All readings are of one pose and one target: nothing varies that the residuals could depend on."
     elif comparison.correlation is None:
         poses = len(stretches(fit.observations.pose)[0])
-        many = "1 pose is" if poses == 1 else f"{poses} poses are"
-        yield f"{many} too few, with this many parameters fitted, to show what the residuals depend on."
+        yield f"{poses} pose{'s' * (poses != 1)}: too few, with this many parameters fitted, to show a dependence."
     elif (looked_at := len(comparison.sensitivities.rows)) < fit.rows:
         yield f"Dependences were sought in {looked_at} of {fit.rows} rows, in stretches spread over the data."
 
@@ -451,7 +438,7 @@ def _found(comparison: Comparison) -> Iterator[str]:
     for i, one in enumerate(comparison.found):
         start = "The residuals depend on" if i == 0 else "In addition they depend on"
         said = f"{start} {one.trial.text}: {_percent(one.explained)} of their variance"
-        if one.trial.joint or (one.trial.component and len(one.places) < len(comparison.components)):
+        if one.trial.joint or (one.trial.component and len(one.places) < len(comparison.rms)):
             said += f", {joined(one.places)}"
         yield f"{said} ({_odds(one.log10_odds)})."
         if one.instead:
@@ -464,13 +451,6 @@ def _shared(comparison: Comparison, *, wanders: bool) -> Iterator[str]:
     correlation = comparison.correlation
     if correlation and correlation.text and correlation.wanders == wanders:
         yield correlation.text
-
-
-def _nothing(comparison: Comparison) -> Iterator[str]:
-    """Say that residuals depend on nothing that was recorded; what may be there is neither claimed nor denied."""
-    alone, correlation = comparison.alone, comparison.correlation
-    if alone and not any(one.log10_odds > 0 for one in alone) and not (correlation and correlation.wanders):
-        yield "No dependence is seen on anything that was recorded."
 
 
 def _table(comparison: Comparison) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -93,12 +94,11 @@ def _tied(fit: Fit, tied: Tied, others: Mapping[str, Estimate], covariance: Arra
     )
 
 
+@dataclass(frozen=True)
 class EffectEstimates:
     """The estimates of a fit's parameters, with standard deviations that allow for correlated readings."""
 
-    def __init__(self, final: Fit) -> None:
-        self.final = final
-        self.covariance = final.covariance
+    final: Fit
 
     def of(self, effect: Effect) -> dict[str, Estimate]:
         """Return the parameters of an effect by their short names.
@@ -130,7 +130,7 @@ class EffectEstimates:
         return self.final.parameters[i].slot[0] == "shift" and "[" in self.final.parameters[i].key
 
     def _difference(self, i: int, start: int) -> Estimate:
-        parameter, C = self.final.parameters[i], self.covariance
+        parameter, C = self.final.parameters[i], self.final.covariance
         variance = C[i, i] + C[start, start] - 2 * C[i, start]
         value = (self.final.values[i] - self.final.values[start]) / parameter.factor
         std = float(np.sqrt(max(variance, 0.0)) / parameter.factor)
@@ -145,7 +145,7 @@ class EffectEstimates:
         numbers = [i for i in self._numbers(effect) if i in final.free and not searched[i]]
         if not numbers or any(self._is_shift(i) for i in numbers):
             return 0.0
-        C = self.covariance[np.ix_(numbers, numbers)]
+        C = self.final.covariance[np.ix_(numbers, numbers)]
         size = np.sqrt(np.maximum(np.diag(C), 1e-300))
         along = inverse_root(C / np.outer(size, size), relative=1e-12).T @ (final.values[numbers] / size)
         return float(special.chdtrc(len(along), float(along @ along)))

@@ -65,12 +65,10 @@ def directions_about(fit: Fit, observations: Observations, joint: int) -> Array:
     """
     behind, here, before = (_residuals(fit, observations, joint, x)[:, :3] for x in (-TURN, 0.0, TURN))
     ahead, away = behind - before, behind + before - 2 * here  # exact on a circle
-    size = [np.linalg.norm(v, axis=1, keepdims=True) for v in (away, ahead)]
-    far = size[1] > SMALL_MOTION**2 * np.max(size[1], initial=0.0)
-    radial, tangential = (
-        np.divide(v, s, out=np.full(v.shape, np.nan), where=far & (s > 0))
-        for v, s in zip((away, ahead), size, strict=True)
-    )
+    radius = np.linalg.norm(ahead, axis=1)
+    on_axis = radius <= SMALL_MOTION**2 * np.max(radius, initial=0.0)
+    ahead[on_axis] = away[on_axis] = np.nan
+    radial, tangential = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (away, ahead))
     return np.stack([radial, tangential, np.cross(radial, tangential)], axis=1)
 
 

@@ -3,33 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.machines.observations import Observations
 from rodgen.views import Tabular
-
-
-class Source(Protocol):
-    """The fit that residuals are of."""
-
-    @property
-    def observations(self) -> Observations:
-        """Of which each row has a residual."""
-
-    def residual_columns(self) -> dict[str, NDArray[Any]]:
-        """Return predictions and residuals by column."""
 
 
 class Residuals(Tabular, np.ndarray[Any, np.dtype[np.float64]]):
     """Measured less predicted, (n, m); what is computed from it is an ordinary array."""
 
-    _fit: Source | None = None
+    _fit: Any = None
+    """The fit that they are the residuals of."""
 
     @classmethod
-    def of(cls, fit: Source, values: NDArray[np.float64]) -> Residuals:
+    def of(cls, fit: Any, values: NDArray[np.float64]) -> Residuals:
         """Return the residuals of a fit."""
         made = values.view(cls)
         made._fit = fit
@@ -69,7 +58,7 @@ class Residuals(Tabular, np.ndarray[Any, np.dtype[np.float64]]):
         return measured | {name: values[rows] for name, values in self._source.residual_columns().items()}
 
     @property
-    def _source(self) -> Source:
+    def _source(self) -> Any:
         if self._fit is None:
             raise TypeError("these are no longer the residuals of a fit; expected those of its attribute")
         return self._fit

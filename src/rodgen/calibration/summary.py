@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -134,7 +134,11 @@ def _lines(fit: Fit) -> Iterator[str]:
             yield CONVENTION
     if fit.determinacy.held:
         yield ""
-        yield _held(fit.determinacy.held)
+        yield (
+            f"These data hardly determine {joined(fit.determinacy.held, most=NAMED)}: along their combinations the fit "
+            "stays as near to the machine file as a machine is to its file (3 degrees, 5 % of its size, effects a "
+            "tenth), and the std counts on that."
+        )
     directions = (*fit.determinacy.directions, *fit.determinacy.weak)
     if directions:
         yield ""
@@ -203,14 +207,6 @@ def _about_modes(fit: Fit) -> Iterator[str]:
                 f"In {other:.1%} of the rows the platform is in another assembly mode than in most: what is written "
                 "with the fitted numbers has the mode of most, and predicts the others wrongly."
             )
-
-
-def _held(keys: Sequence[str]) -> str:
-    return (
-        f"These data hardly determine {joined(keys, most=NAMED)}: along their combinations the fit stays as near to "
-        "the machine file as a machine is to its file (3 degrees, 5 % of its size, effects a tenth), and the std "
-        "counts on that."
-    )
 
 
 def _table(estimates: list[Estimate]) -> Iterator[str]:

@@ -163,16 +163,13 @@ def _positions(fit: Fit) -> tuple[Observations, bool]:
     both = np.concatenate([rows, rows])
     n = len(both)
 
-    def still(values: Array | None) -> Array | None:
-        return None if values is None else np.zeros(n)
-
     given = replace(
         o.take(both),
         q=np.concatenate([q, q]),
         s=np.repeat(np.array([1, -1], np.int8), len(q))[:, None] * np.ones((1, q.shape[1]), np.int8),
         v=np.zeros((n, q.shape[1])),
-        t=still(o.t),
-        load=still(o.load),
+        t=None if o.t is None else np.zeros(n),
+        load=None if o.load is None else np.zeros(n),
         temperature={name: np.zeros(n) for name in o.temperature},
         covariates={name: np.full(n, float(np.median(values))) for name, values in o.covariates.items()},
         target=np.zeros(n, np.int32),
