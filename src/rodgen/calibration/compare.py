@@ -94,6 +94,8 @@ class Trial:
         else:
             (driver,) = self.drivers
             first = _first_order(driver)
+            if driver.coordinate is not None:  # the warm screw of a slide is longer far out
+                first = np.column_stack([first, products(first, _first_order(driver.coordinate))])
             yield first - first.mean(axis=0)
             yield driver.low_columns
             yield driver.columns
