@@ -172,8 +172,6 @@ def test_examples_say_what_the_missing_effect_depends_on(
     comparison = examples(name)
     first = next(s for s in comparison.sentences if s.startswith("The residuals"))
     assert re.search(HIDDEN[name], first), comparison.sentences
-    silent = [s for s in comparison.sentences if s.startswith("No dependence")]
-    assert silent
     assert comparison.claims == [s for s in comparison.sentences if s in comparison.claims]
 
 
@@ -404,7 +402,6 @@ def test_temperature_and_scale_of_the_tutorial() -> None:
     assert sum(one.explained for one in comparison.found) == pytest.approx(0.88, abs=0.03)
     said, _, table = str(comparison).partition("\n\n")
     assert "cannot distinguish that from a dependence on place x." in said
-    assert "No dependence is seen on Y, the direction of approach of X or the place in y." in said
     rows = {line.split(" [")[0]: line.split() for line in table.splitlines()}
     assert rows["T_X"][2] == "x"
 
@@ -431,5 +428,5 @@ def test_what_may_be_there_is_neither_claimed_nor_denied(bench: Bench) -> None:
     for seed in range(4):
         comparison = bench.compare(noise(bench.clean.shape, seed))
         likely = {one.trial.text for one in comparison.alone if one.log10_odds > 0}
-        denied = " ".join(said for said in comparison.sentences if said.startswith("No dependence"))
-        assert not any(text in denied for text in likely)
+        denied = any(said.startswith("No dependence") for said in comparison.sentences)
+        assert not (likely and denied)

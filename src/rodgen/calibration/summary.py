@@ -17,9 +17,6 @@ from rodgen.errors import joined
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import plain
 
-CORRELATED = 0.95
-"""Parameters whose correlation exceeds this are named: they are hardly distinguished."""
-
 LATE = 0.05
 """Part of the measurement's duration by which its time may begin before or after 0 without a remark."""
 CONVENTION = (
@@ -29,7 +26,7 @@ CONVENTION = (
 TOLD = 1e-3
 """Part of a prior's variance that readings take away at least to say anything of it: rounding takes less."""
 NAMED = 8
-"""Correlations that are named at most; the rest is counted."""
+"""Parameters that a sentence names; the rest is counted."""
 
 
 def geometry(fit: Fit) -> dict[str, dict[str, list[float]]]:
@@ -55,18 +52,6 @@ def geometry(fit: Fit) -> dict[str, dict[str, list[float]]]:
     return found
 
 
-def _correlated(fit: Fit) -> list[tuple[str, str, float]]:
-    """Return the pairs of parameters that are strongly correlated, the strongest first."""
-    index = [i for i in fit.free if not fit.determinacy.undetermined[i]]
-    keys = [fit.parameters[i].key for i in index]
-    matrix = fit.correlation[np.ix_(index, index)]
-    pairs = [
-        (keys[i], keys[j], float(matrix[i, j]))
-        for i, j in np.argwhere(np.triu(np.abs(matrix), 1) > CORRELATED)
-    ]
-    return sorted(pairs, key=lambda pair: -abs(pair[2]))
-
-
 def as_dict(fit: Fit) -> dict[str, Any]:
     """Return what `rodgen fit --json` prints."""
     return {
@@ -79,7 +64,6 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         **plain(fit, "parameters=estimates"),
         "geometry": geometry(fit),
         **plain(fit, "held_out_geometry"),
-        "correlations": [{"pair": [a, b], "value": r} for a, b, r in _correlated(fit)],
         "undetermined": [
             {"parts": dict(d.parts), "gauge": d.gauge, "text": d.text} for d in fit.determinacy.directions
         ],
@@ -143,13 +127,6 @@ def _lines(fit: Fit) -> Iterator[str]:
     if directions:
         yield ""
         yield from (d.text for d in directions)
-    pairs = _correlated(fit)
-    if pairs:
-        yield ""
-        yield f"Strongly correlated (above {CORRELATED}):"
-        yield from (f"  {a} and {b}: {r:+.4f}" for a, b, r in pairs[:NAMED])
-        if len(pairs) > NAMED:
-            yield f"  and {len(pairs) - NAMED} more pairs"
 
 
 def _warnings(fit: Fit) -> Iterator[str]:

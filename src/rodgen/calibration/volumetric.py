@@ -25,8 +25,8 @@ from rodgen.machines.observations import Observations
 from rodgen.statistics.columns import unit_columns
 from rodgen.statistics.decompositions import lstsq
 
-SHARE = 0.95
-"""Part of the positions whose errors are smaller."""
+SHARE, NEAR = 0.95, 0.01
+"""Part of the positions whose errors are smaller, and of those to both sides that say how uncertain it is."""
 STEP = 1e-3
 """By which a target is moved to see what that does: of points it does not matter, of directions radians."""
 POSITIONS = (1, 101, 33, 11)
@@ -127,11 +127,12 @@ def _over_travel(fit: Fit) -> VolumetricError:
         return np.asarray(size if measurand.moving else 2 * np.arcsin(size / 2) / ARCSEC)
 
     found = errors(theta)
-    where, most_at = int(np.argmax(found)), int(np.argsort(found, kind="stable")[int(SHARE * (o.n - 1))])
+    where, rank = int(np.argmax(found)), np.argsort(found, kind="stable")
+    near = rank[int((SHARE - NEAR) * o.n) : int((SHARE + NEAR) * o.n) + 1]
 
     def statistics(machine: Machine) -> Array:
         moved = errors(np.array([machine.values[p.key] for p in fit.parameters]))
-        return np.array([moved[where], moved[most_at]])
+        return np.array([moved[where], moved[near].mean()])
 
     steps = [1e-4 * null / np.max(np.abs(null)) for null in fit.determinacy.null]
     at, unit = places(theta), fit.unit_factor

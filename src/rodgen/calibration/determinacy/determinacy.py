@@ -55,7 +55,9 @@ INVARIANT = 1e-3
 """A combination is invariant that changes no reading of the data, and others by less than this part of what its parts
 change: at best it would be hardly determined. An error motion of 1e-5 rad bends the exact symmetries by as much."""
 SHOWN = 0.01
-"""Readings would determine a combination that they show by this part of what its parts change."""
+"""Readings would determine a combination that they show by this part of what its parts change ..."""
+SHOWN_BETTER = 30.0
+"""... or, of one that the data show a little, by so many times more."""
 NAMED = 4
 """Parameters that a sentence names; the rest is counted."""
 
@@ -179,17 +181,18 @@ class Spectrum:
     def _on_weakness(self, d: Array) -> str:
         one = len(self._order(d)) == 1
         what = "hardly changes a reading" if one else "are hardly distinguished by these data"
-        return f"{self._names(d)} {what}{self._hint(d)}."
+        hint = self._hint(d, SHOWN_BETTER * self._shown(d, self.readings.taken))
+        return f"{self._names(d)} {what}{hint}."
 
     def _still(self, d: Array) -> tuple[str, ...]:
         """Return the joints that never moved of which other positions would show a combination."""
         moved = [kind for kind in self.readings.kinds if kind.still]
         return tuple(kind.still or "" for kind in moved if self._shown(d, kind.jacobian) > SHOWN)
 
-    def _hint(self, d: Array) -> str:
+    def _hint(self, d: Array, needed: float = SHOWN) -> str:
         """Return what to measure, or nothing where no single thing would do."""
         shown = [(self._shown(d, kind.jacobian), kind) for kind in self.readings.kinds]
-        found = sorted((k.fresh, not k.wanting, -part, k.hint) for part, k in shown if part > SHOWN)
+        found = sorted((k.fresh, not k.wanting, -part, k.hint) for part, k in shown if part > needed)
         hints = [x[3] for x in found if x[:2] == found[0][:2]]
         return f": {' or '.join(hints[:2])}" if hints else ""
 

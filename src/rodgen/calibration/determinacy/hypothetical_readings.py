@@ -88,6 +88,11 @@ class HypotheticalReadings:
         return np.asarray(np.sqrt(np.sum(self.everywhere**2, axis=0) / max(len(self.everywhere) // 2, 1)))
 
     @cached_property
+    def taken(self) -> Array:
+        """The derivative of some of the readings that were taken, (readings, p)."""
+        return self._jacobian()
+
+    @cached_property
     def kinds(self) -> list[Kind]:
         """What could be measured further, each alone."""
         o, base, drawn, machine = self.problem.observations, self._base, self._drawn, self._machine
