@@ -46,7 +46,7 @@ class Region(Result):
 
     @property
     def text(self) -> str:
-        """Such as ``"EL is above 70 deg"``."""
+        """Such as ``"EL is 70 deg or more"``."""
         name, unit = self.covariate.text, f" {self.covariate.unit}".rstrip()
         if self.covariate.kind == "order":
             name, unit = f"the {self.covariate.counted}", ""

@@ -134,13 +134,6 @@ class Spectrum:
         _, _, vt = svd(self.null - self.null[:, pivots] @ gauge)
         return gauge, sparse(vt[: len(self.null) - len(gauge)])[0]
 
-    @property
-    def lacking(self) -> NDArray[np.bool_]:
-        """Parameters that have a part in a direction that other readings would show, (p,)."""
-        found = self.split[1]
-        size = np.linalg.norm(found, axis=1, keepdims=True)
-        return np.asarray(np.any(np.abs(found) > DETERMINACY.rests * size, axis=0))
-
     @cached_property
     def described(self) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
         """The directions that are not determined, choices of coordinates first, and those that hardly are."""
@@ -270,7 +263,9 @@ class Determinacy:
         found = np.zeros(len(self.undetermined), bool)
         if self._spectrum is not None and self.undetermined.any():
             with one_thread_in_blas():
-                found[self._spectrum.index] = self._spectrum.lacking
+                rows = self._spectrum.split[1]
+            size = np.linalg.norm(rows, axis=1, keepdims=True)
+            found[self._spectrum.index] = np.any(np.abs(rows) > DETERMINACY.rests * size, axis=0)
         return found
 
     @cached_property
