@@ -298,7 +298,7 @@ def test_taking_an_effect_away_shows_the_ladder_the_other_way(folder, rodgen_com
     )
     found = json.loads(out)["ladder"]
     assert code == 0
-    assert [rung["title"] for rung in found["rungs"]] == ["before", "- gravity_windup at EL"]
+    assert [rung["title"] for rung in found["rungs"]] == ["base", "- gravity_windup at EL"]
     assert [round(rung["rms"], 3) for rung in found["rungs"]] == [0.969, 2.711]
     assert found["rungs"][1]["step"]["needed"]
     code, out, _ = rodgen_command("remove", "two.toml", "gravity_windup", "stars.csv", "--joint", "EL")
