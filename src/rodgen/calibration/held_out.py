@@ -1,20 +1,20 @@
 """How well a fit predicts poses that it did not see.
 
-The poses are dealt into folds, each spread over the whole run. The model is fitted anew without the poses of one fold,
-and predicts these; so every pose is predicted once by a fit that did not know it. Which weights at later joints were
-taken in, which rows are outliers, and where the machine stands along directions of which its file says more than the
-readings, is as in the full fit: elsewhere the noise of a few poses would lead the new fits far, and slowly.
+The poses are dealt into folds, each spread over the whole run. The fit without the poses of one fold predicts these; so
+every pose is predicted once by a fit that did not know it. Which weights at later joints were taken in, which rows are
+outliers, and where the machine stands along directions of which its file says more than the readings, is as in the
+full fit: elsewhere the noise of a few poses would lead far.
 
 In coordinates in which all information is the identity, a fold has a share S of it and pulls at the full fit by
-g = Bᵀr, B the derivative of its residuals r. Without it the fit is, to first order, (1 - S)⁻¹ g away: the new fit
-starts there, or from the full fit where that is nearer. Along an eigenvector of S with eigenvalue 1 the other folds
-know nothing. A pose that alone determines something, such as the only one of its set-up, is predicted by nothing, and
-left out.
+g = Bᵀr, B the derivative of its residuals r. Without it the fit is, to first order, (1 - S)⁻¹ g away. Where the others
+agree with that point less than with the full fit, the model is fitted anew. Along an eigenvector of S with eigenvalue 1
+the other folds know nothing. A pose that alone determines something, such as the only one of its set-up, is predicted
+by nothing, and left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +25,7 @@ from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.blocks import FOLDS as FOLDS_OF_PARTS
 from rodgen.calibration.problem.blocks import BlockProblem
-from rodgen.calibration.solve.least_squares import NEAR, NearFile, Solution, minimise, minimise_without, moved
+from rodgen.calibration.solve.least_squares import NearFile, Solution, minimise, moved
 from rodgen.calibration.whitened import Whitened
 from rodgen.calibration.words import sized
 from rodgen.data.poses import groups
@@ -43,9 +43,6 @@ FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
 """Folds of more poses, and folds where there are this many rows, so that every fit takes seconds."""
 FEWEST_APART = 5
 """Replicates are kept together where the poses are at so many different places at least."""
-TOGETHER = 4096
-"""Rows of several fits that are evaluated at once, so that few numbers are held. Two fits or more have half of them at
-most: few enough that the search asks for nothing but normal equations."""
 NAMED = 3
 ENOUGH = 100
 """Readings for each parameter at which the error on poses left out is that of the fit to half a per cent."""
@@ -201,19 +198,12 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
         without = _Without(fit, fold, folds)
         wanted = ~fit.outliers & ~without.unpredicted
         predicted = [k for k in range(folds) if (wanted & (fold == k)).any()]
-        together = without.together(problem, predicted)
         for k in each("error on poses left out", predicted):
-            held = wanted & (fold == k)
-            ends, residuals = next(together, (False, None))
-            if not ends or residuals is None:
-                problem.leave_out((fold == k) | fit.outliers)
-                solution = without.fitted(problem, k)
-                ends, residuals = (
-                    solution.converged,
-                    replace(fit, problem=problem, solution=solution).residuals,
-                )
-            converged &= ends
-            squares += float(np.sum(residuals[held] ** 2))
+            problem.leave_out((fold == k) | fit.outliers)
+            solution = without.fitted(problem, k)
+            converged &= solution.converged
+            residuals = replace(fit, problem=problem, solution=solution).residuals
+            squares += float(np.sum(residuals[wanted & (fold == k)] ** 2))
     count = int(wanted.sum()) * problem.components
     return HeldOut(
         float(np.sqrt(squares / count)) if count else None,
@@ -281,71 +271,30 @@ class _Without:
         near = NearFile(fit.problem, np.asarray(fit.free, int))
         self.flat = near.idle(square, fit.solution.cost / fit.problem.freedom(len(fit.free)))
         self.largest = near.largest(square)
-        self.whitened = whitened = Whitened(fit)
-        r = whitened.root.shape[1]
-        self.left, self.shares, self.pulls = np.zeros(folds), np.zeros((folds, r, r)), np.zeros((folds, r))
-        if fit.observations.n > MANY_ROWS:
-            self._subtracted()
-        else:
-            self._summed()
-        self.unpredicted, self.because = self._alone(fold)
-
-    def _summed(self) -> None:
-        """Sum up what each fold adds, from the derivative of each row."""
-        fit, fold = self.fit, self.fold
+        self.whitened = Whitened(fit)
+        r = self.whitened.root.shape[1]
+        self.shares, self.pulls = np.zeros((folds, r, r)), np.zeros((folds, r))
         residuals = fit.problem.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
         squares = np.sum(residuals**2, axis=1)
-        self.left = squares.sum() - np.bincount(fold, squares, len(self.left))
+        self.left = squares.sum() - np.bincount(fold, squares, folds)
         for rows, jacobian in self.whitened.jacobian_blocks():
             for k in np.unique(fold[rows]):
                 here = fold[rows] == k
                 part = np.concatenate(jacobian[here])
                 self.shares[k] += part.T @ part
                 self.pulls[k] += part.T @ residuals[rows[here]].ravel()
-
-    def _subtracted(self) -> None:
-        """Take off from the whole what the other folds have: of many rows kernels sum that up ten times as fast."""
-        fit, root = self.fit, self.whitened.root
-        place = fit.solution.theta, fit.solution.frame
-        _, square, gradient = fit.problem.normal_equations(*place)
-        others = Problem(fit.problem.model, fit.observations)
-        for k in range(len(self.left)):
-            others.leave_out((self.fold == k) | fit.outliers)
-            self.left[k], of_others, pull = others.normal_equations(*place)
-            self.shares[k] = root.T @ (square - of_others) @ root
-            self.pulls[k] = root.T @ (gradient - pull)
+        self.unpredicted, self.because = self._alone(fold)
 
     def fitted(self, problem: Problem, k: int) -> Solution:
         """Return the fit without a fold, to a problem from which its rows are left out.
 
-        It starts where it is to first order, unless the full fit is better there.
+        To first order, unless the full fit is better there.
         """
-        solution, free, near = self.fit.solution, self.fit.free, self._near(problem, k)
-        # the equations are kept, and the fit begins with them
-        if problem.normal_equations(*near)[0] <= self.left[k]:
-            return minimise(problem, *near, free, damping=NEAR, kept=self.flat)
-        return minimise(problem, solution.theta, solution.frame, free, kept=self.flat)
-
-    def together(self, problem: Problem, folds: Sequence[int]) -> Iterator[tuple[bool, Array]]:
-        """Yield for each fold whether the fit without it ended soon, and all residuals of it; several at a time.
-
-        Yields nothing for compiled models and many rows, of which single fits are as fast, nor for closed chains, whose
-        fits need more than normal equations.
-        """
-        some = TOGETHER // max(problem.rows, 1)
-        if some < 2 or problem.model.compiled or problem.is_closed_chain or not self.fit.free:
-            return
-        fit = self.fit
-        for start in range(0, len(folds), some):
-            numbers = folds[start : start + some]
-            problem.leave_out(fit.outliers)
-            without = np.stack([self.fold == k for k in numbers])
-            starts = [self._near(problem, k) for k in numbers]
-            solutions = minimise_without(problem, starts, without, fit.free, damping=NEAR, kept=self.flat)
-            residuals = problem.residuals_at([(s.theta, s.frame) for s in solutions])
-            for k, solution, residual in zip(numbers, solutions, residuals, strict=True):
-                ends = bool(solution.converged and solution.cost <= self.left[k])
-                yield ends, fit.machine.measurand.error(residual, fit.observations.arm) / fit.unit_factor
+        solution, near = self.fit.solution, self._near(problem, k)
+        cost = problem.cost(*near)
+        if cost <= self.left[k]:
+            return Solution(*near, cost)
+        return minimise(problem, solution.theta, solution.frame, self.fit.free, kept=self.flat)
 
     def _near(self, problem: Problem, k: int) -> tuple[Array, Frame]:
         """Return where the fit without a fold is to first order."""

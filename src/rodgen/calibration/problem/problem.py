@@ -540,42 +540,6 @@ class Problem:
         ]
 
     @np.errstate(over="ignore", invalid="ignore")
-    def normal_equations_without(
-        self, points: Sequence[tuple[Array, Frame]], without: NDArray[np.bool_]
-    ) -> list[tuple[float, Array, Array]]:
-        """Return `normal_equations` at several points, each without some rows, (points, n), evaluated together."""
-        p, h = len(self.model.parameters), self.components
-        cost, A, b = np.zeros(len(points)), np.zeros((len(points), p, p)), np.zeros((len(points), p))
-        slots = [list(self.model.slots(theta, self._pairs)) for theta, _ in points]
-        for number, (residual, jacobian) in enumerate(self._at_several("residual_and_jacobian", points)):
-            joined = np.concatenate([jacobian, residual[..., None]], axis=-1)
-            joined *= ~without[:, self.groups[number].rows, None, None]
-            flat = joined.reshape(len(points), self.groups[number].count * h, -1)
-            gram = flat.swapaxes(1, 2) @ flat
-            own = np.stack([matrices[number] for matrices in slots])
-            across = own.swapaxes(1, 2)
-            cost += gram[:, -1, -1]
-            A += across @ gram[:, :-1, :-1] @ own
-            b += (across @ gram[:, :-1, -1:])[:, :, 0]
-        known = np.isfinite(cost) & np.isfinite(A).all(axis=(1, 2))
-        return list(zip(np.where(known, cost, np.inf).tolist(), A, b, strict=True))
-
-    def residuals_at(self, points: Sequence[tuple[Array, Frame]]) -> Array:
-        """Return measured less predicted at several points, (points, n, m), of an open chain; internal units."""
-        found = np.empty((len(points), self.rows, self.components))
-        for group, residual in zip(self.groups, self._at_several("residual", points), strict=True):
-            found[:, group.rows] = residual
-        return self.coloured(found) / self.weight
-
-    def _at_several(self, name: str, points: Sequence[tuple[Array, Frame]]) -> Iterator[Any]:
-        """Yield what a kernel gives at several points, (points, rows, ...), for each group."""
-        e = np.stack([self.model.parameters_of_effects(theta) for theta, _ in points])
-        geometries = np.stack([self._geometries(*point) for point in points])
-        for number, group in enumerate(self.groups):
-            rows = self._block(number, group, 0, group.count)
-            yield self.model.kernels[name].several(rows, geometries[:, number], e)
-
-    @np.errstate(over="ignore", invalid="ignore")
     def bend(self, theta: Array, frame: Frame, moved: tuple[Array, Frame], step: Array, part: float) -> Array:
         """Return Jᵀr″, r″ the second derivative of the residuals along a step, (parameters,).
 

@@ -35,7 +35,6 @@ __all__ = [
     "Solution",
     "minimise",
     "minimise_each",
-    "minimise_without",
     "moved",
     "nearest",
 ]
@@ -168,36 +167,6 @@ def minimise(
             return held
     problem.start_from(ended)
     return found
-
-
-def minimise_without(
-    problem: Problem,
-    starts: Sequence[tuple[Array, Frame]],
-    without: NDArray[np.bool_],
-    free: Sequence[int],
-    *,
-    damping: float = DAMPING,
-    kept: Array | None = None,
-) -> list[Solution]:
-    """Return where the cost without some rows is least, for several choices of these, evaluated together.
-
-    For few rows of an open chain. A search that takes more than a few iterations has not converged.
-
-    Parameters
-    ----------
-    problem : Problem
-    starts : sequence of (ndarray, Frame)
-    without : ndarray of bool, shape (choices, n)
-        The rows that are left out.
-    free, damping, kept
-        As of :func:`minimise`.
-    """
-    searches = [
-        _steps(problem, *start, free, None, STRAIGHT, damping, lambda *_: None, kept) for start in starts
-    ]
-    return _in_step(
-        searches, lambda numbers, points: problem.normal_equations_without(points, without[numbers])
-    )
 
 
 def minimise_each(
