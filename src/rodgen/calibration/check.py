@@ -438,7 +438,7 @@ class _Search:
             wrong = null is None or null.is_impossible
             return replace(right, suspicions=doubts, wrong=wrong)
         named.sort(key=lambda x: (x[0].effort, x[1].cost))
-        told = tuple(repair.in_words(fit.model, fit.theta) for repair, fit in named)
+        told = tuple(r.fitted(fit.model, fit.theta) if r.fitted else r for r, fit in named)
         after = named[0][1].rms / self.factor
         return replace(right, suspicions=doubts, wrong=True, after=after, repairs=told, notes=())
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.attitude_noise import attitude_arm
 from rodgen.calibration.fitted import Estimate, Fit
-from rodgen.calibration.noise_floor import distances_between_targets, is_one_body, replicates
+from rodgen.calibration.noise_floor import is_one_body
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.blocks import BlockProblem, observed, problem_of
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, nearest
@@ -199,7 +199,7 @@ def noise_arm(fit: Fit) -> float:
 
 def with_bodies(fit: Fit, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return rows that are wrong, (n,), with the others of their poses where these were measured as poses."""
-    if not rows.any() or not is_one_body(fit, distances_between_targets(fit), replicates(fit).noise):
+    if not rows.any() or not is_one_body(fit):
         return rows
     pose = fit.observations.pose
     return np.isin(pose, pose[rows])

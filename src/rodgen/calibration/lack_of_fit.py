@@ -13,21 +13,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rodgen.array_types import Array, Index
 from rodgen.calibration.noise_floor import FEW_POSES, Replicates, independent_share, replicates
 from rodgen.calibration.words import chance
-from rodgen.data.poses import stretches
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
 from rodgen.views import Result
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import Fit
-
-MOST_COLUMNS = 60
-"""Readings of a pose that are compared with each other; more count as repeating these."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +78,7 @@ def lack_of_fit(fit: Fit) -> LackOfFit | None:
         None where the noise is not known or zero, or no degree of freedom is left.
     """
     stated = fit.observations.sigma is not None
-    pure = replicates(fit, weighted=stated).without_drift(fit.dependence.correlation)
+    pure = replicates(fit, weighted=stated)
     if not stated:
         return _against_replicates(fit, pure)
     by_stated = _against_stated(fit)
@@ -101,11 +95,10 @@ def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
     residual_dof = cells - pure.count
     if pure.count < 1 or residual_dof < 1 or not pure.variance > 0:
         return None
-    squares = max(pure.cell_squares - pure.sum_of_squares, 0.0)
-    share = pure.share
-    dof = (max(share * residual_dof, 1.0), max(share * pure.count, 1.0))
+    squares = max(pure.squares - pure.variance * pure.count, 0.0)
+    dof = (max(pure.share * residual_dof, 1.0), max(pure.share * pure.count, 1.0))
     statistic = squares / residual_dof / pure.variance
-    ratio = float(np.sqrt(pure.cell_squares / cells / pure.variance))
+    ratio = float(np.sqrt(pure.squares / cells / pure.variance))
     return LackOfFit(max(f_tail(statistic, *dof), SMALLEST_P), ratio, "replicates", statistic, dof)
 
 
@@ -113,24 +106,9 @@ def _against_stated(fit: Fit) -> LackOfFit | None:
     """Return the test of the residuals against the stated noise; None where no degree of freedom is left."""
     from scipy import special
 
-    o, left = fit.observations, fit.degrees_of_freedom
+    left = fit.degrees_of_freedom
     if left < 1:
         return None
-    kept = ~fit.outliers
-    value = fit.residuals[kept] * fit.problem.base_weight[kept] * fit.unit_factor
-    share = _share(value, np.asarray(o.pose[kept], int), o.target[kept])
-    dof = max(share * left, 1.0)
-    ratio = (float(np.sum(value**2)) if o.blocks is None else fit.chi_square) / left
+    dof, ratio = max(independent_share(fit) * left, 1.0), fit.chi_square / left
     p = max(float(special.chdtrc(dof, dof * ratio)), SMALLEST_P)
     return LackOfFit(p, float(np.sqrt(ratio)), "stated", dof * ratio, (dof,))
-
-
-def _share(value: Array, pose: Index, target: NDArray[np.int32]) -> float:
-    """Return the share of the degrees of freedom that the fit leaves; the readings of a pose are columns."""
-    order = np.lexsort((target, pose))
-    value, pose = value[order], pose[order]
-    column = np.arange(len(order)) - np.repeat(*stretches(pose))
-    some = column < MOST_COLUMNS
-    return float(some.mean()) * independent_share(
-        value[some], np.ones_like(value[some]), pose[some], column[some]
-    )

@@ -6,9 +6,7 @@ taken out where it shows. Without replicates the noise is what is stated. How mu
 pose do not share is what the variance components say (:mod:`rodgen.calibration.dependence`).
 
 All as standard deviations of a scalar reading. What is read in one pose is dependent, so that degrees of freedom are
-not counted but estimated (Satterthwaite 1946): those of independent normal readings whose sum of squares would scatter
-as this one does. Its variance is twice the sum of the squared covariances within a pose, of which the estimates are
-corrected for their own scatter (Bai and Saranadasa 1996).
+those of independent normal readings whose sum of squares would scatter as this one does (Satterthwaite 1946).
 """
 
 from __future__ import annotations
@@ -20,7 +18,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rodgen.array_types import Array, Index
-from rodgen.calibration.dependence import Correlation
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.words import sized
 from rodgen.data.poses import stretches
@@ -35,8 +32,6 @@ ONE_BODY = 1e-4
 read one by one they differ by what a reading is uncertain, and no model is ten thousand times worse than that."""
 FEW_POSES = 5
 """Fewer differences between poses do not show what the readings of a pose share."""
-MOST_POSES = 20_000
-"""Poses that covariances are estimated from at most: their sum is then good to about 1 %."""
 
 
 @dataclass(frozen=True)
@@ -64,113 +59,37 @@ class StandardDeviation:
 
 @dataclass(frozen=True)
 class Replicates:
-    """Residuals of equal commands, target by target ("cells"), less the mean of their replicates.
+    """Residuals of the first reading of each target in each pose ("cells"), and how those of equal commands differ."""
 
-    The readings of a target in one pose count as one cell.
-    """
-
-    normalized: Array
-    """Of cells that are repeated, times the roots of their weights, (n, c); standard deviation √(variance · left)."""
-    left: Array
-    """Part of the variance that the mean of the replicates leaves: 1 - weight / (sum of their weights), (n, c)."""
-    pose: Index
-    target: Index
-    """Numbers of the pose and of the target, (n,)."""
-    lost: float
-    """Degrees of freedom that something fitted has taken away."""
-    unit: float
-    """A weighted residual of 1, in the unit of these."""
+    variance: float
+    """Mean square of the differences from their mean per degree of freedom, weighted."""
+    count: float
+    """Degrees of freedom, were all readings independent."""
+    poses: int
+    """That are repeated."""
+    differences: int
+    """Between poses."""
     cells: int
     """Of all rows, repeated or not."""
-    cell_squares: float
+    squares: float
     """Weighted sum of the squares of all cells' residuals."""
-    within: float
-    """Variance of the readings of one cell; 0 where each is a single one."""
-    readings: float
-    """Of a cell, in the mean."""
-
-    @property
-    def sum_of_squares(self) -> float:
-        """Weighted."""
-        return float(np.sum(self.normalized**2))
-
-    @property
-    def count(self) -> float:
-        """Degrees of freedom, were all values independent."""
-        return float(self.left.sum()) - self.lost
-
-    @property
-    def differences(self) -> float:
-        """Number of differences between poses."""
-        largest = np.zeros(int(self.pose.max(initial=-1)) + 1)
-        np.maximum.at(largest, self.pose, self.left.max(axis=1))
-        return float(largest.sum())
-
-    @property
-    def variance(self) -> float:
-        """Mean square per degree of freedom."""
-        return self.sum_of_squares / self.count
-
-    @property
-    def share(self) -> float:
-        """Share of the degrees of freedom that remains because values of one pose depend on each other."""
-        share = independent_share(self.normalized, self.left, self.pose, self.target)
-        if self.differences < FEW_POSES and self.count > 0:
-            share = min(share, self.left.shape[1] * self.differences / self.count)
-        return share
+    share: float
+    """Part of the degrees of freedom that remains because readings of one pose depend on each other."""
+    drifting: float | None = None
+    """Variance with what runs or a wander of the set-up add, where these show."""
 
     @property
     def noise(self) -> StandardDeviation | None:
-        """The standard deviation of a single reading; None without replicates.
+        """The standard deviation of a reading; None without replicates."""
+        return self._deviation(self.variance)
 
-        The mean of n readings of a pose scatters by τ² + ω²/n, a single one by τ² + ω².
-        """
-        if self.count < 1:
-            return None
-        of_reading = self.variance / self.readings + self.within * (1 - 1 / self.readings)
-        return StandardDeviation.of(of_reading, max(self.share * self.count, 1.0))
+    @property
+    def with_drift(self) -> StandardDeviation | None:
+        """The same with what runs or a wander of the set-up add; None where these do not show."""
+        return None if self.drifting is None else self._deviation(self.drifting)
 
-    def without_drift(self, correlation: Correlation) -> Replicates:
-        """Return them without what runs or a wander of the set-up add: no larger than the variance components say."""
-        drifts = correlation.claimed and (correlation.wanders or correlation.size("run") > 0)
-        found = self.noise if drifts else None
-        if found is None or not found.value > (least := correlation.of_neighbours * self.unit):
-            return self
-        return replace(
-            self,
-            normalized=self.normalized * least / found.value,
-            within=self.within * (least / found.value) ** 2,
-        )
-
-
-def independent_share(value: Array, left: Array, pose: Index, column: Index) -> float:
-    """Return the effective degrees of freedom of a sum of squares, as part of those of independent values.
-
-    Parameters
-    ----------
-    value : ndarray, shape (n, c)
-        Of equal variance but for `left`, without weights.
-    left : ndarray, shape (n, c)
-        Part of the variance that is left of each.
-    pose, column : ndarray of int, shape (n,)
-        Values of different poses are independent; equal columns of different poses are alike.
-    """
-    if not len(value):
-        return 1.0
-    _, place = np.unique(pose, return_inverse=True)
-    _, at = np.unique(column, return_inverse=True)
-    step = int(place.max()) // MOST_POSES + 1
-    some = place % step == 0
-    table = np.zeros((2, int(place.max()) // step + 1, int(at.max()) + 1, value.shape[1]))
-    table[:, place[some] // step, at[some]] = value[some], np.sqrt(left[some])
-    values, seen = table.reshape(2, table.shape[1], -1)
-    number = seen.T @ seen
-    covariance = values.T @ values / np.where(number > 0, number, np.inf)
-    own, each = np.diag(covariance), np.diag(number)
-    shared = (number * covariance**2 - np.where(number > 0, np.outer(own, own), 0.0)) * number / (number + 1)
-    np.fill_diagonal(shared, 0.0)
-    scatter = float(np.sum(each**2 * own**2 / (each + 2))) + max(float(shared.sum()), 0.0)
-    return min(float(np.sum(values**2)) ** 2 / scatter / float(each.sum()), 1.0) if scatter > 0 else 1.0
+    def _deviation(self, variance: float) -> StandardDeviation | None:
+        return StandardDeviation.of(variance, max(self.share * self.count, 1.0)) if self.count >= 1 else None
 
 
 @dataclass(frozen=True, repr=False)
@@ -232,8 +151,7 @@ def noise_floor(fit: Fit) -> NoiseFloor:
         Its residuals are looked at, so that what is modelled of time and temperature does not count as noise between
         replicates; outliers are left out.
     """
-    before, correlation = replicates(fit), fit.dependence.correlation
-    repeated = before.without_drift(correlation)
+    correlation, repeated = fit.dependence.correlation, replicates(fit)
     pure, stated, distances = repeated.noise, _stated(fit), distances_between_targets(fit)
     several = len(np.unique(fit.observations.pose)) < fit.observations.n
     return NoiseFloor(
@@ -241,12 +159,12 @@ def noise_floor(fit: Fit) -> NoiseFloor:
         unit=fit.unit,
         source="replicates" if pure else "stated" if stated else None,
         replicates=pure,
-        replicated_poses=len(np.unique(repeated.pose)) if pure else 0,
-        with_drift=before.noise if repeated is not before else None,
-        within_poses=correlation.white * before.unit if correlation.claimed and several else None,
+        replicated_poses=repeated.poses if pure else 0,
+        with_drift=repeated.with_drift,
+        within_poses=correlation.white * _of_weighted(fit) if correlation.claimed and several else None,
         stated=stated,
         distances=distances,
-        one_body=is_one_body(fit, distances, pure),
+        one_body=is_one_body(fit),
     )
 
 
@@ -269,34 +187,66 @@ def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
     weighted : bool
         Whether residuals are taken as parts of their stated uncertainty.
     """
+    found, weight_of_unit = _pure_error(fit, weighted), 1.0 if weighted else _of_weighted(fit)
+    correlation = fit.dependence.correlation
+    share = independent_share(fit) if found.differences >= FEW_POSES else 1 / _readings_of_a_pose(fit)
+    found = replace(found, share=share)
+    least = (correlation.of_neighbours * weight_of_unit) ** 2
+    drifts = correlation.claimed and (correlation.wanders or correlation.size("run") > 0)
+    if drifts and found.count >= 1 and found.variance > least:
+        return replace(found, variance=least, drifting=found.variance)
+    return found
+
+
+def _pure_error(fit: Fit, weighted: bool) -> Replicates:
+    """Return how the residuals of equal commands differ, as if all readings were independent."""
     o = fit.observations
     rows = np.flatnonzero(~fit.outliers)
-    order = rows[np.lexsort((o.pose[rows], o.replicate[rows]))]
+    cell = o.pose[rows].astype(np.int64) * len(fit.machine.targets) + o.target[rows]
+    first = np.unique(cell, return_index=True)[1]
+    rows = rows[first]
+    order = rows[np.argsort(o.replicate[rows], kind="stable")]
     group, pose = o.replicate[order], o.pose[order]
     value = _in_one_basis(fit, order, group)
     weight = np.ones_like(value)
     if weighted:
         weight = (fit.problem.base_weight[order] * fit.unit_factor) ** 2
-    starts, readings = stretches(group, pose)
+    starts, counts = stretches(group)
     total = np.add.reduceat(weight, starts)
     mean = np.add.reduceat(weight * value, starts) / total
-    within = float(np.sum(weight * (value - np.repeat(mean, readings, axis=0)) ** 2))
-    first, poses = stretches(group[starts])
-    whole = np.repeat(np.add.reduceat(total, first), poses, axis=0)
-    middle = np.repeat(np.add.reduceat(total * mean, first), poses, axis=0) / whole
-    some = np.repeat(poses > 1, poses)
+    squares = np.sum(weight * (value - np.repeat(mean, counts, axis=0)) ** 2)
+    count = value.size - mean.size - _differing_parameters(fit)
+    some = np.repeat(counts > 1, counts)
+    poses, groups = len(np.unique(pose[some])), len(np.unique(o.pose[order[starts]][counts > 1]))
     return Replicates(
-        ((mean - middle) * np.sqrt(total))[some],
-        (1 - total / whole)[some],
-        pose[starts][some].astype(int),
-        o.target[order[starts]][some].astype(int),
-        _differing_parameters(fit),
-        1.0 if weighted else _of_weighted(fit),
-        len(starts),
-        float(np.sum(total * mean**2)),
-        within / max((len(order) - len(starts)) * value.shape[1], 1),
-        float(1 / np.mean(1 / readings[some])) if some.any() else 1.0,
+        float(squares) / count if count >= 1 else math.nan,
+        count,
+        poses,
+        poses - groups,
+        len(order),
+        float(np.sum(weight * value**2)),
+        1.0,
     )
+
+
+def _readings_of_a_pose(fit: Fit) -> float:
+    return float(
+        np.count_nonzero(~fit.outliers) / max(len(np.unique(fit.observations.pose[~fit.outliers])), 1)
+    )
+
+
+def independent_share(fit: Fit) -> float:
+    """Return the effective degrees of freedom of sums of squares, as part of those of independent readings.
+
+    The variance of a sum of squares of n readings of which any two have the correlation ρ is 1 + (n - 1) ρ² times as
+    large.
+    """
+    correlation = fit.dependence.correlation
+    shared = float(correlation.size(""))
+    if not shared > 0:
+        return 1.0
+    rho = float(shared**2 / (shared**2 + correlation.white**2))
+    return 1 / (1 + (_readings_of_a_pose(fit) - 1) * rho**2)
 
 
 def _in_one_basis(fit: Fit, order: Index, group: Index) -> Array:
@@ -340,13 +290,16 @@ def distances_between_targets(fit: Fit) -> float | None:
     return float(np.sqrt(off @ off / dof / 2) / fit.unit_factor) if dof else None
 
 
-def is_one_body(fit: Fit, distances: float | None, replicates: StandardDeviation | None) -> bool:
+def is_one_body(fit: Fit) -> bool:
     """Return whether what was measured is the pose of one body, whose points were calculated.
 
     Their distances then scatter far below any figure for a reading's error: gross errors and wrong files enlarge some.
     """
+    distances, repeated = distances_between_targets(fit), _pure_error(fit, False)
     typical = float(np.median(np.abs(fit.residuals[~fit.outliers]))) / HALF_OF_NORMAL
-    least = min(typical, replicates.value if replicates else math.inf, _stated(fit) or math.inf)
+    least = min(
+        typical, math.sqrt(repeated.variance) if repeated.count >= 1 else math.inf, _stated(fit) or math.inf
+    )
     return distances is not None and distances < ONE_BODY * least
 
 

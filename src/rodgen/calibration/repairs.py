@@ -22,7 +22,7 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Model
 from rodgen.machines.observations import Observations
-from rodgen.machines.parts import BRANCHES, Joint, Vector
+from rodgen.machines.parts import BRANCHES, Joint, Target, Vector
 from rodgen.machines.rigid import rotation_vector
 from rodgen.views import plain
 
@@ -71,8 +71,8 @@ class Repair:
     """Whether targets and other columns stay with the readings then."""
     enlarges: float = 1.0
     """By which the readings are multiplied."""
-    in_figures: Callable[[Model, Array], str] | None = field(default=None, repr=False)
-    """Its words with what a fit with it shows, given model and parameters of the fit."""
+    fitted: Callable[[Model, Array], Repair] | None = field(default=None, repr=False)
+    """The same with the numbers of a fit with it, given the fit's model and parameters."""
 
     @property
     def of_machine(self) -> bool:
@@ -83,10 +83,6 @@ class Repair:
     def of_data(self) -> bool:
         """Whether the data are changed."""
         return self.rows is not None or self.offset != 0
-
-    def in_words(self, model: Model, theta: Array) -> Repair:
-        """Return it with what a fit with it shows in its words."""
-        return self if self.in_figures is None else replace(self, words=self.in_figures(model, theta))
 
     def then(self, second: Repair) -> Repair:
         """Return both, one after the other; each finds joints by their names, wherever they are then."""
@@ -209,19 +205,22 @@ def _of_joints(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]:
     joints = machine.joints
     for joint in moving:
         verb, about = ("turns", "about") if joint.revolute else ("moves", "along")
-        ways = [(_times(-1, joint.axis), f"{verb} the other way", 1, _with_joint(joint.name, -1))]
-        if max(map(abs, joint.axis)) > ALONG:
-            other = f"{verb} {about} another axis"
-            for axis in DIRECTIONS:
-                if abs(np.dot(axis, joint.axis)) < ALONG:
-                    ways.append((axis, other, 3, _with_joint(joint.name, axis=axis)))
-        for axis, words, effort, change in ways:
-            words = f"{joint.name} {words}: axis = {_written(axis)}"
-            yield Repair(words, f"axis {joint.name}", effort, change)
-    for order, effort, words in _orders(machine):
+        words = f"{joint.name} {verb} the other way: axis = {_written(_times(-1, joint.axis))}"
+        yield Repair(words, f"axis {joint.name}", 1, _with_joint(joint.name, -1))
+        for axis in DIRECTIONS if max(map(abs, joint.axis)) > ALONG else ():
+            if abs(np.dot(axis, joint.axis)) < ALONG:
+                words = f"{joint.name} {verb} {about} another axis: axis = {_written(axis)}"
+                yield Repair(words, f"axis {joint.name}", 3, _with_joint(joint.name, axis=axis))
+    for order, effort in _orders(machine):
         if any(joint in moving for joint, before in zip(order, joints, strict=True) if joint is not before):
             names = [joint.name for joint in order]
-            words = f"{words}: the order of the chain is {joined(names, most=len(names))}"
+            whole = effort > 3 and order == joints[::-1]
+            words = (
+                "the joints are written from the tool to the base"
+                if whole
+                else "joints are in the wrong order"
+            )
+            words += f": the order of the chain is {joined(names, most=len(names))}"
             yield Repair(words, "order", effort, partial(_in_order, names=names))
     if machine.branches:
         (other,) = {*BRANCHES} - {machine.measured.instrument}
@@ -231,28 +230,19 @@ def _of_joints(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]:
         words = "the chain is written from the tool to the base: "
         words += "reverse the order of the joints and the sign of each axis"
         yield Repair(words, "order", 5, _inverted)
-    for a, b in combinations(joints, 2):
-        if a.type == b.type and a.axis != b.axis and (a in moving or b in moving):
-            axes = f"{_written(b.axis)} and {_written(a.axis)}"
-            words = f"the axes of {a.name} and {b.name} are exchanged: {axes}"
-            yield Repair(words, "axes", 4, _exchanged("joints", "axis", a.name, b.name))
 
 
-def _orders(machine: Machine) -> Iterator[tuple[tuple[Joint, ...], int, str]]:
+def _orders(machine: Machine) -> Iterator[tuple[tuple[Joint, ...], int]]:
     """Yield orders in which joints may be meant: two exchanged, one elsewhere, all reversed; each in its branch."""
     joints, n = machine.joints, len(machine.joints)
-    found: dict[tuple[Joint, ...], tuple[int, str]] = {}
-    for i, j in combinations(range(n), 2):
-        order = list(joints)
-        order[i], order[j] = order[j], order[i]
-        found[tuple(order)] = 3, "joints are in the wrong order"
+    orders = {joints[::-1]: 4}
     for i, j in permutations(range(n), 2):
-        order = list(joints)
-        order.insert(j, order.pop(i))
-        found.setdefault(tuple(order), (4, "a joint stands at the wrong place in the chain"))
-    found.setdefault(joints[::-1], (4, "the joints are written from the tool to the base"))
+        rest = [*joints[:i], *joints[i + 1 :]]
+        orders[(*rest[:j], joints[i], *rest[j:])] = 4
+    for i, j in combinations(range(n), 2):
+        orders[(*joints[:i], joints[j], *joints[i + 1 : j], joints[i], *joints[j + 1 :])] = 3
     inner = {*joints[: machine.inner]}
-    yield from ((order, *about) for order, about in found.items() if inner == {*order[: machine.inner]})
+    yield from (one for one in orders.items() if inner == {*one[0][: machine.inner]})
 
 
 def _in_order(machine: Machine, names: Sequence[str]) -> Machine:
@@ -270,35 +260,28 @@ def _inverted(machine: Machine) -> Machine:
     return replace(machine, joints=joints)
 
 
-def _exchanged(of: str, key: str, first: str, second: str) -> OfMachine:
-    """Return the change that exchanges a key of two joints, or of two targets."""
-
-    def changed(machine: Machine) -> Machine:
-        parts = {part.name: part for part in getattr(machine, of)}
-        keys = {first: getattr(parts[second], key), second: getattr(parts[first], key)}
-        several = tuple(replace(p, **{key: keys.get(p.name, getattr(p, key))}) for p in parts.values())
-        return replace(machine, **{of: several})  # type: ignore[arg-type]
-
-    return changed
+def _exchanged(machine: Machine, first: str, second: str) -> Machine:
+    """Return a machine in which two targets have each other's place."""
+    points = {target.name: target.point for target in machine.targets}
+    points[first], points[second] = points[second], points[first]
+    return replace(machine, targets=tuple(replace(t, point=points[t.name]) for t in machine.targets))
 
 
 def _of_couplings(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]:
     """Yield couplings with the other sign, joints that are coupled with none, and parallel ones that are coupled."""
 
-    def coordinate(joint: Joint, words: str, effort: int, text: str | None, **keys: Any) -> Repair:
-        change = _with_joint(joint.name, coordinate=text, **keys)
-        return Repair(words, f"axis {joint.name}", effort, change)
+    def coupled(joint: Joint, words: str, effort: int, **keys: Any) -> Repair:
+        return Repair(f"{joint.name} {words}", f"axis {joint.name}", effort, _with_joint(joint.name, **keys))
 
     for first, joint in pairwise(machine.joints):
         parallel = first.revolute and joint.revolute and abs(np.dot(first.axis, joint.axis)) > PARALLEL
         both_move = first in moving and joint in moving and first.branch == joint.branch
         for sign in "-+" if parallel and both_move and not joint.coordinate else "":
             text = f"{joint.column} {sign} {first.name}"
-            words = f'{joint.name} moves with {first.name}, too: reading = "{joint.column}", coordinate = "{text}"'
-            yield coordinate(joint, words, 2, text, reading=joint.column)
-    for joint, stated in zip(
-        machine.joints, machine.couplings.stated if machine.couplings else (), strict=False
-    ):
+            words = f'moves with {first.name}, too: reading = "{joint.column}", coordinate = "{text}"'
+            yield coupled(joint, words, 2, reading=joint.column, coordinate=text)
+    every = machine.couplings.stated if machine.couplings else ()
+    for joint, stated in zip(machine.joints, every, strict=False):
         if stated is None:
             continue
         alike = all(machine.quantities[name] == joint.type for name, _ in stated.factors)
@@ -306,10 +289,10 @@ def _of_couplings(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]
             parts = [(name, x if name == joint.reading else -x) for name, x in stated.factors]
             text = " ".join(_part(name, float(x)) for name, x in parts).removeprefix("+ ")
             text = f"-{text[2:]}" if text.startswith("- ") else text
-            yield coordinate(joint, f'{joint.name} follows the other way: coordinate = "{text}"', 1, text)
+            yield coupled(joint, f'follows the other way: coordinate = "{text}"', 1, coordinate=text)
         if joint.is_read and len(stated.factors) > 1:
-            words = f"{joint.name} moves by its own reading alone: no coordinate"
-            yield coordinate(joint, words, 1, None, reading_travel=None)
+            words = "moves by its own reading alone: no coordinate"
+            yield coupled(joint, words, 1, coordinate=None, reading_travel=None)
 
 
 def _part(name: str, factor: float) -> str:
@@ -437,10 +420,8 @@ def _of_readings(machine: Machine) -> Iterator[Repair]:
     for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
         changed = sum(order[i] != i for i in range(3))
         negative = [columns[i] for i in range(3) if signs[i] < 0]
-        parts = [f"the sign of {joined(negative)} is wrong"] if negative else []
-        if changed:
-            named = ", ".join(columns[i] for i in order)
-            parts.append(f"the order is {named}" if negative else f"the readings are in the order {named}")
+        parts = [f"the readings are in the order {', '.join(columns[i] for i in order)}"] if changed else []
+        parts += [f"the sign of {joined(negative)} is wrong"] if negative else []
         if 0 < changed + len(negative) <= 3:
             effort = 1 + changed + len(negative) - bool(changed)
             yield Repair(" and ".join(parts), "readings", effort, rows=_readings(order, 1.0, signs))
@@ -464,7 +445,7 @@ def _of_targets(machine: Machine, observations: Observations) -> Iterator[Repair
     for a, b in combinations(targets, 2) if len(targets) <= MOST_TARGETS else ():
         if a in seen or b in seen:
             words = f"the targets {a.name} and {b.name} are exchanged"
-            yield Repair(words, "targets", 2, _exchanged("targets", "point", a.name, b.name))
+            yield Repair(words, "targets", 2, partial(_exchanged, first=a.name, second=b.name))
     if len(targets) == 1 and machine.measurand.is_direction:
         for point in DIRECTIONS:
             if np.dot(point, targets[0].point) < ALONG:
@@ -486,28 +467,37 @@ def _of_runs(machine: Machine, observations: Observations) -> Iterator[Repair]:
     def rows(o: Observations) -> Observations:
         return replace(o, target=np.searchsorted(seen, o.target * len(runs) + o.run).astype(np.int32))
 
-    def words(figures: str) -> str:
-        one = f"each run alone fits: the target sits differently in each run{figures}; give each run its own target"
-        return f"{one}, {joined([target.name for target in targets])}"
-
-    change = partial(_changed, targets=targets, estimate=estimate)
-    yield Repair(
-        words(""), "targets", 2, change, rows, in_figures=lambda model, theta: words(_remounted(model, theta))
+    words = (
+        "each run alone fits: the target sits differently in each run{}; give each run its own target, "
+        + joined([target.name for target in targets])
     )
 
+    def fitted(model: Model, theta: Array) -> Repair:
+        figures, found = _mounted(model, theta)
+        return replace(repair, words=words.format(figures), machine=partial(change, targets=found))
 
-def _remounted(model: Model, theta: Array) -> str:
-    """Return how far the targets of later runs are turned, or moved, from that of the first."""
-    every = range(len(model.machine.targets))
+    change = partial(_changed, estimate=estimate)
+    repair = Repair(words.format(""), "targets", 2, partial(change, targets=targets), rows, fitted=fitted)
+    yield repair
+
+
+def _mounted(model: Model, theta: Array) -> tuple[str, tuple[Target, ...]]:
+    """Return by how much the targets of later runs are turned, or moved, and the targets as they were fitted."""
+    numbers, targets = range(len(model.machine.targets)), model.machine.targets
+    if model.structure.moving:
+        points: list[Array] = [model.target(theta, k)[0] for k in numbers]
+        targets = tuple(replace(t, point=tuple(x.tolist())) for t, x in zip(targets, points, strict=True))
+        ways = [f"{np.linalg.norm(x - points[0]):.3g} {model.machine.length_unit}" for x in points[1:]]
+        figures = f" (moved by {joined(ways)})"
     if model.structure.measurand.has_attitude:
-        first, *others = (model.attitude(theta, k) for k in every)
-        turns = [np.linalg.norm(rotation_vector(other @ first.T)) for other in others]
-        return f" (turned by {joined([f'{np.degrees(turn):.3g}°' for turn in turns])})"
-    if not model.structure.moving:
-        return ""
-    first, *others = (model.target(theta, k)[0] for k in every)
-    ways = [f"{np.linalg.norm(other - first):.3g} {model.machine.length_unit}" for other in others]
-    return f" (moved by {joined(ways)})"
+        turns = [model.attitude(theta, k) for k in numbers]
+        vectors = [tuple(rotation_vector(turn).tolist()) for turn in turns]
+        targets = tuple(replace(t, attitude=x) for t, x in zip(targets, vectors, strict=True))
+        ways = [
+            f"{np.degrees(np.linalg.norm(rotation_vector(turn @ turns[0].T))):.3g}°" for turn in turns[1:]
+        ]
+        figures = f" (turned by {joined(ways)})"
+    return figures, targets
 
 
 def far_offsets(observations: Observations) -> tuple[int, ...]:
@@ -523,13 +513,10 @@ def _of_rows(observations: Observations) -> Iterator[Repair]:
     for offset in offsets if observations.n > 4 * max(offsets) else ():
         rows = f"{abs(offset)} row{'s' * (abs(offset) > 1)} {'later' if offset > 0 else 'earlier'}"
         words = f"the readings are shifted against the commands: each belongs to those {rows}"
-        of_target = (
-            {", with its target": False, ", while its target is right": True}
-            if several_targets
-            else {"": False}
-        )
-        for more, alone in of_target.items():
-            yield Repair(words + more, "rows", 2, offset=offset, commands_only=alone)
+        yield Repair(words + ", with its target" * several_targets, "rows", 2, offset=offset)
+        if several_targets:
+            words += ", while its target is right"
+            yield Repair(words, "rows", 2, offset=offset, commands_only=True)
 
 
 def write_repaired_data(
@@ -550,10 +537,12 @@ def write_repaired_data(
         When it cannot be written.
     """
     machine, data = observations.machine, repaired.data
-    changed: dict[str, NDArray[Any]] = {}
-    for j, joint in enumerate(repaired.machine.joints):
-        for prefix, values in (("", repaired.q), ("v_", repaired.v), ("dir_", repaired.s)):
-            changed[prefix + joint.column] = values[:, j]
+    motions: dict[str, NDArray[Any]] = {"": repaired.q, "v_": repaired.v, "dir_": repaired.s}
+    changed: dict[str, NDArray[Any]] = {
+        prefix + joint.column: values[:, j]
+        for prefix, values in motions.items()
+        for j, joint in enumerate(repaired.machine.joints)
+    }
     changed |= dict(zip(machine.measurand.columns, repaired.reading.T, strict=False))
     if repaired.sigma is not None:
         for name, values in zip(machine.measurand.columns, repaired.sigma.T, strict=True):
