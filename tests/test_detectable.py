@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from hidden_effects import hidden
 from linear_evidence import evidence_of
-from simulated_fits import fit_to, joint, machine_file, measure
 
 import rodgen
-from rodgen.calibration.dependence import Correlation
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.evidence import Evidence
-from rodgen.calibration.remaining_error import disagreement
 from rodgen.calibration.selection import select
 from rodgen.data.units import unit_factor
 
@@ -73,22 +70,3 @@ def test_a_size_is_possible_that_machines_have(innocent):
     scale = next(one for (title, _), one in by.items() if title == "scale at X")
     assert scale.possible
     assert scale.size < 0.05  # the largest of the table
-
-
-@pytest.mark.parametrize("repeats", [True, False])
-def test_residuals_that_repeat_at_few_positions_are_said_to(repeats):
-    """Each of ten positions of a table has an error of its own, as of a bad divided circle; or each reading has."""
-    random = np.random.default_rng(1)
-    joints = [joint("X", "prismatic", (1, 0, 0)), joint("C", "revolute", (0, 0, 1))]
-    file = machine_file(joints, [(150, 20, 30)], estimate=["C.axis", "C.point", "target"], noise=0.002)
-    number = random.integers(0, 10, 120)
-    columns = {"X [mm]": random.uniform(-200, 200, 120), "C [rad]": 0.6 * number - 3}
-    data = measure(file, columns, {}, noise=0.002, random=random)
-    own = 0.006 * random.normal(size=(3, 120))
-    for axis, errors in zip("xyz", own, strict=True):
-        data[f"{axis} [mm]"] = data[f"{axis} [mm]"] + errors[number if repeats else np.arange(120)]
-    independent = Correlation(1.0)
-    said = disagreement(fit_to(file, data), independent)
-    assert said.startswith("The residuals are ")
-    assert ("repeat at the 10 positions of C" in said) is repeats
-    assert ("several effects act that are too small to be found" in said) is not repeats

@@ -126,8 +126,8 @@ def test_a_later_run_of_the_telescope_whose_pointing_model_was_another_one_is_sa
     )
     assert found.notes[-1] == (
         f"The error on the further measurements is {found.rms.after_test / found.rms.after_held_out:.2g} times that on "
-        "poses left out. With the geometry fitted anew to them it is 1.06 before and 3.72 arcsec after: what was "
-        "found is not there, or is of another size, as after a correction."
+        "poses left out: the machine, its targets or the set-up were others then, as after a correction, or something "
+        "acts there that the model lacks."
     )
 
 

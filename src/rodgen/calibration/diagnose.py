@@ -524,7 +524,7 @@ def _tested(subject: _Subject, rms: Rms, fits: Sequence[Fit]) -> tuple[Rms, str]
     before = validation_error(fits[0], subject.others)
     try:
         tested = replace(rms, before_test=before, after_test=validation_error(fits[-1], subject.others))
-        return tested, on_another_machine(tested, fits, subject.others)
+        return tested, on_another_machine(tested)
     except InputFileError as error:  # without a column that an effect needs, which was found only now
         unknown = f"The error on the further measurements with these effects is not known: {error}."
         return replace(rms, before_test=before), unknown

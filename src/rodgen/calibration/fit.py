@@ -194,7 +194,7 @@ def noise_arm(fit: Fit) -> float:
     o = fit.observations
     if o.sigma is not None or not fit.machine.measurand.has_attitude:
         return o.arm
-    return attitude_arm(fit.problem, fit.solution, fit.free, ~fit.outliers)
+    return attitude_arm(fit)
 
 
 def with_bodies(fit: Fit, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:

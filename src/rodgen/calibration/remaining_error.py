@@ -8,12 +8,10 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.calibration.dependence import Correlation
-from rodgen.calibration.positions import distinct_positions
 from rodgen.calibration.sensitivities import Sensitivities
 from rodgen.calibration.words import chance, sized, uncapitalized
 from rodgen.data.poses import moved_one_way as joints_one_way
 from rodgen.errors import joined
-from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.robust import HALF_OF_NORMAL
 from rodgen.statistics.thresholds import LACK_OF_FIT, VERDICT
 
@@ -40,13 +38,10 @@ def disagreement(final: Fit, correlation: Correlation) -> str:
         return ""
     noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
     if not correlation.claimed:
-        larger = f"The residuals are {lack.ratio:.3g} times {noise} ({chance(lack.p_value)})"
-        where = "the poses" if lack.against == "replicates" else _repeat_at(final)
-        if where:
-            return f"{larger} and repeat at {where}, but follow no function that the data could show."
         return (
-            f"{larger}, but no effect explains that beyond chance: the noise is larger than that, or several effects "
-            "act that are too small to be found, or something that was not recorded."
+            f"The residuals are {lack.ratio:.3g} times {noise} ({chance(lack.p_value)}), but no effect explains that "
+            "beyond chance: the noise is larger than that, or several effects act that are too small to be found, or "
+            "something that was not recorded."
         )
     if lack.ratio > VERDICT.wander:
         return (
@@ -56,31 +51,6 @@ def disagreement(final: Fit, correlation: Correlation) -> str:
     if lack.against == "stated" and correlation.white > VERDICT.independent_error:
         independent = f"The independent error of a reading is {correlation.white:.3g} times {noise}"
         return f"{independent}, and {uncapitalized(correlation.text)}"
-    return ""
-
-
-def _repeat_at(final: Fit) -> str:
-    """Return at which joint's positions the residuals of different poses are alike; empty where they are not."""
-    kept = ~final.outliers
-    o = final.observations.take(np.flatnonzero(kept))
-    residuals = (final.residuals * final.problem.base_weight)[kept]
-    n, m = residuals.shape
-    for joint, q in zip(o.machine.joints, o.q.T, strict=True):
-        number = distinct_positions(q, len(np.unique(o.pose)))
-        if number is None or not number.any():
-            continue
-        count = np.bincount(number)
-        means = np.stack([np.bincount(number, column) for column in residuals.T], axis=1) / count[:, None]
-        along, across = (
-            float(count @ np.sum(means**2, axis=1)),
-            float(np.sum((residuals - means[number]) ** 2)),
-        )
-        dof = m * (len(count) - 1), m * (n - len(count))
-        if not across > 0 or min(dof) < 1:
-            continue
-        p = f_tail(along / dof[0] / (across / dof[1]), *dof)
-        if p * len(o.machine.joints) < LACK_OF_FIT.rare:
-            return f"the {len(count)} positions of {joint.name}"
     return ""
 
 

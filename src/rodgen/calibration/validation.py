@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +10,6 @@ import numpy as np
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import minimise
-from rodgen.calibration.words import three_digits
-from rodgen.data.units import readable
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.observations import Observations
@@ -38,13 +35,8 @@ def bind_validation(machine: Machine, test: Any) -> Observations:
     return others
 
 
-def validation_error(found: Fit, others: Observations, *, anew: bool = False) -> float:
+def validation_error(found: Fit, others: Observations) -> float:
     """Return the error on further measurements, to which only the frame is fitted, where it is free.
-
-    Parameters
-    ----------
-    anew : bool
-        Whether all that the fit adjusted but the effects is fitted to them, too.
 
     Raises
     ------
@@ -55,38 +47,24 @@ def validation_error(found: Fit, others: Observations, *, anew: bool = False) ->
     problem = Problem(model, others)
     theta = model.start()
     frame = Frame.fitted(found.machine.values) or Frame.identity()
-    refitted = {p.key for p in (found.parameters[i] for i in found.free) if anew and p.effect is None}
-    free = [i for i, p in enumerate(model.parameters) if p.slot[0] == "frame" or p.key in refitted]
+    free = [i for i, p in enumerate(model.parameters) if p.slot[0] == "frame"]
     solution = minimise(problem, theta, frame, free)
     no_outliers = np.zeros(others.n, bool)
     return replace(found, observations=others, problem=problem, solution=solution, outliers=no_outliers).rms
 
 
-def on_another_machine(rms: Rms, fits: Sequence[Fit], others: Observations) -> str:
+def on_another_machine(rms: Rms) -> str:
     """Return a sentence where the error on further measurements is far larger than that on poses left out; else empty.
 
     Parameters
     ----------
     rms : Rms
         With the errors on further measurements.
-    fits : sequence of Fit
-        The first without, the last with what was found.
     """
-    if rms.after_test is None or not rms.after_held_out:
+    if rms.after_test is None or not rms.after_held_out or rms.after_test < CHANGED * rms.after_held_out:
         return ""
-    times = rms.after_test / rms.after_held_out
-    if times < CHANGED:
-        return ""
-    before, after = (validation_error(fit, others, anew=True) for fit in (fits[0], fits[-1]))
-    text = f"The error on the further measurements is {times:.2g} times that on poses left out"
-    factor, unit = readable(rms.unit, max(before, after))
-    found = f"{three_digits(after * factor)} {unit}"
-    if len(fits) > 1:
-        found = f"{three_digits(before * factor)} before and {found} after"
-    if len(fits) > 1 and after >= before:
-        why = "what was found is not there, or is of another size, as after a correction"
-    elif after >= CHANGED * rms.after_held_out:
-        why = "something acts there that the model lacks, or rows are wrong"
-    else:
-        why = "the machine, its targets or the set-up were others then"
-    return f"{text}. With the geometry fitted anew to them it is {found}: {why}."
+    return (
+        f"The error on the further measurements is {rms.after_test / rms.after_held_out:.2g} times that on poses left "
+        "out: the machine, its targets or the set-up were others then, as after a correction, or something acts there "
+        "that the model lacks."
+    )
