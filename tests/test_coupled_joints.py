@@ -304,23 +304,6 @@ def test_geometry_moves_by_coordinates_and_zeros_of_motors_are_in_all_joints_tha
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("right", "wrong", "words"),
-    [
-        ('"J3m - J2m"', '"J3m + J2m"', 'J3 follows the other way: coordinate = "J3m - J2m"'),
-        ('"-(J2 + J3)"', '"J2 + J3"', 'J4 follows the other way: coordinate = "-J2 - J3"'),
-    ],
-)
-def test_a_coupling_with_the_wrong_sign_is_found(tmp_path, right, wrong, words):
-    text = (EXAMPLE / "machine.toml").read_text()
-    assert right in text
-    (tmp_path / "machine.toml").write_text(text.replace(right, wrong))
-    found = check(Machine.load(tmp_path / "machine.toml"), Measurements.load(EXAMPLE / "data.csv"))
-    assert found.wrong
-    assert words in " ".join(found.summary().split())
-
-
-@pytest.mark.slow
 def test_motors_of_a_parallelogram_in_a_file_that_knows_none_are_found(tmp_path):
     text = (EXAMPLE / "machine.toml").read_text()
     for old in ('reading = "J2m"', 'reading = "J3m"', 'coordinate = "J3m - J2m"', "travel = [-120, 60]"):

@@ -61,12 +61,12 @@ FIRST_ROUNDS = 2
 """Rounds after which most repairs are seen to lead nowhere."""
 SCALE_STEPS = 10
 """Steps that bring a scale to 1 % of its limit."""
+AS_IS = Repair("", "", 0)
+"""No repair: the files as they are."""
 FINALISTS, BEAM = 16, 5
 """Repairs whose fits are carried to their end, and those that are tried together with a second one."""
 FEWEST_ROWS, ROWS_A_PARAMETER = 60, 4
 """Rows on which repairs are compared, and for each parameter so many."""
-ROWS_OF_MOTION = 100
-"""Rows that the motion is found from at most."""
 
 
 def motion(problem: Problem, theta: Array) -> float:
@@ -84,8 +84,6 @@ def motion(problem: Problem, theta: Array) -> float:
     scatter = _scatter(problem.observations.reading) if measurand.is_place else 0.0
     if problem.is_closed_chain:
         return max(_scatter(problem.places(theta, frame)), scatter)
-    if problem.rows > ROWS_OF_MOTION:
-        problem = problem.take(np.linspace(0, problem.rows - 1, ROWS_OF_MOTION).astype(int))
     only_turns = not measurand.moving and not measurand.is_direction
     o = problem.predicted_observations(theta, frame) if only_turns else problem.observations
     places, squares = problem.places(theta, frame), 0.0
@@ -423,13 +421,12 @@ class _Search:
             return replace(right, suspicions=(reason,), wrong=True)
         if not np.ptp(self.observations.q, axis=0).any():
             return right
-        null = self._fit(None, ROUNDS)
+        null = self._fit(AS_IS, ROUNDS)
         if null is None:
             doubts: tuple[str, ...] = ("the model is not finite with the numbers of the file",)
         else:
             doubts = tuple(self._doubts(null))
-            notes = filter(None, (self._on_targets(null), self._on_gravity(null)))
-            right = replace(right, before=null.rms / self.factor, notes=tuple(notes))
+            right = replace(right, before=null.rms / self.factor, notes=tuple(self._on_gravity(null)))
         if not doubts:
             return right
         found = self._searched()
@@ -472,40 +469,25 @@ class _Search:
             f"readings move by {moved / self.factor:.3g} {self.unit}: the commands were not recorded"
         )
 
-    @staticmethod
-    def _on_targets(null: NearFit) -> str:
-        """Return that places of targets are estimated far from those of the file; empty where they are not."""
-        model = null.model
-        if not model.structure.moving or null.prices[null.is_of_target].sum() < CHECK.decisive:
-            return ""
-        ways = [
-            model.target(null.theta, k)[0] - target.point for k, target in enumerate(model.machine.targets)
-        ]
-        off = np.linalg.norm(ways, axis=1).max()
-        unit = model.machine.length_unit
-        return f"Places of targets in the file are off by up to {off:.3g} {unit}; they are estimated."
-
-    def _on_gravity(self, null: NearFit) -> str:
-        """Return the question whether gravity has its direction, where weights lift; empty where they do not."""
+    def _on_gravity(self, null: NearFit) -> Iterator[str]:
+        """Yield the question whether gravity has its direction, where weights lift."""
         o, search, base = self.observations, self, null
         if o.load is not None and np.ptp(o.load) > 0 and not self.machine.kinematics.is_closed:
             windups = (e for e in catalogue_effects(self.machine, o) if e.name == "load_windup")
             search = _Search(reduce(Machine.with_effect, windups, self.machine), o)
-            base = search._fit(None, ROUNDS) or null
+            base = search._fit(AS_IS, ROUNDS) or null
         below = [i for i in _compliances(base.model) if base.theta[i] < 0 < base.prices[i]]
         if not below:
-            return ""
-        directions = [r for r in repairs(search.machine, o) if r.kind == "gravity"]
-        held = search._fit(None, ROUNDS, yielding=True)
-        if held is None or held.cost - base.cost < CHECK.decisive:
-            return ""
-        fits = [(fit.cost, r) for r in directions if (fit := search._fit(r, ROUNDS, yielding=True))]
-        cost, best = min(fits, key=lambda x: x[0], default=(np.inf, None))
-        if best is None or held.cost - cost < CHECK.decisive:
-            return ""
+            return
+        tried = [AS_IS, *(r for r in repairs(search.machine, o) if r.kind == "gravity")]
+        held, *fits = (search._fit(r, ROUNDS, yielding=True) for r in tried)
+        costs = [(fit.cost, repair) for fit, repair in zip(fits, tried[1:], strict=True) if fit]
+        cost, best = min(costs, key=lambda x: x[0], default=(np.inf, AS_IS))
+        if held is None or held.cost - cost < CHECK.decisive:
+            return
         most = base.model.parameters[max(below, key=lambda i: base.prices[i])]
         value = f"{most.key} = {base.theta[base.model.keys[most.key]] / most.factor:.3g}"
-        return (
+        yield (
             f"Is gravity the right way round? With that of the file weight lifts what it should lower, {value}; "
             f"more probably {best.words}."
         )
@@ -530,18 +512,17 @@ class _Search:
             candidates = [repair for repair, _ in fits[:FINALISTS]]
         return fits
 
-    def _fit(self, repair: Repair | None, rounds: int, *, yielding: bool = False) -> NearFit | None:
-        if repair is None:
-            some = self.observations.take(self.rows)
-            return fit_near(self.machine, some, rounds, compiled=False, enlarged=1.0, yielding=yielding)
+    def _fit(self, repair: Repair, rounds: int, *, yielding: bool = False) -> NearFit | None:
         try:
             machine, observations = repair.applied(self.machine, self.observations, self.rows)
             # others are fitted a few times only
-            compiled = machine.structure == self.machine.structure and not yielding
+            compiled = repair is not AS_IS and machine.structure == self.machine.structure and not yielding
             return fit_near(
                 machine, observations, rounds, compiled=compiled, enlarged=repair.enlarges, yielding=yielding
             )
         except RodgenError:  # there is no such machine, or its legs do not close
+            if repair is AS_IS:
+                raise
             return None
 
 

@@ -121,7 +121,8 @@ class Repair:
         here = _with_joints(here, [names.index(joint.name) for joint in changed.joints])
         here = replace(here, machine=changed)
         here = here if self.rows is None else self.rows(here)
-        return changed, closed(here) if changed.kinematics.is_closed else here
+        moved = changed.kinematics.is_closed and (self.of_machine or self.of_data)
+        return changed, closed(here) if moved else here
 
     def unpaired(self, observations: Observations) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
         """Return the rows whose commands have no readings any more, and those whose readings have no commands."""
@@ -268,36 +269,16 @@ def _exchanged(machine: Machine, first: str, second: str) -> Machine:
 
 
 def _of_couplings(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]:
-    """Yield couplings with the other sign, joints that are coupled with none, and parallel ones that are coupled."""
-
-    def coupled(joint: Joint, words: str, effort: int, **keys: Any) -> Repair:
-        return Repair(f"{joint.name} {words}", f"axis {joint.name}", effort, _with_joint(joint.name, **keys))
-
+    """Yield parallel joints of which one moves with the other, as in a parallelogram."""
     for first, joint in pairwise(machine.joints):
         parallel = first.revolute and joint.revolute and abs(np.dot(first.axis, joint.axis)) > PARALLEL
         both_move = first in moving and joint in moving and first.branch == joint.branch
         for sign in "-+" if parallel and both_move and not joint.coordinate else "":
             text = f"{joint.column} {sign} {first.name}"
-            words = f'moves with {first.name}, too: reading = "{joint.column}", coordinate = "{text}"'
-            yield coupled(joint, words, 2, reading=joint.column, coordinate=text)
-    every = machine.couplings.stated if machine.couplings else ()
-    for joint, stated in zip(machine.joints, every, strict=False):
-        if stated is None:
-            continue
-        alike = all(machine.quantities[name] == joint.type for name, _ in stated.factors)
-        if alike and not stated.constant and {name for name, _ in stated.factors} != {joint.reading}:
-            parts = [(name, x if name == joint.reading else -x) for name, x in stated.factors]
-            text = " ".join(_part(name, float(x)) for name, x in parts).removeprefix("+ ")
-            text = f"-{text[2:]}" if text.startswith("- ") else text
-            yield coupled(joint, f'follows the other way: coordinate = "{text}"', 1, coordinate=text)
-        if joint.is_read and len(stated.factors) > 1:
-            words = "moves by its own reading alone: no coordinate"
-            yield coupled(joint, words, 1, coordinate=None, reading_travel=None)
-
-
-def _part(name: str, factor: float) -> str:
-    size = "" if abs(factor) == 1 else f"{abs(factor):.12g}*"
-    return f"{'-' if factor < 0 else '+'} {size}{name}"
+            words = f'{joint.name} moves with {first.name}, too: reading = "{joint.column}", coordinate = "{text}"'
+            yield Repair(
+                words, f"axis {joint.name}", 2, _with_joint(joint.name, reading=joint.column, coordinate=text)
+            )
 
 
 def _of_ratios(commanded: Sequence[Joint]) -> Iterator[Repair]:
@@ -446,12 +427,6 @@ def _of_targets(machine: Machine, observations: Observations) -> Iterator[Repair
         if a in seen or b in seen:
             words = f"the targets {a.name} and {b.name} are exchanged"
             yield Repair(words, "targets", 2, partial(_exchanged, first=a.name, second=b.name))
-    if len(targets) == 1 and machine.measurand.is_direction:
-        for point in DIRECTIONS:
-            if np.dot(point, targets[0].point) < ALONG:
-                words = f"{targets[0].name} looks elsewhere: point = {_written(point)}"
-                elsewhere = (replace(targets[0], point=point),)
-                yield Repair(words, "targets", 3, partial(_changed, targets=elsewhere))
 
 
 def _of_runs(machine: Machine, observations: Observations) -> Iterator[Repair]:
