@@ -77,8 +77,7 @@ def test_weight_that_lifts_asks_for_gravity(gravity, tmp_path):
     found = list(lifted(final.machine, [c.effect for c in chosen], final.estimates))
     assert found == ["weight lifts J2 and J3: is gravity the right way round?"] * (gravity > 0)
     scale, nothing = on_preferred(evidence, chosen, [("scale", "J2"), ("tube_flexure", None)])
-    assert scale.startswith("scale at J2 was preferred: added, it is ")
-    assert "times less probable than what was chosen, and the error" in scale
-    assert "rises" not in scale
+    assert scale.startswith("scale at J2 was preferred: it is ")
+    assert scale.endswith("times less probable than what was chosen.")
     assert nothing == "tube_flexure was preferred, but no such effect can be seen in this machine or table."
     assert list(on_preferred(evidence, chosen, [("gravity_windup", None)])) == []

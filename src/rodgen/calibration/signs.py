@@ -8,14 +8,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fit import Estimate
-from rodgen.calibration.words import fall, odds_text, sized
+from rodgen.calibration.words import odds_text
 from rodgen.errors import joined
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.plausibility import plausibility
 from rodgen.statistics.thresholds import COST, SELECTION
-
-STAYS = 1e-3
-"""Part of an error by which it may rise and is said to stay."""
 
 
 def lifted(machine: Machine, effects: Sequence[Effect], estimates: Mapping[str, Estimate]) -> Iterator[str]:
@@ -47,18 +44,13 @@ def lifted(machine: Machine, effects: Sequence[Effect], estimates: Mapping[str, 
 def on_preferred(
     evidence: Evidence, chosen: Sequence[Candidate], prefer: Collection[tuple[str, str | None]]
 ) -> Iterator[str]:
-    """Yield a sentence for each preferred effect that was not chosen: its odds, and what it would do to the error.
+    """Yield a sentence for each preferred effect that was not chosen: its odds, in the place of another one or added.
 
     Parameters
     ----------
     prefer : collection of (name, place)
         Place None is every place. The odds that a sentence states are those without the preference.
     """
-    base, square = evidence.base, evidence.models[0].square
-
-    def error(members: Sequence[Candidate]) -> float:
-        return base.rms * math.sqrt(max(1 - evidence.explained(members) / square, 0.0))
-
     for name, place in prefer:
         title = f"{name} at {place}" if place else name
         wanted = [c for c in evidence.candidates if c.effect.name == name and place in {None, c.effect.place}]
@@ -74,15 +66,10 @@ def on_preferred(
             continue
         rests = [list(chosen), *([c for c in chosen if c is not one] for one in chosen)]
         best = min(([*rest, c] for rest in rests for c in wanted), key=evidence.cost)
-        new, others = best[-1], [c.effect.title for c in chosen if c not in best]
-        usual = max(plausibility(base.machine, new.effect).log_odds, -COST.impossible)
+        new, usual = (
+            best[-1],
+            max(plausibility(evidence.base.machine, best[-1].effect).log_odds, -COST.impossible),
+        )
         more = evidence.cost(best) - evidence.cost(chosen) + 2 * (new.prior.log_odds - usual)
         times = f"{odds_text(math.exp(min(more / 2, 700.0)))} times"
-        before, after = error(chosen), error(best)
-        change = fall(before, after, base.unit)
-        if after > before * (1 + STAYS):
-            change = f"rises from {sized(before, base.unit, '.3g')} to {sized(after, base.unit, '.3g')}"
-        yield (
-            f"{new.effect.title} was preferred: {'in the place of ' + joined(others) if others else 'added'}, it is "
-            f"{times} less probable than what was chosen, and the error {change}."
-        )
+        yield f"{new.effect.title} was preferred: it is {times} less probable than what was chosen."

@@ -124,7 +124,15 @@ def simulate(
     known = []
     for each in effects:
         effect, run = _effect(machine, each) if isinstance(each, str) else (each, None)
-        known.append(simulator.known(effect, run) or simulator.drawn_or_refused(effect))
+        found = simulator.known(effect, run) or simulator.drawn(effect)
+        if found is None:
+            raise InputFileError(
+                "effect",
+                effect.title,
+                "values that are to be drawn, while nothing of it would show in this design",
+                "another effect, or its values",
+            )
+        known.append(found)
     if hidden:
         known.append(simulator.drawn_of_catalogue(known))
     exact = simulator.read(known)

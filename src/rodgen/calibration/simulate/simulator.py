@@ -11,12 +11,13 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.calibration.fit import fit
+from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import open_legs
 from rodgen.data.units import ANGLE, ARCSEC, TIME, UnitError, typed_quantity, unit_factor
 from rodgen.errors import InputFileError, RodgenError, listed
-from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.model import Frame, Model
+from rodgen.machines.plausibility import plausibility
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 
 if TYPE_CHECKING:
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
     from rodgen.machines.parameters import Parameter
 
 
-TRIAL = 1e-6
-"""Value of a parameter, internal units, at which its effect on the readings is measured."""
+TRIAL = 1e-3
+"""Part of a usual size at which the effect on the readings is measured."""
 VISIBLE = (2.0, 5.0)
 """A drawn effect leaves so many times the noise once the machine's own fit has taken what it can."""
 MOSTLY_ABSORBED = 5.0
@@ -219,67 +220,52 @@ class Simulator:
                 raise InputFileError("effect", effect.title, f"no {name}", f"its value, in {parameter.unit}")
         return Hidden(effect, values)
 
-    def drawn_or_refused(self, effect: Effect) -> Hidden:
-        """Return an effect with drawn values."""
-        drawn = self.drawn(effect)
-        if drawn is None:
-            found = "values that are to be drawn, while nothing of it would show in this design"
-            raise InputFileError("effect", effect.title, found, "another effect, or its values")
-        return drawn
-
     def drawn_of_catalogue(self, others: Sequence[Hidden]) -> Hidden:
         """Return an effect of the catalogue that shows in this design."""
-        machine = self.machine
-        places = [None, *(j.name for j in machine.joints), *(t.name for t in machine.targets)]
-        names = list(dict.fromkeys(definition.name for definition in CATALOGUE))
+        effects = catalogue_effects(self.machine, self.observations)
         taken = {each.effect.identity for each in others}
-        for name in self.random.permutation(names):
-            for place in self.random.permutation(np.array(places, object)):
-                if (name, place) in taken:
-                    continue
-                try:
-                    effect = machine.effect(str(name), place)
-                    machine.with_effect(effect)
-                    drawn = self.drawn(effect)
-                except InputFileError:  # not there, or the design lacks a column
-                    continue
-                if drawn is not None:
-                    return drawn
+        for i in self.random.permutation(len(effects)):
+            drawn = None if effects[i].identity in taken else self.drawn(effects[i])
+            if drawn is not None:
+                return drawn
         raise RodgenError(f"{self.observations.data.file}: no effect of the catalogue shows in this design")
 
     def drawn(self, effect: Effect) -> Hidden | None:
-        """Return an effect of such a size that it shows after a fit without it; None where none does."""
+        """Return an effect of such a size that it shows after a fit without it; None where no possible one does."""
         noise = 0.0 if self.sigma is None else float(np.sqrt(np.mean(self.sigma**2)))
         if not noise > 0:
             raise RodgenError(
                 f"{self.observations.data.file}: noise that is not known, for an effect whose size is drawn; "
                 "expected noise in the machine file, columns u_…, or --noise"
             )
-        parameters = self._parameters(effect)
+        parameters, usual = self._parameters(effect), plausibility(self.machine, effect).sizes
         fixed = {p.key: self._searched(p) for p in parameters if p.searched}
         if not all(math.isfinite(value) for value in fixed.values()):
             return None
+        free = [p.key for p in parameters if not (p.searched or p.optional or p.hold is not None)]
+        known = {key: usual.get(key.rpartition(".")[2]) for key in free}
+        drawn = {key: self.random.normal() * (size.usual if size else 1.0) for key, size in known.items()}
         plain = self.read([], self.some)
-        sizes: dict[str, float] = {}
-        for p in parameters:
-            if not (p.searched or p.optional or p.hold is not None):
-                tried = self.read([Hidden(effect, {**fixed, p.key: TRIAL})], self.some)
-                felt = self._rms(_difference(tried, plain)) / TRIAL
-                sizes[p.key] = float(self.random.normal()) / felt if felt > 0 else 0.0
-        if not any(sizes.values()):
-            return None
-        wanted = self.random.uniform(*VISIBLE) * noise
 
         def scaled(factor: float) -> Hidden:
-            return Hidden(effect, fixed | {key: factor * size for key, size in sizes.items()})
+            return Hidden(effect, fixed | {key: factor * size for key, size in drawn.items()})
+
+        def change(factor: float) -> tuple[Observations, float]:
+            read = self.read([scaled(factor)], self.some)
+            return read, self._rms(_difference(read, plain))
 
         # of noise size first: large ones would not be in proportion
-        factor = noise / self._rms(_difference(self.read([scaled(noise)], self.some), plain)) * noise
-        changed = self.read([scaled(factor)], self.some)
-        left = self._left(changed)
-        if not left * MOSTLY_ABSORBED > self._rms(_difference(changed, plain)):
+        _, small = change(TRIAL)
+        if not small > 0:
             return None
-        return scaled(factor * wanted / left)
+        factor = TRIAL * noise / small
+        read, changed = change(factor)
+        left = self._left(read)
+        if not left * MOSTLY_ABSORBED > changed:
+            return None
+        factor *= self.random.uniform(*VISIBLE) * noise / left
+        possible = all(not size or abs(factor * drawn[key]) <= size.largest for key, size in known.items())
+        return scaled(factor) if possible else None
 
     def _searched(self, parameter: Parameter) -> float:
         """Draw a time constant or a period; NaN where the design shows none."""
