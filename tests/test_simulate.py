@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from machine_simulator import RADIANS, Simulated
 
 import rodgen
-from rodgen.calibration.simulate.simulate import read_truth, truth_as_json
+from rodgen.calibration.simulate import read_truth, truth_as_json
 from rodgen.data.tables import copy_with
 from rodgen.data.units import number_and_unit
 from rodgen.errors import InputFileError, RodgenError

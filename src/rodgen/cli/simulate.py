@@ -78,8 +78,7 @@ def _run(options: argparse.Namespace) -> int:
         raise _usage("--hidden without --truth", "--truth TRUTH.json, where the answer is kept")
     if options.json and options.output in (None, "-"):
         raise _usage("--json, while standard output has the data", "-o DATA, too")
-    from rodgen.calibration.simulate import simulate
-    from rodgen.calibration.simulate.simulate import truth_as_json
+    from rodgen.calibration.simulate import simulate, truth_as_json
     from rodgen.data.tables import check_output, copy_with
     from rodgen.machines.machine import Machine
 
@@ -114,7 +113,7 @@ def _summary(options: argparse.Namespace, about: Mapping[str, Any]) -> str:
 
 
 def _open(options: argparse.Namespace) -> int:
-    from rodgen.calibration.simulate.simulate import TRUTH_FILE, read_truth
+    from rodgen.calibration.simulate import TRUTH_FILE, read_truth
 
     if options.machine:
         raise _usage("files together with --open", "--open TRUTH.json alone")
