@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rodgen.calibration.check import Check, _Search, check
 from rodgen.calibration.problem.binding import bind
@@ -139,7 +140,9 @@ def test_a_marker_that_was_mounted_anew_gets_a_target_in_each_run(
     said = capsys.readouterr().out
     assert "each run alone fits: the target sits differently in each run (turned by 20° and 38°)" in said
     assert main(["check", str(machine), str(data)]) == 0
-    assert len(Machine.load(machine).targets) == 3
+    first, *others = (Rotation.from_rotvec(target.attitude) for target in Machine.load(machine).targets)
+    turned = [np.degrees((other * first.inv()).magnitude()) for other in others]
+    assert turned == pytest.approx([20, 38], abs=0.2)
 
 
 def test_commands_that_were_not_recorded_are_told() -> None:
