@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import rodgen
 from rodgen.calibration.evidence import Evidence
+from rodgen.calibration.remarks import lifted, on_preferred
 from rodgen.calibration.selection import select
-from rodgen.calibration.signs import lifted, on_preferred
 from rodgen.machines.machine import Machine
 
 AXES = np.array([(0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0)], float)

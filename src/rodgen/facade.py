@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.diagnosis import Diagnosis
     from rodgen.calibration.gross_readings import GrossReading
     from rodgen.calibration.held_out import HeldOut, HeldOutGeometry
-    from rodgen.calibration.lack_of_fit import LackOfFit
-    from rodgen.calibration.noise_floor import NoiseFloor
+    from rodgen.calibration.noise_floor import LackOfFit, NoiseFloor
     from rodgen.calibration.predict import Prediction
     from rodgen.machines import machine
     from rodgen.stages import Progress
@@ -72,7 +71,7 @@ FUNCTIONS = {
     "Fit.held_out": "rodgen.calibration.estimates.held_out",
     "Fit.held_out_geometry": "rodgen.calibration.held_out.held_out_geometry",
     "Fit.held_out_of_poses": "rodgen.calibration.held_out.held_out",
-    "Fit.lack_of_fit": "rodgen.calibration.lack_of_fit.lack_of_fit",
+    "Fit.lack_of_fit": "rodgen.calibration.noise_floor.lack_of_fit",
     "Fit.load": "rodgen.calibration.archive.load",
     "Fit.noise": "rodgen.calibration.estimates.noise",
     "Fit.noise_arm": "rodgen.calibration.fit.noise_arm",

@@ -39,10 +39,16 @@ from rodgen.calibration.geometry import gain_of_geometry, with_geometry
 from rodgen.calibration.held_out import HeldOut
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.blocks import observed
-from rodgen.calibration.remaining_error import disagreement, moved_one_way, uneven, unknown_approach
+from rodgen.calibration.remarks import (
+    disagreement,
+    lifted,
+    moved_one_way,
+    on_preferred,
+    uneven,
+    unknown_approach,
+)
 from rodgen.calibration.rows import Rows, wrong_rows
 from rodgen.calibration.selection import equals, log10_of, ordered, ranking, select, worth
-from rodgen.calibration.signs import lifted, on_preferred
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import contradictions
 from rodgen.calibration.validation import bind_validation, on_another_machine, validation_error
