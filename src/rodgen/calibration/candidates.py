@@ -83,17 +83,13 @@ def candidates(
     priors = possible(sensitivities, effects, prefer)
     effects = [effect for effect in effects if effect.identity in priors]
     found = [c for effect in effects if is_direct(effect) for c in _direct(sensitivities, effect)]
-    products = [effect for effect in effects if not is_direct(effect)]
-    for effect in products:
-        values = list(_tried(sensitivities, effect))
-        if not _is_wave(effect) or len(values) == 1:
-            tries = number_tried(sensitivities, effect)
-            found += [
-                replace(with_searched(sensitivities, effect, searched), tries=tries) for searched in values
-            ]
-    waves = [
-        effect for effect in products if _is_wave(effect) and len(list(_tried(sensitivities, effect))) > 1
-    ]
+    waves = []
+    for effect in (effect for effect in effects if not is_direct(effect)):
+        values, tries = list(_tried(sensitivities, effect)), number_tried(sensitivities, effect)
+        if _is_wave(effect) and len(values) > 1:
+            waves.append(effect)
+        else:
+            found += [replace(with_searched(sensitivities, effect, x), tries=tries) for x in values]
     if waves:
         found += promising_waves(sensitivities, waves, found)
     order = {effect.identity: i for i, effect in enumerate(effects)}
