@@ -195,11 +195,11 @@ def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
     weighted : bool
         Whether residuals are taken as parts of their stated uncertainty.
     """
-    found, weight_of_unit = _pure_error(fit, weighted), 1.0 if weighted else _of_weighted(fit)
+    found, unit = _pure_error(fit, weighted), 1.0 if weighted else _of_weighted(fit)
     correlation = fit.dependence.correlation
-    share = independent_share(fit) if found.differences >= FEW_POSES else 1 / _readings_of_a_pose(fit)
+    share = independent_share(fit, found.cells, shown=found.differences >= FEW_POSES)
     found = replace(found, share=share)
-    least = (correlation.of_neighbours * weight_of_unit) ** 2
+    least = (correlation.of_neighbours * unit) ** 2
     drifts = correlation.claimed and (correlation.wanders or correlation.size("run") > 0)
     if drifts and found.count >= 1 and found.variance > least:
         return replace(found, variance=least, drifting=found.variance)
@@ -237,24 +237,24 @@ def _pure_error(fit: Fit, weighted: bool) -> Replicates:
     )
 
 
-def _readings_of_a_pose(fit: Fit) -> float:
-    return float(
-        np.count_nonzero(~fit.outliers) / max(len(np.unique(fit.observations.pose[~fit.outliers])), 1)
-    )
-
-
-def independent_share(fit: Fit) -> float:
-    """Return the effective degrees of freedom of sums of squares, as part of those of independent readings.
+def independent_share(fit: Fit, readings: int, *, shown: bool = True) -> float:
+    """Return the effective degrees of freedom of a sum of squares, as part of those of independent readings.
 
     The variance of a sum of squares of n readings of which any two have the correlation ρ is 1 + (n - 1) ρ² times as
     large.
+
+    Parameters
+    ----------
+    readings : int
+        Of all poses.
+    shown : bool
+        Whether there are enough poses to show what their readings share; else it may be all.
     """
     correlation = fit.dependence.correlation
-    shared = float(correlation.size(""))
-    if not shared > 0:
-        return 1.0
-    rho = float(shared**2 / (shared**2 + correlation.white**2))
-    return 1 / (1 + (_readings_of_a_pose(fit) - 1) * rho**2)
+    shared = float(correlation.size("")) ** 2
+    rho = 1.0 if not shown else shared / (shared + correlation.white**2) if shared > 0 else 0.0
+    each = readings / max(len(np.unique(fit.observations.pose[~fit.outliers])), 1)
+    return float(1 / (1 + (each - 1) * rho**2))
 
 
 def _in_one_basis(fit: Fit, order: Index, group: Index) -> Array:
@@ -433,6 +433,6 @@ def _against_stated(fit: Fit) -> LackOfFit | None:
     left = fit.degrees_of_freedom
     if left < 1:
         return None
-    dof, ratio = max(independent_share(fit) * left, 1.0), fit.chi_square / left
+    dof, ratio = max(independent_share(fit, fit.rows) * left, 1.0), fit.chi_square / left
     p = max(float(special.chdtrc(dof, dof * ratio)), SMALLEST_P)
     return LackOfFit(p, float(np.sqrt(ratio)), "stated", dof * ratio, (dof,))
