@@ -82,7 +82,8 @@ class Replicates:
     squares: float
     """Weighted sum of the squares of all cells' residuals."""
     share: float
-    """Part of the degrees of freedom that remains because readings of one pose depend on each other."""
+    """Part of the degrees of freedom that remains because components are unequally uncertain, and readings of one pose
+    depend on each other."""
     drifting: float | None = None
     """Variance with what runs or a wander of the set-up add, where these show."""
 
@@ -198,7 +199,7 @@ def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
     found, unit = _pure_error(fit, weighted), 1.0 if weighted else _of_weighted(fit)
     correlation = fit.dependence.correlation
     share = independent_share(fit, found.cells, shown=found.differences >= FEW_POSES)
-    found = replace(found, share=share)
+    found = replace(found, share=share * found.share)
     least = (correlation.of_neighbours * unit) ** 2
     drifts = correlation.claimed and (correlation.wanders or correlation.size("run") > 0)
     if drifts and found.count >= 1 and found.variance > least:
@@ -222,18 +223,18 @@ def _pure_error(fit: Fit, weighted: bool) -> Replicates:
     starts, counts = stretches(group)
     total = np.add.reduceat(weight, starts)
     mean = np.add.reduceat(weight * value, starts) / total
-    squares = np.sum(weight * (value - np.repeat(mean, counts, axis=0)) ** 2)
+    squares = np.sum(weight * (value - np.repeat(mean, counts, axis=0)) ** 2, axis=0)
     count = value.size - mean.size - _differing_parameters(fit)
     some = np.repeat(counts > 1, counts)
     poses, groups = len(np.unique(pose[some])), len(np.unique(o.pose[order[starts]][counts > 1]))
     return Replicates(
-        float(squares) / count if count >= 1 else math.nan,
+        float(squares.sum()) / count if count >= 1 else math.nan,
         count,
         poses,
         poses - groups,
         len(order),
         float(np.sum(weight * value**2)),
-        1.0,
+        float(squares.sum() ** 2 / (squares @ squares) / len(squares)) if squares.any() else 1.0,
     )
 
 
