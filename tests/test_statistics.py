@@ -150,6 +150,63 @@ def test_restricted_likelihood_is_that_of_patterson_and_thompson() -> None:
     np.testing.assert_array_equal(taken.wander, part.wander)
 
 
+@pytest.mark.parametrize("least", [0.0, 4.0])
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("pose t",),
+        ("wander r",),
+        ("run r", "position t"),
+        ("pose r", "wander t", "wander r", "position r", "run t"),
+    ],
+)
+def test_the_slope_of_the_likelihood_is_that_of_differences(names: tuple[str, ...], least: float) -> None:
+    random = np.random.default_rng(len(names))
+    pose = np.repeat(np.arange(40), 2)
+    poses = Poses.among(pose, pose // 13, random.uniform(0.9, 1.1, 80).cumsum(), pose % 7)
+    motion = SharedMotion(poses, random.normal(size=(80, 3, 3)))
+    X = np.linalg.qr(random.normal(size=(240, 5)))[0]
+    columns = np.column_stack([X, random.normal(size=(240, 3))]).reshape(80, 3, -1)
+    likelihood = RestrictedLikelihood(Moments(motion, columns), 240, 5, GROUPS, least)
+    sizes = random.uniform(0.3, 1.5, len(names))
+    now = likelihood.at(names, sizes, 4.0 if any(n.startswith("wander") for n in names) else np.inf)
+    x = np.log([*sizes, *[4.0] * now.wanders])
+    steps = 1e-5 * np.eye(len(x))
+    ends = [[likelihood._moved(now, x + sign * step)[0].likelihood for sign in (1, -1)] for step in steps]
+    slope, information = likelihood._derivatives(*likelihood._moved(now, x))
+    np.testing.assert_allclose(slope, np.diff(ends)[:, 0] / -2e-5, rtol=1e-6, atol=1e-6)
+    assert np.linalg.eigvalsh(information)[0] > 0
+
+
+def test_the_average_information_is_that_of_gilmour_thompson_and_cullis() -> None:
+    random = np.random.default_rng(7)
+    motion, H, at = made(8, random)
+    N = len(H)
+    X, y = np.linalg.qr(random.normal(size=(N, 4)))[0], 3 * random.normal(size=N)
+    likelihood = RestrictedLikelihood(
+        Moments(motion, np.column_stack([X, y]).reshape(N // 3, 3, -1)), N, 4, GROUPS
+    )
+    now = likelihood.at(("pose t", "wander r"), (0.7, 1.3), 3.0)
+
+    def matrix(x: np.ndarray) -> np.ndarray:
+        shared, wander = np.array([x[0], x[0], 0]), np.array([0, 0, x[1]])
+        return covariance(
+            H,
+            at,
+            MotionDeviations(np.exp(shared) * (shared != 0), np.exp(wander) * (wander != 0), np.exp(x[2])),
+        )
+
+    x, V = np.log([0.7, 1.3, 3.0]), matrix(np.log([0.7, 1.3, 3.0]))
+    changes = [(matrix(x + step) - matrix(x - step)) / 2e-5 for step in 1e-5 * np.eye(3)] + [V]
+    inverse = np.linalg.inv(V)
+    P = inverse - inverse @ X @ np.linalg.solve(X.T @ inverse @ X, X.T @ inverse)
+    f = np.stack([change @ P @ y for change in changes], axis=1) / np.sqrt(now.variance)
+    whole = f.T @ P @ f / 2
+    expected = whole[:3, :3] - np.outer(whole[:3, 3], whole[:3, 3]) / whole[3, 3]
+    found = likelihood._derivatives(*likelihood._weighed(now))[1]
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+
+
 def test_a_climb_ends_where_a_search_by_scipy_does() -> None:
     random = np.random.default_rng(8)
     motion, H, at = made(40, random)

@@ -32,7 +32,7 @@ from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.digits import resolution
 from rodgen.statistics.thresholds import VARIANCES
 from rodgen.statistics.variance_components import VarianceComponents, VarianceEstimator
-from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion, Whitener
+from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion, Weighted, Whitener
 from rodgen.views import Result
 
 LEAST_POSES = 8
@@ -193,8 +193,10 @@ class Correlation:
         """
         if self.components is None or self._motion is None or self.deviations is None:
             return 0.0
-        nothing = np.zeros((*self._motion.columns.shape[:2], 1))
-        return Moments(self._motion, nothing).inverse(self.deviations)[1] + self.components.price
+        nothing = np.ones((*self._motion.columns.shape[:2], 1))
+        return (
+            Weighted(Moments(self._motion, nothing), self.deviations).log_determinant + self.components.price
+        )
 
     @cached_property
     def deviations(self) -> MotionDeviations | None:

@@ -25,7 +25,7 @@ import numpy as np
 from rodgen.array_types import Array, Index
 from rodgen.statistics.columns import directions_above, orthonormal_basis, project_out
 from rodgen.statistics.decompositions import eigh
-from rodgen.statistics.whitening import Moments, MotionDeviations, SharedMotion, Whitener
+from rodgen.statistics.whitening import Moments, MotionDeviations, SharedMotion, Weighted, Whitener, sums
 
 MOST_EFFECTS = 6
 """Most effects that are taken as fixed, one after the other."""
@@ -42,12 +42,10 @@ of a pose too small, by half for three points; beyond it, rounding decides (1e-5
 LONGEST_VARIANCE = 5.0
 """Correlation time, in durations of a run, beyond which the wander is a random walk."""
 
-STEP = 0.1
-"""Of a logarithm, for derivatives by differences: third derivatives change the curvature by less than a hundredth."""
 LONGEST = 1.5
-"""Step of a logarithm at most: far from the maximum second derivatives tell little."""
+"""Step of a logarithm at most: far from the maximum the information tells little."""
 FLATTEST = 1e-3
-"""Curvature at least: a direction without any is not followed to infinity."""
+"""Information at least: a direction without any is not followed to infinity."""
 CLIMBS, HALVINGS = 15, 4
 """Steps of a climb, and shorter trials of one, at most; three to five steps are usual."""
 RISE = 0.01
@@ -140,21 +138,24 @@ class RestrictedLikelihood:
 
     def at(self, names: Sequence[str], sizes: Sequence[float], time: float) -> VarianceComponents:
         """Evaluate the restricted likelihood, of which the variance of the readings' own errors is the best."""
-        there = VarianceComponents(tuple(names), tuple(sizes), time, -np.inf, 1.0)
+        return self._weighed(VarianceComponents(tuple(names), tuple(sizes), time, -np.inf, 1.0))[0]
+
+    def _weighed(self, there: VarianceComponents) -> tuple[VarianceComponents, Weighted | None]:
+        """Return components with their likelihood, and the products that it was made of; None where it is zero."""
         try:
-            products, log_determinant = self.moments.inverse(self.deviations(there))
-            diagonal = np.diagonal(np.linalg.cholesky(products))
+            weighted = Weighted(self.moments, self.deviations(there))
         except np.linalg.LinAlgError:
-            return there
+            return there, None
+        diagonal = weighted.triangle.diagonal()[weighted.levels :]
         left = float(diagonal[-1] ** 2)  # what the fixed effects leave
         variance = max(left / self.dof, self.least)
         if not variance > 0:
-            return there
+            return there, None
         of_fixed = float(np.sum(np.log(diagonal[: self.fixed])))
         excess = left / variance - self.dof  # 0 where the variance is the best
-        likelihood = -0.5 * (self.dof * np.log(variance) + excess + log_determinant) - of_fixed
+        likelihood = -0.5 * (self.dof * np.log(variance) + excess + weighted.log_determinant) - of_fixed
         price = self.price * (len(there.names) + there.wanders)
-        return replace(there, likelihood=likelihood, variance=variance, price=price)
+        return replace(there, likelihood=likelihood, variance=variance, price=price), weighted
 
     def cost(self, found: VarianceComponents) -> float:
         """Return the cost of components: -2 ln of the likelihood, and the price of their number."""
@@ -241,12 +242,12 @@ class RestrictedLikelihood:
         time share, of 2, 4, 8, ... poses.
         """
         for kind in kinds:
-            sums = self.moments.gram, self.moments.onto
+            products = self.moments.gram, self.moments.onto
             if kind in ("position", "run"):
                 level = getattr(self.poses, kind)
-                sums = _sums(sums[0], level), _sums(sums[1], level)
+                products = sums(products[0], level), sums(products[1], level)
             if kind != "wander":
-                yield from self._signs_of(kind, *sums, np.inf)
+                yield from self._signs_of(kind, *products, np.inf)
                 continue
             run, length = self.poses.run, 1
             while True:
@@ -255,8 +256,8 @@ class RestrictedLikelihood:
                 if len(starts) in (1, len(run)):
                     break
                 run, length = run[starts], 2 * length
-                sums = np.add.reduceat(sums[0], starts), np.add.reduceat(sums[1], starts)
-                yield from self._signs_of(kind, *sums, length / 2 * self.poses.spacing)
+                products = np.add.reduceat(products[0], starts), np.add.reduceat(products[1], starts)
+                yield from self._signs_of(kind, *products, length / 2 * self.poses.spacing)
 
     def _signs_of(
         self, kind: str, gram: Array, onto: Array, time: float
@@ -280,76 +281,66 @@ class RestrictedLikelihood:
     def climbed(self, start: VarianceComponents) -> VarianceComponents:
         """Climb to a maximum by logarithms of sizes and time; parts that are negligible there are removed.
 
-        By Newton's method with derivatives by differences. A curvature that is not that of a maximum counts with the
-        other sign, so that steps go up.
+        By steps with the average information (Gilmour, Thompson and Cullis 1995), which is never negative, so that
+        steps go up.
         """
         if not start.names or not np.isfinite(start.likelihood):
             return start
-        best = start
         low = np.log([*[SMALLEST / 3] * len(start.sizes), *[self.shortest] * start.wanders])
         high = np.log([*[LARGEST] * len(start.sizes), *[self.longest] * start.wanders])
         at = np.clip(_logarithms(start), low, high)
+        best, weighted = self._moved(start, at)
         for _ in range(CLIMBS):
-            slope, curvature = self._derivatives(best, at)
+            slope, information = self._derivatives(best, weighted)
             free = ~(((at <= low) & (slope < 0)) | ((at >= high) & (slope > 0)))
             known = np.diag(np.where(free, 0.0, 1 / SAME))  # what a bound holds has no error
-            known[np.ix_(free, free)] = curvature[np.ix_(free, free)]
+            known[np.ix_(free, free)] = information[np.ix_(free, free)]
             best = replace(best, information=known)
             if not free.any():
                 break
-            values, vectors = eigh(curvature[np.ix_(free, free)])
+            values, vectors = eigh(information[np.ix_(free, free)])
             along = vectors.T @ slope[free]
             step = np.zeros(len(at))
-            step[free] = vectors @ (along / np.maximum(np.abs(values), FLATTEST))
+            step[free] = vectors @ (along / np.maximum(values, FLATTEST))
             step *= min(1.0, LONGEST / max(float(np.abs(step).max()), LONGEST))
             if slope @ step < RISE:
                 break
             for _ in range(HALVINGS):
                 to = np.clip(at + step, low, high)
-                there = self._moved(best, to)
+                there, further = self._moved(best, to)
                 if there.likelihood > best.likelihood:
                     break
                 step = step / 4
             else:
                 break
-            at, best = to, there
+            at, best, weighted = to, there, further
         kept = [i for i, size in enumerate(best.sizes) if size > SMALLEST]
         if len(kept) == len(best.sizes):
             return best
         fewer = self.at([best.names[i] for i in kept], [best.sizes[i] for i in kept], best.time)
         return self.climbed(fewer if fewer.wanders else self.at(fewer.names, fewer.sizes, np.inf))
 
-    def _moved(self, now: VarianceComponents, logarithms: Array) -> VarianceComponents:
-        values = np.exp(logarithms).tolist()
+    def _moved(
+        self, now: VarianceComponents, logarithms: Array
+    ) -> tuple[VarianceComponents, Weighted | None]:
+        values = tuple(np.exp(logarithms).tolist())
         count = len(now.names)
-        return self.at(now.names, values[:count], values[count] if now.wanders else np.inf)
+        time = values[count] if now.wanders else np.inf
+        return self._weighed(
+            replace(now, sizes=values[:count], time=time, likelihood=-np.inf, information=None)
+        )
 
-    def _derivatives(self, now: VarianceComponents, at: Array) -> tuple[Array, Array]:
-        """Return the slope, and minus the second derivatives, by logarithms."""
-        p, middle = len(at), now.likelihood
-        steps = STEP * np.eye(p)
-        ahead = np.array([self._moved(now, at + step).likelihood for step in steps])
-        behind = np.array([self._moved(now, at - step).likelihood for step in steps])
-        curvature = np.diag((2 * middle - ahead - behind) / STEP**2)
-        for i in range(p):
-            for j in range(i):
-                both = self._moved(now, at + steps[i] + steps[j]).likelihood
-                curvature[i, j] = curvature[j, i] = (ahead[i] + ahead[j] - both - middle) / STEP**2
-        slope = (ahead - behind) / (2 * STEP)
-        if not (np.isfinite(slope).all() and np.isfinite(curvature).all()):
-            return np.zeros(p), np.zeros((p, p))  # beyond the range of numbers no step is known
-        return slope, curvature
+    def _derivatives(self, now: VarianceComponents, weighted: Weighted | None) -> tuple[Array, Array]:
+        """Return the slope and the information by logarithms of sizes and time; zeros where there is no likelihood."""
+        parts = [(kind, self.groups[group]) for kind, group in map(str.split, now.names)]
+        parts += [("time", slice(None))] * now.wanders
+        if weighted is None:
+            return np.zeros(len(parts)), np.zeros((len(parts), len(parts)))
+        return weighted.score(parts, self.fixed, now.variance, profiled=now.variance > self.least)
 
 
 def _logarithms(found: VarianceComponents) -> Array:
     return np.log([*found.sizes, *[found.time] * found.wanders])
-
-
-def _sums(values: Array, level: Index) -> Array:
-    """Return the sums of values of poses over each level."""
-    found = np.zeros((int(level.max()) + 1, *values.shape[1:]))
-    np.add.at(found, level, values)
-    return found
 
 
 # Components and effects together.

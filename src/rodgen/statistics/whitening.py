@@ -16,8 +16,7 @@ are few: what they share is taken in afterwards, as a matrix of as many columns.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from copy import copy
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -309,7 +308,8 @@ class Whitener:
     def _predicted(self, filtered: _Filter, columns: Array) -> Array:
         motion = self.motion
         P, k, K = motion.poses.count, len(filtered.free), columns.shape[2]
-        side = self._wander * self._shared.onto(motion.onto(columns))[:, filtered.free]
+        onto = motion.onto(columns)
+        side = self._wander * self._shared.less(onto, self._shared.solved(onto))[:, filtered.free]
         known = _forward(filtered.factor, side.reshape(P * k, K)).reshape(P, k, K)
         expected = np.zeros((P, k, K))
         expected[1:] = filtered.keeps[1:, None, None] * (self._mean[:-1] @ known[:-1])
@@ -325,62 +325,152 @@ class Moments:
     """
 
     def __init__(self, motion: SharedMotion, columns: Array) -> None:
-        flat = columns.reshape(-1, columns.shape[2])
+        flat = columns.reshape(columns.shape[0] * columns.shape[1], columns.shape[2])
         self.poses = motion.poses
         self.gram = motion.gram()
         self.onto = motion.onto(columns)
         self.square = flat.T @ flat
-        self._latest: tuple[bytes, _Shared, Array, Array] | None = None
 
-    def of(self, columns: Index) -> Moments:
-        """Return the sums of some of the columns."""
-        found = copy(self)
-        found.onto = self.onto[:, :, columns]
-        found.square = self.square[np.ix_(columns, columns)]
-        found._latest = None
-        return found
 
-    def inverse(self, deviations: MotionDeviations) -> tuple[Array, float]:
-        """Return Cᵀ V⁻¹ C, (K, K), and log |V|."""
-        shared, products, onto = self._without_shared(deviations.shared)
-        gram, logarithm = shared.gram, shared.log_determinant
-        (P, k), K = gram.shape[:2], onto.shape[2]
-        free = np.flatnonzero(deviations.wander)
-        wander = deviations.wander[free][:, None]
-        if len(free):
-            band, log_chain = _information(self.poses.gap, gram, deviations, free)
-            factor = _triangle(band)
-            known = _forward(factor, (wander * onto[:, free]).reshape(-1, K))
-            products = products - known.T @ known
-            logarithm += 2 * float(np.sum(np.log(factor[0]))) + log_chain
-        levels = self.poses.level_columns(deviations)
+class Weighted:
+    """Products of columns C with V⁻¹, and how they change with the variances.
+
+    What positions and runs share, H Λ with V = V₂ + H Λ Λᵀ Hᵀ, is taken for further columns, Y = (H Λ, C). The triangle
+    of Yᵀ V₂⁻¹ Y, plus 1 on the diagonal for each column of H Λ, then has in its upper rows |V| / |V₂|, and in the
+    others the triangle of Cᵀ V⁻¹ C.
+
+    Attributes
+    ----------
+    log_determinant : float
+        log |V|.
+    levels : int
+        Number of columns of H Λ.
+    triangle : ndarray, shape (levels + K, levels + K)
+        Lower.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        When columns depend on each other, or numbers leave the range of doubles.
+    """
+
+    def __init__(self, moments: Moments, deviations: MotionDeviations) -> None:
+        self._poses, self._gram, self._deviations = moments.poses, moments.gram, deviations
+        self._shared = _Shared(self._gram, deviations.shared)
+        self._free = np.flatnonzero(deviations.wander)
+        self._wander = deviations.wander[self._free][:, None]
+        logarithm = self._shared.log_determinant
+        if len(self._free):
+            self._chain = _Chain.of(self._poses.gap, deviations.time)
+            self._band = _information(self._chain, self._shared.gram, deviations, self._free)
+            self._factor = _triangle(self._band)
+            logarithm += 2 * float(np.sum(np.log(self._factor[0])))
+            logarithm += len(self._free) * self._chain.log_determinant
+        self._onto, square, self.levels = moments.onto, moments.square, 0
+        levels = self._poses.level_columns(deviations)
         if levels is not None:
-            L = levels.shape[2]
-            moved = gram @ levels
-            flat = levels.reshape(P * k, L)
-            inner = flat.T @ moved.reshape(P * k, L)
-            side = flat.T @ onto.reshape(P * k, K)
-            if len(free):
-                across = _forward(factor, (wander * moved[:, free]).reshape(-1, L))
-                inner -= across.T @ across
-                side -= across.T @ known
-            triangle = np.linalg.cholesky(np.eye(L) + inner)
-            known = np.linalg.solve(triangle, side)
-            products = products - known.T @ known
-            logarithm += 2 * float(np.sum(np.log(np.diagonal(triangle))))
-        return products, logarithm
+            self.levels, moved = levels.shape[2], self._gram @ levels
+            side = _product(levels, moments.onto)
+            self._onto = np.concatenate([moved, moments.onto], axis=2)
+            square = np.block([[_product(levels, moved), side], [side.T, square]])
+        self._within, self._half = self._halved(self._onto)
+        square = square - self._half.T @ self._half
+        leading = np.arange(self.levels)
+        self._of_levels = square[leading, leading]
+        square[leading, leading] += 1.0
+        self.triangle = np.linalg.cholesky(square)
+        self.log_determinant = logarithm + 2 * float(np.sum(np.log(self.triangle[leading, leading])))
 
-    def _without_shared(self, deviations: Array) -> tuple[_Shared, Array, Array]:
-        """Return what the pose's part leaves: its inverse, Cᵀ(…)⁻¹C and Hᵀ(…)⁻¹C."""
-        key = deviations.tobytes()
-        if self._latest is None or self._latest[0] != key:  # other parts leave that of the pose as it is
-            shared, products, onto = _Shared(self.gram, deviations), self.square, self.onto
-            if deviations.any():
-                solved = shared.solved(self.onto)
-                flat = solved.reshape(-1, solved.shape[2])
-                products, onto = products - flat.T @ flat, shared.less(self.onto, solved)
-            self._latest = key, shared, products, onto
-        return self._latest[1:]
+    def _halved(self, onto: Array) -> tuple[Array, Array]:
+        """Return Hᵀ(I + H cov(u) Hᵀ)⁻¹Y of Hᵀ Y, and that whose square is YᵀY less Yᵀ V₂⁻¹ Y."""
+        solved, K = self._shared.solved(onto), onto.shape[2]
+        within, half = self._shared.less(onto, solved), solved.reshape(-1, K)
+        if not len(self._free):
+            return within, half
+        side = (self._wander * within[:, self._free]).reshape(-1, K)
+        return within, np.concatenate([half, _forward(self._factor, side)])
+
+    def score(
+        self, parts: Sequence[tuple[str, slice]], fixed: int, variance: float, *, profiled: bool
+    ) -> tuple[Array, Array]:
+        """Return the slope of the restricted likelihood of the last column, and its average information.
+
+        By the logarithm of a standard deviation, V has the derivative 2 H D Hᵀ, D that part of the covariance of the
+        motion; by that of the correlation time, 2 D = -W C (C⁻¹)' C W, W C W the covariance of what wanders. With r, of
+        variance σ², what all other columns leave of the last one, and P = V⁻¹ - V⁻¹X (XᵀV⁻¹X)⁻¹ XᵀV⁻¹, the slope is
+
+            rᵀ V⁻¹ H D Hᵀ V⁻¹ r / σ² - tr P H D Hᵀ
+
+        and the information the mean of that expected and that observed, 2 fᵀ P f, where f = H D Hᵀ V⁻¹ r / σ (Gilmour,
+        Thompson and Cullis 1995). The traces ask for the blocks of M⁻¹ on its diagonal and next to it only.
+
+        Parameters
+        ----------
+        parts : sequence of (kind, degrees of freedom)
+            That share a standard deviation; of kind ``"time"`` for the correlation time.
+        fixed : int
+            Number of columns of X, the first.
+        variance : float
+            σ².
+        profiled : bool
+            Whether σ² is the likeliest.
+
+        Returns
+        -------
+        slope : ndarray, shape (parts,)
+        information : ndarray, shape (parts, parts)
+        """
+        inverse = np.linalg.inv(self.triangle)
+        residual = inverse[-1] * (self.triangle[-1, -1] / np.sqrt(variance))
+        directions = np.column_stack([inverse[: self.levels + fixed].T, residual])
+        changes = self._changes(directions, {kind for kind, _ in parts})
+        slope = np.array([np.sum(changes[kind][0][of]) for kind, of in parts])
+        moves = np.zeros((*self._gram.shape[:2], len(parts)))
+        for i, (kind, of) in enumerate(parts):
+            moves[:, of, i] = changes[kind][1][:, of]
+        onto = self._gram @ moves
+        half = self._halved(onto)[1]
+        seen = (inverse if profiled else inverse[:-1]) @ (_product(self._onto, moves) - self._half.T @ half)
+        return slope, 2 * (_product(moves, onto) - half.T @ half - seen.T @ seen)
+
+    def _changes(self, directions: Array, kinds: set[str]) -> dict[str, tuple[Array, Array]]:
+        """Return the slope of each kind along each degree of freedom, (k,), and D HᵀV⁻¹ r / σ of each pose, (P, k)."""
+        deviations, gram, free, (P, k) = self._deviations, self._shared.gram, self._free, self._gram.shape[:2]
+        along, own = self._within @ directions, np.einsum("pii->i", gram)
+        found = {}
+        if len(free):
+            w, chain, count = self._wander, self._chain, len(free)
+            x = _forward(self._factor, self._half[-P * count :] @ directions, "T").reshape(P, count, -1)
+            across = gram[:, :, free] * w[:, 0]
+            along = along - across @ x
+            blocks, beside = _inverse_blocks(self._band, self._factor, chain.off_diagonal, count)
+            own = own - np.einsum("pij,pij->i", across @ blocks, across)
+            inner = np.einsum("pii->pi", blocks)
+            diagonal, off_diagonal, logarithm = chain.by_time
+            rate = diagonal[:, None, None] * x
+            rate[1:] += off_diagonal[1:, None, None] * x[:-1]
+            rate[:-1] += off_diagonal[1:, None, None] * x[1:]
+            traces = chain.diagonal @ inner + 2 * chain.off_diagonal @ beside - P
+            wander = np.einsum("pka,pka->k", along[:, free], w * x) + traces
+            traces = logarithm + diagonal @ inner + 2 * off_diagonal @ beside
+            time = -(np.einsum("pka,pka->k", x, rate) + traces) / 2
+            later = -_solved(chain.band(1), rate[:, :, -1]) / 2
+            for kind, slope, move in (("wander", wander, x[:, :, -1]), ("time", time, later)):
+                found[kind] = np.zeros(k), np.zeros((P, k))
+                found[kind][0][free], found[kind][1][:, free] = slope, w[:, 0] * move
+        for kind in kinds - {"wander", "time"}:
+            size = deviations.shared if kind == "pose" else getattr(deviations, kind)
+            some, moved, trace = np.flatnonzero(size), along, size**2 * own
+            if kind != "pose":
+                level = getattr(self._poses, kind)
+                moved = sums(along, level)[level]
+                of_kind = len(some) * (int(level.max()) + 1)
+                columns = self._of_levels[:of_kind] if kind == "position" else self._of_levels[-of_kind:]
+                trace = np.zeros(k)
+                trace[some] = columns.reshape(len(some), -1).sum(axis=1)
+            slope = size**2 * np.einsum("pka,pka->k", along, moved) - trace
+            found[kind] = slope, size**2 * moved[:, :, -1]
+        return found
 
 
 class _Shared:
@@ -388,40 +478,28 @@ class _Shared:
 
     def __init__(self, gram: Array, shared: Array) -> None:
         self._free = np.flatnonzero(shared)
-        self.gram = gram
-        self.log_determinant = 0.0
-        if not len(self._free):
-            return
         s = shared[self._free]
-        self._across = gram[:, self._free] * s[:, None]  # half Hᵀ H, (P, u, k)
-        inner = self._across[:, :, self._free] * s
-        inner[:, np.arange(len(s)), np.arange(len(s))] += 1.0
-        factor = np.linalg.cholesky(inner)
-        self._s = s
-        diagonal = np.diagonal(factor, axis1=1, axis2=2)
-        self.log_determinant = 2 * float(np.sum(np.log(diagonal)))
-        self._inverse = np.linalg.inv(factor)
-        half = self._inverse @ self._across
-        self._half = half
-        self.gram = gram - np.swapaxes(half, 1, 2) @ half
+        across = gram[:, self._free] * s[:, None]  # half Hᵀ H, (P, u, k)
+        factor = np.linalg.cholesky(np.eye(len(s)) + across[:, :, self._free] * s)
+        self.log_determinant = 2 * float(np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2))))
+        inverse = np.linalg.inv(factor)
+        self._inverse, self._half = inverse * s, inverse @ across
+        self.gram = gram - np.swapaxes(self._half, 1, 2) @ self._half
 
     def solved(self, onto: Array) -> Array:
         """Return what CᵀC less Cᵀ(…)⁻¹C is the square of, of Hᵀ C."""
-        return np.asarray((self._inverse * self._s) @ onto[:, self._free])
+        return np.asarray(self._inverse @ onto[:, self._free])
 
     def less(self, onto: Array, solved: Array) -> Array:
         """Return Hᵀ(…)⁻¹C of Hᵀ C, and of what is solved."""
         return np.asarray(onto - np.swapaxes(self._half, 1, 2) @ solved)
-
-    def onto(self, onto: Array) -> Array:
-        """Return Hᵀ(…)⁻¹C of Hᵀ C."""
-        return self.less(onto, self.solved(onto)) if len(self._free) else onto
 
 
 @dataclass(frozen=True, eq=False)
 class _Chain:
     """The inverse covariance of the process with variance 1, a band."""
 
+    ratio: Array  # (P,) of the gap to the correlation time; 0 for the first of a run
     keeps: Array  # (P,) part of the last pose's x that remains
     new: Array  # (P,) variance that is added
     diagonal: Array  # (P,)
@@ -434,12 +512,20 @@ class _Chain:
         keeps, new = np.exp(-ratio), -np.expm1(-2 * ratio)
         off_diagonal = -keeps / new
         return cls(
+            np.where(np.isinf(gap), 0.0, ratio),
             keeps,
             new,
             1 / new - _onward(keeps * off_diagonal),
             off_diagonal,
             float(np.sum(np.log(new))),
         )
+
+    @property
+    def by_time(self) -> tuple[Array, Array, float]:
+        """The derivatives of the diagonals and of the determinant by the logarithm of the correlation time."""
+        change = 2 * self.ratio * (self.keeps / self.new) ** 2
+        beside = -self.ratio * self.keeps * (1 + self.keeps**2) / self.new**2
+        return change + _onward(change), beside, -float(change @ self.new)
 
     def band(self, k: int) -> Array:
         """Return its lower band, of k processes that are independent of each other."""
@@ -455,17 +541,16 @@ def _onward(values: Array) -> Array:
     return np.append(values[1:], 0.0)
 
 
-def _information(gap: Array, gram: Array, deviations: MotionDeviations, free: Index) -> tuple[Array, float]:
-    """Return the lower band of M, and log |cov(x)|."""
-    k, P = len(free), len(gap)
-    chain = _Chain.of(gap, deviations.time)
+def _information(chain: _Chain, gram: Array, deviations: MotionDeviations, free: Index) -> Array:
+    """Return the lower band of M."""
+    k, P = len(free), len(gram)
     band = chain.band(k)
     w = deviations.wander[free]
     block = w[:, None] * gram[:, free][:, :, free] * w
     for i in range(k):
         for j in range(i + 1):
             band[i - j].reshape(P, k)[:, j] += block[:, i, j]
-    return band, k * chain.log_determinant
+    return band
 
 
 def _triangle(band: Array) -> Array:
@@ -484,13 +569,13 @@ def _solved(band: Array, side: Array) -> Array:
     return np.asarray(cho_solve_banded((_triangle(band), True), side, check_finite=False))
 
 
-def _forward(factor: Array, side: Array) -> Array:
-    """Solve a lower triangular band."""
+def _forward(factor: Array, side: Array, transposed: str = "N") -> Array:
+    """Solve a lower triangular band, or its transpose."""
     if not side.shape[1]:
         return side  # LAPACK writes where there is nothing
     from scipy.linalg.lapack import dtbtrs
 
-    found, failed = dtbtrs(factor, side, uplo="L")
+    found, failed = dtbtrs(factor, side, uplo="L", trans=transposed)
     if failed:
         raise np.linalg.LinAlgError("a band is singular")
     return np.asarray(found)
@@ -506,14 +591,43 @@ def _blocks(factor: Array, k: int) -> Array:
     return found
 
 
+def _inverse_blocks(band: Array, factor: Array, beside: Array, k: int) -> tuple[Array, Array]:
+    """Return the blocks on the diagonal of M⁻¹, (P, k, k), and the diagonals of those left of them, (P, k).
+
+    The inverse of one on the diagonal is the block of M, less what the poses before explain of it, and those after.
+    """
+    before, own = _blocks(factor, k), _blocks(band, k)
+    before = before @ np.swapaxes(before, 1, 2)
+    own = own + np.swapaxes(np.tril(own, -1), 1, 2)
+    flipped = np.zeros_like(band)
+    for i, row in enumerate(band):
+        flipped[i, : len(row) - i] = row[: len(row) - i][::-1]
+    after = _blocks(_triangle(flipped), k)
+    after = (after @ np.swapaxes(after, 1, 2))[::-1, ::-1, ::-1]
+    found, left = np.asarray(np.linalg.inv(before + after - own)), np.zeros((len(own), k))
+    left[1:] = -beside[1:, None] * np.einsum("pij,pji->pi", found[1:], np.linalg.inv(before[:-1]))
+    return found, left
+
+
+def _product(one: Array, other: Array) -> Array:
+    """Return the products, (K, L), of columns (P, k, K) with columns (P, k, L)."""
+    return one.reshape(-1, one.shape[2]).T @ other.reshape(-1, other.shape[2])
+
+
+def sums(values: Array, level: Index) -> Array:
+    """Return the sums of values of poses, (P, ...), over each level, (levels, ...)."""
+    found = np.zeros((int(level.max()) + 1, *values.shape[1:]))
+    np.add.at(found, level, values)
+    return found
+
+
 def _filtered(poses: Poses, gram: Array, deviations: MotionDeviations) -> _Filter | None:
     free = np.flatnonzero(deviations.wander)
     if not len(free):
         return None
     k = len(free)
-    band, _ = _information(poses.gap, gram, deviations, free)
-    factor = _triangle(band)
     chain = _Chain.of(poses.gap, deviations.time)
+    factor = _triangle(_information(chain, gram, deviations, free))
     keeps, new = chain.keeps, chain.new
     block = _blocks(factor, k)
     precision = block @ np.swapaxes(block, 1, 2)
