@@ -17,14 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Mask
-from rodgen.calibration.determinacy import Determinacy
+from rodgen.calibration.fitted import Fit
 from rodgen.calibration.positions import positions_of
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.solve.least_squares import Solution
 from rodgen.calibration.words import capitalized, two_digits
 from rodgen.data.units import readable
 from rodgen.errors import joined
-from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.observations import Observations
 from rodgen.statistics.columns import orthonormal_basis, project_out, unit_columns
@@ -60,66 +58,6 @@ FEWEST_LEVELS = 3
 """Poses, positions or runs that tell a variance at least: nine numbers of translations."""
 MOST_LEVELS = 300
 """Motions of positions that are estimated at most: their matrix is a dense one."""
-
-
-class Fitted(Protocol):
-    """What is asked of a fit."""
-
-    @property
-    def observations(self) -> Observations:
-        """The readings."""
-
-    @property
-    def problem(self) -> Problem:
-        """What was solved."""
-
-    @property
-    def solution(self) -> Solution:
-        """Its solution."""
-
-    @property
-    def free(self) -> tuple[int, ...]:
-        """Numbers of the parameters that were adjusted."""
-
-    @property
-    def outliers(self) -> Mask:
-        """Rows that are not believed."""
-
-    @property
-    def moving(self) -> tuple[int, ...]:
-        """Numbers of the parameters that were adjusted and are at no bound."""
-
-    @property
-    def determinacy(self) -> Determinacy:
-        """What the data determine."""
-
-    @property
-    def machine(self) -> Machine:
-        """The machine with its fitted values."""
-
-    @property
-    def residuals(self) -> Any:
-        """Measured less predicted, (n, m)."""
-
-    @property
-    def unit(self) -> str:
-        """What residuals are shown in."""
-
-    @property
-    def unit_factor(self) -> float:
-        """Internal value of one unit."""
-
-    @property
-    def rows(self) -> int:
-        """Number of rows that are believed."""
-
-    @property
-    def variance_factor(self) -> float:
-        """What the covariance is multiplied by."""
-
-    @property
-    def independent_covariance(self) -> Array:
-        """Covariance of the parameters if readings are independent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +228,7 @@ class LinearRows(Protocol):
     """Rows of a fit with the derivatives of their weighted residuals."""
 
     @property
-    def fit(self) -> Fitted:
+    def fit(self) -> Fit:
         """The fit."""
 
     @property
@@ -328,7 +266,7 @@ class FitRows:
         Derivatives with respect to all parameters.
     """
 
-    fit: Fitted
+    fit: Fit
     rows: NDArray[np.int_]
     observations: Observations
     weight: Array
@@ -337,12 +275,12 @@ class FitRows:
     frame: Array
 
     @classmethod
-    def of(cls, fit: Fitted) -> FitRows:
+    def of(cls, fit: Fit) -> FitRows:
         """Return the rows of a fit, without outliers; of very many a sample."""
         return cls.at(fit, sample_of(fit.observations, ~fit.outliers))
 
     @classmethod
-    def at(cls, fit: Fitted, rows: NDArray[np.int_]) -> FitRows:
+    def at(cls, fit: Fit, rows: NDArray[np.int_]) -> FitRows:
         """Return some rows of a fit."""
         theta, frame = fit.solution.theta, fit.solution.frame
         problem = fit.problem if len(rows) == fit.observations.n else fit.problem.take(rows)
@@ -409,7 +347,7 @@ class Dependence(Result):
         )
 
 
-def dependence(fit: Fitted) -> Dependence:
+def dependence(fit: Fit) -> Dependence:
     """Return how the errors of a fit's readings depend on each other.
 
     Notes
