@@ -227,14 +227,14 @@ def promising_waves(
             yield replace(found, tries=float(len(tried)))
 
 
-def number_tried(rows: FitRows | Sensitivities, effect: Effect) -> float:
+def number_tried(rows: FitRows, effect: Effect) -> float:
     """Return the number of independent tests that the values tried for a searched parameter amount to."""
     count = float(len(list(_tried(rows, effect))))
     # Time constants are much alike: twelve amount to four to six tests (measured), and count as seven.
     return max(count if _is_wave(effect) or count <= 1 else 1 + count / 2, 1.0)
 
 
-def _tried(sensitivities: FitRows | Sensitivities, effect: Effect) -> Iterator[dict[str, float]]:
+def _tried(sensitivities: FitRows, effect: Effect) -> Iterator[dict[str, float]]:
     """Yield values of the parameters that do not enter linearly."""
     searched = effect.definition.searched
     if not searched:
@@ -263,7 +263,7 @@ def _tried(sensitivities: FitRows | Sensitivities, effect: Effect) -> Iterator[d
                 yield {name: float((q[-1] - q[0]) / waves)}
 
 
-def _number(sensitivities: FitRows | Sensitivities, effect: Effect) -> int:
+def _number(sensitivities: FitRows, effect: Effect) -> int:
     return sensitivities.fit.machine.number_of(str(effect.place))
 
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -224,45 +224,19 @@ INDEPENDENT = Correlation(0.0)
 """Of readings without an error, and of those that nothing is fitted to."""
 
 
-class LinearRows(Protocol):
-    """Rows of a fit with the derivatives of their weighted residuals."""
-
-    @property
-    def fit(self) -> Fit:
-        """The fit."""
-
-    @property
-    def observations(self) -> Observations:
-        """These rows."""
-
-    @property
-    def weight(self) -> Array:
-        """Weights, (n, m)."""
-
-    @property
-    def residual(self) -> Array:
-        """Weighted residuals, (n, m)."""
-
-    @property
-    def model(self) -> Array:
-        """Derivatives with respect to the parameters that the fit adjusted, (n, m, p)."""
-
-    @property
-    def frame(self) -> Array:
-        """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions."""
-
-
 @dataclass(frozen=True, eq=False)
 class FitRows:
-    """The rows of a fit that its correlation is estimated on.
+    """Rows of a fit with the derivatives of their weighted residuals, which its correlation is estimated on.
 
     Attributes
     ----------
-    fit, observations, weight, residual, frame
-        As of `LinearRows`.
     rows : ndarray of int, shape (n,)
-        Their numbers among the fit's observations.
-    jacobian : ndarray, shape (n, m, parameters)
+        Their numbers among the fit's observations; no outliers.
+    observations : Observations
+        These rows.
+    weight, residual : ndarray, shape (n, m)
+        Weights, and weighted residuals.
+    columns : ndarray, shape (n, m, parameters)
         Derivatives with respect to all parameters.
     """
 
@@ -271,8 +245,7 @@ class FitRows:
     observations: Observations
     weight: Array
     residual: Array
-    jacobian: Array
-    frame: Array
+    columns: Array
 
     @classmethod
     def of(cls, fit: Fit) -> FitRows:
@@ -284,21 +257,21 @@ class FitRows:
         """Return some rows of a fit."""
         theta, frame = fit.solution.theta, fit.solution.frame
         problem = fit.problem if len(rows) == fit.observations.n else fit.problem.take(rows)
-        o, weight = problem.observations, problem.weight
-        return cls(
-            fit,
-            rows,
-            o,
-            weight,
-            problem.residuals(theta, frame, weighted=True),
-            problem.jacobian(theta, frame),
-            frame_motion(problem.model, o, theta, frame, weight),
+        residual = problem.residuals(theta, frame, weighted=True)
+        return FitRows(
+            fit, rows, problem.observations, problem.weight, residual, problem.jacobian(theta, frame)
         )
 
     @property
     def model(self) -> Array:
         """Derivatives with respect to the parameters that the fit adjusted, (n, m, p)."""
-        return np.asarray(self.jacobian[:, :, list(self.fit.moving)])
+        return np.asarray(self.columns[:, :, list(self.fit.moving)])
+
+    @cached_property
+    def frame(self) -> Array:
+        """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions."""
+        model, solution = self.fit.problem.model, self.fit.solution
+        return frame_motion(model, self.observations, solution.theta, solution.frame, self.weight)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -371,8 +344,8 @@ def dependence(fit: Fit) -> Dependence:
             return Dependence(found, None)
     single = fit.determinacy.covariance
     with one_thread_in_blas():
-        n, m, p = rows.jacobian.shape
-        columns = (rows.jacobian.reshape(n * m, p) @ single).reshape(n, m, p)
+        n, m, p = rows.columns.shape
+        columns = (rows.columns.reshape(n * m, p) @ single).reshape(n, m, p)
         part = len(rows.residual) / max(fit.rows, 1)
         covariance = found.covariance_of(columns) / part
         if fit.problem.file_values.is_prior or fit.determinacy.held:
@@ -384,7 +357,7 @@ def dependence(fit: Fit) -> Dependence:
 
 
 def estimate_correlation(
-    rows: LinearRows,
+    rows: FitRows,
     nuisance: Array | Sequence[Array],
     tries: Sequence[float] | None = None,
     included: Sequence[Array] = (),
@@ -416,7 +389,7 @@ def estimate_correlation(
 
 
 def _estimate(
-    linear: LinearRows,
+    linear: FitRows,
     nuisance: Array | Sequence[Array],
     tries: Sequence[float] | None,
     included: Sequence[Array],
@@ -481,7 +454,7 @@ def _many(level: NDArray[np.int_] | None, dof: int) -> bool:
     return level is not None and FEWEST_LEVELS <= int(level.max(initial=0)) + 1 <= MOST_LEVELS // dof
 
 
-def _least_error(linear: LinearRows, believed: Mask, kinds: Sequence[str]) -> float:
+def _least_error(linear: FitRows, believed: Mask, kinds: Sequence[str]) -> float:
     """Return the least error that a reading has by itself, weighted: its rounding, or what is stated.
 
     Of what is stated, readings of one pose may share a part.
@@ -493,7 +466,7 @@ def _least_error(linear: LinearRows, believed: Mask, kinds: Sequence[str]) -> fl
     return max(rounding, 1.0 if stated else 0.0)
 
 
-def shared_motion(linear: LinearRows, *, runs: bool = True) -> tuple[SharedMotion, dict[str, slice]]:
+def shared_motion(linear: FitRows, *, runs: bool = True) -> tuple[SharedMotion, dict[str, slice]]:
     """Return the frame's motion in units of what it does to the mean reading, and its degrees of freedom by name.
 
     Parameters
@@ -517,7 +490,7 @@ def shared_motion(linear: LinearRows, *, runs: bool = True) -> tuple[SharedMotio
     return SharedMotion(poses, H), groups
 
 
-def believed_readings(linear: LinearRows) -> NDArray[np.bool_]:
+def believed_readings(linear: FitRows) -> NDArray[np.bool_]:
     """Return which readings the fit does not leave out, (n, m)."""
     weight = np.broadcast_to(linear.weight, linear.residual.shape)
     return np.asarray(weight > NO_READING * weight.max(initial=0.0))

@@ -11,18 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.calibration.dependence import frame_motion, sample_of
+from rodgen.calibration.dependence import FitRows, sample_of
 from rodgen.calibration.possible_effects import bare_effects, bare_key, problem_with
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.machines.machine import Effect
-from rodgen.machines.observations import Observations
 from rodgen.machines.structure import CLOSED, GRAVITY, TENSION
 
 if TYPE_CHECKING:
@@ -40,20 +37,9 @@ MOMENTS = frozenset({"M", "M_perp", "M_across", "M_guide"})
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivities:
+class Sensitivities(FitRows):
     """A fit's residuals and their derivatives with respect to everything that an effect may change."""
 
-    fit: Fit
-    """At whose parameters the derivatives are taken."""
-    rows: NDArray[np.int_]
-    """Rows of the fit's observations that decisions are made on; no outliers, (n,)."""
-    observations: Observations
-    """These rows."""
-    weight: Array
-    residual: Array
-    """Weights, and weighted residuals, (n, m)."""
-    columns: Array
-    """Derivatives of the weighted residuals, (n, m, parameters)."""
     index: Mapping[str, int]
     """Number of each parameter's column, by its key."""
     words: dict[Place, dict[str, Any]] = field(default_factory=dict, repr=False)
@@ -86,12 +72,6 @@ class Sensitivities:
         """Derivatives with respect to the parameters that the fit can change, (n, m, p)."""
         moving = [self.index[self.fit.parameters[i].key] for i in self.fit.moving]
         return np.asarray(self.columns[:, :, moving])
-
-    @cached_property
-    def frame(self) -> Array:
-        """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions."""
-        model, solution = self.fit.problem.model, self.fit.solution
-        return frame_motion(model, self.observations, solution.theta, solution.frame, self.weight)
 
     @property
     def middle(self) -> Array:

@@ -100,7 +100,7 @@ def _candidate(rows: FitRows, larger: Fit, effect: Effect) -> Candidate | None:
     return Candidate(
         effect,
         tuple(larger.parameters[i].key for i in linear),
-        np.ascontiguousarray(rows.jacobian[:, :, linear]),
+        np.ascontiguousarray(rows.columns[:, :, linear]),
         searched,
         tries=number_tried(rows, effect) if searched else 1.0,
         prior=replace(prior, log_odds=max(prior.log_odds, -COST.impossible)),
