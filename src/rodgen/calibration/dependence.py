@@ -166,19 +166,18 @@ class Correlation:
             return None
         return Whitener(self._motion, self.deviations)
 
-    @cached_property
-    def _within_error(self) -> list[tuple[MotionDeviations, MotionDeviations]]:
-        """Deviations one standard error of their estimates away, to both sides along independent directions."""
-        found, motion = self.components, self._motion
-        if found is None or motion is None or found.information is None:
+    def _errors(self) -> list[Array]:
+        """Return standard errors of the logarithms of sizes and time, along independent directions."""
+        if self.components is None or self.components.information is None:
             return []
-        values, vectors = eigh(found.information)
-        steps = (vectors / np.sqrt(np.maximum(values, 0.0) + WIDEST**-2)).T
+        values, vectors = eigh(self.components.information)
+        return [*(vectors / np.sqrt(np.maximum(values, 0.0) + WIDEST**-2)).T]
 
-        def moved(step: Array) -> MotionDeviations:
-            return found.deviations(self._groups, motion.dof, np.exp(step))
-
-        return [(moved(step), moved(-step)) for step in steps]
+    def _moved(self, step: Array) -> MotionDeviations:
+        """Return the deviations where logarithms of sizes and time are others."""
+        assert self.components is not None
+        assert self._motion is not None
+        return self.components.deviations(self._groups, self._motion.dof, np.exp(step))
 
     def covariance_of(self, columns: Array) -> Array:
         """Return the covariance of sums of the errors of weighted readings, (K, K); readings must depend on each other.
@@ -199,8 +198,8 @@ class Correlation:
             onto = motion.onto(columns)
             spread = motion.covariance_of(deviations, columns, onto)
             error = np.zeros(len(spread))  # variance of log v
-            for pair in self._within_error:
-                one, other = (motion.variances_of(end, columns, onto) for end in pair)
+            for step in self._errors():
+                one, other = (motion.variances_of(self._moved(x), columns, onto) for x in (step, -step))
                 error += np.log(np.divide(one, other, out=np.ones_like(one), where=other > 0)) ** 2 / 4
             enlarged = 1 / np.sqrt(1 - np.minimum(error, UNCERTAIN))
             return np.asarray(self.white**2 * spread * np.outer(enlarged, enlarged))
@@ -208,16 +207,15 @@ class Correlation:
     @property
     def cautious(self) -> MotionDeviations | None:
         """Deviations that are one standard error larger along each direction in which they were estimated."""
-        found = estimated = self.deviations
-        if found is None or estimated is None:
+        if self.deviations is None:
             return None
-        for pair in self._within_error:
-            larger = max(
-                pair,
-                key=lambda end: sum(float(x @ x) for x in (end.shared, end.wander, end.position, end.run)),
-            )
-            found = found.times(larger, estimated)
-        return found
+
+        def size(step: Array) -> float:
+            end = self._moved(step)
+            return sum(float(x @ x) for x in (end.shared, end.wander, end.position, end.run))
+
+        errors = self._errors()
+        return self._moved(sum((max(x, -x, key=size) for x in errors), np.zeros(len(errors))))
 
 
 INDEPENDENT = Correlation(0.0)
@@ -304,16 +302,7 @@ class Dependence(Result):
         """A sentence on what the standard deviations allow for."""
         if self.independent:
             return "The standard deviations are those of independent readings: no errors that they share are seen."
-        found = self.correlation
-        who = []
-        if found.size("pose"):
-            who.append("the readings of one pose")
-        if found.size("position"):
-            who.append("those of one position")
-        if found.size("run"):
-            who.append("those of one run")
-        if found.wanders:
-            who.append("successive poses")
+        who = [words for kind, words, _ in SHARED if self.correlation.size(kind)]
         return (
             f"{capitalized(joined(who))} share errors; the standard deviations allow for that, and are up to "
             f"{self.factor:.2g} times those of independent readings."
@@ -357,8 +346,8 @@ def dependence(fit: Fit) -> Dependence:
 
 
 def estimate_correlation(
-    rows: FitRows,
-    nuisance: Array | Sequence[Array],
+    linear: FitRows,
+    nuisance: Sequence[Array],
     tries: Sequence[float] | None = None,
     included: Sequence[Array] = (),
     *,
@@ -369,9 +358,8 @@ def estimate_correlation(
 
     Parameters
     ----------
-    nuisance : sequence of ndarray, each of shape (n, m, k), or ndarray, shape (n, m, K)
-        Columns of each candidate, or of all with each column by itself; the columns of the fit's own parameters are
-        always projected out.
+    nuisance : sequence of ndarray, each of shape (n, m, k)
+        Columns of each candidate; the columns of the fit's own parameters are always projected out.
     tries : sequence of float, optional
         Number of independent tests that the values tried for each candidate amount to; left out: one of each.
     included : sequence of ndarray, each of shape (n, m, k)
@@ -385,73 +373,58 @@ def estimate_correlation(
     if alone is not None and alone.independent:
         return alone
     with one_thread_in_blas():
-        return _estimate(rows, nuisance, tries, included, runs, alone)
-
-
-def _estimate(
-    linear: FitRows,
-    nuisance: Array | Sequence[Array],
-    tries: Sequence[float] | None,
-    included: Sequence[Array],
-    runs: bool,
-    alone: Correlation | None,
-) -> Correlation:
-    fit, o = linear.fit, linear.observations
-    believed = believed_readings(linear)
-    motion, groups = shared_motion(linear, runs=runs)
-    poses = motion.poses
-    rows = _chosen(poses.count)[poses.of]
-    rows &= _often_read(o.target, rows)
-    some = poses.taken(rows)
-    residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
-    readings = int(believed[rows].sum())
-    model = np.concatenate([linear.model, *included], axis=2)
-    model = _flat(model[rows])
-    basis = orthonormal_basis(
-        model[:, model.any(axis=0)]
-    )  # not with the columns of all targets that are left out
-    residual = project_out(basis, residual)
-    dof = readings - basis.shape[1]
-    scatter = float(residual @ residual)
-    rounding = NO_RESIDUAL**2 * fit.problem.scale * len(some.of) / max(fit.problem.count, 1)
-    if dof < 1 or scatter <= rounding:
-        return INDEPENDENT
-    white = float(np.sqrt(scatter / dof))
-    known = np.bincount(poses.of[believed.any(axis=1)], minlength=poses.count)
-    effects = (
-        [nuisance[:, :, [i]] for i in range(nuisance.shape[2])]
-        if isinstance(nuisance, np.ndarray)
-        else nuisance
-    )
-    columns = [_flat(effect[rows]) for effect in effects]
-    sample = SharedMotion(some, motion.columns[rows])
-    kinds = ["pose"] if int(np.count_nonzero(known > 1)) >= FEWEST_LEVELS else []
-    levels = ("position", "run") if runs else ("position",)
-    kinds += [kind for kind in levels if _many(getattr(some, kind), motion.dof)]
-    kinds += ["wander"] if np.count_nonzero(known) >= LEAST_POSES else []
-    if not kinds or dof < LEAST_POSES:
-        return Correlation(white)
-    least = _least_error(linear, believed, kinds) / white
-    sample = SharedMotion(some, motion.columns[rows])
-    estimator = VarianceEstimator(sample, groups, basis, columns, residual / white, readings, tries, least**2)
-    components = estimator.best(kinds, None if alone is None else alone.components)
-    if not components.names:
-        return Correlation(white)
-    white *= float(np.sqrt(components.variance))
-    found = Correlation(white, components, "", motion, groups)
-    # where readings scatter no more than their stated noise, nothing else is needed
-    within_noise = o.sigma is not None and scatter <= dof
-    if components.gain - components.price <= VARIANCES.claimed or within_noise:
-        return found
-    typical = 1 / (
-        float(np.median(np.broadcast_to(linear.weight, believed.shape)[believed])) * fit.unit_factor
-    )
-    return replace(found, text=_text(found, typical, fit.unit, poses))
-
-
-def _many(level: NDArray[np.int_] | None, dof: int) -> bool:
-    """Return whether there are enough positions or runs to tell a variance, and not too many."""
-    return level is not None and FEWEST_LEVELS <= int(level.max(initial=0)) + 1 <= MOST_LEVELS // dof
+        fit, o = linear.fit, linear.observations
+        believed = believed_readings(linear)
+        motion, groups = shared_motion(linear, runs=runs)
+        poses = motion.poses
+        rows = _chosen(poses.count)[poses.of]
+        rows &= _often_read(o.target, rows)
+        some = poses.taken(rows)
+        residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
+        readings = int(believed[rows].sum())
+        model = np.concatenate([linear.model, *included], axis=2)
+        model = _flat(model[rows])
+        basis = orthonormal_basis(
+            model[:, model.any(axis=0)]
+        )  # not with the columns of all targets that are left out
+        residual = project_out(basis, residual)
+        dof = readings - basis.shape[1]
+        scatter = float(residual @ residual)
+        rounding = NO_RESIDUAL**2 * fit.problem.scale * len(some.of) / max(fit.problem.count, 1)
+        if dof < 1 or scatter <= rounding:
+            return INDEPENDENT
+        white = float(np.sqrt(scatter / dof))
+        known = np.bincount(poses.of[believed.any(axis=1)], minlength=poses.count)
+        columns = [_flat(effect[rows]) for effect in nuisance]
+        kinds = ["pose"] if int(np.count_nonzero(known > 1)) >= FEWEST_LEVELS else []
+        levels = {"position": some.position} | ({"run": some.run} if runs else {})
+        kinds += [
+            kind
+            for kind, level in levels.items()
+            if level is not None
+            and FEWEST_LEVELS <= int(level.max(initial=0)) + 1 <= MOST_LEVELS // motion.dof
+        ]
+        kinds += ["wander"] if np.count_nonzero(known) >= LEAST_POSES else []
+        if not kinds or dof < LEAST_POSES:
+            return Correlation(white)
+        least = _least_error(linear, believed, kinds) / white
+        sample = SharedMotion(some, motion.columns[rows])
+        estimator = VarianceEstimator(
+            sample, groups, basis, columns, residual / white, readings, tries, least**2
+        )
+        components = estimator.best(kinds, None if alone is None else alone.components)
+        if not components.names:
+            return Correlation(white)
+        white *= float(np.sqrt(components.variance))
+        found = Correlation(white, components, "", motion, groups)
+        # where readings scatter no more than their stated noise, nothing else is needed
+        within_noise = o.sigma is not None and scatter <= dof
+        if components.gain - components.price <= VARIANCES.claimed or within_noise:
+            return found
+        typical = 1 / (
+            float(np.median(np.broadcast_to(linear.weight, believed.shape)[believed])) * fit.unit_factor
+        )
+        return replace(found, text=_text(found, typical, fit.unit, poses))
 
 
 def _least_error(linear: FitRows, believed: Mask, kinds: Sequence[str]) -> float:
@@ -529,13 +502,13 @@ def _sized(size: float, unit: str) -> str:
 def _text(found: Correlation, typical: float, unit: str, poses: Poses) -> str:
     """Return the sentence; `typical` brings a weighted residual to the fit's unit."""
     parts = []
-    for kind, words in SHARED:
+    for kind, _, words in SHARED:
         if found.size(kind):
             parts.append(f"{words} {_sized(typical * found.size(kind), unit)}")
     if found.wanders:
         parts[-1] += f" {_time(found.time, poses)}"
     text = ", and ".join(parts)
-    if found.white < NO_ERROR * math.hypot(*(found.size(kind) for kind, _ in SHARED)):
+    if found.white < NO_ERROR * math.hypot(*(found.size(kind) for kind, _, _ in SHARED)):
         return f"{capitalized(text)}; single readings have no error of their own compared with that."
     alone = _sized(typical * found.white, unit)
     if not found.size("pose") and np.bincount(poses.of).max() > 1:
@@ -546,11 +519,12 @@ def _text(found: Correlation, typical: float, unit: str, poses: Poses) -> str:
 
 
 SHARED = (
-    ("pose", "readings of one pose share an error of"),
-    ("position", "readings of one position share an error of"),
-    ("run", "runs differ by"),
-    ("wander", "the set-up wanders by"),
+    ("pose", "the readings of one pose", "readings of one pose share an error of"),
+    ("position", "those of one position", "readings of one position share an error of"),
+    ("run", "those of one run", "runs differ by"),
+    ("wander", "successive poses", "the set-up wanders by"),
 )
+"""What shares errors of each kind, and how a sentence on them begins."""
 
 
 def _time(time: float, poses: Poses) -> str:

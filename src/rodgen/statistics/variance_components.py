@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -79,6 +80,11 @@ class VarianceComponents:
     def wanders(self) -> bool:
         """Whether something wanders."""
         return any(name.startswith("wander") for name in self.names)
+
+    @property
+    def cost(self) -> float:
+        """-2 ln of the likelihood, and the price of their number."""
+        return self.price - 2 * self.likelihood
 
     def deviations(
         self, groups: dict[str, slice], dof: int, factors: Array | None = None
@@ -157,17 +163,18 @@ class RestrictedLikelihood:
         price = self.price * (len(there.names) + there.wanders)
         return replace(there, likelihood=likelihood, variance=variance, price=price), weighted
 
-    def cost(self, found: VarianceComponents) -> float:
-        """Return the cost of components: -2 ln of the likelihood, and the price of their number."""
-        return found.price - 2 * found.likelihood
+    @cached_property
+    def independent(self) -> VarianceComponents:
+        """No component."""
+        return self.at((), (), np.inf)
 
     def best(self, kinds: Sequence[str]) -> VarianceComponents:
         """Return the cheapest components of some kinds."""
-        now = self.at((), (), np.inf)
+        now = self.independent
         starts = self._starts(kinds)
         while starts:
-            best = min((self._pruned(self.climbed(start)) for start in starts), key=self.cost)
-            if self.cost(best) >= self.cost(now):
+            best = min((self._pruned(self.climbed(start)) for start in starts), key=lambda x: x.cost)
+            if best.cost >= now.cost:
                 break
             now = best
             there = {name.split()[0] for name in now.names}
@@ -181,9 +188,9 @@ class RestrictedLikelihood:
             of_kind = signs.setdefault(name.split()[0], {})
             of_kind[name] = max(of_kind.get(name, (0.0, 0.0, 0.0)), (square, size, time))
         starts = []
-        for of_kind in signs.values():
+        for kind, of_kind in signs.items():
             square, _, time = max(of_kind.values())
-            if square > self.price:
+            if square > self.price * (1 + (kind == "wander")):  # less than that is not worth what it costs
                 starts.append(self.at(tuple(of_kind), [size for _, size, _ in of_kind.values()], time))
         return starts
 
@@ -207,9 +214,9 @@ class RestrictedLikelihood:
     def _pruned(self, now: VarianceComponents) -> VarianceComponents:
         """Return the components without those that are not worth their price beside the others."""
         while len(now.names) > 1:
-            fewer = min((self._without(now, i) for i in range(len(now.names))), key=self.cost)
-            best = fewer if self.cost(fewer) > self.cost(now) + 2 * self.price else self.climbed(fewer)
-            if self.cost(best) >= self.cost(now):
+            fewer = min((self._without(now, i) for i in range(len(now.names))), key=lambda x: x.cost)
+            best = fewer if fewer.cost > now.cost + 2 * self.price else self.climbed(fewer)
+            if best.cost >= now.cost:
                 break
             now = best
         return now
@@ -396,8 +403,7 @@ class VarianceEstimator:
                 own = np.concatenate([self.own, fixed], axis=1)
                 likelihood = self._likelihood(own, fixed[:, :0])
                 found = likelihood.best(kinds)
-        independent = likelihood.at((), (), np.inf)
-        return replace(found, gain=2 * (found.likelihood - independent.likelihood))
+        return replace(found, gain=2 * (found.likelihood - likelihood.independent.likelihood))
 
     def _likelihood(self, fixed: Array, further: Array) -> RestrictedLikelihood:
         whole = np.concatenate([fixed, further, self.residual[:, None]], axis=1)
@@ -413,7 +419,7 @@ class VarianceEstimator:
         """
         seen = _visible_parts(self.own, self.effects)
         first = self._grown(seen, found, [])
-        none = self._likelihood(self.own, self.own[:, :0]).at((), (), np.inf)
+        none = self._likelihood(self.own, self.own[:, :0]).independent
         _, alone, _ = self._grown(seen, none, [])
         further = _together(seen, alone)
         second = self._grown(seen, self._likelihood(self.own, further).best(kinds), alone) if alone else first
@@ -446,7 +452,7 @@ class VarianceEstimator:
     def _cost(self, seen: Sequence[Array], chosen: Sequence[int], found: VarianceComponents) -> float:
         price = np.log(max(self.readings - self.own.shape[1], 2))
         effects = sum(price * seen[i].shape[1] + 2 * (self.log_tries[i] + np.log(len(seen))) for i in chosen)
-        return float(found.price - 2 * found.likelihood + effects)
+        return float(found.cost + effects)
 
     def _promising(self, seen: Sequence[Array], now: VarianceComponents, chosen: Sequence[int]) -> list[int]:
         """Return the effects that lower the cost most, as readings are taken to be now, or were independent."""

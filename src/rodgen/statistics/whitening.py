@@ -169,29 +169,6 @@ class MotionDeviations:
     run: Array = field(default_factory=lambda: np.zeros(0))
     """Of what all poses at one position, and of a run, share, (k,); empty where they share nothing."""
 
-    def times(self, one: MotionDeviations, other: MotionDeviations) -> MotionDeviations:
-        """Return these, times the ratio of one to another."""
-        ratios = (
-            np.divide(a, b, out=np.ones_like(b), where=b > 0)
-            for a, b in (
-                (getattr(one, name), getattr(other, name)) for name in ("shared", "wander", "position", "run")
-            )
-        )
-        own = (self.shared, self.wander, self.position, self.run)
-        shared, wander, position, run = (x * ratio for x, ratio in zip(own, ratios, strict=True))
-        return MotionDeviations(shared, wander, self.time * one.time / other.time, position, run)
-
-
-@dataclass(frozen=True, eq=False)
-class _Filter:
-    """What the poses before predict of the motion x of each pose."""
-
-    free: Index  # degrees of freedom that wander
-    factor: Array  # lower band of the triangle of M
-    keeps: Array  # (P,) part of the last pose's x that remains
-    precision: Array  # (P, k, k) of x, given the poses up to this one
-    covariance: Array  # (P, k, k) of x, given the poses before
-
 
 @dataclass(frozen=True, eq=False)
 class SharedMotion:
@@ -258,19 +235,20 @@ class Whitener:
     """L⁻¹, L Lᵀ = V, ready for any columns."""
 
     def __init__(self, motion: SharedMotion, deviations: MotionDeviations) -> None:
-        self.motion = motion
-        gram = motion.gram()
-        self._shared = _Shared(gram, deviations.shared)
-        self._filter = _filtered(motion.poses, self._shared.gram, deviations)
+        self.motion, gram = motion, motion.gram()
+        self._poses = poses = _Poses(motion.poses, gram, deviations)
         spread = np.broadcast_to(np.diag(deviations.shared**2), gram.shape).copy()
-        if self._filter is not None:
-            free = self._filter.free
-            self._wander = deviations.wander[free][:, None]
-            spread[np.ix_(np.arange(len(gram)), free, free)] += (
-                self._wander * self._filter.covariance * self._wander[:, 0]
-            )
-            # a pose's mean, from what the factor knows: precision⁻¹ (block of the factor)
-            self._mean = np.linalg.solve(self._filter.precision, _blocks(self._filter.factor, len(free)))
+        if len(free := poses.free):
+            k, chain, w = np.arange(len(free)), poses.chain, poses.wander
+            block = _blocks(poses.factor, len(free))
+            precision = block @ np.swapaxes(block, 1, 2)  # of x, given the poses up to this one
+            precision[:, k, k] -= _onward(chain.keeps**2 / chain.new)[:, None]
+            covariance = np.broadcast_to(np.eye(len(free)), precision.shape).copy()  # given the poses before
+            before, kept = np.linalg.inv(precision[:-1]), chain.keeps[1:, None, None]
+            covariance[1:] = kept**2 * before + chain.new[1:, None, None] * np.eye(len(free))
+            spread[np.ix_(np.arange(len(gram)), free, free)] += w * covariance * w[:, 0]
+            # what the poses before predict of a pose, from what the factor knows
+            self._mean = kept * np.linalg.solve(precision[:-1], block[:-1])
         self._inner = _inverse_root(gram, spread)
         self._levels: tuple[Array, Array] | None = None
         levels = motion.poses.level_columns(deviations)
@@ -299,21 +277,21 @@ class Whitener:
         step = max(1, AT_ONCE // max(1, n * max(m, motion.dof)))
         for start in range(0, K, step):
             some = columns[:, :, start : start + step]
-            if self._filter is not None:
-                some = some - self._predicted(self._filter, some)
+            if len(self._poses.free):
+                some = some - self._predicted(some)
             along = (self._inner @ motion.onto(some))[motion.poses.of]
             found[:, :, start : start + step] = some - motion.columns @ along
         return found
 
-    def _predicted(self, filtered: _Filter, columns: Array) -> Array:
-        motion = self.motion
-        P, k, K = motion.poses.count, len(filtered.free), columns.shape[2]
-        onto = motion.onto(columns)
-        side = self._wander * self._shared.less(onto, self._shared.solved(onto))[:, filtered.free]
-        known = _forward(filtered.factor, side.reshape(P * k, K)).reshape(P, k, K)
-        expected = np.zeros((P, k, K))
-        expected[1:] = filtered.keeps[1:, None, None] * (self._mean[:-1] @ known[:-1])
-        return np.asarray(motion.columns[:, :, filtered.free] @ (self._wander * expected)[motion.poses.of])
+    def _predicted(self, columns: Array) -> Array:
+        motion, poses, expected = (
+            self.motion,
+            self._poses,
+            np.zeros((self.motion.poses.count, len(self._poses.free), columns.shape[2])),
+        )
+        known = poses.halved(motion.onto(columns))[1][-expected[..., 0].size :].reshape(expected.shape)
+        expected[1:] = self._mean @ known[:-1]
+        return np.asarray(motion.columns[:, :, poses.free] @ (poses.wander * expected)[motion.poses.of])
 
 
 class Moments:
@@ -355,40 +333,24 @@ class Weighted:
     """
 
     def __init__(self, moments: Moments, deviations: MotionDeviations) -> None:
-        self._poses, self._gram, self._deviations = moments.poses, moments.gram, deviations
-        self._shared = _Shared(self._gram, deviations.shared)
-        self._free = np.flatnonzero(deviations.wander)
-        self._wander = deviations.wander[self._free][:, None]
-        logarithm = self._shared.log_determinant
-        if len(self._free):
-            self._chain = _Chain.of(self._poses.gap, deviations.time)
-            self._band = _information(self._chain, self._shared.gram, deviations, self._free)
-            self._factor = _triangle(self._band)
-            logarithm += 2 * float(np.sum(np.log(self._factor[0])))
-            logarithm += len(self._free) * self._chain.log_determinant
+        self._gram, self._deviations, self._of = moments.gram, deviations, moments.poses
+        self._poses = _Poses(moments.poses, moments.gram, deviations)
         self._onto, square, self.levels = moments.onto, moments.square, 0
-        levels = self._poses.level_columns(deviations)
+        levels = moments.poses.level_columns(deviations)
         if levels is not None:
             self.levels, moved = levels.shape[2], self._gram @ levels
             side = _product(levels, moments.onto)
             self._onto = np.concatenate([moved, moments.onto], axis=2)
             square = np.block([[_product(levels, moved), side], [side.T, square]])
-        self._within, self._half = self._halved(self._onto)
+        self._within, self._half = self._poses.halved(self._onto)
         square = square - self._half.T @ self._half
         leading = np.arange(self.levels)
         self._of_levels = square[leading, leading]
         square[leading, leading] += 1.0
         self.triangle = np.linalg.cholesky(square)
-        self.log_determinant = logarithm + 2 * float(np.sum(np.log(self.triangle[leading, leading])))
-
-    def _halved(self, onto: Array) -> tuple[Array, Array]:
-        """Return Hᵀ(I + H cov(u) Hᵀ)⁻¹Y of Hᵀ Y, and that whose square is YᵀY less Yᵀ V₂⁻¹ Y."""
-        solved, K = self._shared.solved(onto), onto.shape[2]
-        within, half = self._shared.less(onto, solved), solved.reshape(-1, K)
-        if not len(self._free):
-            return within, half
-        side = (self._wander * within[:, self._free]).reshape(-1, K)
-        return within, np.concatenate([half, _forward(self._factor, side)])
+        self.log_determinant = self._poses.log_determinant + 2 * float(
+            np.sum(np.log(self.triangle[leading, leading]))
+        )
 
     def score(
         self, parts: Sequence[tuple[str, slice]], fixed: int, variance: float, *, profiled: bool
@@ -429,21 +391,26 @@ class Weighted:
         for i, (kind, of) in enumerate(parts):
             moves[:, of, i] = changes[kind][1][:, of]
         onto = self._gram @ moves
-        half = self._halved(onto)[1]
+        half = self._poses.halved(onto)[1]
         seen = (inverse if profiled else inverse[:-1]) @ (_product(self._onto, moves) - self._half.T @ half)
         return slope, 2 * (_product(moves, onto) - half.T @ half - seen.T @ seen)
 
     def _changes(self, directions: Array, kinds: set[str]) -> dict[str, tuple[Array, Array]]:
         """Return the slope of each kind along each degree of freedom, (k,), and D HᵀV⁻¹ r / σ of each pose, (P, k)."""
-        deviations, gram, free, (P, k) = self._deviations, self._shared.gram, self._free, self._gram.shape[:2]
+        deviations, poses, gram, (P, k) = (
+            self._deviations,
+            self._poses,
+            self._poses.gram,
+            self._gram.shape[:2],
+        )
         along, own = self._within @ directions, np.einsum("pii->i", gram)
         found = {}
-        if len(free):
-            w, chain, count = self._wander, self._chain, len(free)
-            x = _forward(self._factor, self._half[-P * count :] @ directions, "T").reshape(P, count, -1)
+        if count := len(free := poses.free):
+            w, chain = poses.wander, poses.chain
+            x = _forward(poses.factor, self._half[-P * count :] @ directions, "T").reshape(P, count, -1)
             across = gram[:, :, free] * w[:, 0]
             along = along - across @ x
-            blocks, beside = _inverse_blocks(self._band, self._factor, chain.off_diagonal, count)
+            blocks, beside = _inverse_blocks(poses.band, poses.factor, chain.off_diagonal, count)
             own = own - np.einsum("pij,pij->i", across @ blocks, across)
             inner = np.einsum("pii->pi", blocks)
             diagonal, off_diagonal, logarithm = chain.by_time
@@ -462,7 +429,7 @@ class Weighted:
             size = deviations.shared if kind == "pose" else getattr(deviations, kind)
             some, moved, trace = np.flatnonzero(size), along, size**2 * own
             if kind != "pose":
-                level = getattr(self._poses, kind)
+                level = getattr(self._of, kind)
                 moved = sums(along, level)[level]
                 of_kind = len(some) * (int(level.max()) + 1)
                 columns = self._of_levels[:of_kind] if kind == "position" else self._of_levels[-of_kind:]
@@ -473,26 +440,40 @@ class Weighted:
         return found
 
 
-class _Shared:
-    """The inverse of I + H cov(u) Hᵀ, seen through H."""
+class _Poses:
+    """What V₂⁻¹ is made of: the inverses of I + H cov(u) Hᵀ of each pose, and the triangle of M."""
 
-    def __init__(self, gram: Array, shared: Array) -> None:
-        self._free = np.flatnonzero(shared)
-        s = shared[self._free]
-        across = gram[:, self._free] * s[:, None]  # half Hᵀ H, (P, u, k)
-        factor = np.linalg.cholesky(np.eye(len(s)) + across[:, :, self._free] * s)
-        self.log_determinant = 2 * float(np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2))))
-        inverse = np.linalg.inv(factor)
+    def __init__(self, poses: Poses, gram: Array, deviations: MotionDeviations) -> None:
+        self._shared, self.free = np.flatnonzero(deviations.shared), np.flatnonzero(deviations.wander)
+        s = deviations.shared[self._shared]
+        across = gram[:, self._shared] * s[:, None]  # half Hᵀ H, (P, u, k)
+        within = np.linalg.cholesky(np.eye(len(s)) + across[:, :, self._shared] * s)
+        inverse = np.linalg.inv(within)
         self._inverse, self._half = inverse * s, inverse @ across
         self.gram = gram - np.swapaxes(self._half, 1, 2) @ self._half
+        """Hᵀ(I + H cov(u) Hᵀ)⁻¹H, (P, k, k)."""
+        self.log_determinant = 2 * float(np.sum(np.log(np.diagonal(within, axis1=1, axis2=2))))
+        """log |V₂|."""
+        if k := len(self.free):
+            self.wander = deviations.wander[self.free][:, None]
+            self.chain = _Chain.of(poses.gap, deviations.time)
+            self.band = self.chain.band(k)
+            """Lower, of M."""
+            block = self.wander * self.gram[:, self.free][:, :, self.free] * self.wander[:, 0]
+            for i in range(k):
+                for j in range(i + 1):
+                    self.band[i - j].reshape(-1, k)[:, j] += block[:, i, j]
+            self.factor = _triangle(self.band)
+            self.log_determinant += 2 * float(np.sum(np.log(self.factor[0]))) + k * self.chain.log_determinant
 
-    def solved(self, onto: Array) -> Array:
-        """Return what CᵀC less Cᵀ(…)⁻¹C is the square of, of Hᵀ C."""
-        return np.asarray(self._inverse @ onto[:, self._free])
-
-    def less(self, onto: Array, solved: Array) -> Array:
-        """Return Hᵀ(…)⁻¹C of Hᵀ C, and of what is solved."""
-        return np.asarray(onto - np.swapaxes(self._half, 1, 2) @ solved)
+    def halved(self, onto: Array) -> tuple[Array, Array]:
+        """Return Hᵀ(I + H cov(u) Hᵀ)⁻¹Y of Hᵀ Y, and that whose square is YᵀY less Yᵀ V₂⁻¹ Y."""
+        solved, K = self._inverse @ onto[:, self._shared], onto.shape[2]
+        within, half = onto - np.swapaxes(self._half, 1, 2) @ solved, solved.reshape(-1, K)
+        if not len(self.free):
+            return within, half
+        side = (self.wander * within[:, self.free]).reshape(-1, K)
+        return within, np.concatenate([half, _forward(self.factor, side)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -539,18 +520,6 @@ class _Chain:
 def _onward(values: Array) -> Array:
     """Return for each pose the value of the next one, 0 for the last."""
     return np.append(values[1:], 0.0)
-
-
-def _information(chain: _Chain, gram: Array, deviations: MotionDeviations, free: Index) -> Array:
-    """Return the lower band of M."""
-    k, P = len(free), len(gram)
-    band = chain.band(k)
-    w = deviations.wander[free]
-    block = w[:, None] * gram[:, free][:, :, free] * w
-    for i in range(k):
-        for j in range(i + 1):
-            band[i - j].reshape(P, k)[:, j] += block[:, i, j]
-    return band
 
 
 def _triangle(band: Array) -> Array:
@@ -619,23 +588,6 @@ def sums(values: Array, level: Index) -> Array:
     found = np.zeros((int(level.max()) + 1, *values.shape[1:]))
     np.add.at(found, level, values)
     return found
-
-
-def _filtered(poses: Poses, gram: Array, deviations: MotionDeviations) -> _Filter | None:
-    free = np.flatnonzero(deviations.wander)
-    if not len(free):
-        return None
-    k = len(free)
-    chain = _Chain.of(poses.gap, deviations.time)
-    factor = _triangle(_information(chain, gram, deviations, free))
-    keeps, new = chain.keeps, chain.new
-    block = _blocks(factor, k)
-    precision = block @ np.swapaxes(block, 1, 2)
-    precision[:, np.arange(k), np.arange(k)] -= _onward(keeps**2 / new)[:, None]
-    covariance = np.broadcast_to(np.eye(k), precision.shape).copy()
-    before = np.linalg.inv(precision[:-1])
-    covariance[1:] = keeps[1:, None, None] ** 2 * before + new[1:, None, None] * np.eye(k)
-    return _Filter(free, factor, keeps, precision, covariance)
 
 
 def _inverse_root(gram: Array, spread: Array) -> Array:
