@@ -309,7 +309,10 @@ def test_markers_of_one_body_share_the_error_of_its_pose_however_little_else_the
     assert np.mean([how.white for how in found]) == pytest.approx(between * NOISE, rel=0.03)
     assert ("single readings have no error of their own" in found[0].text) == (between < 1e-2)
     assert ("in addition to an independent error" in found[0].text) == (between >= 1e-2)
-    for of in ("t", "r"):  # with independent errors of a 300th: 0.82; what wanders from pose to pose is shared as well
+    for of in (
+        "t",
+        "r",
+    ):  # with independent errors of a 300th: 0.82; what wanders from pose to pose is shared as well
         sizes = [np.hypot(how.size(f"pose {of}"), how.size(f"wander {of}")) for how in found]
         assert np.mean(sizes) == pytest.approx(NOISE, rel=0.08)
 
@@ -459,8 +462,8 @@ def test_the_covariance_of_a_fit_is_that_of_least_squares_under_the_dense_covari
         return how.white**2 * pseudo @ np.linalg.inv(white.T @ white) @ pseudo.T
 
     # of V, and of how uncertain its variances are: the variance of t with as many degrees of freedom
-    assert len(how._within_error) == 2
-    logs = [[np.log(np.diag(of(end))) for end in ends] for ends in how._within_error]
+    assert len(how._errors()) == 2
+    logs = [[np.log(np.diag(of(how._moved(end)))) for end in (step, -step)] for step in how._errors()]
     freedom = np.maximum(2 / np.sum([((one - other) / 2) ** 2 for one, other in logs], axis=0), 3)
     larger = np.sqrt(freedom / (freedom - 2))
     assert np.ptp(larger) > 0.05
