@@ -19,7 +19,7 @@ def evidence_of(
     y = readings.reshape(len(readings), -1)
     model = np.ones((*y.shape, 1)) if model is None else model.reshape(*y.shape, -1)
     flat, none = model.reshape(y.size, -1), np.zeros((y.size, 0))
-    space = Space.of(flat, y.ravel(), none, np.zeros(0), 0.0)
+    space = Space.of(flat, y.ravel(), 0.0)
     empty = Evidence(
         base=base,
         sensitivities=SimpleNamespace(residual=y, model=model),  # type: ignore[arg-type]

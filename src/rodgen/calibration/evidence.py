@@ -62,10 +62,6 @@ class Space:
 
     Attributes
     ----------
-    directions : ndarray, shape (N, r)
-        Orthonormal; along these readings share errors.
-    shrinks : ndarray, shape (r,)
-        By how much columns become shorter along these.
     basis : ndarray, shape (N, p)
         Orthonormal basis of the fitted parameters' columns.
     residual : ndarray, shape (N,)
@@ -77,27 +73,16 @@ class Space:
         Brings columns of weighted readings, (n, m, K), to where their errors are independent.
     """
 
-    directions: Array
-    shrinks: Array
     basis: Array
     residual: Array
     log_determinant: float
     whiten: Whiten = unchanged
 
     @classmethod
-    def of(
-        cls,
-        model: Array,
-        y: Array,
-        directions: Array,
-        shrinks: Array,
-        log_determinant: float,
-        whiten: Whiten = unchanged,
-    ) -> Space:
-        """Return the space of the fitted parameters' columns, (N, p), and of the whitened readings y, (N,)."""
-        basis = orthonormal_basis(_shrunk(model, directions, shrinks))
-        residual = project_out(basis, _shrunk(y, directions, shrinks))
-        return cls(directions, shrinks, basis, residual, log_determinant, whiten)
+    def of(cls, model: Array, y: Array, log_determinant: float, whiten: Whiten = unchanged) -> Space:
+        """Return the space of the fitted parameters' columns, (N, p), and of the readings y, (N,), both whitened."""
+        basis = orthonormal_basis(model)
+        return cls(basis, project_out(basis, y), log_determinant, whiten)
 
     def seen(self, columns: Array) -> Array:
         """Return what of columns of weighted readings, (n, m, K), the fitted parameters do not imitate, (N, K)."""
@@ -105,17 +90,7 @@ class Space:
 
     def beyond(self, columns: Array) -> Array:
         """Return what of whitened columns, (N, K), the fitted parameters do not imitate."""
-        return project_out(self.basis, self.shrunk(columns))
-
-    def shrunk(self, columns: Array) -> Array:
-        """Return whitened columns, (N, K), of which readings no longer share errors."""
-        return _shrunk(columns, self.directions, self.shrinks)
-
-
-def _shrunk(columns: Array, directions: Array, shrinks: Array) -> Array:
-    if not len(shrinks):
-        return columns
-    return np.asarray(columns - (directions * (1 - shrinks)) @ (directions.T @ columns))
+        return project_out(self.basis, columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -730,8 +705,7 @@ def _space(rows: Sensitivities, model: Array, correlation: Correlation) -> Space
         lengths = np.linalg.norm(flat, axis=0)
         lengths[lengths == 0] = 1.0
         cost += _log_determinant(white[:, :p] / lengths) - _log_determinant(flat / lengths)
-    none = np.zeros((n * m, 0))
-    return Space.of(white[:, :p], -white[:, p], none, np.zeros(0), cost, correlation.whiten)
+    return Space.of(white[:, :p], -white[:, p], cost, correlation.whiten)
 
 
 def _log_determinant(columns: Array) -> float:

@@ -12,9 +12,9 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -47,7 +47,7 @@ from rodgen.statistics.columns import (
     unchanged,
     unit_columns,
 )
-from rodgen.statistics.decompositions import eigh, svd
+from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.thresholds import COST
 
 SOMETHING_UNNAMED = 0.01
@@ -58,8 +58,9 @@ GROSS, FEW_POSES = 0.01, 6
 MOST = 10
 """Forms that are proposed."""
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
-ROUGH_ROWS = 1_000
-"""Rows on which all terms are compared."""
+ROUGH_ROWS, FEW_ROWS = 1_000, 200
+"""Rows on which all terms are compared, and of these how many at least tell how much of a term is not known: it is a
+property of the poses, whatever the readings."""
 SHORT_LIST, ALIKE = 160, 2
 """Terms that are compared on all rows, and how many of one family at one component."""
 REFINED, ROUNDS = 8, 6
@@ -82,6 +83,10 @@ class Piece(NamedTuple):
 
     term: Term
     at: int
+
+
+Scored: TypeAlias = tuple[float, Piece]
+"""By how much a piece raises the cost of a set, and the piece."""
 
 
 @stage("forms outside the catalogue")
@@ -152,8 +157,6 @@ class _Search:
     follow: list[Array]
     """How the weighted residuals follow each component of a place, (n, m)."""
     terms: list[Term]
-    compared: dict[int, tuple[_Rough, list[_Compared]]] = field(default_factory=dict)
-    """The terms at all places on some rows, by the noise model."""
 
     @classmethod
     def of(cls, evidence: Evidence) -> _Search | None:
@@ -172,44 +175,51 @@ class _Search:
         places, follow = zip(*found, strict=True)
         return cls(evidence, drivers, list(places), list(follow), terms(drivers))
 
-    def views(self, chosen: Sequence[Candidate]) -> Iterator[tuple[_Given, list[Piece]]]:
-        """Yield what sets of candidates leave, under a noise model, with the pieces that may explain it.
+    def views(self, chosen: Sequence[Candidate]) -> Iterator[tuple[_Given, list[Scored]]]:
+        """Yield what sets of candidates leave, under a noise model, with pieces that may explain it and their costs.
 
-        What errors that readings share imitate is looked for as if there were none. A form that one of the chosen
-        effects imitates explains what these leave best: it is among the pieces that were found there.
+        What errors that readings share imitate is looked for as if there were none, too. In the place of chosen effects
+        a form saves what these cost at most, apart from the misfit. What raises the cost of the chosen set by more
+        cannot lower that of a part of it below the cost of the whole.
         """
         evidence = self.evidence
-        every = {c.key: c for c in evidence.candidates if not c.searched and not c.effect.definition.own}
-        sets = [[*chosen], *([[]] if chosen else [])]
-        if sum(len(c.names) for c in every.values()) < evidence.dof // 2:
-            sets.append([*every.values()])
-        for some in sets:
-            given = _Given.of(evidence, some, best := evidence.model_for(some))
-            pieces = self._promising(given)
-            yield given, pieces
-            if best is not (independent := evidence.independent):
-                alone = _Given.of(evidence, some, independent)
-                yield alone, self._promising(alone)
-            for one in chosen if some == chosen and len(chosen) > 1 else ():
-                rest = [c for c in chosen if c is not one]
-                yield _Given.of(evidence, rest, evidence.model_for(rest)), pieces
+        views = self._views(chosen)
+        yield from views
+        price, pieces = views[0][0].price, list[Piece]()
+        for rest in dict.fromkeys([(), *(tuple(c for c in chosen if c is not one) for one in chosen)]):
+            if len(rest) == len(chosen):
+                break
+            if not rest and any(scored and scored[-1][0] < price for _, scored in views):
+                views += (further := self._views(rest))
+                yield from further
+                continue
+            pieces = [piece for _, scored in views for cost, piece in scored if cost < price]
+            if pieces:
+                given = _Given.of(evidence, rest, evidence.model_for(rest))
+                yield given, self._exact(given, pieces)
 
-    def forms(self, given: _Given, pieces: Sequence[Piece], found: list[Candidate]) -> Iterator[Candidate]:
+    def _views(self, chosen: Sequence[Candidate]) -> list[tuple[_Given, list[Scored]]]:
+        """Return what a set leaves under its noise model, and as if readings were independent, with what is found."""
+        models = dict.fromkeys([self.evidence.model_for(chosen), self.evidence.independent])
+        views = [_Given.of(self.evidence, chosen, model) for model in models]
+        return [(given, self._promising(given)) for given in views]
+
+    def forms(self, given: _Given, scored: Sequence[Scored], found: list[Candidate]) -> Iterator[Candidate]:
         """Yield forms that lower the cost of a set, the best first, and add them to those that were found."""
         similar = list[Array]()
-        for cost, piece in self._exact(given, pieces):
+        for cost, piece in scored:
             if cost >= 0:
                 break
             similar += [orthonormal_basis(given.beyond(c.columns)) for c in found[len(similar) :]]
             if self._is_variant(given, piece, similar):
                 continue
-            piece = self._refined(given, piece)
-            if piece.term.searched and self._is_variant(given, piece, similar):
+            (refined,) = self._refined(given, [piece])
+            if refined != piece and self._is_variant(given, refined, similar):
                 continue
-            columns = self._independent(piece)
-            if columns is None or self._is_catalogued(piece) or self._is_error(given, piece):
+            columns = self._independent(refined)
+            if columns is None or self._is_catalogued(refined) or self._is_error(given, refined):
                 continue
-            found.append(self._candidate(piece, columns, [c.effect for c in found]))
+            found.append(self._candidate(refined, columns, [c.effect for c in found]))
             yield found[-1]
 
     def _is_variant(self, given: _Given, piece: Piece, others: Sequence[Array]) -> bool:
@@ -297,52 +307,42 @@ class _Search:
         price = 2 * (self.evidence.log_choices - math.log(SOMETHING_UNNAMED) + log_tries)
         return np.asarray(gain + price + counts * math.log(n) + given.dearer)
 
-    def _exact(self, given: _Given, pieces: Sequence[Piece]) -> list[tuple[float, Piece]]:
+    def _exact(self, given: _Given, pieces: Sequence[Piece]) -> list[Scored]:
         """Return pieces with their costs by all rows, the cheapest first."""
         pieces = list(dict.fromkeys(pieces))
-        if not pieces:
-            return []
         falls = given.falls([self.columns(piece) for piece in pieces])
-        costs = self._costs(given, pieces, falls)
-        return [(float(costs[i]), pieces[i]) for i in np.argsort(costs, kind="stable")]
+        costs = self._costs(given, pieces, falls).tolist()
+        return sorted(zip(costs, pieces, strict=True), key=lambda one: one[0])
 
     # the search -------------------------------------------------------------------------------------------------------
 
-    def _promising(self, given: _Given) -> list[Piece]:
+    def _promising(self, given: _Given) -> list[Scored]:
         """Return the pieces that explain most of what a set leaves, searched values refined, and products of them."""
         if not given.left > 0:
             return []
+        rough = _Rough.of(given, self.follow)
         places = [*range(len(self.places))]
-        if id(given.model) not in self.compared:
-            rough = _Rough.of(self.evidence, given.model, self.follow)
-            compared = rough.compared(self.terms, self.drivers, places)
-            self.compared[id(given.model)] = rough, compared
-        rough, compared = self.compared[id(given.model)]
-        pulls = rough.pulls(given)
-        short_list = self._best(given, compared, pulls, places, SHORT_LIST)
+        short_list = self._best(given, rough, self.terms, places, SHORT_LIST)
         scored = self._exact(given, short_list)
-        searched = [piece for _, piece in scored if piece.term.searched]
-        pieces = [self._refined(given, piece) for piece in searched[:REFINED]]
-        scored = self._exact(given, [*(piece for _, piece in scored), *pieces])
+        searched = [piece for _, piece in scored if piece.term.searched][:REFINED]
+        scored = _merged(scored, self._exact(given, self._refined(given, searched)))
         products = [
             product
             for _, piece in scored[:MULTIPLIED]
-            for further in [rough.compared(multiplied(piece.term, self.drivers), self.drivers, [piece.at])]
-            for product in self._best(given, further, pulls[[piece.at]], [piece.at], ALIKE)
+            for product in self._best(given, rough, multiplied(piece.term, self.drivers), [piece.at], ALIKE)
         ]
-        products = [self._refined(given, piece) for piece in products]
-        return [*(piece for _, piece in scored), *products]
+        return _merged(scored, self._exact(given, self._refined(given, products)))
 
     def _best(
-        self, given: _Given, tried: Sequence[_Compared], pulls: Array, places: Sequence[int], most: int
+        self, given: _Given, rough: _Rough, tried: Sequence[Term], places: Sequence[int], most: int
     ) -> list[Piece]:
         """Return the cheapest pieces by some rows, not too many of one family at one component."""
         costs, ordered = list[Array](), list[Term]()
-        for one in tried:
-            counts, tries = np.array([t.count for t in one.terms]), self._log_tries(one.terms)[places]
-            own = self._dearer(given, counts, tries, one.falls(pulls))
-            costs.append(np.where(_any(self._unnamed, one.terms)[places], math.inf, own))
-            ordered += one.terms
+        for some, falls in rough.falls(tried, self.drivers, places):
+            counts, tries = np.array([t.count for t in some]), self._log_tries(some)[places]
+            own = self._dearer(given, counts, tries, falls)
+            costs.append(np.where(_any(self._unnamed, some)[places], math.inf, own))
+            ordered += some
         if not ordered:
             return []
         every = np.concatenate(costs, axis=1)
@@ -359,25 +359,35 @@ class _Search:
                 found.append(piece)
         return found
 
-    def _refined(self, given: _Given, piece: Piece) -> Piece:
-        """Return a piece with better searched values, of as few digits as the data determine."""
-        if not piece.term.searched:
-            return piece
-        (fall,) = given.falls([self.columns(piece)])
+    def _refined(self, given: _Given, pieces: Sequence[Piece]) -> list[Piece]:
+        """Return pieces with better searched values, of as few digits as the data determine; all at once."""
+        refined = [*pieces]
+        numbers = [number for number, piece in enumerate(pieces) if piece.term.searched]
+        best = self._falls(given, [pieces[number] for number in numbers])
+        fall = dict(zip(numbers, best, strict=True))
         for k in range(ROUNDS):
-            tried = [Piece(term, piece.at) for term in neighbours(piece.term, self.drivers, 0.5**k)]
-            if not tried:
-                break
-            falls = given.falls([self.columns(one) for one in tried])
-            best = int(np.argmax(falls))
-            if falls[best] > fall:
-                fall, piece = float(falls[best]), tried[best]
+            tried = [
+                (number, Piece(term, refined[number].at))
+                for number in numbers
+                for term in neighbours(refined[number].term, self.drivers, 0.5**k)
+            ]
+            falls = self._falls(given, [piece for _, piece in tried])
+            for (number, piece), own in zip(tried, falls, strict=True):
+                if own > fall[number]:
+                    fall[number], refined[number] = own, piece
         short = [
-            Piece(rounded(piece.term, digits, self.drivers), piece.at) for digits in range(1, DIGITS + 1)
+            (number, Piece(rounded(refined[number].term, digits, self.drivers), refined[number].at))
+            for number in numbers
+            for digits in range(DIGITS, 0, -1)
         ]
-        enough = fall - LOST * (given.left - fall) / given.dof
-        falls = given.falls([self.columns(one) for one in short])
-        return next((one for one, own in zip(short, falls, strict=True) if own >= enough), piece)
+        falls = self._falls(given, [piece for _, piece in short])
+        for (number, piece), own in zip(short, falls, strict=True):
+            if own >= fall[number] - LOST * (given.left - fall[number]) / given.dof:
+                refined[number] = piece
+        return refined
+
+    def _falls(self, given: _Given, pieces: Sequence[Piece]) -> list[float]:
+        return [*map(float, given.falls([self.columns(piece) for piece in pieces]))]
 
     # what is no form --------------------------------------------------------------------------------------------------
 
@@ -471,6 +481,13 @@ class _Given:
         left, dof = float(y @ y), max(evidence.dof - basis.shape[1], 1)
         return cls(evidence, chosen, model, basis, y, left, dof, evidence.dearer(model, chosen))
 
+    @property
+    def price(self) -> float:
+        """What the chosen candidates cost, apart from the misfit, as if it were that of any sizes of theirs."""
+        n = self.evidence.dof
+        misfit = n + n * math.log(self.left / n) + self.model.log_determinant
+        return self.evidence.cost(self.chosen) - misfit if self.left > 0 else 0.0
+
     @cached_property
     def out(self) -> Array:
         """Orthonormal, of the model's columns and those of chosen candidates, (N, p + r)."""
@@ -485,7 +502,7 @@ class _Given:
         if not columns:
             return np.zeros(0)
         whole = unit_columns_of(np.concatenate(columns, axis=2))
-        white = self.model.space.shrunk(self.model.space.whiten(whole).reshape(len(self.y), -1))
+        white = self.model.space.whiten(whole).reshape(len(self.y), -1)
         # the products beyond the model and what was chosen, from whose rounding the least part is far
         along, pull = self.out.T @ white, white.T @ self.y
         found, sizes = np.zeros(len(columns)), np.array([c.shape[2] for c in columns])
@@ -505,97 +522,103 @@ def unit_columns_of(columns: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class _Compared:
-    """Terms of as many functions at components of places, compared on some rows."""
-
-    terms: list[Term]
-    single: Array
-    """Their functions, of length 1, (functions, n, terms)."""
-    root: Array
-    """W, WWᵀ the inverse of products of their columns beyond the model, (places, terms, functions, functions)."""
-
-    def falls(self, pulls: Array) -> Array:
-        """Return by how much they lower the sum of squares of all rows at least, (places, terms).
-
-        As if no chosen candidate imitated a part of them.
-        """
-        pull = np.stack([pulls @ of_rows for of_rows in self.single], axis=2)
-        return np.asarray(np.sum(np.einsum("ptk,ptkl->ptl", pull, self.root) ** 2, axis=2))
-
-
-@dataclass(frozen=True)
 class _Rough:
-    """Some rows, on which products of a component and a function are sums over rows."""
+    """Some rows, in which products of a component and a function are sums over rows."""
 
     rows: Ints
-    space: Space
-    follow: list[Array]
-    """Components in these rows, (n, m)."""
+    pulls: Array
+    """Products of each component with what is to be explained, (components, n), as large as on all rows."""
+    few: Ints
+    """Those of them, by number, that tell how much of the products is beyond what is known."""
+    weight: Array
+    """Squares of the components in these, (components, few)."""
     sums: list[Array]
-    """Products of each with what the model imitates, (n, r)."""
+    """Products of each component with what is known, (few, r)."""
+    scale: float
+    """What sums of squares over the few rows are multiplied with."""
 
     @classmethod
-    def of(cls, evidence: Evidence, model: Columns, follow: Sequence[Array]) -> _Rough:
-        """Return all rows where they are few and independent; else some, with a drift in place of the whitening."""
-        sensitivities = evidence.sensitivities
+    def of(cls, given: _Given, follow: Sequence[Array]) -> _Rough:
+        """Return some rows of what chosen candidates leave, with a drift in place of the whitening."""
+        sensitivities = given.evidence.sensitivities
         n, m = sensitivities.residual.shape
-        rows, space = np.arange(n), model.space
-        if n > ROUGH_ROWS or space.whiten is not unchanged:
-            rows = np.unique(np.linspace(0, n - 1, min(n, ROUGH_ROWS)).astype(int))
-            u, s, _ = svd(_drift(sensitivities.frame, space, rows))
-            residual = sensitivities.residual[rows].ravel()
-            known = sensitivities.model[rows].reshape(len(residual), -1)
-            space = Space.of(known, residual, u, 1 / np.sqrt(1 + s**2), 0.0)
-        shared = space.directions * np.sqrt(1 - space.shrinks**2)
-        out = np.concatenate([shared, space.shrunk(space.basis)], 1).reshape(len(rows), m, -1)
-        some = [column[rows] for column in follow]
-        sums = [sum(column[:, k, None] * out[:, k] for k in range(m)) for column in some]
-        return cls(rows, space, some, sums)
+        space = given.model.space
+        if space.whiten is unchanged:
+            known, drifts = given.out.reshape(n, m, -1), 0
+        else:
+            drift = _drift(sensitivities.frame, space)
+            known = np.concatenate([sensitivities.model, *(c.columns for c in given.chosen), drift], axis=2)
+            drifts = drift.shape[2]
+        rows = _some(n, ROUGH_ROWS)
+        residual, basis = sensitivities.residual[rows].ravel(), _basis(known[rows], drifts)
+        rest = residual - basis @ (basis.T @ residual)
+        rest *= math.sqrt(given.left / max(float(residual @ rest), 1e-300))
+        few = _some(len(rows), max(FEW_ROWS, 4 * known.shape[2] // m))
+        some, out = rows[few], _basis(known[rows[few]], drifts).reshape(len(few), m, -1)
+        return cls(
+            rows,
+            np.array([np.sum(column[rows] * rest.reshape(-1, m), axis=1) for column in follow]),
+            few,
+            np.array([np.sum(column[some] ** 2, axis=1) for column in follow]),
+            [np.einsum("nm,nmr->nr", column[some], out).astype(np.float32) for column in follow],
+            len(rows) / len(few),
+        )
 
-    def pulls(self, given: _Given) -> Array:
-        """Return products of each component with what is to be explained, (components, n), as large as on all rows."""
-        y, space, none = given.y, self.space, np.zeros((*given.evidence.sensitivities.residual.shape, 0))
-        if space is not given.model.space:
-            columns = np.concatenate([none, *(c.columns for c in given.chosen)], axis=2)[self.rows]
-            basis = orthonormal_basis(space.beyond(columns.reshape(len(space.residual), -1)))
-            y = project_out(basis, space.residual)
-        pull = space.shrunk(y) * math.sqrt(given.left / max(float(y @ y), 1e-300))
-        return np.array([np.sum(column * pull.reshape(column.shape), axis=1) for column in self.follow])
-
-    def compared(
+    def falls(
         self, tried: Sequence[Term], drivers: Sequence[Driver], places: Sequence[int]
-    ) -> list[_Compared]:
-        """Return terms, those of as many functions together, at components of places."""
+    ) -> Iterator[tuple[list[Term], Array]]:
+        """Yield terms, those of as many functions together, and by about how much they lower the sum of squares.
+
+        At components of places, (places, terms).
+        """
         some = [replace(driver, values=driver.values[self.rows]) for driver in drivers]
         alike: dict[int, list[Term]] = {}
         for term in tried:
             alike.setdefault(term.count, []).append(term)
-        found = []
         for own in alike.values():
             functions = np.stack([term.functions(some) for term in own], axis=1)
             # function by function, (count, n, terms), so that each is in one piece
             size = np.sqrt(np.einsum("ntk,ntk->tk", functions, functions))
             single = np.ascontiguousarray(np.moveaxis(functions / np.where(size > 0, size, 1.0), 2, 0))
-            found.append(_Compared(own, single, self._root(single, places)))
-        return found
+            pull = np.stack([self.pulls[places] @ of_rows for of_rows in single], axis=2)
+            gram = self._gram(single[:, self.few], places)
+            size = np.sqrt(np.einsum("ptkk->ptk", gram[0]))
+            size = np.where(size > 0, size, 1.0)
+            beyond = (gram[0] - gram[1]) / size[:, :, :, None] / size[:, :, None, :]
+            yield own, falls_from_products(beyond, pull / size, least=COST.visible**2) / self.scale
 
-    def _root(self, single: Array, places: Sequence[int]) -> Array:
-        """Return W of functions, (count, n, terms); see `_Compared`."""
+    def _gram(self, single: Array, places: Sequence[int]) -> Array:
+        """Return the products of functions' columns, and of what is known in them, (2, places, terms, count, count)."""
         count, _, terms = single.shape
-        weight = np.stack([np.sum(self.follow[at] ** 2, axis=1) for at in places])
-        gram = np.zeros((len(places), terms, count, count))
+        gram = np.zeros((2, len(places), terms, count, count))
         for k, other in itertools.product(range(count), repeat=2):
-            gram[:, :, k, other] = weight @ (single[k] * single[other])
-        size = np.sqrt(np.einsum("ptkk->ptk", gram))
-        size = np.where(size > 0, size, 1.0)
+            gram[0, :, :, k, other] = self.weight[places] @ (single[k] * single[other])
         rough = single.astype(np.float32)  # only which terms are compared on all rows depends on it
         for number, at in enumerate(places):
-            along = self.sums[at].T.astype(np.float32) @ rough
-            gram[number] -= np.einsum("krt,lrt->tkl", along, along, optimize=True)
-        values, vectors = eigh(gram / size[:, :, :, None] / size[:, :, None, :])
-        seen = values > COST.visible**2
-        root = np.where(seen, 1 / np.sqrt(np.where(seen, values, 1.0)), 0.0)
-        return np.asarray(vectors * root[:, :, None, :] / size[:, :, :, None])
+            along = self.sums[at].T @ rough
+            gram[1, number] = np.einsum("krt,lrt->tkl", along, along, optimize=True)
+        return gram
+
+
+def _some(n: int, most: int) -> Ints:
+    """Return the numbers of some rows, in their order, drawn so that no cycle of the rows shows in them."""
+    return np.sort(np.random.default_rng(0).permutation(n)[:most])
+
+
+def _basis(columns: Array, drifts: int) -> Array:
+    """Return Q, with 1 - QQᵀ the inverse covariance beyond columns (n, m, K), of which the last ones have variance 1.
+
+    They are the rows of an orthonormal basis that belong to readings: those of the known variances stand below them.
+    """
+    flat = columns.reshape(-1, columns.shape[2])
+    prior = np.eye(drifts, flat.shape[1], flat.shape[1] - drifts)
+    return orthonormal_basis(np.concatenate([flat, prior]))[: len(flat)]
+
+
+def _merged(one: Sequence[Scored], other: Sequence[Scored]) -> list[Scored]:
+    """Return scored pieces, each once, the cheapest first."""
+    every = sorted([*one, *other], key=lambda scored: scored[0])
+    return [*{piece: (cost, piece) for cost, piece in every}.values()]
 
 
 def _any(of_drivers: Mask, some: Sequence[Term]) -> Mask:
@@ -604,16 +627,14 @@ def _any(of_drivers: Mask, some: Sequence[Term]) -> Mask:
     return np.asarray(of_drivers[:, first] | of_drivers[:, last])
 
 
-def _drift(frame: Array, space: Space, rows: Ints) -> Array:
-    """Return columns of variance 1 of a drift of the frame in some rows, (N, d), as the whitening has it.
+def _drift(frame: Array, space: Space) -> Array:
+    """Return columns of variance 1 of a drift of the frame, (n, m, d), as the whitening has it.
 
     The frame's freedoms times cosines over the row are nearly what the covariance of a drift only stretches: by how
     much is seen from what whitening makes of them.
     """
     n = len(frame)
     waves = np.cos(np.pi * np.outer((np.arange(n) + 0.5) / n, np.arange(COSINES)))
-    columns = (frame[:, :, :, None] * waves[:, None, None, :]).reshape(n, frame.shape[1], -1)
-    columns = unit_columns_of(columns)
+    columns = unit_columns_of((frame[:, :, :, None] * waves[:, None, None, :]).reshape(n, frame.shape[1], -1))
     left = np.sum(space.whiten(columns) ** 2, axis=(0, 1))
-    stretched = np.maximum(1 / np.maximum(left, 1e-12) - 1, 0.0)
-    return np.asarray((columns * np.sqrt(stretched))[rows].reshape(-1, columns.shape[2]))
+    return np.asarray(columns * np.sqrt(np.maximum(1 / np.maximum(left, 1e-12) - 1, 0.0)))
