@@ -18,7 +18,7 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.calibration.solve.starting_values import most_waves
-from rodgen.data.units import ANGLE, ONE, Dimension, UnitError, display_unit, parse_unit
+from rodgen.data.units import ANGLE, ONE, Dimension, display_unit, parse_unit
 from rodgen.machines.drivers import Driver
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import own_effect
@@ -255,7 +255,7 @@ def multiplied(term: Term, drivers: Sequence[Driver]) -> list[Term]:
     """Return products of a term with a low function of each driver that it does not follow; of two, further powers."""
     if len(term.factors) > 1:
         return [
-            Term(tuple(_polynomial(f) if i == k else f for i, f in enumerate(term.factors)), term.choices)
+            replace(term, factors=(*term.factors[:k], _polynomial(factor), *term.factors[k + 1 :]))
             for k, factor in enumerate(term.factors)
             if factor.kind == "power" and drivers[factor.driver].levels > DEGREE
         ]
@@ -288,43 +288,31 @@ def _counted(factors: Sequence[Factor]) -> Iterator[tuple[Factor, float]]:
 
 
 def _alone(i: int, driver: Driver) -> list[Factor]:
-    crossed = driver.low < 0 < driver.low + driver.span
-    at_zero = [Factor(i, "step"), Factor(i, "kink")] if crossed else []
-    match driver.kind:
-        case "joint":
-            return [
-                *(_harmonics(i, driver, HARMONICS) if driver.revolute else []),
-                *_powers(i, driver),
-                *at_zero,
-                *_local(i, driver, PLACES, WIDTHS),
-                *_waves(i, driver),
-            ]
-        case "time":
-            return [*_powers(i, driver), *_decays(i, driver), *_waves(i, driver)]
-        case "approach":
-            return [Factor(i, "power")]
-        case "velocity":
-            return [*_powers(i, driver), *at_zero, Factor(i, "signed")]
-    return [*_powers(i, driver), *at_zero, *_local(i, driver, PLACES // 2, ())]
+    if driver.kind == "approach":
+        return [Factor(i, "power")]
+    powers = _powers(i, driver)
+    if driver.kind == "time":
+        return [*powers, *_decays(i, driver), *_waves(i, driver)]
+    if driver.low < 0 < driver.low + driver.span:
+        powers += [Factor(i, "step"), Factor(i, "kink")]
+    if driver.kind == "velocity":
+        return [*powers, Factor(i, "signed")]
+    if driver.kind == "joint":
+        local = _local(i, driver, PLACES, WIDTHS)
+        return [*_harmonics(i, driver, HARMONICS), *powers, *local, *_waves(i, driver)]
+    return [*powers, *_local(i, driver, PLACES // 2, ())]
 
 
 def _low(i: int, driver: Driver) -> list[Factor]:
     """Return what takes part in products, the simplest first."""
     origins = dict.fromkeys([_origin(driver), _middle(driver)])
     lines = [Factor(i, "power", origin=origin) for origin in origins]
+    square = _powers(i, driver)[1:2]
     if driver.kind == "joint":
-        waves = _harmonics(i, driver, HARMONICS_IN_PRODUCTS) if driver.revolute else []
-        return [
-            lines[-1],
-            *waves,
-            *lines[:-1],
-            *(f for f in _powers(i, driver) if f == replace(f, kind="power", order=2)),
-        ]
+        return [lines[-1], *_harmonics(i, driver, HARMONICS_IN_PRODUCTS), *lines[:-1], *square]
     if driver.kind == "time":
         return [*lines, *_decays(i, driver)[1::3]]
-    if driver.kind == "load" and driver.levels > 2:
-        return [*lines, Factor(i, "power", 2, origin=_origin(driver))]
-    return lines
+    return [*lines, *(square if driver.kind == "load" else [])]
 
 
 def _powers(i: int, driver: Driver) -> list[Factor]:
@@ -336,7 +324,9 @@ def _powers(i: int, driver: Driver) -> list[Factor]:
 
 
 def _harmonics(i: int, driver: Driver, highest: int) -> list[Factor]:
-    """Return the harmonics that the angles of the data distinguish from lower ones."""
+    """Return the harmonics that the angles of the data distinguish from lower ones; of a slide none."""
+    if not driver.revolute:
+        return []
     angles = len(np.unique(np.round(driver.distinct % (2 * np.pi), 9)))
     return [Factor(i, "harmonic", h) for h in range(1, min(highest, (angles - 1) // 2) + 1)]
 
@@ -372,17 +362,16 @@ def _decays(i: int, driver: Driver) -> list[Factor]:
 def neighbours(term: Term, drivers: Sequence[Driver], part: float) -> Iterator[Term]:
     """Yield a term with one of its searched values changed by a part of the step of the grid, to either side."""
     values = [(drivers[f.driver], f.kind, k, v) for f in term.factors for k, v in enumerate(f.values)]
-    for number, (driver, kind, k, value) in enumerate(values):
+    for (number, (driver, kind, k, value)), sign in itertools.product(enumerate(values), (-part, part)):
+        least, most = driver.low, driver.low + driver.span
         if kind == "decay" or k == 1:  # a time constant, or a width
-            near = [value * 2 ** (sign * part) for sign in (-1, 1)]
-            near = [v for v in near if driver.span / 200 <= v <= 10 * driver.span]
+            near, least, most = value * 2**sign, driver.span / 200, 10 * driver.span
         elif kind == "wave":
-            near = [max(value + sign * part * np.pi / driver.span, np.pi / driver.span) for sign in (-1, 1)]
+            near, least, most = value + sign * np.pi / driver.span, np.pi / driver.span, math.inf
         else:
-            near = [value + sign * part * driver.span / PLACES for sign in (-1, 1)]
-            near = [v for v in near if driver.low < v < driver.low + driver.span]
-        for v in near:
-            yield term.with_values([v if i == number else known[3] for i, known in enumerate(values)])
+            near = value + sign * driver.span / PLACES
+        if least <= near <= most:
+            yield term.with_values([near if i == number else known[3] for i, known in enumerate(values)])
 
 
 def rounded(term: Term, digits: int, drivers: Sequence[Driver]) -> Term:
@@ -481,10 +470,7 @@ def _unit(wanted: Dimension, function: Dimension, drivers: Sequence[Driver], mac
     if function == ONE:
         return own
     for driver in drivers:
-        if driver.kind == "column" and driver.unit and parse_unit(driver.unit).dimension == function:
-            try:
-                if parse_unit(f"{own}/{driver.unit}").dimension == wanted / function:
-                    return f"{own}/{driver.unit}"
-            except UnitError:
-                pass
+        simple = driver.kind == "column" and driver.unit and not re.search(r"[*/^ ]", driver.unit)
+        if simple and parse_unit(driver.unit).dimension == function:
+            return f"{own}/{driver.unit}"
     return display_unit(wanted / function, machine.length_unit).text

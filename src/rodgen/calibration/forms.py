@@ -20,7 +20,7 @@ import numpy as np
 
 from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.candidates import Candidate, with_searched
-from rodgen.calibration.evidence import Columns, Evidence, Space
+from rodgen.calibration.evidence import Columns, Evidence
 from rodgen.calibration.form_terms import (
     Term,
     drivers_of,
@@ -41,13 +41,14 @@ from rodgen.machines.machine import Effect
 from rodgen.machines.plausibility import Plausibility
 from rodgen.stages import stage
 from rodgen.statistics.columns import (
+    Whiten,
     falls_from_products,
+    inverse_root,
     orthonormal_basis,
     project_out,
     unchanged,
     unit_columns,
 )
-from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.thresholds import COST
 
 SOMETHING_UNNAMED = 0.01
@@ -58,9 +59,9 @@ GROSS, FEW_POSES = 0.01, 6
 MOST = 10
 """Forms that are proposed."""
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
-ROUGH_ROWS, FEW_ROWS = 1_000, 200
-"""Rows on which all terms are compared, and of these how many at least tell how much of a term is not known: it is a
-property of the poses, whatever the readings."""
+FEW_ROWS = 200
+"""Rows that tell, at least, how much of every term is beyond what is known: it is a property of the poses, whatever the
+readings."""
 SHORT_LIST, ALIKE = 160, 2
 """Terms that are compared on all rows, and how many of one family at one component."""
 REFINED, ROUNDS = 8, 6
@@ -93,9 +94,8 @@ Scored: TypeAlias = tuple[float, Piece]
 def propose(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
     """Return the most promising forms outside the catalogue, ten at most, given chosen candidates.
 
-    Each would lower the cost of the chosen set, of that without one effect, of all effects of the catalogue, or of
-    none: what effects hide shows once they are taken out, and what they imitate shows without them. Errors that
-    readings share imitate it, too; so the search is done as if there were none, besides.
+    Each would lower the cost of the chosen set, of that without one effect, or of none: what effects hide shows once
+    they are taken out, and what they imitate shows without them.
     """
     search = _Search.of(evidence)
     if search is None:
@@ -127,26 +127,19 @@ def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate
 
 
 def _sharper(evidence: Evidence, given: _Given, c: Candidate) -> Candidate:
-    """Return a candidate at the best value near the one that was tried."""
-    from scipy import optimize
-
+    """Return a candidate at the best value near the one that was tried: up to half a wave more or less, or twice it."""
+    sensitivities = evidence.sensitivities
     ((name, value),) = c.searched.items()
-    low, high = value / 2, 2 * value
+    reach = math.log(2)
     if c.effect.definition.searched[name] is StartSearch.PERIOD:
-        j = evidence.sensitivities.fit.machine.number_of(str(c.effect.place))
-        waves = float(np.ptp(evidence.sensitivities.observations.q[:, j])) / value
-        low, high = value * waves / (waves + 0.5), value * waves / max(waves - 0.5, 0.5)
-
-    def at(log: float) -> Candidate:
-        searched = {name: math.exp(log)}
-        columns = with_searched(evidence.sensitivities, c.effect, searched).columns
-        return replace(c, searched=searched, columns=columns)
-
-    def left(log: float) -> float:
-        return -float(given.falls([at(log).columns])[0])
-
-    bounds = math.log(low), math.log(high)
-    return at(optimize.minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 1e-4}).x)
+        j = sensitivities.fit.machine.number_of(str(c.effect.place))
+        reach = min(reach, value / 2 / float(np.ptp(sensitivities.observations.q[:, j])))
+    for k in range(ROUNDS):
+        values = value * np.exp(reach * np.linspace(-1, 1, 9) / 4**k)
+        near = [with_searched(sensitivities, c.effect, {name: float(one)}) for one in values]
+        best = near[int(np.argmax(given.falls([one.columns for one in near])))]
+        value = best.searched[name]
+    return replace(c, searched=best.searched, columns=best.columns)
 
 
 @dataclass(frozen=True)
@@ -154,26 +147,20 @@ class _Search:
     evidence: Evidence
     drivers: list[Driver]
     places: list[tuple[Place, str]]
-    follow: list[Array]
-    """How the weighted residuals follow each component of a place, (n, m)."""
+    follow: Array
+    """How the weighted residuals follow each component of a place, (components, n, m)."""
     terms: list[Term]
 
     @classmethod
     def of(cls, evidence: Evidence) -> _Search | None:
         """Return a prepared search; None where there is nothing to look for, or to look with."""
-        sensitivities = evidence.sensitivities
-        o = sensitivities.observations
+        o, component = evidence.sensitivities.observations, evidence.sensitivities.component
         drivers = drivers_of(o)
         every = itertools.product((*(joint.name for joint in o.machine.joints), None), COMPONENTS)
-        found = [
-            (place, column)
-            for place in every
-            if (column := sensitivities.component(*place)) is not None and np.any(column)
-        ]
-        if not drivers or not found or evidence.dof < 1 or not evidence.models[0].square > 0:
+        follow = {at: column for at in every if (column := component(*at)) is not None and np.any(column)}
+        if not drivers or not follow or evidence.dof < 1 or not evidence.models[0].square > 0:
             return None
-        places, follow = zip(*found, strict=True)
-        return cls(evidence, drivers, list(places), list(follow), terms(drivers))
+        return cls(evidence, drivers, [*follow], np.array([*follow.values()]), terms(drivers))
 
     def views(self, chosen: Sequence[Candidate]) -> Iterator[tuple[_Given, list[Scored]]]:
         """Yield what sets of candidates leave, under a noise model, with pieces that may explain it and their costs.
@@ -234,14 +221,13 @@ class _Search:
         place, component = self.places[piece.at]
         effect = named(effect_of(piece.term, place, component, self.drivers, o), o.machine, others)
         linear = [name for name in effect.definition.parameters if name not in effect.hold]
-        odds = Plausibility(math.log(SOMETHING_UNNAMED))
         return Candidate(
             effect,
             tuple(map(effect.key, linear)),
             columns,
             {},
             math.exp(self._log_tries([piece.term])[piece.at, 0]),
-            odds,
+            Plausibility(math.log(SOMETHING_UNNAMED)),
             follows(piece.term, self.drivers),
         )
 
@@ -252,11 +238,9 @@ class _Search:
         """
         columns = self.columns(piece)
         length = np.maximum(np.linalg.norm(columns, axis=(0, 1)), 1e-300)
-        columns, own = columns / length, self._beyond_model(piece) / length
-        values, vectors = eigh(own.T @ own)
-        if values[0] < UNDETERMINED:
-            return None
-        return np.asarray(columns @ vectors / np.sqrt(values)) * float(np.linalg.norm(self.follow[piece.at]))
+        own = self._beyond_model(piece) / length
+        root = inverse_root(own.T @ own, least=UNDETERMINED) * float(np.linalg.norm(self.follow[piece.at]))
+        return np.asarray(columns / length @ root) if root.shape[1] == len(root) else None
 
     def columns(self, piece: Piece) -> Array:
         """Return the derivatives of the weighted residuals by the coefficients of a piece, (n, m, k)."""
@@ -271,13 +255,24 @@ class _Search:
         joint rather follows what that joint does, and is rather an error along its own motion.
         """
         dof, drivers = math.log(self.evidence.dof), math.log(len(self.drivers))
-        of_terms = [
-            math.log(term.choices) + drivers * len(term.factors) + dof * len(term.searched) / 2
-            for term in some
-        ]
+        of_terms = [math.log(t.choices) + drivers * len(t.factors) + dof * len(t.searched) / 2 for t in some]
         across = np.array([component != "reading" for _, component in self.places])
         doublings = ~_any(self._belongs, some) + across[:, None].astype(float)
         return np.asarray(math.log(len(self.places)) + np.array(of_terms) + math.log(2) * doublings)
+
+    def _prices(self, some: Sequence[Term]) -> Array:
+        """Return what terms at all components cost, whatever they explain, (places, terms).
+
+        Infinite where a formula has no word for a driver, or where an effect of the catalogue has all waves.
+        """
+        counts = np.array([term.count for term in some])
+        of_one = 2 * (self.evidence.log_choices - math.log(SOMETHING_UNNAMED))
+        prices = of_one + 2 * self._log_tries(some) + counts * math.log(self.evidence.dof)
+        prices[_any(self._unnamed, some)] = math.inf
+        for k, term in enumerate(some):
+            if (reading := self._reading_wave(term)) is not None:
+                prices[reading, k] = math.inf
+        return np.asarray(prices)
 
     @cached_property
     def _belongs(self) -> Mask:
@@ -295,24 +290,17 @@ class _Search:
         machine = self.evidence.sensitivities.observations.machine
         return np.array([[not word(d, place, machine) for d in self.drivers] for place, _ in self.places])
 
-    def _costs(self, given: _Given, pieces: Sequence[Piece], falls: Array) -> Array:
-        """Return by how much pieces raise the cost of a set, by their falls of the sum of squares."""
-        tries = np.array([self._log_tries([piece.term])[piece.at, 0] for piece in pieces])
-        return self._dearer(given, np.array([piece.term.count for piece in pieces]), tries, falls)
-
-    def _dearer(self, given: _Given, counts: Ints, log_tries: Array, falls: Array) -> Array:
-        """Return the same from numbers of functions and logarithms of the number of tries."""
-        n = given.dof
-        gain = n * np.log1p(-np.minimum(falls / given.left, 1 - 1e-12))
-        price = 2 * (self.evidence.log_choices - math.log(SOMETHING_UNNAMED) + log_tries)
-        return np.asarray(gain + price + counts * math.log(n) + given.dearer)
-
     def _exact(self, given: _Given, pieces: Sequence[Piece]) -> list[Scored]:
         """Return pieces with their costs by all rows, the cheapest first."""
         pieces = list(dict.fromkeys(pieces))
-        falls = given.falls([self.columns(piece) for piece in pieces])
-        costs = self._costs(given, pieces, falls).tolist()
-        return sorted(zip(costs, pieces, strict=True), key=lambda one: one[0])
+        prices = self._prices([piece.term for piece in pieces])[
+            [piece.at for piece in pieces], range(len(pieces))
+        ]
+        costs = given.gains(self._falls(given, pieces)) + prices
+        return [(float(costs[i]), pieces[i]) for i in np.argsort(costs, kind="stable")]
+
+    def _falls(self, given: _Given, pieces: Sequence[Piece]) -> Array:
+        return given.falls([self.columns(piece) for piece in pieces])
 
     # the search -------------------------------------------------------------------------------------------------------
 
@@ -336,58 +324,43 @@ class _Search:
     def _best(
         self, given: _Given, rough: _Rough, tried: Sequence[Term], places: Sequence[int], most: int
     ) -> list[Piece]:
-        """Return the cheapest pieces by some rows, not too many of one family at one component."""
-        costs, ordered = list[Array](), list[Term]()
+        """Return the cheapest pieces, roughly, not too many of one family at one component."""
+        costs, ordered = [np.zeros((len(places), 0))], list[Term]()
         for some, falls in rough.falls(tried, self.drivers, places):
-            counts, tries = np.array([t.count for t in some]), self._log_tries(some)[places]
-            own = self._dearer(given, counts, tries, falls)
-            costs.append(np.where(_any(self._unnamed, some)[places], math.inf, own))
+            costs.append(given.gains(falls) + self._prices(some)[places])
             ordered += some
-        if not ordered:
-            return []
         every = np.concatenate(costs, axis=1)
         found, times = list[Piece](), Counter[object]()
-        waves = [self._reading_wave(term) for term in ordered]
-        for i in np.argsort(every, axis=None, kind="stable"):
+        for i in np.argsort(every, axis=None, kind="stable")[: np.count_nonzero(every < math.inf)]:
             number, k = divmod(int(i), len(ordered))
-            if every[number, k] == math.inf or len(found) >= most:
-                break
             piece = Piece(ordered[k], places[number])
-            key = piece.term.family, piece.at
-            if times[key] < ALIKE and waves[k] != piece.at:
-                times[key] += 1
+            times[piece.term.family, piece.at] += 1
+            if times[piece.term.family, piece.at] <= ALIKE:
                 found.append(piece)
+                if len(found) == most:
+                    break
         return found
 
     def _refined(self, given: _Given, pieces: Sequence[Piece]) -> list[Piece]:
         """Return pieces with better searched values, of as few digits as the data determine; all at once."""
-        refined = [*pieces]
-        numbers = [number for number, piece in enumerate(pieces) if piece.term.searched]
-        best = self._falls(given, [pieces[number] for number in numbers])
-        fall = dict(zip(numbers, best, strict=True))
+        refined, fall = [*pieces], self._falls(given, pieces)
+        several = [number for number, piece in enumerate(pieces) if piece.term.searched]
         for k in range(ROUNDS):
             tried = [
-                (number, Piece(term, refined[number].at))
-                for number in numbers
+                (number, Piece(term, pieces[number].at))
+                for number in several
                 for term in neighbours(refined[number].term, self.drivers, 0.5**k)
             ]
             falls = self._falls(given, [piece for _, piece in tried])
             for (number, piece), own in zip(tried, falls, strict=True):
                 if own > fall[number]:
                     fall[number], refined[number] = own, piece
-        short = [
-            (number, Piece(rounded(refined[number].term, digits, self.drivers), refined[number].at))
-            for number in numbers
-            for digits in range(DIGITS, 0, -1)
-        ]
-        falls = self._falls(given, [piece for _, piece in short])
-        for (number, piece), own in zip(short, falls, strict=True):
-            if own >= fall[number] - LOST * (given.left - fall[number]) / given.dof:
-                refined[number] = piece
+        enough, best = fall - LOST * (given.left - fall) / given.dof, [*refined]
+        for digits in range(DIGITS if several else 0, 0, -1):  # the fewest last
+            short = [Piece(rounded(term, digits, self.drivers), at) for term, at in best]
+            for number in np.flatnonzero(self._falls(given, short) >= enough).tolist():
+                refined[number] = short[number]
         return refined
-
-    def _falls(self, given: _Given, pieces: Sequence[Piece]) -> list[float]:
-        return [*map(float, given.falls([self.columns(piece) for piece in pieces]))]
 
     # what is no form --------------------------------------------------------------------------------------------------
 
@@ -414,47 +387,36 @@ class _Search:
             for c in evidence.candidates
             if c.effect.place in at and not c.searched and not c.effect.definition.own
         ]
-        span = [model.across[:, np.concatenate([np.zeros(0, int), *there])]]
+        span, own = model.across[:, np.concatenate([np.zeros(0, int), *there])], self._beyond_model(piece)
         if (reading := self._reading_wave(piece.term)) is not None:
-            span.append(self._beyond_model(Piece(piece.term, reading)))
-        own = self._beyond_model(piece)
-        basis = orthonormal_basis(np.concatenate(span, axis=1), relative=COST.visible)
-        return bool(np.linalg.norm(project_out(basis, own)) < COST.imperfect * np.linalg.norm(own))
+            span = np.concatenate([span, self._beyond_model(Piece(piece.term, reading))], axis=1)
+        span = unit_columns(span)
+        explained = falls_from_products(span.T @ span, own.T @ span, relative=COST.visible**2)
+        return bool(np.sum(own**2) - np.sum(explained) < COST.imperfect**2 * np.sum(own**2))
 
     def _beyond_model(self, piece: Piece) -> Array:
         space = self.evidence.models[0].space
         return space.seen(self.columns(piece))
 
     def _is_error(self, given: _Given, piece: Piece) -> bool:
-        """Return whether errors of single poses explain as much at the same cost."""
-        basis = orthonormal_basis(given.beyond(self.columns(piece)))
-        rest = project_out(basis, given.y)
-        variance = float(rest @ rest) / given.dof
-        price = float(self._costs(given, [piece], np.zeros(1))[0]) - given.dearer
-        return self._gain_of_poses(given, variance) > (given.left - float(rest @ rest)) / variance - price
-
-    def _gain_of_poses(self, given: _Given, variance: float) -> float:
-        """Return what errors of their own of a few poses gain, in chi-square: the worst one, and then the next."""
-        sensitivities = self.evidence.sensitivities
-        n, m = sensitivities.residual.shape
-        number = np.unique(sensitivities.observations.pose, return_inverse=True)[1]
+        """Return whether errors of the few worst poses, each for itself, explain as much at the same cost."""
+        n, m = self.evidence.sensitivities.residual.shape
+        number = np.unique(self.evidence.sensitivities.observations.pose, return_inverse=True)[1]
         readings = np.bincount(number) * m
-        y, basis, price, best = given.y, np.zeros((n * m, 0)), 0.0, 0.0
-        for _ in range(FEW_POSES):
-            worst = int(np.argmax(np.bincount(number, np.sum(y.reshape(n, m) ** 2, axis=1)) / readings))
-            rows = np.flatnonzero(number == worst)
-            own = np.zeros((n, m, len(rows), m))
-            for k, row in enumerate(rows):
-                own[row, :, k] = np.eye(m)
-            own = given.beyond(own.reshape(n, m, -1))
-            basis = np.concatenate(
-                [basis, orthonormal_basis(project_out(basis, own), relative=UNDETERMINED)], axis=1
-            )
-            before, y = y, project_out(basis, given.y)
-            fall = float(before @ before - y @ y) / variance
-            price += readings[worst] * math.log(max(fall / readings[worst], 1.0)) - 2 * math.log(GROSS)
-            best = max(best, (given.left - float(y @ y)) / variance - price)
-        return best
+        squares = np.bincount(number, np.sum(given.y.reshape(n, m) ** 2, axis=1))
+        worst = np.argsort(-squares / readings, kind="stable")[:FEW_POSES]
+        at = np.concatenate([np.flatnonzero(np.repeat(number == pose, m)) for pose in worst])
+        own = np.zeros((n * m, len(at)))
+        own[at, np.arange(len(at))] = 1.0
+        ends = np.cumsum(readings[worst])
+        fall, *falls = given.falls(
+            [self.columns(piece), *(own[:, :end].reshape(n, m, -1) for end in ends.tolist())]
+        )
+        variance = (given.left - fall) / given.dof
+        sizes = np.diff(falls, prepend=0.0) / variance / readings[worst]
+        prices = readings[worst] * np.log(np.maximum(sizes, 1.0)) - 2 * math.log(GROSS)
+        of_poses = np.max(np.array(falls) / variance - np.cumsum(prices), initial=0.0)
+        return bool(of_poses > fall / variance - self._prices([piece.term])[piece.at, 0])
 
 
 @dataclass(frozen=True)
@@ -493,6 +455,10 @@ class _Given:
         """Orthonormal, of the model's columns and those of chosen candidates, (N, p + r)."""
         return np.concatenate([self.model.space.basis, self.basis], axis=1)
 
+    def gains(self, falls: Array) -> Array:
+        """Return by how much falls of the sum of squares raise the cost, before what explains them has a price."""
+        return np.asarray(self.dof * np.log1p(-np.minimum(falls / self.left, 1 - 1e-12)) + self.dearer)
+
     def beyond(self, columns: Array) -> Array:
         """Return what of columns, (n, m, K), neither the model nor chosen candidates imitate, (N, K)."""
         return project_out(self.basis, self.model.space.seen(columns))
@@ -501,7 +467,8 @@ class _Given:
         """Return by how much each set of columns, (n, m, k), lowers the sum of squares."""
         if not columns:
             return np.zeros(0)
-        whole = unit_columns_of(np.concatenate(columns, axis=2))
+        whole = np.concatenate(columns, axis=2)
+        whole = unit_columns(whole.reshape(len(self.y), -1)).reshape(whole.shape)
         white = self.model.space.whiten(whole).reshape(len(self.y), -1)
         # the products beyond the model and what was chosen, from whose rounding the least part is far
         along, pull = self.out.T @ white, white.T @ self.y
@@ -516,53 +483,40 @@ class _Given:
         return found
 
 
-def unit_columns_of(columns: Array) -> Array:
-    """Return columns (n, m, K) of length 1."""
-    return unit_columns(columns.reshape(-1, columns.shape[2])).reshape(columns.shape)
-
-
 @dataclass(frozen=True)
 class _Rough:
-    """Some rows, in which products of a component and a function are sums over rows."""
+    """What products of a component and a function explain, by sums over rows."""
 
-    rows: Ints
     pulls: Array
-    """Products of each component with what is to be explained, (components, n), as large as on all rows."""
+    """Products of each component with what is to be explained, (components, n)."""
     few: Ints
-    """Those of them, by number, that tell how much of the products is beyond what is known."""
+    """Rows that tell how much of the products is beyond what is known."""
     weight: Array
     """Squares of the components in these, (components, few)."""
-    sums: list[Array]
-    """Products of each component with what is known, (few, r)."""
-    scale: float
-    """What sums of squares over the few rows are multiplied with."""
+    sums: Array
+    """Products of each component with what is known, (components, few, r)."""
 
     @classmethod
-    def of(cls, given: _Given, follow: Sequence[Array]) -> _Rough:
-        """Return some rows of what chosen candidates leave, with a drift in place of the whitening."""
+    def of(cls, given: _Given, follow: Array) -> _Rough:
+        """Return this of what chosen candidates leave, with a drift in place of the whitening."""
         sensitivities = given.evidence.sensitivities
-        n, m = sensitivities.residual.shape
-        space = given.model.space
-        if space.whiten is unchanged:
-            known, drifts = given.out.reshape(n, m, -1), 0
-        else:
-            drift = _drift(sensitivities.frame, space)
-            known = np.concatenate([sensitivities.model, *(c.columns for c in given.chosen), drift], axis=2)
-            drifts = drift.shape[2]
-        rows = _some(n, ROUGH_ROWS)
-        residual, basis = sensitivities.residual[rows].ravel(), _basis(known[rows], drifts)
-        rest = residual - basis @ (basis.T @ residual)
-        rest *= math.sqrt(given.left / max(float(residual @ rest), 1e-300))
-        few = _some(len(rows), max(FEW_ROWS, 4 * known.shape[2] // m))
-        some, out = rows[few], _basis(known[rows[few]], drifts).reshape(len(few), m, -1)
-        return cls(
-            rows,
-            np.array([np.sum(column[rows] * rest.reshape(-1, m), axis=1) for column in follow]),
-            few,
-            np.array([np.sum(column[some] ** 2, axis=1) for column in follow]),
-            [np.einsum("nm,nmr->nr", column[some], out).astype(np.float32) for column in follow],
-            len(rows) / len(few),
-        )
+        residual, whiten = sensitivities.residual, given.model.space.whiten
+        n, m = residual.shape
+        known, drift = given.out.reshape(n, m, -1), np.zeros((n, m, 0))
+        if whiten is not unchanged:
+            known = np.concatenate([sensitivities.model, *(c.columns for c in given.chosen)], axis=2)
+            drift = _drift(sensitivities.frame, whiten)
+        basis = _basis(known, drift)
+        rest = residual - np.reshape(basis @ (basis.T @ residual.ravel()), (n, m))
+        rest *= math.sqrt(given.left / max(float(np.sum(residual * rest)), 1e-300))
+        # drawn, so that no cycle of the rows shows in them
+        most = max(FEW_ROWS, 4 * (known.shape[2] + drift.shape[2]) // m)
+        few = np.sort(np.random.default_rng(0).permutation(n)[:most])
+        out = _basis(known[few], drift[few]).reshape(len(few), m, -1)
+        some = follow[:, few]
+        # in single precision: only which terms are compared exactly depends on it
+        sums = np.einsum("pnm,nmr->pnr", some, out, dtype=np.float32, casting="same_kind", optimize=True)
+        return cls(np.einsum("pnm,nm->pn", follow, rest), few, np.sum(some**2, axis=2), sums)
 
     def falls(
         self, tried: Sequence[Term], drivers: Sequence[Driver], places: Sequence[int]
@@ -571,54 +525,49 @@ class _Rough:
 
         At components of places, (places, terms).
         """
-        some = [replace(driver, values=driver.values[self.rows]) for driver in drivers]
         alike: dict[int, list[Term]] = {}
         for term in tried:
             alike.setdefault(term.count, []).append(term)
         for own in alike.values():
-            functions = np.stack([term.functions(some) for term in own], axis=1)
+            functions = np.stack([term.functions(drivers) for term in own], axis=1)
             # function by function, (count, n, terms), so that each is in one piece
             size = np.sqrt(np.einsum("ntk,ntk->tk", functions, functions))
             single = np.ascontiguousarray(np.moveaxis(functions / np.where(size > 0, size, 1.0), 2, 0))
             pull = np.stack([self.pulls[places] @ of_rows for of_rows in single], axis=2)
-            gram = self._gram(single[:, self.few], places)
-            size = np.sqrt(np.einsum("ptkk->ptk", gram[0]))
+            gram, known = self._products(single[:, self.few], places)
+            size = np.sqrt(np.einsum("ptkk->ptk", gram))
             size = np.where(size > 0, size, 1.0)
-            beyond = (gram[0] - gram[1]) / size[:, :, :, None] / size[:, :, None, :]
-            yield own, falls_from_products(beyond, pull / size, least=COST.visible**2) / self.scale
+            beyond = (gram - known) / size[:, :, :, None] / size[:, :, None, :]
+            falls = falls_from_products(beyond, pull / size, least=COST.visible**2)
+            yield own, falls * len(self.few) / self.pulls.shape[1]
 
-    def _gram(self, single: Array, places: Sequence[int]) -> Array:
+    def _products(self, single: Array, places: Sequence[int]) -> Array:
         """Return the products of functions' columns, and of what is known in them, (2, places, terms, count, count)."""
         count, _, terms = single.shape
-        gram = np.zeros((2, len(places), terms, count, count))
+        found = np.zeros((2, len(places), terms, count, count))
         for k, other in itertools.product(range(count), repeat=2):
-            gram[0, :, :, k, other] = self.weight[places] @ (single[k] * single[other])
-        rough = single.astype(np.float32)  # only which terms are compared on all rows depends on it
+            found[0, :, :, k, other] = self.weight[places] @ (single[k] * single[other])
+        rough = single.astype(np.float32)
         for number, at in enumerate(places):
             along = self.sums[at].T @ rough
-            gram[1, number] = np.einsum("krt,lrt->tkl", along, along, optimize=True)
-        return gram
+            found[1, number] = np.einsum("krt,lrt->tkl", along, along, optimize=True)
+        return found
 
 
-def _some(n: int, most: int) -> Ints:
-    """Return the numbers of some rows, in their order, drawn so that no cycle of the rows shows in them."""
-    return np.sort(np.random.default_rng(0).permutation(n)[:most])
-
-
-def _basis(columns: Array, drifts: int) -> Array:
-    """Return Q, with 1 - QQᵀ the inverse covariance beyond columns (n, m, K), of which the last ones have variance 1.
+def _basis(known: Array, drift: Array) -> Array:
+    """Return Q, with 1 - QQᵀ the inverse covariance of readings beyond known columns and a drift's, of variance 1.
 
     They are the rows of an orthonormal basis that belong to readings: those of the known variances stand below them.
     """
-    flat = columns.reshape(-1, columns.shape[2])
-    prior = np.eye(drifts, flat.shape[1], flat.shape[1] - drifts)
-    return orthonormal_basis(np.concatenate([flat, prior]))[: len(flat)]
+    size, p, d = known.shape[0] * known.shape[1], known.shape[2], drift.shape[2]
+    columns = np.concatenate([known, drift], axis=2).reshape(size, -1)
+    return orthonormal_basis(np.concatenate([columns, np.eye(d, p + d, p)]))[:size]
 
 
 def _merged(one: Sequence[Scored], other: Sequence[Scored]) -> list[Scored]:
     """Return scored pieces, each once, the cheapest first."""
-    every = sorted([*one, *other], key=lambda scored: scored[0])
-    return [*{piece: (cost, piece) for cost, piece in every}.values()]
+    costs = {piece: cost for cost, piece in (*one, *other)}
+    return sorted(((cost, piece) for piece, cost in costs.items()), key=lambda scored: scored[0])
 
 
 def _any(of_drivers: Mask, some: Sequence[Term]) -> Mask:
@@ -627,14 +576,15 @@ def _any(of_drivers: Mask, some: Sequence[Term]) -> Mask:
     return np.asarray(of_drivers[:, first] | of_drivers[:, last])
 
 
-def _drift(frame: Array, space: Space) -> Array:
+def _drift(frame: Array, whiten: Whiten) -> Array:
     """Return columns of variance 1 of a drift of the frame, (n, m, d), as the whitening has it.
 
     The frame's freedoms times cosines over the row are nearly what the covariance of a drift only stretches: by how
     much is seen from what whitening makes of them.
     """
-    n = len(frame)
+    n, m, _ = frame.shape
     waves = np.cos(np.pi * np.outer((np.arange(n) + 0.5) / n, np.arange(COSINES)))
-    columns = unit_columns_of((frame[:, :, :, None] * waves[:, None, None, :]).reshape(n, frame.shape[1], -1))
-    left = np.sum(space.whiten(columns) ** 2, axis=(0, 1))
-    return np.asarray(columns * np.sqrt(np.maximum(1 / np.maximum(left, 1e-12) - 1, 0.0)))
+    columns = unit_columns((frame[:, :, :, None] * waves[:, None, None, :]).reshape(n * m, -1))
+    left = np.sum(whiten(columns.reshape(n, m, -1)) ** 2, axis=(0, 1))
+    columns *= np.sqrt(np.maximum(1 / np.maximum(left, 1e-12) - 1, 0.0))
+    return columns.reshape(n, m, -1)
