@@ -14,7 +14,7 @@ from machine_simulator import Simulated
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fit import Fit, fit
-from rodgen.calibration.form_terms import Factor, Term, drivers_of, effect_of, follows, rounded, terms
+from rodgen.calibration.form_terms import Factor, Term, drivers_of, effect_of, terms
 from rodgen.calibration.forms import propose, sharpened
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
@@ -431,7 +431,7 @@ def test_every_term_is_what_its_formula_says() -> None:
         term = every[number]
         own = {drivers[f.driver].joint for f in term.factors if drivers[f.driver].kind != "joint"} - {None}
         place = own.pop() if own else None
-        effect = effect_of(term, place, "tx", drivers, o)
+        effect = effect_of(term, (place, "tx"), drivers, o)
         words: dict[str, Any] = {"pi": np.pi, "t": o.t, "F": o.load, **o.covariates}
         words |= {joint.name: o.q[:, j] for j, joint in enumerate(o.machine.joints)}
         if place is not None:
@@ -450,5 +450,5 @@ def test_searched_values_have_few_digits() -> None:
     drivers = drivers_of(base.observations)
     x = next(i for i, driver in enumerate(drivers) if driver.name == "X")
     term = Term((Factor(x, "bump", 1, (312.345, 61.234)),))
-    assert rounded(term, 2, drivers).searched == (310.0, 61.0)
-    assert follows(term, drivers) == "X"
+    assert term.rounded(2, drivers).searched == (310.0, 61.0)
+    assert term.follows(drivers) == "X"

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -44,6 +45,8 @@ STANDS_STILL = 1e-3
 LARGEST = 1e100
 """Functions with values beyond are left out: their squares leave the range of a double."""
 _LETTERS = "abcghkmnpuwABCDEGHKLMNQRSUVXYZ"
+_WITH_UNIT = {"wave": (0, "P"), "bump": (1, "W"), "decay": (0, "tau")}
+"""Which searched value has the unit of its driver, and what a formula calls it."""
 _OF_KIND = {"joint": "q", "approach": "s", "velocity": "v", "temperature": "T", "time": "t", "load": "F"}
 """What a formula calls a driver; those of a joint at their own joint only."""
 _WORDS = frozenset({*_OF_KIND.values(), "pi"}) | FUNCTION_NAMES | READING_COLUMNS
@@ -57,16 +60,15 @@ def drivers_of(o: Observations) -> list[Driver]:
     """Return the drivers that vary and that a formula can name: joint by joint, then those of the whole machine."""
     of_joints = sorted(o.drivers("joint", "approach", "velocity", "temperature"), key=lambda d: d.number or 0)
     every = [
-        replace(driver, values=np.asarray(driver.values, float))
+        driver
         for driver in (*of_joints, *o.drivers("time", "load", "column"))
-        if word(driver, driver.joint, o.machine)
+        if word(driver, driver.joint, o.machine) and driver.levels > 1 and np.isfinite(driver.span)
     ]
-    every = [driver for driver in every if driver.levels > 1 and np.isfinite(driver.span)]
-    widest = {
-        turns: max((d.span for d in every if d.kind == "joint" and d.revolute == turns), default=0.0)
-        for turns in (True, False)
-    }
-    return [d for d in every if d.kind != "joint" or d.span > STANDS_STILL * widest[d.revolute]]
+    joints = sorted((driver for driver in every if driver.kind == "joint"), key=lambda d: d.span)
+    still = {
+        driver.revolute: STANDS_STILL * driver.span for driver in joints
+    }  # by the widest, which is the last
+    return [d for d in every if d.kind != "joint" or d.span > still[d.revolute]]
 
 
 def word(driver: Driver, place: str | None, machine: Machine) -> str | None:
@@ -212,11 +214,6 @@ class Term:
         """The values that were searched for."""
         return tuple(value for factor in self.factors for value in factor.values)
 
-    @property
-    def family(self) -> tuple[tuple[int, str], ...]:
-        """Drivers and kinds, whatever the orders and values."""
-        return tuple((factor.driver, factor.kind) for factor in self.factors)
-
     def with_values(self, values: Sequence[float]) -> Term:
         """Return it with other searched values."""
         rest = iter(values)
@@ -230,13 +227,71 @@ class Term:
             found = np.stack([reduce(np.multiply, several) for several in itertools.product(*parts)], axis=1)
         return found if np.abs(found).max(initial=0.0) < LARGEST else np.zeros_like(found)
 
+    def multiplied(self, drivers: Sequence[Driver]) -> list[Term]:
+        """Return products with a low function of each driver that it does not follow; of two, with further powers."""
+        if len(self.factors) > 1:
+            return [
+                replace(self, factors=(*self.factors[:k], _polynomial(factor), *self.factors[k + 1 :]))
+                for k, factor in enumerate(self.factors)
+                if factor.kind == "power" and drivers[factor.driver].levels > DEGREE
+            ]
+        (factor,) = self.factors
+        curve = factor.kind in {"power", "series", "curve"} and drivers[factor.driver].levels > DEGREE
+        return [
+            Term((own, other), self.choices * len(low))
+            for k, driver in enumerate(drivers)
+            if k != factor.driver and _multiply(drivers[factor.driver], driver)
+            for low in [_low(k, driver)]
+            for other in low
+            for own in (factor, *([_polynomial(factor)] if curve else []))
+        ]
+
+    def neighbours(self, drivers: Sequence[Driver], part: float) -> Iterator[Term]:
+        """Yield it with one of its searched values changed by a part of the step of the grid, to either side."""
+        values = [(drivers[f.driver], f.kind, k, v) for f in self.factors for k, v in enumerate(f.values)]
+        for (number, (driver, kind, k, value)), sign in itertools.product(enumerate(values), (-part, part)):
+            least, most = driver.low, driver.low + driver.span
+            if kind == "decay" or k == 1:  # a time constant, or a width
+                near, least, most = value * 2**sign, driver.span / 200, 10 * driver.span
+            elif kind == "wave":
+                near, least, most = value + sign * np.pi / driver.span, np.pi / driver.span, math.inf
+            else:
+                near = value + sign * driver.span / PLACES
+            if least <= near <= most:
+                yield self.with_values([near if i == number else known[3] for i, known in enumerate(values)])
+
+    def rounded(self, digits: int, drivers: Sequence[Driver]) -> Term:
+        """Return it with searched values of so many digits."""
+        values = list[float]()
+        for factor in self.factors:
+            driver = drivers[factor.driver]
+            decimals = digits - 1 - int(np.floor(np.log10(driver.span)))
+            for k, value in enumerate(factor.values):
+                if factor.kind == "wave" and driver.dimension != ANGLE:  # a period
+                    values.append(2 * np.pi / float(f"{2 * np.pi / value:.{digits}g}"))
+                elif factor.kind in {"wave", "decay"} or k == 1:
+                    values.append(float(f"{value:.{digits}g}"))
+                else:  # a place has decimals relative to the range
+                    values.append(round(value, decimals) + 0.0)
+        return self.with_values(values)
+
+    def follows(self, drivers: Sequence[Driver]) -> str:
+        """Return what drives it, in words: columns before joints, each once; of a direction of approach its joint."""
+        own = [drivers[factor.driver] for factor in self.factors]
+        ordered = sorted(own, key=lambda d: d.kind in {"joint", "approach"})
+        return " and ".join(dict.fromkeys(str(d.joint) if d.kind == "approach" else d.name for d in ordered))
+
 
 # the terms that are tried --------------------------------------------------------------------------------------------
 
 
 def terms(drivers: Sequence[Driver]) -> list[Term]:
     """Return the terms that are tried first, searched values on a coarse grid."""
-    found = [Term((f,), n) for i, d in enumerate(drivers) for f, n in _counted(_alone(i, d))]
+    found = list[Term]()
+    for i, driver in enumerate(drivers):
+        alone = _alone(i, driver)
+        kinds = Counter(factor.kind for factor in alone)
+        found += [Term((factor,), float(len(kinds) * kinds[factor.kind])) for factor in alone]
     for i, k in itertools.combinations(range(len(drivers)), 2):
         one, other = drivers[i], drivers[k]
         if one.kind != "joint" or not _multiply(one, other):
@@ -251,26 +306,6 @@ def terms(drivers: Sequence[Driver]) -> list[Term]:
     return found
 
 
-def multiplied(term: Term, drivers: Sequence[Driver]) -> list[Term]:
-    """Return products of a term with a low function of each driver that it does not follow; of two, further powers."""
-    if len(term.factors) > 1:
-        return [
-            replace(term, factors=(*term.factors[:k], _polynomial(factor), *term.factors[k + 1 :]))
-            for k, factor in enumerate(term.factors)
-            if factor.kind == "power" and drivers[factor.driver].levels > DEGREE
-        ]
-    (factor,) = term.factors
-    curve = factor.kind in {"power", "series", "curve"} and drivers[factor.driver].levels > DEGREE
-    return [
-        Term((own, other), term.choices * len(low))
-        for k, driver in enumerate(drivers)
-        if k != factor.driver and _multiply(drivers[factor.driver], driver)
-        for low in [_low(k, driver)]
-        for other in low
-        for own in (factor, *([_polynomial(factor)] if curve else []))
-    ]
-
-
 def _polynomial(factor: Factor) -> Factor:
     return replace(factor, kind="polynomial", order=DEGREE)
 
@@ -279,12 +314,6 @@ def _multiply(one: Driver, other: Driver) -> bool:
     """Return whether products of two drivers are formed: what belongs to a joint is multiplied with its coordinate."""
     of_one = [d for d in (one, other) if d.joint is not None and d.kind != "joint"]
     return all(one.joint == other.joint and "joint" in {one.kind, other.kind} for _ in of_one)
-
-
-def _counted(factors: Sequence[Factor]) -> Iterator[tuple[Factor, float]]:
-    """Yield factors, each with the number of choices: among kinds, and among those of its kind."""
-    kinds = [factor.kind for factor in factors]
-    yield from ((factor, float(len(set(kinds)) * kinds.count(factor.kind))) for factor in factors)
 
 
 def _alone(i: int, driver: Driver) -> list[Factor]:
@@ -356,82 +385,52 @@ def _decays(i: int, driver: Driver) -> list[Factor]:
     return [Factor(i, "decay", 1, (float(tau),), origin) for tau in times]
 
 
-# searched values -----------------------------------------------------------------------------------------------------
-
-
-def neighbours(term: Term, drivers: Sequence[Driver], part: float) -> Iterator[Term]:
-    """Yield a term with one of its searched values changed by a part of the step of the grid, to either side."""
-    values = [(drivers[f.driver], f.kind, k, v) for f in term.factors for k, v in enumerate(f.values)]
-    for (number, (driver, kind, k, value)), sign in itertools.product(enumerate(values), (-part, part)):
-        least, most = driver.low, driver.low + driver.span
-        if kind == "decay" or k == 1:  # a time constant, or a width
-            near, least, most = value * 2**sign, driver.span / 200, 10 * driver.span
-        elif kind == "wave":
-            near, least, most = value + sign * np.pi / driver.span, np.pi / driver.span, math.inf
-        else:
-            near = value + sign * driver.span / PLACES
-        if least <= near <= most:
-            yield term.with_values([near if i == number else known[3] for i, known in enumerate(values)])
-
-
-def rounded(term: Term, digits: int, drivers: Sequence[Driver]) -> Term:
-    """Return a term whose searched values have so many digits."""
-    values: list[float] = []
-    for factor in term.factors:
-        driver = drivers[factor.driver]
-        if factor.kind == "wave" and driver.dimension != ANGLE:
-            values.append(2 * np.pi / float(f"{2 * np.pi / factor.values[0]:.{digits}g}"))
-        elif factor.kind in {"wave", "decay"}:
-            values.append(float(f"{factor.values[0]:.{digits}g}"))
-        elif factor.values:  # a place has decimals relative to the range
-            values.append(round(factor.values[0], digits - 1 - int(np.floor(np.log10(driver.span)))) + 0.0)
-            values += [float(f"{width:.{digits}g}") for width in factor.values[1:]]
-    return term.with_values(values)
-
-
 # as a formula --------------------------------------------------------------------------------------------------------
 
 
 def effect_of(
-    term: Term, place: str | None, component: str, drivers: Sequence[Driver], o: Observations
+    term: Term,
+    at: tuple[str | None, str],
+    drivers: Sequence[Driver],
+    o: Observations,
+    others: Sequence[Effect] = (),
 ) -> Effect:
-    """Return a term at a component of a place as an effect that a user could have written.
+    """Return a term at a component of a place as an effect that a user could have written, unlike others in name.
 
     What was searched and has a unit is a parameter that is held; other searched values are numbers in the formula.
     """
-    machine = o.machine
-    taken = {*_WORDS, *(joint.name for joint in machine.joints), *o.data.columns}
-    units: dict[str, str] = {}
-    hold: dict[str, float] = {}
+    (place, component), machine, driven = at, o.machine, term.follows(drivers)
+    joints = {joint.name for joint in machine.joints}
+    taken, free = {*_WORDS, *joints, *o.data.columns}, iter(_LETTERS)
+    units, hold = dict[str, str](), dict[str, float]()
     texts, dimensions = list[list[str]](), list[list[Dimension]]()
     for factor in term.factors:
         driver = drivers[factor.driver]
         numbers = [_written(value) for value in factor.values]
-        unit = display_unit(driver.dimension, machine.length_unit).text
-        names = {"wave": (0, "P"), "bump": (1, "W"), "decay": (0, "tau")}
-        if factor.kind in names and not driver.dimension.fits(ONE):
-            k, letter = names[factor.kind]
+        if factor.kind in _WITH_UNIT and not driver.dimension.fits(ONE):
+            k, letter = _WITH_UNIT[factor.kind]
             value = 2 * np.pi / factor.values[0] if factor.kind == "wave" else factor.values[k]
             numbers[k] = _free(letter, taken | units.keys())
-            units[numbers[k]], hold[numbers[k]] = unit, float(f"{value:.12g}")
-        called = word(driver, place, machine)
-        assert called is not None
-        texts.append(factor.texts(called, numbers))
+            units[numbers[k]] = display_unit(driver.dimension, machine.length_unit).text
+            hold[numbers[k]] = float(f"{value:.12g}")
+        texts.append(factor.texts(str(word(driver, place, machine)), numbers))
         dimensions.append([driver.dimension**p for p in factor.powers])
     wanted = component_dimension(component, machine.kind_of(place), machine.measurand)
-    own = [drivers[factor.driver] for factor in term.factors]
+    columns = [
+        drivers[factor.driver].unit for factor in term.factors if drivers[factor.driver].kind == "column"
+    ]
     coefficients: dict[str, str] = {}
     parts = list[str]()
-    letters = (letter for letter in _LETTERS if letter not in taken | units.keys())
     for several, of in zip(itertools.product(*texts), itertools.product(*dimensions), strict=True):
-        name = next(letters)
-        coefficients[name] = _unit(wanted, reduce(mul, of, ONE), own, machine)
-        parts.append("*".join(filter(None, [name, *several])))
-    driven = follows(term, drivers)
+        letter = next(letter for letter in free if letter not in taken | units.keys())
+        coefficients[letter] = _unit(wanted, reduce(mul, of, ONE), columns, machine.length_unit)
+        parts.append("*".join(filter(None, [letter, *several])))
+    names = {*NAMES, *joints, *(target.name for target in machine.targets)}
+    names |= {effect.name for effect in (*machine.effects, *others)}
     name = re.sub(r"[^A-Za-z0-9]+", "_", f"{component}_by_{driven}")[:50].strip("_")
     where = f"{component} at {place}" if place else f"{component} of the whole machine"
     definition = own_effect(
-        name,
+        _free(name, names, "_"),
         component,
         " + ".join(parts),
         coefficients | units,
@@ -445,32 +444,16 @@ def effect_of(
     return Effect(definition, place, hold)
 
 
-def named(effect: Effect, machine: Machine, others: Sequence[Effect]) -> Effect:
-    """Return an effect with a name that no other has."""
-    taken = {*NAMES, *(e.name for e in (*machine.effects, *others))}
-    taken |= {joint.name for joint in machine.joints} | {target.name for target in machine.targets}
-    return replace(effect, definition=replace(effect.definition, name=_free(effect.name, taken, "_")))
-
-
-def follows(term: Term, drivers: Sequence[Driver]) -> str:
-    """Return what drives a term, in words: columns before joints, each once; of a direction of approach its joint."""
-    own = [drivers[factor.driver] for factor in term.factors]
-    ordered = sorted(own, key=lambda d: d.kind in {"joint", "approach"})
-    return " and ".join(dict.fromkeys(str(d.joint) if d.kind == "approach" else d.name for d in ordered))
-
-
 def _free(name: str, taken: set[str], between: str = "") -> str:
     return next(n for n in (name, *(f"{name}{between}{k}" for k in range(2, 1000))) if n not in taken)
 
 
-def _unit(wanted: Dimension, function: Dimension, drivers: Sequence[Driver], machine: Machine) -> str:
-    """Return the unit of a coefficient; an angle in a function is a plain number."""
+def _unit(wanted: Dimension, function: Dimension, columns: Sequence[str], length: str) -> str:
+    """Return the unit of a coefficient, by those of columns; an angle in a function is a plain number."""
     function = Dimension.of((name, power) for name, power in function.powers if name != "angle")
-    own = "arcsec" if wanted == ANGLE else machine.length_unit
+    own = "arcsec" if wanted == ANGLE else length
     if function == ONE:
         return own
-    for driver in drivers:
-        simple = driver.kind == "column" and driver.unit and not re.search(r"[*/^ ]", driver.unit)
-        if simple and parse_unit(driver.unit).dimension == function:
-            return f"{own}/{driver.unit}"
-    return display_unit(wanted / function, machine.length_unit).text
+    simple = (unit for unit in columns if unit and not re.search(r"[*/^ ]", unit))
+    same = (f"{own}/{unit}" for unit in simple if parse_unit(unit).dimension == function)
+    return next(same, display_unit(wanted / function, length).text)

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import itemgetter
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -21,18 +22,7 @@ import numpy as np
 from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.candidates import Candidate, with_searched
 from rodgen.calibration.evidence import Columns, Evidence
-from rodgen.calibration.form_terms import (
-    Term,
-    drivers_of,
-    effect_of,
-    follows,
-    multiplied,
-    named,
-    neighbours,
-    rounded,
-    terms,
-    word,
-)
+from rodgen.calibration.form_terms import Term, drivers_of, effect_of, terms, word
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.sensitivities import Place, is_direct
 from rodgen.machines.drivers import Driver
@@ -114,32 +104,25 @@ def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate
 
     At a period of the grid a wave leaves a part of itself, which a form of just the right period would take away.
     """
-    found = []
+    found, sensitivities = list[Candidate](), evidence.sensitivities
     for c in chosen:
-        if len(c.searched) == 1 and not c.effect.definition.own and not is_direct(c.effect):
-            rest = [other for other in chosen if other is not c]
-            given = _Given.of(evidence, rest, evidence.model_for(rest))
-            best = _sharper(evidence, given, c)
-            before, after = given.falls([c.columns, best.columns])
-            if after - before > LOST * (given.left - after) / given.dof:
-                found.append(best)
+        if len(c.searched) != 1 or c.effect.definition.own or is_direct(c.effect):
+            continue
+        given = _Given.of(evidence, [other for other in chosen if other is not c])
+        ((name, value),) = c.searched.items()
+        reach = math.log(2)
+        if c.effect.definition.searched[name] is StartSearch.PERIOD:  # half a wave more or less
+            j = sensitivities.fit.machine.number_of(str(c.effect.place))
+            reach = min(reach, value / 2 / float(np.ptp(sensitivities.observations.q[:, j])))
+        for k in range(ROUNDS):
+            values = value * np.exp(reach * np.linspace(-1, 1, 9) / 4**k)
+            near = [with_searched(sensitivities, c.effect, {name: float(one)}).columns for one in values]
+            best = int(np.argmax(given.falls(near)))
+            value, columns = float(values[best]), near[best]
+        before, after = given.falls([c.columns, columns])
+        if after - before > LOST * (given.left - after) / given.dof:
+            found.append(replace(c, searched={name: value}, columns=columns))
     return found
-
-
-def _sharper(evidence: Evidence, given: _Given, c: Candidate) -> Candidate:
-    """Return a candidate at the best value near the one that was tried: up to half a wave more or less, or twice it."""
-    sensitivities = evidence.sensitivities
-    ((name, value),) = c.searched.items()
-    reach = math.log(2)
-    if c.effect.definition.searched[name] is StartSearch.PERIOD:
-        j = sensitivities.fit.machine.number_of(str(c.effect.place))
-        reach = min(reach, value / 2 / float(np.ptp(sensitivities.observations.q[:, j])))
-    for k in range(ROUNDS):
-        values = value * np.exp(reach * np.linspace(-1, 1, 9) / 4**k)
-        near = [with_searched(sensitivities, c.effect, {name: float(one)}) for one in values]
-        best = near[int(np.argmax(given.falls([one.columns for one in near])))]
-        value = best.searched[name]
-    return replace(c, searched=best.searched, columns=best.columns)
 
 
 @dataclass(frozen=True)
@@ -162,31 +145,30 @@ class _Search:
             return None
         return cls(evidence, drivers, [*follow], np.array([*follow.values()]), terms(drivers))
 
-    def views(self, chosen: Sequence[Candidate]) -> Iterator[tuple[_Given, list[Scored]]]:
-        """Yield what sets of candidates leave, under a noise model, with pieces that may explain it and their costs.
+    def views(self, chosen: Sequence[Candidate]) -> list[tuple[_Given, list[Scored]]]:
+        """Return what sets of candidates leave, under a noise model, with pieces that may explain it and their costs.
 
-        What errors that readings share imitate is looked for as if there were none, too. In the place of chosen effects
-        a form saves what these cost at most, apart from the misfit. What raises the cost of the chosen set by more
-        cannot lower that of a part of it below the cost of the whole.
+        Of the chosen candidates C a form F may replace a part R. Without R the misfit is no less, and no more is saved
+        than what C costs apart from the misfit, its price:
+
+            cost(C - R + F) - cost(C) >= cost(C + F) - cost(C) - price(C)
+
+        So only a piece that raises the cost of C by less than the price may be worth its own. Where all of these were
+        found beside C, nothing else is searched; else the search is done without any effect, too.
         """
-        evidence = self.evidence
-        views = self._views(chosen)
-        yield from views
-        price, pieces = views[0][0].price, list[Piece]()
-        for rest in dict.fromkeys([(), *(tuple(c for c in chosen if c is not one) for one in chosen)]):
-            if len(rest) == len(chosen):
-                break
-            if not rest and any(scored and scored[-1][0] < price for _, scored in views):
-                views += (further := self._views(rest))
-                yield from further
-                continue
-            pieces = [piece for _, scored in views for cost, piece in scored if cost < price]
-            if pieces:
-                given = _Given.of(evidence, rest, evidence.model_for(rest))
-                yield given, self._exact(given, pieces)
+        views = self._searched(chosen)
+        price = views[0][0].price
+        if chosen and any(scored and scored[-1][0] < price for _, scored in views):
+            views += self._searched([])
+        pieces = [piece for _, scored in views for cost, piece in scored if cost < price]
+        parts = (
+            [*(tuple(c for c in chosen if c is not one) for one in chosen), ()] if pieces and chosen else []
+        )
+        given = [_Given.of(self.evidence, part) for part in dict.fromkeys(parts)]
+        return [*views, *((one, self._exact(one, pieces)) for one in given)]
 
-    def _views(self, chosen: Sequence[Candidate]) -> list[tuple[_Given, list[Scored]]]:
-        """Return what a set leaves under its noise model, and as if readings were independent, with what is found."""
+    def _searched(self, chosen: Sequence[Candidate]) -> list[tuple[_Given, list[Scored]]]:
+        """Return what a set leaves, with the pieces of a search; and that as if there were no errors readings share."""
         models = dict.fromkeys([self.evidence.model_for(chosen), self.evidence.independent])
         views = [_Given.of(self.evidence, chosen, model) for model in models]
         return [(given, self._promising(given)) for given in views]
@@ -218,18 +200,11 @@ class _Search:
 
     def _candidate(self, piece: Piece, columns: Array, others: Sequence[Effect]) -> Candidate:
         o = self.evidence.sensitivities.observations
-        place, component = self.places[piece.at]
-        effect = named(effect_of(piece.term, place, component, self.drivers, o), o.machine, others)
-        linear = [name for name in effect.definition.parameters if name not in effect.hold]
-        return Candidate(
-            effect,
-            tuple(map(effect.key, linear)),
-            columns,
-            {},
-            math.exp(self._log_tries([piece.term])[piece.at, 0]),
-            Plausibility(math.log(SOMETHING_UNNAMED)),
-            follows(piece.term, self.drivers),
-        )
+        effect = effect_of(piece.term, self.places[piece.at], self.drivers, o, others)
+        names = tuple(effect.key(name) for name in effect.definition.parameters if name not in effect.hold)
+        tries = math.exp(self._log_tries([piece.term])[piece.at, 0])
+        odds = Plausibility(math.log(SOMETHING_UNNAMED))
+        return Candidate(effect, names, columns, {}, tries, odds, piece.term.follows(self.drivers))
 
     def _independent(self, piece: Piece) -> Array | None:
         """Return independent combinations of a piece's columns; None where a coefficient is not determined.
@@ -276,13 +251,8 @@ class _Search:
 
     @cached_property
     def _belongs(self) -> Mask:
-        """Whether a driver acts at a place rather than elsewhere; a load bends joints, not the whole machine."""
-        return np.array(
-            [
-                [place is not None if d.kind == "load" else d.joint == place for d in self.drivers]
-                for place, _ in self.places
-            ]
-        )
+        """Whether a driver acts at a place rather than elsewhere; a load acts anywhere."""
+        return np.array([[d.joint == at or d.kind == "load" for d in self.drivers] for at, _ in self.places])
 
     @cached_property
     def _unnamed(self) -> Mask:
@@ -308,18 +278,16 @@ class _Search:
         """Return the pieces that explain most of what a set leaves, searched values refined, and products of them."""
         if not given.left > 0:
             return []
-        rough = _Rough.of(given, self.follow)
-        places = [*range(len(self.places))]
-        short_list = self._best(given, rough, self.terms, places, SHORT_LIST)
-        scored = self._exact(given, short_list)
+        rough, everywhere = _Rough.of(given, self.follow), [*range(len(self.places))]
+        scored = self._exact(given, self._best(given, rough, self.terms, everywhere, SHORT_LIST))
         searched = [piece for _, piece in scored if piece.term.searched][:REFINED]
-        scored = _merged(scored, self._exact(given, self._refined(given, searched)))
+        scored = sorted([*scored, *self._exact(given, self._refined(given, searched))], key=itemgetter(0))
         products = [
             product
             for _, piece in scored[:MULTIPLIED]
-            for product in self._best(given, rough, multiplied(piece.term, self.drivers), [piece.at], ALIKE)
+            for product in self._best(given, rough, piece.term.multiplied(self.drivers), [piece.at], ALIKE)
         ]
-        return _merged(scored, self._exact(given, self._refined(given, products)))
+        return sorted([*scored, *self._exact(given, self._refined(given, products))], key=itemgetter(0))
 
     def _best(
         self, given: _Given, rough: _Rough, tried: Sequence[Term], places: Sequence[int], most: int
@@ -334,8 +302,9 @@ class _Search:
         for i in np.argsort(every, axis=None, kind="stable")[: np.count_nonzero(every < math.inf)]:
             number, k = divmod(int(i), len(ordered))
             piece = Piece(ordered[k], places[number])
-            times[piece.term.family, piece.at] += 1
-            if times[piece.term.family, piece.at] <= ALIKE:
+            family = piece.at, *((factor.driver, factor.kind) for factor in piece.term.factors)
+            times[family] += 1
+            if times[family] <= ALIKE:
                 found.append(piece)
                 if len(found) == most:
                     break
@@ -344,20 +313,19 @@ class _Search:
     def _refined(self, given: _Given, pieces: Sequence[Piece]) -> list[Piece]:
         """Return pieces with better searched values, of as few digits as the data determine; all at once."""
         refined, fall = [*pieces], self._falls(given, pieces)
-        several = [number for number, piece in enumerate(pieces) if piece.term.searched]
         for k in range(ROUNDS):
             tried = [
-                (number, Piece(term, pieces[number].at))
-                for number in several
-                for term in neighbours(refined[number].term, self.drivers, 0.5**k)
+                (number, Piece(near, at))
+                for number, (term, at) in enumerate(refined)
+                for near in term.neighbours(self.drivers, 0.5**k)
             ]
             falls = self._falls(given, [piece for _, piece in tried])
             for (number, piece), own in zip(tried, falls, strict=True):
                 if own > fall[number]:
                     fall[number], refined[number] = own, piece
         enough, best = fall - LOST * (given.left - fall) / given.dof, [*refined]
-        for digits in range(DIGITS if several else 0, 0, -1):  # the fewest last
-            short = [Piece(rounded(term, digits, self.drivers), at) for term, at in best]
+        for digits in range(DIGITS, 0, -1):  # the fewest last
+            short = [Piece(term.rounded(digits, self.drivers), at) for term, at in best]
             for number in np.flatnonzero(self._falls(given, short) >= enough).tolist():
                 refined[number] = short[number]
         return refined
@@ -367,13 +335,11 @@ class _Search:
     def _reading_wave(self, term: Term) -> int | None:
         """Return where a wave of one joint is an effect of the catalogue of any period: the number of its reading."""
         wave, *more = term.factors
-        if more or wave.kind not in {"wave", "harmonic"}:
-            return None
         joint = self.drivers[wave.driver].joint
-        machine = self.evidence.sensitivities.observations.machine
-        if joint is None or machine.joint(joint).period is not None:
+        at, machine = (joint, "reading"), self.evidence.sensitivities.observations.machine
+        if more or wave.kind not in {"wave", "harmonic"} or joint is None or at not in self.places:
             return None
-        return self.places.index((joint, "reading")) if (joint, "reading") in self.places else None
+        return None if machine.joint(joint).period is not None else self.places.index(at)
 
     def _is_catalogued(self, piece: Piece) -> bool:
         """Return whether effects of the catalogue, at the place or at the joint that it follows, span a form."""
@@ -405,18 +371,14 @@ class _Search:
         readings = np.bincount(number) * m
         squares = np.bincount(number, np.sum(given.y.reshape(n, m) ** 2, axis=1))
         worst = np.argsort(-squares / readings, kind="stable")[:FEW_POSES]
-        at = np.concatenate([np.flatnonzero(np.repeat(number == pose, m)) for pose in worst])
-        own = np.zeros((n * m, len(at)))
-        own[at, np.arange(len(at))] = 1.0
-        ends = np.cumsum(readings[worst])
-        fall, *falls = given.falls(
-            [self.columns(piece), *(own[:, :end].reshape(n, m, -1) for end in ends.tolist())]
-        )
+        blocks = [np.flatnonzero(np.repeat(number == pose, m)) for pose in worst]
+        errors = [(np.arange(n * m)[:, None] == rows).astype(float).reshape(n, m, -1) for rows in blocks]
+        fall, *falls = given.falls([self.columns(piece), *errors])
         variance = (given.left - fall) / given.dof
-        sizes = np.diff(falls, prepend=0.0) / variance / readings[worst]
-        prices = readings[worst] * np.log(np.maximum(sizes, 1.0)) - 2 * math.log(GROSS)
-        of_poses = np.max(np.array(falls) / variance - np.cumsum(prices), initial=0.0)
-        return bool(of_poses > fall / variance - self._prices([piece.term])[piece.at, 0])
+        sizes = np.array(falls) / variance / readings[worst]
+        gains = readings[worst] * (sizes - np.log(np.maximum(sizes, 1.0))) + 2 * math.log(GROSS)
+        price = self._prices([piece.term])[piece.at, 0]
+        return bool(np.sum(np.maximum(gains, 0.0)) > fall / variance - price)
 
 
 @dataclass(frozen=True)
@@ -436,7 +398,9 @@ class _Given:
     """By how much the noise model is dearer than the one that is best without further candidates."""
 
     @classmethod
-    def of(cls, evidence: Evidence, chosen: Sequence[Candidate], model: Columns) -> _Given:
+    def of(cls, evidence: Evidence, chosen: Sequence[Candidate], model: Columns | None = None) -> _Given:
+        """Return what candidates leave under a noise model; that under which they cost least without."""
+        model = model or evidence.model_for(chosen)
         index = np.concatenate([np.zeros(0, int), *(evidence.parts[id(c)] for c in chosen)])
         basis = orthonormal_basis(model.across[:, index])
         y = project_out(basis, model.space.residual)
@@ -534,24 +498,19 @@ class _Rough:
             size = np.sqrt(np.einsum("ntk,ntk->tk", functions, functions))
             single = np.ascontiguousarray(np.moveaxis(functions / np.where(size > 0, size, 1.0), 2, 0))
             pull = np.stack([self.pulls[places] @ of_rows for of_rows in single], axis=2)
-            gram, known = self._products(single[:, self.few], places)
+            gram = np.zeros((*pull.shape, pull.shape[2]))
+            single = single[:, self.few]
+            for k, other in itertools.product(range(len(single)), repeat=2):
+                gram[:, :, k, other] = self.weight[places] @ (single[k] * single[other])
             size = np.sqrt(np.einsum("ptkk->ptk", gram))
             size = np.where(size > 0, size, 1.0)
-            beyond = (gram - known) / size[:, :, :, None] / size[:, :, None, :]
-            falls = falls_from_products(beyond, pull / size, least=COST.visible**2)
+            single = single.astype(np.float32)
+            for number, at in enumerate(places):
+                along = self.sums[at].T @ single
+                gram[number] -= np.einsum("krt,lrt->tkl", along, along, optimize=True)
+            gram /= size[:, :, :, None] * size[:, :, None, :]
+            falls = falls_from_products(gram, pull / size, least=COST.visible**2)
             yield own, falls * len(self.few) / self.pulls.shape[1]
-
-    def _products(self, single: Array, places: Sequence[int]) -> Array:
-        """Return the products of functions' columns, and of what is known in them, (2, places, terms, count, count)."""
-        count, _, terms = single.shape
-        found = np.zeros((2, len(places), terms, count, count))
-        for k, other in itertools.product(range(count), repeat=2):
-            found[0, :, :, k, other] = self.weight[places] @ (single[k] * single[other])
-        rough = single.astype(np.float32)
-        for number, at in enumerate(places):
-            along = self.sums[at].T @ rough
-            found[1, number] = np.einsum("krt,lrt->tkl", along, along, optimize=True)
-        return found
 
 
 def _basis(known: Array, drift: Array) -> Array:
@@ -562,12 +521,6 @@ def _basis(known: Array, drift: Array) -> Array:
     size, p, d = known.shape[0] * known.shape[1], known.shape[2], drift.shape[2]
     columns = np.concatenate([known, drift], axis=2).reshape(size, -1)
     return orthonormal_basis(np.concatenate([columns, np.eye(d, p + d, p)]))[:size]
-
-
-def _merged(one: Sequence[Scored], other: Sequence[Scored]) -> list[Scored]:
-    """Return scored pieces, each once, the cheapest first."""
-    costs = {piece: cost for cost, piece in (*one, *other)}
-    return sorted(((cost, piece) for piece, cost in costs.items()), key=lambda scored: scored[0])
 
 
 def _any(of_drivers: Mask, some: Sequence[Term]) -> Mask:
