@@ -66,7 +66,7 @@ proposed: what they explain correlates by 95 %."""
 DIGITS, LOST = 4, 0.3
 """Most digits of a searched value, and what fewer of them may lose in chi-square: a third of a standard deviation."""
 COSINES = 12
-"""Of each freedom of the frame: how a drift is seen on a part of the rows."""
+"""Of each freedom of the frame: how a drift is seen without the whitening."""
 
 
 class Piece(NamedTuple):
