@@ -237,8 +237,15 @@ class Verdict:
     error: Array
 
 
-def wrong_in(rows: Rows) -> Verdict:
-    """Return which rows of a linear model are likelier to have an error of their own."""
+def wrong_in(rows: Rows, *, many: bool = False) -> Verdict:
+    """Return which rows of a linear model are likelier to have an error of their own.
+
+    Parameters
+    ----------
+    rows : Rows
+    many : bool
+        Whether so many may be wrong that none stands out from a fit of all.
+    """
     n, m = rows.residual.shape
     none = Verdict(np.zeros(n, bool), 0.0, np.ones(n), rows.residual)
     search = _Search(rows)
@@ -250,7 +257,7 @@ def wrong_in(rows: Rows) -> Verdict:
     # the median of chi-square (Wilson and Hilferty 1931), less its standard error
     middle = float(np.median(errors.square)) / (m * (1 - 2 / (9 * m)) ** 3)
     sigma = max((1 - 1 / math.sqrt(n)) * math.sqrt(middle), rows.least)
-    if not next(_cheapest(errors, errors.dof, sigma, 0.0))[1].any():
+    if not many and not next(_cheapest(errors, errors.dof, sigma, 0.0))[1].any():
         return none
     ends = [search.settled(start) for start in (None, search.robust())]
     return min(ends, key=lambda end: end.cost)
@@ -510,10 +517,13 @@ def _costs(errors: Errors, nu: float, sigma: float, spread: float) -> tuple[Arra
     scale = math.lgamma((nu + m) / 2) - math.lgamma(nu / 2) - m / 2 * math.log(nu * math.pi * sigma**2)
     good = (nu + m) * np.log1p(errors.square / (nu * sigma**2)) + errors.wide - 2 * scale
     surface = math.log(2.0) + m / 2 * math.log(math.pi) - math.lgamma(m / 2)
-    length = np.maximum(np.einsum("nm,nm->n", errors.error, errors.error), m * sigma**2)
+    # no error of its own is known to be smaller than that of the prediction
+    variance = sigma**2 * np.exp(errors.wide / m)
+    length = np.maximum(np.einsum("nm,nm->n", errors.error, errors.error), m * variance)
     wrong = m * np.log(length) + 2 * (surface + math.log(SIZES))
     if spread > sigma**2:
-        wrong = np.minimum(wrong, length / spread + m * math.log(2 * math.pi * spread)) + 2 * math.log(2.0)
+        variance += spread
+        wrong = np.minimum(wrong, length / variance + m * np.log(2 * math.pi * variance)) + 2 * math.log(2.0)
     return good, wrong
 
 
