@@ -126,7 +126,8 @@ def test_the_compiler_ends_with_the_programs_that_it_runs(tmp_path):
             time.sleep(0.05)
         raise AssertionError("the compiler was never called")
 
-    code = AT_STAGE.format(stage="", arguments=["fit", "--loss", "huber", *FILES, "-o", "fitted.toml"])
+    code = AT_STAGE.format(stage="", arguments=["fit", *FILES, "-o", "fitted.toml"])
+    code = f"import rodgen.calibration.fit as fit\nfit.COMPILE_FROM = 0\n{code}"
     found = interrupted(code, tmp_path, compiling, CC=str(compiler), RODGEN_CPU="")
     assert found == (130, "", LINE)
     child = int((tmp_path / "child").read_text())

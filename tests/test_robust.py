@@ -12,8 +12,6 @@ from scipy.stats import chi, t
 from simulated_fits import TRUTH, fit_to, joint, machine_file, measure, on_table
 
 from rodgen.calibration.fit import Fit, FitError, fit
-from rodgen.calibration.solve.least_squares import minimise, minimise_each
-from rodgen.calibration.solve.robust import _OutlierSearch
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 from rodgen.statistics.robust import HUBER
@@ -177,32 +175,6 @@ def test_too_few_rows_to_tell_are_fitted_by_least_squares() -> None:
     assert not fit_to(on_table(), data, loss="huber").outliers.any()
 
 
-# the robust cost -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 3))])
-def test_a_larger_model_fits_no_worse_at_the_same_scale(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    data = measure(on_table(), columns_of(60, random), TRUTH, noise=NOISE, random=random)
-    data = spoilt(data, random.random(60) < 0.25, "readings", random)
-    names = ["encoder_eccentricity", "encoder_ellipticity"]
-    models = [on_table(effects=[{"name": name, "joint": "C"} for name in names[:n]]) for n in range(3)]
-    fits = [fit_to(model, data, loss="huber") for model in models]
-    search = _OutlierSearch(fits[-1].problem, fits[-1].free)
-    limit = search.cut * search.scale(search.sizes(fits[-1].solution))
-
-    def cost(found: Fit) -> float:
-        size = _OutlierSearch(found.problem, found.free).sizes(found.solution)
-        return float(np.sum(np.minimum(size, limit) ** 2))
-
-    assert cost(fits[0]) >= cost(fits[1]) * (1 - 1e-9)
-    assert cost(fits[1]) >= cost(fits[2]) * (1 - 1e-9)
-    # The same from where the smaller model ended.
-    ended = fits[1].machine
-    added = ended.with_effect(ended.effect("encoder_ellipticity", "C"))
-    assert cost(fits[1]) >= cost(fit(added, fits[1].observations.data, loss="huber")) * (1 - 1e-9)
-
-
 @pytest.mark.parametrize(("m", "k"), HUBER.items())
 def test_tuning_constants_have_95_percent_efficiency(m: int, k: float) -> None:
     density = chi(m).pdf
@@ -246,17 +218,3 @@ def test_intervals_of_95_percent_hold_the_truth_in_93_to_97_of_100_sets(
             hits.append(abs(e.value - TRUTH.get(e.key, 0.0) / _factor(found, e.key)) < reach * e.std)
     # three standard deviations: of 25 sets of 12 parameters 3.7 %, of 100 sets 1.9 %
     assert np.mean(hits) == pytest.approx(0.95, abs=0.037 if sets == 25 else 0.02)
-
-
-@pytest.mark.parametrize("compiled", [False, True])
-def test_fits_that_begin_others_are_the_same_alone_and_together(compiled: bool) -> None:
-    random = np.random.default_rng(3)
-    data = measure(on_table(), columns_of(60, random), TRUTH, noise=NOISE, random=random)
-    found = fit_to(on_table(), data, compiled=compiled)
-    sets = [np.sort(random.choice(60, 12, replace=False)) for _ in range(5)]
-    parts = [found.problem.take(rows) for rows in sets]
-    begun = found.solution.theta, found.solution.frame, found.free
-    alone = [minimise(part, *begun, max_iterations=15, final=False) for part in parts]
-    for one, other in zip(alone, minimise_each(parts, *begun, max_iterations=15), strict=True):
-        assert one.cost < 0.99 * found.chi_square  # it went somewhere
-        np.testing.assert_allclose(other.theta, one.theta, rtol=1e-6, atol=1e-9)

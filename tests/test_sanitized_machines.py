@@ -108,7 +108,7 @@ rows._in_library = kept
 folder = sys.argv[1]
 machine = Machine.load(folder + "/machine.toml")
 (data,) = (folder + "/" + name for name in os.listdir(folder) if name.endswith(".csv"))
-fit(machine, Measurements.load(data), loss="huber")
+fit(machine, Measurements.load(data), compiled=True)
 assert kernels, "nothing was compiled"
 rng = np.random.default_rng(17)
 odd = np.array([np.nan, np.inf, -np.inf, 0, -0.0, 1e308, -1e308, 5e-324, 1e-160, 1e160])

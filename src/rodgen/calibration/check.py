@@ -277,7 +277,7 @@ def fit_near(
     for _ in range(rounds):
         before = found.scale
         found.weigh()
-        ended = minimise(problem, found.theta, found.frame, free, max_iterations=STEPS, final=False)
+        ended = minimise(problem, found.theta, found.frame, free, max_iterations=STEPS)
         if not np.isfinite(ended.cost):
             break
         found = replace(found, theta=ended.theta, frame=ended.frame)

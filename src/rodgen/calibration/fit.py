@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -9,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Mask
 from rodgen.calibration.attitude_noise import attitude_arm
 from rodgen.calibration.fitted import Estimate, Fit
 from rodgen.calibration.noise_floor import is_one_body
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.problem.blocks import BlockProblem, observed, problem_of
+from rodgen.calibration.problem.blocks import observed, problem_of
+from rodgen.calibration.rows import Rows, wrong_in
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, nearest
-from rodgen.calibration.solve.robust import robust_fit, robust_fit_of_parts
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, with_later_weights
 from rodgen.errors import shown
 from rodgen.machines.machine import Effect, Machine
@@ -44,9 +46,10 @@ SAME_ARM = 0.02
 """Relative change of a lever arm that changes no estimate by a hundredth of its standard deviation."""
 COMPILE_FROM = 20_000
 """Rows from which on a fit by least squares is done with compiled kernels. NumPy needs some 15 evaluations of few rows,
-0.002 to 0.04 s, where the compiler works for 0.2 to 1.3 s; with 20 000 rows both take as long. A fit that looks for
-outliers evaluates the model some hundred times and is always compiled. The rule counts rows, not seconds, and does not
-ask what is in the cache: the same data give the same digits."""
+0.002 to 0.04 s, where the compiler works for 0.2 to 1.3 s; with 20 000 rows both take as long. The rule counts rows,
+not seconds, and does not ask what is in the cache: the same data give the same digits."""
+JUDGEMENTS = 10
+"""Times at most that a fit without outliers is judged anew: usually two or three."""
 
 
 def fit(
@@ -69,14 +72,14 @@ def fit(
         Such as a DataFrame, whose columns are named as those of a measurement file; see
         :meth:`rodgen.data.measurements.Measurements.from_frame`.
     loss : {"linear", "huber"}
-        Sum of squares, or one that outliers do not pull: they are found, named and taken out.
+        Sum of squares, of all rows or without outliers: rows that are likelier with an error of their own than by what
+        the model leaves elsewhere (:mod:`rodgen.calibration.rows`). They are named.
     start : mapping of str to float, optional
         Further values to start from, by key, internal units.
     outliers : ndarray of bool, shape (n,), optional
         Rows of `data` that are known not to be believed; only with the linear loss.
     compiled : bool, optional
-        Whether the model is compiled: it pays for many rows, many fits of one model, or a robust loss. Left out: with
-        the loss "huber", and from 20 000 rows on.
+        Whether the model is compiled: it pays for many rows, or many fits of one model. Left out: from 20 000 rows on.
     progress : callable, optional
         Called with the stage, such as "fitting", how many of its steps are done, and of how many; None where that is
         not known.
@@ -92,49 +95,66 @@ def fit(
     FitError
         When the loss is another one, there is nothing to fit, or the model is not finite at the start.
     """
+    if loss not in LOSSES:
+        raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
     with reporting(progress), stage("fitting"):
-        return fitted(machine, data, loss=loss, start=start, outliers=outliers, compiled=compiled)
+        observations = observed(machine, data)
+        if outliers is not None and not isinstance(data, Observations):  # those of all rows
+            outliers = observations.counted(outliers)
+        if start:
+            machine = replace(machine, values={**machine.values, **start})
+        if loss == "linear":
+            return fitted(machine, observations, outliers, compiled)
+        return replace(_without_wrong_rows(machine, observations, compiled), loss=loss)
 
 
 def fitted(
-    machine: Machine,
-    data: Any,
-    *,
-    loss: str = "linear",
-    start: Mapping[str, float] | None = None,
-    outliers: NDArray[np.bool_] | None = None,
-    compiled: bool | None = None,
+    machine: Machine, observations: Observations, outliers: Mask | None = None, compiled: bool | None = None
 ) -> Fit:
-    """Return the fit of :func:`fit`, without a stage of its own."""
-    if loss not in LOSSES:
-        raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
-    observations = observed(machine, data)
-    if outliers is not None and not isinstance(data, Observations):  # those of all rows
-        outliers = observations.counted(outliers)
-    if start:
-        machine = replace(machine, values={**machine.values, **start})
+    """Return the fit to all rows but outliers."""
     if compiled is None:
-        compiled = loss != "linear" or observations.n >= COMPILE_FROM or observations.blocks is not None
+        compiled = observations.n >= COMPILE_FROM or observations.blocks is not None
     model = model_of(machine, observations.travel, observations.run_names, compiled=compiled)
     problem = problem_of(model, observations)
     check_travel(problem)
+    gone = np.zeros(observations.n, bool) if outliers is None else outliers
     with one_thread_in_blas():
-        if loss == "linear":
-            gone = np.zeros(observations.n, bool) if outliers is None else outliers
-            if gone.any():
-                problem.leave_out(gone)
-            solution, free = fit_in_stages(problem)
-            return _balanced(_finished(problem, solution, free, gone))
-        if isinstance(problem, BlockProblem):
-            problem, found = robust_fit_of_parts(problem, fit_in_stages)
-            return replace(_finished(problem, found.solution, found.free, found.outliers), loss=loss)
-        found = robust_fit(problem, lambda: fit_in_stages(problem))
-        fit = _finished(problem, found.solution, found.free, found.outliers)
-        if not observations.arm_is_known:
-            return fitted(machine, _balanced(fit).observations, loss=loss, compiled=compiled)
-        outliers = with_bodies(fit, fit.outliers)
-        fit = fit if np.array_equal(outliers, fit.outliers) else refit(fit, outliers=outliers)
-        return replace(fit, loss=loss)
+        if gone.any():
+            problem.leave_out(gone)
+        solution, free = fit_in_stages(problem)
+        return _balanced(_finished(problem, solution, free, gone))
+
+
+def _without_wrong_rows(machine: Machine, observations: Observations, compiled: bool | None) -> Fit:
+    """Return the fit without the rows that are likelier to have an error of their own, whatever their cause.
+
+    Each fit begins anew, since such rows may have led the one before into another valley. Of a scan they are found in
+    the sample first, then in all rows that are far from the fit to that.
+    """
+    fit = _settled(fitted(machine, replace(observations, blocks=None), compiled=compiled))
+    if observations.blocks is None:
+        return fit
+    from scipy import special
+
+    deviation = math.sqrt(fit.chi_square / max(fit.degrees_of_freedom, 1))
+    # of good rows one is as far off by chance
+    limit = deviation * math.sqrt(special.chdtri(fit.problem.components, 1 / observations.blocks.rows))
+    place = fit.solution.theta, fit.solution.frame
+    every = observations.blocks.with_rows_beyond(observations, fit.problem.model, place, limit)
+    outliers = np.pad(fit.outliers, (0, every.n - observations.n), constant_values=True)
+    return _settled(fitted(machine, every, outliers, compiled))
+
+
+def _settled(fit: Fit) -> Fit:
+    """Return the fit that judges wrong rows as the one before did."""
+    machine = fit.problem.model.machine
+    for _ in range(JUDGEMENTS):
+        with one_thread_in_blas():
+            wrong = with_bodies(fit, wrong_in(Rows.of(fit), many=True).wrong)
+        if np.array_equal(wrong, fit.outliers):
+            break
+        fit = fitted(machine, fit.observations, wrong, fit.problem.model.compiled)
+    return fit
 
 
 def refit(
@@ -158,7 +178,7 @@ def refit(
     return fitted(
         fit.machine if machine is None else machine,
         fit.observations if observations is None else observations,
-        outliers=outliers,
+        outliers,
     )
 
 

@@ -143,14 +143,10 @@ class LackOfFitPolicy(NamedTuple):
 
 
 class RobustPolicy(NamedTuple):
-    """Which rows a robust fit leaves out (tests/test_robust.py)."""
+    """Which pairs a robust fit of an axis leaves out (tests/test_axis_fit.py)."""
 
     false_alarm: float = 0.01
     """Probability that good data have a row that is called an outlier."""
-    bad: float = 0.3
-    """Share of bad rows that random sets are prepared for."""
-    miss: float = 0.001
-    """Probability that none of the random sets is free of bad rows."""
 
 
 class DeterminacyPolicy(NamedTuple):

@@ -8,7 +8,6 @@ memory does not grow with rows times parameters.
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -514,30 +513,6 @@ class Problem:
             A[own[:, None], own] += used.T @ gram[:-1, :-1] @ used
             b[own] += used.T @ gram[:-1, -1]
         return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
-
-    @staticmethod
-    @np.errstate(over="ignore", invalid="ignore")
-    def normal_equations_of(
-        problems: Sequence[Problem], points: Sequence[tuple[Array, Frame]]
-    ) -> list[tuple[float, Array, Array]]:
-        """Return `normal_equations` of several problems of one model, each at its own point, evaluated together."""
-        rows, geometries, effects, counts = [], [], [], []
-        for problem, (theta, frame) in zip(problems, points, strict=True):
-            geometries += list(problem._geometries(theta, frame))
-            effects += [problem.model.parameters_of_effects(theta)] * len(problem.groups)
-            counts += [group.count for group in problem.groups]
-            rows += [problem._block(k, group, 0, group.count) for k, group in enumerate(problem.groups)]
-        kernel = problems[0].model.kernels["residual_and_jacobian"]
-        residual, jacobian = kernel.in_sets(
-            np.concatenate(rows), counts, np.stack(geometries), np.stack(effects)
-        )
-        joined = np.concatenate([jacobian, residual[..., None]], axis=-1)
-        parts = (part.reshape(-1, joined.shape[-1]) for part in np.split(joined, np.cumsum(counts)[:-1]))
-        grams = (part.T @ part for part in parts)
-        return [
-            problem._in_parameters(itertools.islice(grams, len(problem.groups)), problem._own_slots(theta))
-            for problem, (theta, _) in zip(problems, points, strict=True)
-        ]
 
     @np.errstate(over="ignore", invalid="ignore")
     def bend(self, theta: Array, frame: Frame, moved: tuple[Array, Frame], step: Array, part: float) -> Array:

@@ -34,7 +34,7 @@ __all__ = [
     "NearFile",
     "Solution",
     "minimise",
-    "minimise_each",
+    "minimise_without",
     "moved",
     "nearest",
 ]
@@ -115,7 +115,6 @@ def minimise(
     max_iterations: int = MAX_ITERATIONS,
     damping: float = DAMPING,
     kept: Array | None = None,
-    final: bool = True,
 ) -> Solution:
     """Adjust some parameters until the cost falls no more.
 
@@ -134,8 +133,6 @@ def minimise(
         The first; `NEAR` where the start is so near that the whole step will do.
     kept : ndarray, shape (w, free), optional
         Combinations of the free parameters that stay as they are; see :meth:`NearFile.idle`.
-    final : bool
-        False for a fit that only begins another: it may go far for noise, and creep.
 
     Returns
     -------
@@ -145,9 +142,7 @@ def minimise(
 
     def search(patience: int) -> Solution:
         keep = problem.keep_equations
-        steps = _steps(
-            problem, theta, frame, free, progress, max_iterations, damping, keep, kept, patience, bends=final
-        )
+        steps = _steps(problem, theta, frame, free, progress, max_iterations, damping, keep, kept, patience)
         asked = next(steps)
         try:
             while True:
@@ -158,7 +153,7 @@ def minimise(
     begun = problem.starts
     found = search(PATIENCE)
     ended = problem.starts
-    runs_away = final and NearFile(problem, np.asarray(free, int)).ran_away(found)
+    runs_away = NearFile(problem, np.asarray(free, int)).ran_away(found)
     if runs_away and not _towards_file(problem, found, free):
         # no way leads back from where noise may have led it: begin anew, and go nowhere for noise
         problem.start_from(begun)
@@ -169,26 +164,33 @@ def minimise(
     return found
 
 
-def minimise_each(
-    problems: Sequence[Problem], theta: Array, frame: Frame, free: Sequence[int], max_iterations: int
+def minimise_without(
+    problem: Problem,
+    starts: Sequence[tuple[Array, Frame]],
+    without: NDArray[np.bool_],
+    free: Sequence[int],
+    *,
+    damping: float = DAMPING,
+    kept: Array | None = None,
 ) -> list[Solution]:
-    """Return where fits of several problems of few rows end that only begin others, as `minimise` with `final` False.
+    """Return where the cost without some rows is least, for several choices of these, evaluated together.
 
-    All begin at the same values. On NumPy, where a call costs more than its rows, they are evaluated together.
+    For few rows of an open chain. A search that takes more than a few iterations has not converged.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : sequence of (ndarray, Frame)
+    without : ndarray of bool, shape (choices, n)
+        The rows that are left out.
+    free, damping, kept
+        As of :func:`minimise`.
     """
-    model = problems[0].model
-    if model.compiled or problems[0].is_closed_chain or not free:
-        return [
-            minimise(problem, theta, frame, free, max_iterations=max_iterations, final=False)
-            for problem in problems
-        ]
     searches = [
-        _steps(problem, theta, frame, free, None, max_iterations, DAMPING, lambda *_: None, bends=False)
-        for problem in problems
+        _steps(problem, *start, free, None, STRAIGHT, damping, lambda *_: None, kept) for start in starts
     ]
     return _in_step(
-        searches,
-        lambda numbers, points: Problem.normal_equations_of([problems[k] for k in numbers], points),
+        searches, lambda numbers, points: problem.normal_equations_without(points, without[numbers])
     )
 
 
@@ -221,13 +223,11 @@ def _steps(
     keep: Callable[[Array, Frame, Equations], None],
     kept: Array | None = None,
     patience: int = PATIENCE,
-    *,
-    bends: bool = True,
 ) -> Generator[tuple[Array, Frame], Equations, Solution]:
     """Yield where the normal equations are needed, take these, and return where the cost is least.
 
     `keep` takes the equations there where they follow from those that were taken before. After `patience`
-    iterations no step goes far for what noise may bring. `bends`: whether steps are accelerated.
+    iterations no step goes far for what noise may bring.
     """
     index = np.asarray(free, int)
     block = index[:, None], index
@@ -287,7 +287,7 @@ def _steps(
                 return Solution(theta, frame, cost, iteration, not refused)
             step = np.zeros(len(theta))
             step[index] = scaled_step / scale
-            straight = iteration <= STRAIGHT or not bends
+            straight = iteration <= STRAIGHT
             if not straight:
                 probe = moved(problem, theta, frame, PROBE * step)
                 bend = way @ (problem.bend(theta, frame, probe, step, PROBE)[index] / scale)
