@@ -23,9 +23,7 @@ import numpy as np
 from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.problem.blocks import FOLDS as FOLDS_OF_PARTS
-from rodgen.calibration.problem.blocks import BlockProblem
-from rodgen.calibration.solve.least_squares import NearFile, Solution, minimise, moved
+from rodgen.calibration.solve.least_squares import NEAR, NearFile, Solution, minimise, minimise_without, moved
 from rodgen.calibration.whitened import Whitened
 from rodgen.calibration.words import sized
 from rodgen.data.poses import groups
@@ -181,9 +179,10 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
     """
     if folds is not None and folds < 2:
         raise RodgenError(f"held out in {folds} folds; expected 2 or more")
-    if isinstance(fit.problem, BlockProblem):
-        return _of_all_parts(fit, fit.problem)
     o = fit.observations
+    if o.blocks is not None:  # of many rows a fit without a fold is that of all but by little
+        fit = fit.refit(observations=replace(o, blocks=None), outliers=fit.outliers)
+        o = fit.observations
     pose, poses = _poses_to_deal(o)
     if folds is None:
         many = FOLDS_OF_MANY if o.n > MANY_ROWS else FOLDS
@@ -213,24 +212,6 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
         tuple(fit.observations.given(np.flatnonzero(without.unpredicted)).tolist()),
         without.because,
         converged,
-    )
-
-
-def _of_all_parts(fit: Fit, problem: BlockProblem) -> HeldOut:
-    """Return the error on poses of a scan that the fit did not see, whatever the number of folds that is asked for.
-
-    The fit without a fold is taken to first order: a fold of so many rows moves it by little.
-    """
-    theta, frame = fit.solution.theta, fit.solution.frame
-    with one_thread_in_blas():
-        root = Whitened(fit).root
-        points = []
-        for _, square, gradient in problem.equations_of_folds(theta, frame):
-            away = undo_leverage(root.T @ square @ root, root.T @ gradient, 1.0)
-            points.append(moved(problem, theta, frame, root @ away))
-        squares = float(problem.squares_of_folds(points).sum()) / fit.unit_factor**2
-    return HeldOut(
-        float(np.sqrt(squares / (fit.rows * problem.components))), fit.unit, FOLDS_OF_PARTS, problem.poses
     )
 
 

@@ -28,7 +28,6 @@ from rodgen.array_types import Array
 from rodgen.calibration.problem.binding import bind, bind_once, names_of
 from rodgen.calibration.problem.problem import BLOCK, Group, Problem, one_thread_in_blas, reduced
 from rodgen.data.measurements import Measurements, Scan
-from rodgen.data.poses import hashes
 from rodgen.data.tables.parts import Part
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
@@ -36,7 +35,7 @@ from rodgen.machines.model import Frame, Model, model_of
 from rodgen.machines.observations import Observations
 from rodgen.schedulers import Workers, workers
 
-__all__ = ["FOLDS", "BlockProblem", "Blocks", "observed", "problem_of"]
+__all__ = ["BlockProblem", "Blocks", "observed", "problem_of"]
 
 Place: TypeAlias = tuple[Array, Frame]
 Rows: TypeAlias = tuple[Measurements, NDArray[np.int8], NDArray[np.intp]]
@@ -44,14 +43,12 @@ Rows: TypeAlias = tuple[Measurements, NDArray[np.int8], NDArray[np.intp]]
 
 STRETCHES, STRETCH = 20, 2_500
 """The sample: so many stretches of so many rows, which begin where those of `sample_of` do."""
-FOLDS = 5
-"""Folds of poses, as of many rows in memory."""
 KEPT_BYTES = 256 << 20
 """What a process keeps of parts in memory; beyond, parts are in files, which leave memory after each question."""
-MOST_FAR = 20_000
-"""Rows of a part that are looked at one by one at most."""
 MOST_FILES = 400
 """Parts in files of a process at most; further ones are read anew for each question."""
+MOST_FAR = 20_000
+"""Rows of a part that are looked at one by one at most."""
 
 
 # the parts, on their workers ----------------------------------------------------------------------------------------
@@ -140,8 +137,6 @@ class Survey:
         Sum of the squared weights.
     stretches : list of Rows
         Those of the sample.
-    poses : int
-        Stretches of rows with equal commands and set-up.
     """
 
     motion: Motion
@@ -153,7 +148,6 @@ class Survey:
     largest: float
     weights: float
     stretches: list[Rows]
-    poses: int
 
     @property
     def rows(self) -> int:
@@ -161,9 +155,9 @@ class Survey:
         return self.motion.rows
 
 
-@dataclass
+@dataclass(eq=False)
 class _Store:
-    """The rows of a part as kernels take them, sorted by target, set-up and fold.
+    """The rows of a part as kernels take them, sorted by target and set-up.
 
     Attributes
     ----------
@@ -174,7 +168,7 @@ class _Store:
     directions : ndarray of int8, shape (J, rows)
     early : list of ndarray of int
         Of each joint the rows before its first motion; none where a column says the directions.
-    groups : list of (target, name of the set-up, fold, first row, last row + 1)
+    groups : list of (target, name of the set-up, first row, last row + 1)
     in_file : bool
         Whether `numbers` and `directions` are in a temporary file.
     """
@@ -184,36 +178,12 @@ class _Store:
     at: dict[tuple[str, Any], int | float]
     directions: NDArray[np.int8]
     early: list[NDArray[np.intp]]
-    groups: list[tuple[int, str, int, int, int]]
+    groups: list[tuple[int, str, int, int]]
     in_file: bool
 
-    @property
-    def bytes(self) -> int:
-        return self.numbers.nbytes + self.directions.nbytes
 
-
-class _Kept:
-    """What this process keeps of parts."""
-
-    def __init__(self) -> None:
-        self.bytes = self.files = 0
-
-    def add(self, part: PartRows, store: _Store) -> bool:
-        """Return whether a part is kept, and count it until it is gone."""
-        if store.in_file and self.files >= MOST_FILES:
-            return False
-        size = 0 if store.in_file else store.bytes
-        self.bytes += size
-        self.files += store.in_file
-        weakref.finalize(part, self._gone, size, store.in_file)
-        return True
-
-    def _gone(self, size: int, in_file: bool) -> None:
-        self.bytes -= size
-        self.files -= in_file
-
-
-_kept = _Kept()
+_kept: weakref.WeakSet[_Store] = weakref.WeakSet()
+"""What this process keeps of parts."""
 
 
 class PartRows:
@@ -241,26 +211,25 @@ class PartRows:
         found = self._store
         if found is None or not all(("x", name) in found.at for name in needed):
             found = self._read(frozenset(needed) | names_of(self.machine))
-            self._store = found if _kept.add(self, found) else None
+            if not found.in_file or sum(store.in_file for store in _kept) < MOST_FILES:
+                self._store = found
+                _kept.add(found)
         return found
 
     def _read(self, names: frozenset[str]) -> _Store:
         o = bind(self.machine, Scan.load(self.part, None if self.stretches else names))
-        return _laid_down(o, self.stretches, _kept.bytes < KEPT_BYTES)
+        in_memory = sum(store.numbers.nbytes for store in _kept if not store.in_file)
+        return _laid_down(o, self.stretches, in_memory < KEPT_BYTES)
 
 
 def _laid_down(o: Observations, stretches: Sequence[slice], in_memory: bool) -> _Store:
     """Return observations as kernels take them."""
     model = model_of(o.machine, o.travel, o.run_names, compiled=False)
     problem = Problem(model, o)
-    fold = _folds(o)
     order = _order(o)
-    code = np.stack([o.target[order], o.run[order], fold[order]])
+    code = np.stack([o.target[order], o.run[order]])
     starts = np.flatnonzero(np.any(np.diff(code, axis=1, prepend=-1), axis=0))
-    groups = [
-        (int(code[0, a]), o.run_names[code[1, a]], int(code[2, a]), int(a), int(b))
-        for a, b in pairwise([*starts, o.n])
-    ]
+    groups = [(int(code[0, a]), o.run_names[code[1, a]], int(a), int(b)) for a, b in pairwise([*starts, o.n])]
     at: dict[tuple[str, Any], int | float] = {}
     columns: list[Array] = []
     for kind, of in _columns_of(problem):
@@ -309,13 +278,7 @@ def _release(array: Any) -> None:
 
 def _order(o: Observations) -> NDArray[np.intp]:
     """Return the rows, (n,), in the order in which they are laid down."""
-    return np.lexsort((_folds(o), o.run, o.target))
-
-
-def _folds(o: Observations) -> NDArray[np.int32]:
-    """Return the fold of each row, (n,): the same for equal commands and load, wherever they are."""
-    mixed = hashes([*o.q.T, *([] if o.load is None else [o.load])], o.n)
-    return (mixed % np.uint64(FOLDS)).astype(np.int32)
+    return np.lexsort((o.run, o.target))
 
 
 def _columns_of(problem: Problem) -> Iterator[tuple[str, Any]]:
@@ -347,7 +310,6 @@ def _survey(o: Observations, problem: Problem, stretches: Sequence[slice]) -> Su
             (_apart(o.data.take(rows)), o.s[rows].copy(), np.arange(rows.start, rows.stop))
             for rows in stretches
         ],
-        poses=int(o.pose.max(initial=-1)) + 1,
     )
 
 
@@ -374,10 +336,9 @@ class PartProblem(Problem):
         self.store = store = rows.store(model)
         self.rows = store.survey.rows
         by_run = model.structure.by_run
-        self.folds = [fold for _, _, fold, _, _ in store.groups]
         self.groups = [
             Group(target, shared.runs[run] if by_run else 0, slice(a, b), b - a)
-            for target, run, _, a, b in store.groups
+            for target, run, a, b in store.groups
         ]
         self._pairs = tuple((group.target, group.run) for group in self.groups)
         self._equations, self._jacobians, self._constant_slots = {}, {}, None
@@ -399,24 +360,12 @@ class PartProblem(Problem):
     def _few(self) -> bool:
         return False
 
-    def equations_of_folds(self, theta: Array, frame: Frame) -> list[tuple[float, Array, Array]]:
-        """Return cost, JᵀJ and Jᵀr of each fold."""
-        grams, slots = self._grams(theta, frame), self._own_slots(theta)
-        numbers = [[k for k, of in enumerate(self.folds) if of == fold] for fold in range(FOLDS)]
-        return [self._in_parameters([grams[k] for k in own], [slots[k] for k in own]) for own in numbers]
-
-    def squares_of_folds(self, *points: Place) -> Array:
-        """Return the sum of the squares of the errors of each fold at its own point."""
-        return np.array([self.squares(*point, fold=k).sum() for k, point in enumerate(points)])
-
-    def squares(self, theta: Array, frame: Frame, fold: int | None = None) -> Array:
-        """Return the sums of the squares of the errors, by component, in internal units; of a fold or of all rows."""
+    def squares(self, theta: Array, frame: Frame) -> Array:
+        """Return the sums of the squares of the errors, by component, in internal units."""
         evaluation, measurand = self._evaluation("residual", theta, frame), self.model.structure.measurand
         found = np.zeros(self.components)
         for block in self._blocks():
-            number, group, start, stop = block
-            if fold is not None and self.folds[number] != fold:
-                continue
+            _, group, start, stop = block
             rows = group.block(start, stop)
             weight = np.stack([np.broadcast_to(self._column("weight", c, rows), stop - start)
                                for c in range(self.components)], axis=-1)  # fmt: skip
@@ -691,32 +640,6 @@ class BlockProblem(Problem):
         """Return the sums of the squares of the errors, by component, (m,); internal units."""
         whole = np.asarray(self.blocks.sum("squares", self.model, theta, frame))
         return whole if self._aside is None else whole - _squares(self._aside, theta, frame)
-
-    @property
-    def poses(self) -> int:
-        """Number of poses; one that goes on in the next part counts there, too."""
-        return sum(survey.poses for survey in self.blocks.surveys)
-
-    def equations_of_folds(self, theta: Array, frame: Frame) -> list[tuple[float, Array, Array]]:
-        """Return cost, JᵀJ and Jᵀr of each fold of poses, without rows that are left aside."""
-        found: list[Any] = self.blocks.sum("equations_of_folds", self.model, theta, frame)
-        for k, part in self._aside_by_fold():
-            gone = part._summed(theta, frame)
-            found[k] = tuple(a - b for a, b in zip(found[k], gone, strict=True))
-        return found
-
-    def squares_of_folds(self, points: Sequence[Place]) -> Array:
-        """Return the sum of the squares of the errors of each fold at its own point, without rows left aside."""
-        found = np.asarray(self.blocks.sum("squares_of_folds", self.model, *points))
-        for k, part in self._aside_by_fold():
-            found[k] -= _squares(part, *points[k]).sum()
-        return found
-
-    def _aside_by_fold(self) -> Iterator[tuple[int, Problem]]:
-        """Yield the numbers of folds, and the problem of the rows that each leaves aside."""
-        if self._aside is not None:
-            fold = _folds(self._aside.observations)
-            yield from ((int(k), self._aside.take(np.flatnonzero(fold == k))) for k in np.unique(fold))
 
     @property
     def _distance(self) -> float:
