@@ -341,7 +341,7 @@ class PartProblem(Problem):
             for target, run, a, b in store.groups
         ]
         self._pairs = tuple((group.target, group.run) for group in self.groups)
-        self._equations, self._jacobians, self._constant_slots = {}, {}, None
+        self._equations, self._constant_slots = {}, None
         for j, entry in enumerate(shared.entries[rows.part.number]):
             store.directions[j, store.early[j]] = entry
 
@@ -620,10 +620,6 @@ class BlockProblem(Problem):
     def _summed(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
         found: tuple[float, Array, Array] = self._less_aside("_summed", theta, frame)
         return found
-
-    def bend(self, theta: Array, frame: Frame, moved: Place, step: Array, part: float) -> Array:
-        """Return Jᵀr″; see `Problem.bend`."""
-        return np.asarray(self._less_aside("bend", theta, frame, moved, step, part))
 
     @property
     def _sample(self) -> Problem:

@@ -135,7 +135,6 @@ class Problem:
         self.groups = list(self._groups())
         self._pairs = tuple((group.target, group.run) for group in self.groups)
         self._equations: dict[tuple[bytes, ...], tuple[float, Array, Array]] = {}
-        self._jacobians: dict[tuple[bytes, ...], list[list[Array]]] = {}
         self._constant_slots: list[tuple[NDArray[np.intp], Array]] | None = None
 
     @property
@@ -311,7 +310,7 @@ class Problem:
     def set_weight(self, factor: Array) -> None:
         """Multiply the weights that the data state by a factor for each row, (n,)."""
         self.weight = self.base_weight * factor[:, None]
-        self._equations, self._jacobians = {}, {}
+        self._equations = {}
         for group, kept in zip(self.groups, self._kept or (), strict=False):
             kept[:, -self.components :] = self.weight[group.rows] * self._arms
 
@@ -392,7 +391,7 @@ class Problem:
         if poses is None or poses is self.starts:
             return
         self.observations = replace(self.observations, pose_start=poses)
-        self._equations, self._jacobians = {}, {}
+        self._equations = {}
         for group, kept in zip(self.groups, self._kept or (), strict=False):
             kept[:, self._starts] = poses[group.rows]
 
@@ -412,28 +411,18 @@ class Problem:
         return bool(self.model.kernels["residual"].target == "numpy")
 
     def _evaluation(self, name: str, theta: Array, frame: Frame) -> Callable[[int, Group, int, int], Any]:
-        """Return a function from a block of a group to what a kernel gives for it.
-
-        Of few rows the last Jacobians are kept: a step that follows the residuals' curvature needs the one from where
-        it begins again.
-        """
+        """Return a function from a block of a group to what a kernel gives for it."""
         kernel, e = self.model.kernels[name], self.model.parameters_of_effects(theta)
         geometries = self._geometries(theta, frame)
         if not self._few:
             return lambda number, group, start, stop: kernel(
                 self._block(number, group, start, stop), geometries[number], e
             )
-        at, parts = _place(theta, frame), None
-        if name == "residual_and_jacobian":
-            parts = self._jacobians.pop(at, None)
-        if parts is None:
-            counts = [group.count for group in self.groups]
-            blocks = [self._block(k, group, 0, group.count) for k, group in enumerate(self.groups)]
-            effects = np.broadcast_to(e, (len(counts), *e.shape))
-            found = kernel.in_sets(np.concatenate(blocks), counts, geometries, effects)
-            parts = [np.split(result, np.cumsum(counts)[:-1]) for result in found]
-        if name == "residual_and_jacobian":
-            self._jacobians = dict([*list(self._jacobians.items())[-1:], (at, parts)])
+        counts = [group.count for group in self.groups]
+        blocks = [self._block(k, group, 0, group.count) for k, group in enumerate(self.groups)]
+        effects = np.broadcast_to(e, (len(counts), *e.shape))
+        found = kernel.in_sets(np.concatenate(blocks), counts, geometries, effects)
+        parts = [np.split(result, np.cumsum(counts)[:-1]) for result in found]
 
         def of_block(number: int, _: Group, start: int, stop: int) -> Any:
             results = [part[number][start:stop] for part in parts]
@@ -514,36 +503,15 @@ class Problem:
             b[own] += used.T @ gram[:-1, -1]
         return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
 
-    @np.errstate(over="ignore", invalid="ignore")
-    def bend(self, theta: Array, frame: Frame, moved: tuple[Array, Frame], step: Array, part: float) -> Array:
-        """Return Jᵀr″, r″ the second derivative of the residuals along a step, (parameters,).
-
-        Parameters
-        ----------
-        theta, frame : ndarray, Frame
-        moved : tuple of ndarray and Frame
-            After `part` of the step.
-        step : ndarray, shape (parameters,)
-        part : float
-
-        Returns
-        -------
-        ndarray
-            Not finite where the model is not.
-        """
-        here = self._evaluation("residual_and_jacobian", theta, frame)
-        moved_there = self._evaluation("residual", *moved)
-        slots = list(self.model.slots(theta, self._pairs))
-
-        @np.errstate(over="ignore", invalid="ignore")  # each thread has its own
-        def of_block(number: int, group: Group, start: int, stop: int) -> Array:
-            residual, jacobian = here(number, group, start, stop)
-            flat = jacobian.reshape(-1, jacobian.shape[-1])
-            there = moved_there(number, group, start, stop).ravel()
-            second = 2 / part * ((there - residual.ravel()) / part - flat @ (slots[number] @ step))
-            return np.asarray(slots[number].T @ (flat.T @ second))
-
-        return np.asarray(np.sum(list(self._each(of_block)), axis=0))
+    def residuals_at(self, points: Sequence[tuple[Array, Frame]]) -> Array:
+        """Return the weighted residuals of few rows of an open chain at several points, (points, n, m)."""
+        found = np.empty((len(points), self.rows, self.components))
+        e = np.stack([self.model.parameters_of_effects(theta) for theta, _ in points])
+        geometries = np.stack([self._geometries(*point) for point in points])
+        for number, group in enumerate(self.groups):
+            rows = self._block(number, group, 0, group.count)
+            found[:, group.rows] = self.model.kernels["residual"].several(rows, geometries[:, number], e)
+        return found
 
     def residuals(self, theta: Array, frame: Frame, *, weighted: bool = False) -> Array:
         """Return measured less predicted, (n, m), in the order of the data; internal units, or times the weight."""

@@ -7,17 +7,13 @@ Where readings hardly determine a direction, a fit still goes where the cost is 
 on the way there, as strong as the residuals are large, makes it creep. The values nearest to the file are taken from
 there (:func:`nearest`). Only where no way leads back, since noise alone led a fit so far that the model bends, it
 begins anew and goes nowhere for noise.
-
-A direction that the data hardly determine makes a narrow valley, and where angles are among the parameters it is
-curved: straight steps creep along it. So a fit that has not ended after a few steps takes the curvature of the
-residuals along the step into account (geodesic acceleration: Transtrum and Sethna 2012).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias, cast
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +30,6 @@ __all__ = [
     "NearFile",
     "Solution",
     "minimise",
-    "minimise_without",
     "moved",
     "nearest",
 ]
@@ -61,12 +56,6 @@ ROUNDING = 1e-13
 """A predicted fall of the cost below this part of it is rounding: sums of many squares are good to about that."""
 PATIENCE = 40
 """Iterations of a fit that goes anywhere; with fewer steps a fit ends unless it creeps where only noise leads it."""
-STRAIGHT = 6
-"""Iterations without acceleration: a usual fit has ended by then."""
-PROBE = 0.1
-"""Part of the step at which the curvature is measured."""
-LARGEST_BEND = 0.75
-"""The acceleration may be so large a part of the step; beyond, the damping grows (Transtrum and Sethna 2012)."""
 SHRINKS = 0.1
 """Part that a step leaves of a time constant at least."""
 LARGE = 0.1
@@ -141,14 +130,7 @@ def minimise(
     """
 
     def search(patience: int) -> Solution:
-        keep = problem.keep_equations
-        steps = _steps(problem, theta, frame, free, progress, max_iterations, damping, keep, kept, patience)
-        asked = next(steps)
-        try:
-            while True:
-                asked = steps.send(problem.normal_equations(*asked))
-        except StopIteration as end:
-            return cast(Solution, end.value)
+        return _descended(problem, theta, frame, free, progress, max_iterations, damping, kept, patience)
 
     begun = problem.starts
     found = search(PATIENCE)
@@ -164,55 +146,7 @@ def minimise(
     return found
 
 
-def minimise_without(
-    problem: Problem,
-    starts: Sequence[tuple[Array, Frame]],
-    without: NDArray[np.bool_],
-    free: Sequence[int],
-    *,
-    damping: float = DAMPING,
-    kept: Array | None = None,
-) -> list[Solution]:
-    """Return where the cost without some rows is least, for several choices of these, evaluated together.
-
-    For few rows of an open chain. A search that takes more than a few iterations has not converged.
-
-    Parameters
-    ----------
-    problem : Problem
-    starts : sequence of (ndarray, Frame)
-    without : ndarray of bool, shape (choices, n)
-        The rows that are left out.
-    free, damping, kept
-        As of :func:`minimise`.
-    """
-    searches = [
-        _steps(problem, *start, free, None, STRAIGHT, damping, lambda *_: None, kept) for start in starts
-    ]
-    return _in_step(
-        searches, lambda numbers, points: problem.normal_equations_without(points, without[numbers])
-    )
-
-
-def _in_step(
-    searches: Sequence[Generator[tuple[Array, Frame], Equations, Solution]],
-    equations: Callable[[list[int], list[tuple[Array, Frame]]], Sequence[Equations]],
-) -> list[Solution]:
-    """Return where searches end that go on together; `equations` are those of some of them, by their numbers."""
-    asked = {k: next(search) for k, search in enumerate(searches)}
-    found: dict[int, Solution] = {}
-    while asked:
-        numbers = list(asked)
-        for k, equation in zip(numbers, equations(numbers, list(asked.values())), strict=True):
-            try:
-                asked[k] = searches[k].send(equation)
-            except StopIteration as end:
-                found[k] = end.value
-                del asked[k]
-    return [found[k] for k in range(len(searches))]
-
-
-def _steps(
+def _descended(
     problem: Problem,
     theta: Array,
     frame: Frame,
@@ -220,22 +154,17 @@ def _steps(
     progress: Callable[[int], object] | None,
     max_iterations: int,
     damping: float,
-    keep: Callable[[Array, Frame, Equations], None],
-    kept: Array | None = None,
-    patience: int = PATIENCE,
-) -> Generator[tuple[Array, Frame], Equations, Solution]:
-    """Yield where the normal equations are needed, take these, and return where the cost is least.
-
-    `keep` takes the equations there where they follow from those that were taken before. After `patience`
-    iterations no step goes far for what noise may bring.
-    """
+    kept: Array | None,
+    patience: int,
+) -> Solution:
+    """Return where the cost is least; after `patience` iterations no step goes far for what noise may bring."""
     index = np.asarray(free, int)
     block = index[:, None], index
     near = NearFile(problem, index)
     theta = near.within(theta)
-    cost, square, gradient = yield theta, frame
+    cost, square, gradient = problem.normal_equations(theta, frame)
     if not np.isfinite(cost) and problem.follow(theta, frame):
-        cost, square, gradient = yield theta, frame
+        cost, square, gradient = problem.normal_equations(theta, frame)
     if not np.isfinite(cost):
         return Solution(theta, frame, np.inf, 0, False)
     if not len(index):
@@ -260,9 +189,8 @@ def _steps(
         if len(prior):
             near.add(prior, scaled, downhill, theta, scale)
             whole = None
-        way = unit
         if kept is not None and len(kept):
-            way = across = _across(kept / scale)
+            across = _across(kept / scale)
             scaled, downhill = across @ scaled @ across + unit - across, across @ downhill
             whole = None
         damped = scaled + damping * unit
@@ -270,7 +198,6 @@ def _steps(
         if iteration > patience:
             promised = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
             across = near.across_idle(square, downhill, scale, max(cost - float(promised), 0.0) / left)
-            way = across @ way
             scaled, downhill = across @ scaled @ across + unit - across, across @ downhill
             damped = scaled + damping * unit
             scaled_step = solve(damped, downhill)
@@ -287,33 +214,22 @@ def _steps(
                 return Solution(theta, frame, cost, iteration, not refused)
             step = np.zeros(len(theta))
             step[index] = scaled_step / scale
-            straight = iteration <= STRAIGHT
-            if not straight:
-                probe = moved(problem, theta, frame, PROBE * step)
-                bend = way @ (problem.bend(theta, frame, probe, step, PROBE)[index] / scale)
-                scaled_bend = -np.linalg.solve(damped, bend) / 2
-                with np.errstate(over="ignore"):  # of a bend that is far too large
-                    straight = not np.linalg.norm(scaled_bend) <= LARGEST_BEND / 2 * np.linalg.norm(
-                        scaled_step
-                    )
-                if not straight:
-                    step[index] += scaled_bend / scale
             new_theta, new_frame = moved(problem, theta, frame, step)
             new_theta = near.within(new_theta, theta)
-            last = straight and growth == GROWTH and damping <= LIGHTLY and predicted <= close * cost
+            last = growth == GROWTH and damping <= LIGHTLY and predicted <= close * cost
             if last and not near.is_bounded and predicted**2 <= small * cost * before:
                 carried = _carried((cost, square, gradient), step)
-                keep(new_theta, new_frame, carried)
+                problem.keep_equations(new_theta, new_frame, carried)
                 return Solution(new_theta, new_frame, carried[0], iteration, not refused)
             # most steps are accepted, and then the equations are there; fewer after one was refused
             with_equations = few or growth == GROWTH
             if with_equations:
-                new_cost, square, gradient = yield new_theta, new_frame
+                new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
             else:
                 new_cost = problem.cost(new_theta, new_frame)
             if problem.is_closed_chain and not np.isfinite(new_cost):
                 new_theta, new_frame = _as_far_as_legs_close(problem, theta, frame, step)
-                new_cost, square, gradient = yield new_theta, new_frame
+                new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
                 refused |= not np.isfinite(new_cost)
             now_held = pulled(prior, near.away(new_theta)) if len(prior) else 0.0
             if new_cost + now_held < cost + held:
@@ -330,7 +246,7 @@ def _steps(
         growth, refused = GROWTH, False
         theta, frame, cost = new_theta, new_frame, new_cost
         if problem.follow(theta, frame) or not with_equations:
-            cost, square, gradient = yield theta, frame
+            cost, square, gradient = problem.normal_equations(theta, frame)
         if progress:
             progress(iteration)
     return Solution(theta, frame, cost, iteration, False)
