@@ -50,8 +50,6 @@ GROWTH = 2.0
 """Factor on the damping when a step is refused; it doubles with each that follows."""
 LEAST_DAMPING, LEAST_FACTOR = 1e-12, 1e-2
 """Steps that do what was predicted lower the damping, by this factor at most; it hinders the last ones otherwise."""
-FEW_ROWS = 2048
-"""Up to so many rows a call costs more than the Jacobian: every step is tried with it, and it is there if accepted."""
 ROUNDING = 1e-13
 """A predicted fall of the cost below this part of it is rounding: sums of many squares are good to about that."""
 PATIENCE = 40
@@ -172,7 +170,6 @@ def _descended(
     floor = EXACT * problem.scale
     left = problem.freedom(len(index))
     small, close = (max(part**2 / left, ROUNDING) for part in (SMALL_STEP, CLOSE))
-    few = problem.count <= FEW_ROWS
     growth, iteration = GROWTH, 0
     unit = np.eye(len(index))
     theta = near.within(theta)
@@ -181,34 +178,28 @@ def _descended(
     for iteration in range(1, max_iterations + 1):
         scaled, scale = unit_diagonal(square[block])
         downhill = -gradient[index] / scale
-        prior, whole = near.stated(cost / left), None
+        prior = near.stated(cost / left)
         if near.knows_sizes:
             whole = np.linalg.solve(scaled + damping * unit, downhill)
             promised = max(cost - float(2 * whole @ downhill - whole @ scaled @ whole), 0.0)
             prior = np.concatenate([prior, near.sizes(theta[index] + whole / scale, promised / left)])
         if len(prior):
             near.add(prior, scaled, downhill, theta, scale)
-            whole = None
         if kept is not None and len(kept):
             across = _across(kept / scale)
             scaled, downhill = across @ scaled @ across + unit - across, across @ downhill
-            whole = None
-        damped = scaled + damping * unit
-        scaled_step = solve(damped, downhill) if whole is None else whole
         if iteration > patience:
-            promised = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
-            across = near.across_idle(square, downhill, scale, max(cost - float(promised), 0.0) / left)
+            whole = solve(scaled + damping * unit, downhill)
+            promised = max(cost - float(2 * whole @ downhill - whole @ scaled @ whole), 0.0)
+            across = near.across_idle(square, downhill, scale, promised / left)
             scaled, downhill = across @ scaled @ across + unit - across, across @ downhill
-            damped = scaled + damping * unit
-            scaled_step = solve(damped, downhill)
         if near.is_bounded and (stopped := near.stopped(theta, downhill)).any():
             downhill[stopped] = scaled[stopped] = scaled[:, stopped] = 0.0
             scaled[stopped, stopped] = 1.0
-            damped = scaled + damping * unit
-            scaled_step = solve(damped, downhill)
         held = pulled(prior, near.away(theta)) if len(prior) else 0.0  # what the priors add to the cost
         starts = problem.starts
         while True:
+            scaled_step = solve(scaled + damping * unit, downhill)
             predicted = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
             if predicted <= small * cost or cost <= floor:
                 return Solution(theta, frame, cost, iteration, not refused)
@@ -221,12 +212,7 @@ def _descended(
                 carried = _carried((cost, square, gradient), step)
                 problem.keep_equations(new_theta, new_frame, carried)
                 return Solution(new_theta, new_frame, carried[0], iteration, not refused)
-            # most steps are accepted, and then the equations are there; fewer after one was refused
-            with_equations = few or growth == GROWTH
-            if with_equations:
-                new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
-            else:
-                new_cost = problem.cost(new_theta, new_frame)
+            new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
             if problem.is_closed_chain and not np.isfinite(new_cost):
                 new_theta, new_frame = _as_far_as_legs_close(problem, theta, frame, step)
                 new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
@@ -239,13 +225,11 @@ def _descended(
             growth *= GROWTH
             if damping > 1e20:
                 return Solution(theta, frame, cost, iteration, True)
-            damped = scaled + damping * unit
-            scaled_step = solve(damped, downhill)
         gain, before = (cost + held - new_cost - now_held) / predicted, predicted
         damping = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), LEAST_DAMPING)
         growth, refused = GROWTH, False
         theta, frame, cost = new_theta, new_frame, new_cost
-        if problem.follow(theta, frame) or not with_equations:
+        if problem.follow(theta, frame):
             cost, square, gradient = problem.normal_equations(theta, frame)
         if progress:
             progress(iteration)
