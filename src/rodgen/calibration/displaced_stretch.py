@@ -132,10 +132,9 @@ class _Sums:
         scale = np.linalg.norm(motion[there], axis=(0, 1))
         self.scale = np.where(scale > 0, scale, np.inf)
         self.left = residual * there[:, None]
-        blocks = [slice(start, start + ROWS) for start in range(0, len(order), ROWS)]
-        pull = sum(self._base(some).T @ self.left[order[some]].ravel() for some in blocks)
-        for some in blocks:
-            self.left[order[some]] -= (self._base(some) @ pull).reshape(-1, residual.shape[1])
+        flat = model.reshape(-1, p)
+        pull = self.basis.T @ (flat.T @ self.left.ravel())
+        self.left -= (flat @ (self.basis @ pull)).reshape(residual.shape) * there[:, None]
         self.total = float(np.sum(self.left**2))
         poses = len(ends) - 1
         self.grid, cells = (

@@ -180,9 +180,10 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
     if folds is not None and folds < 2:
         raise RodgenError(f"held out in {folds} folds; expected 2 or more")
     o = fit.observations
-    if o.blocks is not None:  # of many rows a fit without a fold is that of all but by little
-        fit = fit.refit(observations=replace(o, blocks=None), outliers=fit.outliers)
-        o = fit.observations
+    if o.blocks is not None:  # it rises from the rms as in the sample
+        some = fit.refit(observations=replace(o, blocks=None), outliers=fit.outliers)
+        found = held_out(some, folds=folds)
+        return replace(found, rms=found.rms and found.rms * fit.rms / some.rms)
     pose, poses = _poses_to_deal(o)
     if folds is None:
         many = FOLDS_OF_MANY if o.n > MANY_ROWS else FOLDS

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -282,13 +283,12 @@ class _Search:
         self.rows = rows
         self.n, self.m = rows.residual.shape
         size = self.n * self.m
-        self.basis = orthonormalizing(self._flat(rows.model), BLOCK * self.m)
+        model = self._flat(rows.model)
+        self.basis = orthonormalizing(model, BLOCK * self.m)
         self.p = self.basis.shape[1]
-        self.left, self.columns = np.zeros((self.n, self.m)), np.zeros((self.n, self.m, 0))
-        self._kept: Array | None = None
-        pull = sum(X[:, : self.p].T @ rows.residual[some].ravel() for some, X in self._blocks())
-        for some, X in self._blocks():
-            self.left[some] = rows.residual[some] - (X[:, : self.p] @ pull).reshape(-1, self.m)
+        pull = self.basis.T @ (model.T @ rows.residual.ravel())
+        self.left = rows.residual - (model @ (self.basis @ pull)).reshape(self.n, self.m)
+        self.columns, self._kept = np.zeros((self.n, self.m, 0)), cast("Array | None", None)
         self.columns, self._kept = self._promising(), None
         self.price = 2 * math.log(max(rows.columns.shape[2], 1)) + math.log(size)
         self.most = max(size // 4 - self.p, 0)
@@ -416,11 +416,12 @@ class _Search:
         """Return the errors of rows as the others predict them, with some of the candidates' columns."""
         index = [*range(self.p), *chosen]
         root = inverse_root(products[np.ix_(index, index)], relative=1e-14)
+        along, left = root.T @ products[index, self.p], np.empty((self.n, self.m))
         spread = np.empty((self.n, self.m, self.m))
         for some, half in self._halves(index, root):
             of_rows = half.reshape(len(half) // self.m, self.m, half.shape[1])
             spread[some] = of_rows @ of_rows.transpose(0, 2, 1)
-        left = self._left(index, products, root)
+            left[some] = self.left[some] - of_rows @ along
         left, price = self._beside_neighbours(left, weight)
         h, vectors = eigh(spread)
         rest = np.clip(1 - weight[:, None] * h, 1e-9, None)

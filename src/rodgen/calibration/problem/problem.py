@@ -580,8 +580,10 @@ class Problem:
         for number, group, start, stop in self._blocks():
             _, jacobian = evaluation(number, group, start, stop)
             own, used = slots[number]
-            block = np.zeros((*jacobian.shape[:2], len(self.model.parameters)))
-            block[:, :, own] = jacobian @ used
+            block = jacobian @ used
+            if len(own) < len(self.model.parameters):
+                few, block = block, np.zeros((*jacobian.shape[:2], len(self.model.parameters)))
+                block[:, :, own] = few
             yield group.block(start, stop), block
 
     def triangle(self, theta: Array, frame: Frame, index: NDArray[np.int_], further: Array) -> Array:
