@@ -162,6 +162,8 @@ class Rows:
 
         Of k wrong ones among n poses k (k - 1) / n follow another in the mean, and their errors have any direction.
         """
+        from scipy import special
+
         numbers, of_row = np.unique(self.pose, return_inverse=True)
         error = np.zeros((len(numbers), found.error.shape[1]))
         np.add.at(error, of_row[found.wrong], found.error[found.wrong])
@@ -178,7 +180,8 @@ class Rows:
                 continue
             one, other = along[pair], along[pair + 1]
             alike = max(float(np.sum(unit[one] * unit[other])), 0.0)
-            cost = m * alike**2 / len(pair) - 2 * _log_poisson_tail(len(pair), k * (k - 1) / n)
+            chance = float(special.pdtrc(len(pair) - 1, k * (k - 1) / n))
+            cost = m * alike**2 / len(pair) - 2 * math.log(max(chance, 1e-300))
             if cost > 2 * math.log(BESIDE * len(self.orders)):
                 near[one] = near[other] = True
         followed = np.asarray(found.wrong & near[of_row])
@@ -543,12 +546,3 @@ def _mean_around(left: Array, good: Mask, order: NDArray[np.int_]) -> Array:
     found = np.empty_like(left)
     found[order] = (sums[after - there] + sums[np.minimum(after, len(others)) + AROUND]) / (2 * AROUND)
     return found
-
-
-def _log_poisson_tail(least: int, mean: float) -> float:
-    """Return the logarithm of the probability that a Poisson variable is so large."""
-    if mean <= 0:
-        return 0.0 if least <= 0 else math.log(1e-300)
-    last = least + int(mean + 40 * math.sqrt(mean)) + 100
-    logs = [k * math.log(mean) - mean - math.lgamma(k + 1) for k in range(max(least, 0), last)]
-    return min(max(float(np.logaddexp.reduce(logs)), math.log(1e-300)), 0.0)

@@ -569,15 +569,8 @@ class BlockProblem(Problem):
         return self.blocks.rows
 
     @property
-    def scale(self) -> float:
-        """Sum of squares of the weighted readings, to which rounding errors are relative."""
-        largest = max(survey.largest for survey in self.blocks.surveys)
-        return (largest * self.total_weight) ** 2
-
-    @property
-    def spread(self) -> float:
-        """Cost of a model that predicts the mean of the readings, with the mean weight for all."""
-        return self._around * self.total_weight**2 / (self.count * self.components)
+    def _largest(self) -> float:
+        return max(survey.largest for survey in self.blocks.surveys)
 
     @property
     def total_weight(self) -> float:
@@ -586,7 +579,6 @@ class BlockProblem(Problem):
 
     @cached_property
     def _around(self) -> float:
-        """Sum of the squares of the readings, their mean taken off."""
         sums, squares = (
             np.sum([getattr(s, name) for s in self.blocks.surveys], axis=0) for name in ("sums", "squares")
         )
@@ -638,10 +630,8 @@ class BlockProblem(Problem):
         return whole if self._aside is None else whole - _squares(self._aside, theta, frame)
 
     @property
-    def _distance(self) -> float:
-        slides = [j for j, joint in enumerate(self.model.machine.joints) if not joint.revolute]
-        travel = float(np.ptp(self.model.travel[slides], axis=1).max(initial=0.0))
-        return max(float(np.sqrt(self._around / self.count)), self.model.farthest, travel) or 1.0
+    def _travel(self) -> Array:
+        return np.asarray(np.ptp(self.model.travel, axis=1))
 
 
 def _squares(problem: Problem, theta: Array, frame: Frame) -> Array:

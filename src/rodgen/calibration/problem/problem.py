@@ -140,14 +140,28 @@ class Problem:
     @property
     def scale(self) -> float:
         """Sum of squares of the weighted readings, to which rounding errors are relative."""
-        return (self.model.structure.measurand.size(self.observations.reading) * self.total_weight) ** 2
+        return (self._largest * self.total_weight) ** 2
 
     @property
     def spread(self) -> float:
-        """Cost of a model that predicts the mean of the readings, with which a bad fit is compared."""
-        readings = self.observations.reading
-        around = readings - readings.mean(axis=0)
-        return float(np.sum(np.sum(around**2, -1) * np.mean(self.weight**2, -1)))
+        """Cost of a model that predicts the mean of the readings, by the mean weight: a bad fit is compared with it."""
+        return self._around * self.total_weight**2 / (self.count * self.components)
+
+    @property
+    def _largest(self) -> float:
+        """Largest number among the readings."""
+        return float(self.model.structure.measurand.size(self.observations.reading))
+
+    @functools.cached_property
+    def _around(self) -> float:
+        """Sum of the squares of the readings, their mean taken off: the frame is anywhere."""
+        around = self.observations.reading - self.observations.reading.mean(axis=0)
+        return float(np.vdot(around, around))
+
+    @property
+    def _travel(self) -> Array:
+        """How far each joint moves, (J,)."""
+        return np.ptp(self.observations.q, axis=0) if self.rows else np.zeros(self.observations.q.shape[1])
 
     @functools.cached_property
     def file_values(self) -> FileValues:
@@ -179,13 +193,12 @@ class Problem:
     @property
     def _distance(self) -> float:
         """How large the machine is: its travels, its readings, or how far targets are from axes; the largest."""
-        o, machine = self.observations, self.model.machine
+        machine = self.model.machine
         if machine.kinematics.is_closed:
             return machine.kinematics.size
-        around = o.reading - o.reading.mean(axis=0)  # the frame is anywhere
-        rms = math.sqrt(float(np.vdot(around, around)) / max(self.rows, 1))
+        rms = math.sqrt(self._around / max(self.count, 1))
         slides = [j for j, joint in enumerate(machine.joints) if not joint.revolute]
-        travel = float(np.ptp(o.q[:, slides], axis=0).max(initial=0.0)) if self.rows else 0.0
+        travel = float(self._travel[slides].max(initial=0.0))
         return max(rms, self.model.farthest, travel) or 1.0
 
     @property
