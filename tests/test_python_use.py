@@ -116,7 +116,7 @@ def test_a_column_without_its_unit_is_one_sentence(table, columns):
 @pytest.fixture(scope="module")
 def results(table, columns, fit, diagnosis):
     """Return results, each with what must be the same of its copy."""
-    compiled = rodgen.fit(table, columns, compiled=True)  # holds functions of a compiled library
+    compiled = table.fit(columns, compiled=True)  # holds functions of a compiled library
     target = "numpy" if os.environ.get("RODGEN_CPU") == "numpy" else "c"
     assert compiled.problem.model.kernels["residual"].target == target
     return [

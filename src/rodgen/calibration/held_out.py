@@ -295,7 +295,7 @@ class _Without:
                 error = fit.machine.measurand.error(
                     problem.coloured(residual) / problem.weight, fit.observations.arm
                 )
-                lowers = float(np.sum(residual[self.fold != k] ** 2)) <= self.left[k]
+                lowers = bool(np.sum(residual[self.fold != k] ** 2) <= self.left[k])
                 yield lowers, error / fit.unit_factor
 
     def _near(self, problem: Problem, k: int) -> tuple[Array, Frame]:
