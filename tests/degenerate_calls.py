@@ -131,8 +131,6 @@ def row_kernels() -> None:
             agree(out[1], expected[1])
             for kernel in (c, numpy):
                 for sets in (0, 1, 3):
-                    several = kernel.several(x, random(sets, m))
-                    assert [a.shape for a in several] == [(sets, count, k), (sets, count, k, j)]
                     many = kernel.in_sets(random(sets * count, n), [count] * sets, random(sets, m))
                     assert [a.shape for a in many] == [(sets * count, k), (sets * count, k, j)]
             assert c.has_jacobian is numpy.has_jacobian

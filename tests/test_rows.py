@@ -250,11 +250,6 @@ def test_several_values_of_shared_inputs_give_what_calls_with_each_give(on, leve
     rows, *shared = chain_inputs(700)
     sets = [[factor * values for values in shared] for factor in (1.0, 0.5, 2.0, -1.0)]
     stacked = [np.stack(values) for values in zip(*sets, strict=True)]
-    together = kernels["both"].several(rows, *stacked)
-    for k, own in enumerate(sets):
-        for found, alone in zip(together, kernels["both"](rows, *own), strict=True):
-            np.testing.assert_allclose(found[k], alone, rtol=1e-13, atol=1e-13 * np.abs(alone).max())
-    np.testing.assert_array_equal(kernels["values"].several(rows[:3], *stacked).shape[:2], (len(sets), 3))
     counts, ends = [3, 0, 40, 657], [0, 3, 3, 43, 700]
     in_sets = kernels["both"].in_sets(rows, counts, *stacked)
     for own, start, stop in zip(sets, ends, ends[1:], strict=False):
@@ -526,8 +521,6 @@ def test_sets_that_are_not_those_of_the_rows_are_refused(straight):
         straight.in_sets(rows, [2, 1], values)
     with pytest.raises(ValueError, match="line: 2 sets of p; expected 3"):
         straight.in_sets(rows, [2, 1, 1], values)
-    with pytest.raises(TypeError, match="line: one argument; expected sets of other inputs"):
-        straight.several(rows)
 
 
 def test_out_that_overlaps_an_input_is_refused(straight):

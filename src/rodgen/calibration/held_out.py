@@ -23,7 +23,7 @@ import numpy as np
 from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.solve.least_squares import NEAR, NearFile, Solution, minimise, moved
+from rodgen.calibration.solve.least_squares import NearFile, Solution, minimise, moved
 from rodgen.calibration.whitened import Whitened
 from rodgen.calibration.words import sized
 from rodgen.data.poses import groups
@@ -272,31 +272,11 @@ class _Without:
 
         To first order, unless the full fit is better there.
         """
-        solution, free, near = self.fit.solution, self.fit.free, self._near(problem, k)
-        # the equations are kept, and the fit begins with them
-        if problem.normal_equations(*near)[0] <= self.left[k]:
-            return minimise(problem, *near, free, damping=NEAR, kept=self.flat)
-        return minimise(problem, solution.theta, solution.frame, free, kept=self.flat)
-
-    def together(self, problem: Problem, folds: Sequence[int]) -> Iterator[tuple[bool, Array]]:
-        """Yield for each fold whether the fit without it is known to first order, and its residuals; several at a time.
-
-        It is where the other rows fit better there than in the fit to all. Yields nothing for many rows and bounds, nor
-        for closed chains, whose poses have to follow.
-        """
-        some, fit = TOGETHER // max(problem.rows, 1), self.fit
-        if some < 2 or problem.is_closed_chain or not fit.free or problem.file_values.is_bounded:
-            return
-        for start in range(0, len(folds), some):
-            numbers = folds[start : start + some]
-            problem.leave_out(fit.outliers)
-            weighted = problem.residuals_at([self._near(problem, k) for k in numbers])
-            for k, residual in zip(numbers, weighted, strict=True):
-                error = fit.machine.measurand.error(
-                    problem.coloured(residual) / problem.weight, fit.observations.arm
-                )
-                lowers = bool(np.sum(residual[self.fold != k] ** 2) <= self.left[k])
-                yield lowers, error / fit.unit_factor
+        solution, near = self.fit.solution, self._near(problem, k)
+        cost = problem.cost(*near)
+        if cost <= self.left[k]:
+            return Solution(*near, cost)
+        return minimise(problem, solution.theta, solution.frame, self.fit.free, kept=self.flat)
 
     def _near(self, problem: Problem, k: int) -> tuple[Array, Frame]:
         """Return where the fit without a fold is to first order."""

@@ -135,36 +135,6 @@ class RowKernel:
             self._evaluate(count, arrays, results)
         return results[0] if len(results) == 1 else tuple(results)
 
-    def several(self, rows: Any, *shared: Any) -> Any:
-        """Evaluate all rows with each of several values of the other inputs.
-
-        On NumPy all at once: where there are few rows an operation costs as much as a call of it.
-
-        Parameters
-        ----------
-        rows : array_like (count, ...)
-        *shared : array_like (sets, ...)
-
-        Returns
-        -------
-        array or tuple of arrays (sets, count, ...)
-
-        Raises
-        ------
-        TypeError
-            For a wrong number of arguments; a kernel without other inputs has no sets of them.
-        ValueError
-            When a shape does not fit.
-        """
-        if not shared:
-            raise TypeError(f"{self.name}: one argument; expected sets of other inputs")
-        rows = np.ascontiguousarray(rows, np.float64)
-        sets, count = len(shared[0]), len(rows)
-        of_sets = np.broadcast_to(rows, (sets, *rows.shape)).reshape(sets * count, *rows.shape[1:])
-        found = self.in_sets(of_sets, [count] * sets, *shared)
-        results = [result.reshape(sets, count, *result.shape[1:]) for result in found]
-        return results[0] if len(results) == 1 else tuple(results)
-
     def in_sets(self, rows: Any, counts: Sequence[int], *shared: Any) -> list[Array]:
         """Evaluate sets of rows, each with its own values of the other inputs; on NumPy all at once.
 

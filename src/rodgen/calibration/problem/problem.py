@@ -516,16 +516,6 @@ class Problem:
             b[own] += used.T @ gram[:-1, -1]
         return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
 
-    def residuals_at(self, points: Sequence[tuple[Array, Frame]]) -> Array:
-        """Return the weighted residuals of few rows of an open chain at several points, (points, n, m)."""
-        found = np.empty((len(points), self.rows, self.components))
-        e = np.stack([self.model.parameters_of_effects(theta) for theta, _ in points])
-        geometries = np.stack([self._geometries(*point) for point in points])
-        for number, group in enumerate(self.groups):
-            rows = self._block(number, group, 0, group.count)
-            found[:, group.rows] = self.model.kernels["residual"].several(rows, geometries[:, number], e)
-        return found
-
     def residuals(self, theta: Array, frame: Frame, *, weighted: bool = False) -> Array:
         """Return measured less predicted, (n, m), in the order of the data; internal units, or times the weight."""
         self.follow(theta, frame)

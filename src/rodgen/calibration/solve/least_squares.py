@@ -172,7 +172,6 @@ def _descended(
     small, close = (max(part**2 / left, ROUNDING) for part in (SMALL_STEP, CLOSE))
     growth, iteration = GROWTH, 0
     unit = np.eye(len(index))
-    theta = near.within(theta)
     refused = False  # a step, because a closed chain did not close there
     before = 0.0  # what the step before was predicted to bring
     for iteration in range(1, max_iterations + 1):
