@@ -34,7 +34,7 @@ from rodgen.calibration.words import IN_UNCERTAINTIES, NOTHING_LEFT, in_componen
 from rodgen.calibration.worst_regions import Region, worst_regions
 from rodgen.data.poses import stretches
 from rodgen.errors import joined
-from rodgen.machines.drivers import Driver, drivers_of_place, products
+from rodgen.machines.drivers import HARMONICS, Driver, drivers_of_place, products
 from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.machine import Effect
@@ -103,11 +103,12 @@ class Trial:
     @cached_property
     def candidates(self) -> list[Candidate]:
         """The drivers as candidates, one of each curve."""
-        curves = {curve.shape[1]: curve for curve in reversed([*self.curves()]) if curve.shape[1]}
+        by_size = {curve.shape[1]: curve for curve in reversed([*self.curves()]) if curve.shape[1]}
+        curves = [*(_waves(self.drivers[0]) if len(self.drivers) == 1 else ()), *reversed(by_size.values())]
         definition = EffectDefinition(self.name, frozenset({"machine"}), "reading", _BARE, {}, own=True)
         effect, several = Effect(definition, self.where), list[Candidate]()
         made = any(driver.kind == "place" for driver in self.drivers)  # by the joints
-        for curve in reversed(curves.values()):
+        for curve in curves:
             columns = self.motion[:, :, :, None] * curve[:, None, None, :]
             columns = columns.reshape(*self.motion.shape[:2], -1)
             names = tuple(f"{self.name}.{k}" for k in range(columns.shape[2]))
@@ -117,6 +118,14 @@ class Trial:
 
 
 _BARE = Formula.parse("a", file="comparison", place="driver")
+
+
+def _waves(driver: Driver) -> Iterator[Array]:
+    """Yield each wave of several a turn, (n, 2), such as that of a graduation that is out of round."""
+    if driver.turn is not None:
+        angle = 2 * np.pi * driver.values / driver.turn
+        for k in range(2, min(HARMONICS, (driver.levels - 1) // 2) + 1):
+            yield np.column_stack([np.cos(k * angle), np.sin(k * angle)])
 
 
 def _first_order(driver: Driver) -> Array:
