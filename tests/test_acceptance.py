@@ -13,7 +13,6 @@ from real_machines import real
 
 import rodgen
 from rodgen.calibration.diagnose import diagnose
-from rodgen.calibration.positions import distinct_positions
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.poses import positions
 
@@ -136,15 +135,6 @@ def test_an_eccentricity_is_found_at_twelve_positions(tmp_path):
     found = turned(tmp_path, np.cos(np.arange(12) * 2 * np.pi / 12 - 1.0))
     assert [step.effect.title for step in found.steps] == ["encoder_eccentricity at C"]
     assert found.steps[0].log10_odds > 15
-
-
-@pytest.mark.parametrize("poses", [60, 1_000, 20_000])
-def test_poses_along_a_continuous_way_are_as_good_as_positions_however_many_they_are(poses):
-    rng = np.random.default_rng(poses)
-    assert distinct_positions(rng.uniform(-120, 120, poses), poses) is None
-    few = distinct_positions(rng.choice(np.linspace(-120, 120, 15), poses), poses)
-    assert few is not None
-    assert int(few.max()) == 14
 
 
 def test_positions_that_differ_by_a_thousandth_of_the_way_are_one():

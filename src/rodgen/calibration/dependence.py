@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Mask
 from rodgen.calibration.fitted import Fit
-from rodgen.calibration.positions import positions_of
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.words import capitalized, two_digits
+from rodgen.data import poses as places
 from rodgen.data.units import readable
 from rodgen.errors import joined
 from rodgen.machines.model import Frame, Model
@@ -449,7 +449,9 @@ def shared_motion(linear: FitRows, *, runs: bool = True) -> tuple[SharedMotion, 
     """
     o = linear.observations
     run = o.run if runs else np.zeros_like(o.run)
-    position = positions_of(o)
+    # of all joints: equal where a pose is read again
+    _, first, pose = np.unique(o.pose, return_index=True, return_inverse=True)
+    position = places.groups([places.positions(column) for column in o.q[first].T], len(first))[pose]
     few = int(position.max(initial=0)) + 1 <= len(np.unique(o.pose)) / 2
     poses, believed = Poses.among(o.pose, run, o.t, position if few else None), believed_readings(linear)
     H = np.where(believed[:, :, None], linear.frame, 0.0)
