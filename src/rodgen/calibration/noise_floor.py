@@ -28,7 +28,6 @@ from rodgen.calibration.fitted import Fit
 from rodgen.calibration.words import chance, sized
 from rodgen.data.poses import stretches
 from rodgen.data.units import readable
-from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.robust import HALF_OF_NORMAL
 from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
 from rodgen.views import Result
@@ -416,6 +415,8 @@ def lack_of_fit(fit: Fit) -> LackOfFit | None:
 
 
 def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
+    from scipy import special
+
     cells = pure.cells * fit.problem.components - fit.determinacy.rank
     residual_dof = cells - pure.count
     if pure.count < 1 or residual_dof < 1 or not pure.variance > 0:
@@ -424,7 +425,8 @@ def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
     dof = (max(pure.share * residual_dof, 1.0), max(pure.share * pure.count, 1.0))
     statistic = squares / residual_dof / pure.variance
     ratio = float(np.sqrt(pure.squares / cells / pure.variance))
-    return LackOfFit(max(f_tail(statistic, *dof), SMALLEST_P), ratio, "replicates", statistic, dof)
+    p_value = max(float(special.fdtrc(*dof, statistic)), SMALLEST_P)
+    return LackOfFit(p_value, ratio, "replicates", statistic, dof)
 
 
 def _against_stated(fit: Fit) -> LackOfFit | None:
