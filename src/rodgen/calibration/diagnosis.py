@@ -27,6 +27,17 @@ EXCLUDED = "outlier of the diagnosis"
 VERDICTS = ("nothing_missing", "effects_missing", "wrong_geometry", "unknown_effect", "cannot_tell")
 
 
+class HasOdds:
+    """What a diagnosis says, with odds."""
+
+    log10_odds: float
+
+    @property
+    def odds(self) -> float:
+        """How many times as probable the readings are with it as without it; at most 1e300."""
+        return odds_of(self.log10_odds)
+
+
 @dataclass(frozen=True)
 class Rms(Result):
     """Errors per scalar reading, in `unit`, without outliers; None where there is none.
@@ -107,7 +118,7 @@ class SetAlias:
 
 
 @dataclass(frozen=True, repr=False)
-class DiagnosedEffect(Result):
+class DiagnosedEffect(HasOdds, Result):
     """An effect that the data show to be missing.
 
     Attributes
@@ -132,11 +143,6 @@ class DiagnosedEffect(Result):
     indistinguishable_from: tuple[Alias, ...] = ()
 
     @property
-    def odds(self) -> float:
-        """How many times as probable what was found is with the effect as without it; at most 1e300."""
-        return odds_of(self.log10_odds)
-
-    @property
     def meaning(self) -> str:
         """What is physically there."""
         return self.effect.definition.meaning
@@ -152,7 +158,7 @@ class DiagnosedEffect(Result):
 
 
 @dataclass(frozen=True)
-class Ranked:
+class Ranked(HasOdds):
     """A candidate, weighed on the model without it.
 
     Attributes
@@ -171,14 +177,9 @@ class Ranked:
     visible: float
     explains: float
 
-    @property
-    def odds(self) -> float:
-        """How many times as probable the model is with it as without anything; at most 1e300."""
-        return odds_of(self.log10_odds)
-
 
 @dataclass(frozen=True, repr=False)
-class Unexplained(Result):
+class Unexplained(HasOdds, Result):
     """A form of what no effect of the catalogue explains, as an effect of the user's own.
 
     Attributes
@@ -204,11 +205,6 @@ class Unexplained(Result):
     rms_held_out: float | None
     parameters: Mapping[str, Estimate]
     fit: Fit = field(repr=False, compare=False)
-
-    @property
-    def odds(self) -> float:
-        """As of an effect."""
-        return odds_of(self.log10_odds)
 
     @property
     def component(self) -> str:
@@ -240,7 +236,7 @@ class Unexplained(Result):
 
 
 @dataclass(frozen=True, repr=False)
-class WrongGeometry(Result):
+class WrongGeometry(HasOdds, Result):
     """The dimensions of the machine are not those of the file: they were estimated before effects were looked for.
 
     Attributes
@@ -260,16 +256,11 @@ class WrongGeometry(Result):
     before: Fit = field(repr=False)
     rms_held_out: float | None
 
-    @property
-    def odds(self) -> float:
-        """How many times as probable it is as the effects that would take its place, at most 1e300."""
-        return odds_of(self.log10_odds)
-
     _keys = "estimate odds rms=before.rms rms_held_out"
 
 
 @dataclass(frozen=True, repr=False)
-class Diagnosis(Result):
+class Diagnosis(HasOdds, Result):
     """The effects that a model lacks, and the verdict, found from data alone.
 
     Attributes
@@ -327,11 +318,6 @@ class Diagnosis(Result):
     def __post_init__(self) -> None:
         for name in ("steps", "unexplained"):
             object.__setattr__(self, name, Records(getattr(self, name), _record))
-
-    @property
-    def odds(self) -> float:
-        """How many times as probable all that was found is as nothing; at most 1e300."""
-        return odds_of(self.log10_odds)
 
     @property
     def base(self) -> Fit:

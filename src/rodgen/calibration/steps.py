@@ -10,7 +10,7 @@ import numpy as np
 
 from rodgen.calibration.candidates import Candidate, number_tried
 from rodgen.calibration.dependence import FitRows, sample_of
-from rodgen.calibration.diagnosis import odds_of
+from rodgen.calibration.diagnosis import HasOdds
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fit import Fit
 from rodgen.calibration.problem import one_thread_in_blas
@@ -23,7 +23,7 @@ from rodgen.views import Result
 
 
 @dataclass(frozen=True)
-class StepOdds(Result):
+class StepOdds(HasOdds, Result):
     """What an effect is worth, given all others.
 
     Attributes
@@ -35,11 +35,6 @@ class StepOdds(Result):
     log10_odds: float
 
     _keys = "log10_odds odds needed"
-
-    @property
-    def odds(self) -> float:
-        """How many times as probable the readings are with the effect as without it; at most 1e300."""
-        return odds_of(self.log10_odds)
 
     @property
     def needed(self) -> bool:

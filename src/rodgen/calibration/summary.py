@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.calibration.bounds import held_at_bounds
-from rodgen.calibration.decidability import why_wrong_geometry
+from rodgen.calibration.decidability import held_at_bounds, why_wrong_geometry
 from rodgen.calibration.fitted import Estimate, Fit
 from rodgen.calibration.gross_readings import on_gross_readings, on_outliers
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode
