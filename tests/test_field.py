@@ -416,16 +416,16 @@ def test_gross_rows_are_looked_for_in_few_fits(monkeypatch: pytest.MonkeyPatch) 
     """Not one fit for each row that is suspected: five that are wrong take no more fits than none."""
     place, count, fits = FIELD / "one_outlier", counted(monkeypatch), []
     for data in ("rt_clean.csv", "rt.csv"):
-        before = count["_steps"]
+        before = count["_descended"]
         fit = rodgen.Machine.load(place / "rt.toml").fit(rodgen.Measurements.load(place / data))
         fit.summary()
-        fits.append(count["_steps"] - before)
+        fits.append(count["_descended"] - before)
     assert fits[1] <= fits[0] + 3
 
 
 def counted(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
     """Return how often a least-squares fit begins, and normal equations are needed, from here on."""
-    count = {"_steps": 0, "normal_equations": 0}
+    count = {"_descended": 0, "normal_equations": 0}
 
     def count_calls(owner: Any, name: str) -> None:
         call = getattr(owner, name)
@@ -436,7 +436,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
 
         monkeypatch.setattr(owner, name, counting)
 
-    count_calls(least_squares, "_steps")
+    count_calls(least_squares, "_descended")
     count_calls(Problem, "normal_equations")
     return count
 
@@ -650,7 +650,7 @@ def test_an_arm_of_seven_joints_takes_few_fits(tmp_path: Path, monkeypatch: pyte
     count = counted(monkeypatch)
     found = diagnosis_of(arm_of_seven(tmp_path))
     assert {f"zero_offset at J{k}" for k in (2, 4, 6)} <= {t for s in found.steps for t in among(s)}
-    assert count["_steps"] <= 100
+    assert count["_descended"] <= 100
     assert count["normal_equations"] <= 400
 
 

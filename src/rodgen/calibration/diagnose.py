@@ -13,14 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.calibration.bounds import are_wrong, held_at_bounds
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.decidability import (
+    are_wrong,
+    held_at_bounds,
     on_unmoved_joints,
     unread_targets,
     why_undecidable,
 )
-from rodgen.calibration.detectable import Detectable, detectable
+from rodgen.calibration.detectable import detectable
 from rodgen.calibration.diagnosis import (
     Alias,
     DiagnosedEffect,
@@ -57,7 +58,7 @@ from rodgen.errors import InputFileError, joined
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.observations import Observations
 from rodgen.stages import Progress, reporting, stage
-from rodgen.statistics.thresholds import COST, SMALLEST_P, VERDICT
+from rodgen.statistics.thresholds import COST, VERDICT
 
 ROUNDS = 3
 """Times that effects are selected at most, with the outliers and the dependence of the readings found before."""
@@ -235,17 +236,17 @@ def _stretch(state: _State, rows: Rows) -> DisplacedStretch | None:
     rows : Rows
         All rows of the last fit.
     """
-    base, last = state.base, state.last
+    base, last, evidence = state.base, state.last, state.evidence
     likelier = last.dependence.correlation.gain + COST.something
     if state.chosen:
-        fall = math.log(max(base.chi_square, SMALLEST_P) / max(last.chi_square, SMALLEST_P))
-        # what the effects cost is not counted: the stretch needs so much the more
-        price = last.problem.components * fall
-        some = state.evidence.sensitivities.rows
+        some = evidence.sensitivities.rows
+        worth_of_effects = (
+            evidence.dearer(evidence.independent, []) + evidence.cost([]) - evidence.cost(state.chosen)
+        )
         alone = Rows.of(base, some=some).stretch(np.zeros(len(some), bool))
-        if alone is not None and alone.gain > likelier + len(some) * price:
+        if alone is not None and alone.gain > likelier + worth_of_effects:
             alone = Rows.of(base).stretch(base.outliers)
-            if alone is not None and alone.gain > likelier + last.rows * price:
+            if alone is not None and alone.gain > likelier + worth_of_effects * last.rows / len(some):
                 return alone
     found = rows.stretch(last.outliers)
     return found if found is not None and found.gain > likelier else None
@@ -437,7 +438,7 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
         seen,
         tuple(filter(None, [*notes, unknown])),
         last.estimates,
-        _could_hide(evidence) if verdict == "nothing_missing" else (),
+        detectable(evidence) if verdict == "nothing_missing" else (),
         tuple(sets),
         log10_of(evidence.cost([]) - evidence.cost(chosen)),
     )
@@ -516,11 +517,6 @@ def _on_stretch(subject: _Subject, state: _State) -> str:
         f"The readings from {first} to {last} lie displaced against the others: the set-up may have been another "
         "there. Note the set-ups in a column run, and diagnose again."
     )
-
-
-@stage("what could hide")
-def _could_hide(evidence: Evidence) -> tuple[Detectable, ...]:
-    return detectable(evidence)
 
 
 def _tested(subject: _Subject, rms: Rms, fits: Sequence[Fit]) -> tuple[Rms, str]:

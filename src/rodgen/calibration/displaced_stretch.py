@@ -132,7 +132,7 @@ class _Sums:
         scale = np.linalg.norm(motion[there], axis=(0, 1))
         self.scale = np.where(scale > 0, scale, np.inf)
         self.left = residual * there[:, None]
-        flat = model.reshape(-1, p)
+        flat = model.reshape(len(model) * m, p)
         pull = self.basis.T @ (flat.T @ self.left.ravel())
         self.left -= (flat @ (self.basis @ pull)).reshape(residual.shape) * there[:, None]
         self.total = float(np.sum(self.left**2))
