@@ -49,6 +49,8 @@ FLATTEST = 1e-3
 """Information at least: a direction without any is not followed to infinity."""
 CLIMBS, HALVINGS = 15, 4
 """Steps of a climb, and shorter trials of one, at most; three to five steps are usual."""
+NEAR = 0.02
+"""Step in logarithms of sizes and time between which slopes are compared."""
 RISE = 0.01
 """Log likelihood that a step promises, below which a climb ends: a tenth of a standard error."""
 SAME = 1e-10
@@ -179,7 +181,7 @@ class RestrictedLikelihood:
             now = best
             there = {name.split()[0] for name in now.names}
             starts = self._extended(now, [kind for kind in kinds if kind not in there])
-        return now
+        return self._with_curvature(now)
 
     def _starts(self, kinds: Sequence[str]) -> list[VarianceComponents]:
         """Return a start with each kind of component of which there is a sign."""
@@ -188,9 +190,9 @@ class RestrictedLikelihood:
             of_kind = signs.setdefault(name.split()[0], {})
             of_kind[name] = max(of_kind.get(name, (0.0, 0.0, 0.0)), (square, size, time))
         starts = []
-        for kind, of_kind in signs.items():
+        for of_kind in signs.values():
             square, _, time = max(of_kind.values())
-            if square > self.price * (1 + (kind == "wander")):  # less than that is not worth what it costs
+            if square > self.price:  # a lower bound of what it may be worth
                 starts.append(self.at(tuple(of_kind), [size for _, size, _ in of_kind.values()], time))
         return starts
 
@@ -326,6 +328,25 @@ class RestrictedLikelihood:
             return best
         fewer = self.at([best.names[i] for i in kept], [best.sizes[i] for i in kept], best.time)
         return self.climbed(fewer if fewer.wanders else self.at(fewer.names, fewer.sizes, np.inf))
+
+    def _with_curvature(self, now: VarianceComponents) -> VarianceComponents:
+        """Return a maximum with its observed information, by differences of the slope.
+
+        The average information stays where that is not positive, and of what a bound holds.
+        """
+        if not now.names or now.information is None:
+            return now
+        at, found = _logarithms(now), np.empty_like(now.information)
+        for i, unit in enumerate(np.eye(len(at))):
+            sides = [self._moved(now, at + step * unit) for step in (-NEAR, NEAR)]
+            low, high = (self._derivatives(*side)[0] for side in sides)
+            found[i] = (low - high) / (2 * NEAR)
+        found = (found + found.T) / 2
+        held = now.information.diagonal() >= 1 / SAME
+        found[held], found[:, held] = now.information[held], now.information[:, held]
+        if not np.isfinite(found).all() or eigh(found)[0].min() <= FLATTEST:
+            return now
+        return replace(now, information=found)
 
     def _moved(
         self, now: VarianceComponents, logarithms: Array
