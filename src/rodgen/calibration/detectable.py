@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from rodgen.calibration.fitted import Fit
 from rodgen.calibration.words import two_digits
 from rodgen.data.units import unit_factor
 from rodgen.machines.machine import Effect
+from rodgen.stages import stage
 from rodgen.statistics.thresholds import COST, VERDICT
 from rodgen.views import Result
 
@@ -71,6 +73,7 @@ ONE_SIDED = 1.645
 """Standard deviations that 95 of 100 are above."""
 
 
+@stage("what could hide")
 def detectable(evidence: Evidence) -> tuple[Detectable, ...]:
     """Return the least size of each effect that would have been found, those that could hide most error first.
 
@@ -87,7 +90,9 @@ def detectable(evidence: Evidence) -> tuple[Detectable, ...]:
     found: dict[tuple[str, str | None], list[Detectable]] = {}
     for candidate in (c for c in evidence.candidates if c.key not in evidence.refused):
         seen = evidence.lengths(candidate)
-        fall = _fall(evidence, candidate)
+        cost = COST.something + evidence.choice([candidate]) + evidence.width(candidate)
+        # of the sum of squares, in variances, from which on the effect is worth its cost
+        fall = evidence.dof * math.expm1(min(cost / evidence.dof, 50.0))
         spread = math.sqrt(1 + fall / (2 * evidence.dof))
         needed = math.sqrt(variance) * (math.sqrt(fall) + ONE_SIDED * spread)
         each = []
@@ -103,20 +108,10 @@ def detectable(evidence: Evidence) -> tuple[Detectable, ...]:
             rare = known is not None and size > VERDICT.unusual * known.usual
             each.append(Detectable(candidate.effect, name, size / factor, unit, rms, possible, rare))
         if each:
-            found.setdefault(candidate.key, []).append(max(each, key=_rms))
+            found.setdefault(candidate.key, []).append(max(each, key=attrgetter("rms")))
     # of the values tried for a searched parameter that in the middle: some are all but a constant, and hide anything
-    middle = [sorted(several, key=_rms)[len(several) // 2] for several in found.values()]
-    return tuple(sorted(middle, key=_rms, reverse=True))
-
-
-def _rms(one: Detectable) -> float:
-    return one.rms
-
-
-def _fall(evidence: Evidence, candidate: Candidate) -> float:
-    """Return the fall of the sum of squares, in variances, from which on an effect is worth its cost."""
-    cost = COST.something + evidence.choice([candidate]) + evidence.width(candidate)
-    return float(evidence.dof * math.expm1(min(cost / evidence.dof, 50.0)))
+    middle = [sorted(several, key=attrgetter("rms"))[len(several) // 2] for several in found.values()]
+    return tuple(sorted(middle, key=attrgetter("rms"), reverse=True))
 
 
 def _units(base: Fit, candidate: Candidate) -> Iterator[tuple[str, str, float]]:

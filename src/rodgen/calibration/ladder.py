@@ -245,19 +245,17 @@ def fit_after(before: Fit, machine: Machine, outliers: NDArray[np.bool_]) -> Fit
     outliers : ndarray of bool, shape (n,)
         Rows that are not to be believed.
     """
-    after = fit(_started(machine, before), before.observations, outliers=outliers)
-    return _not_worse(after, before)
+    return _not_worse(fit(_started(machine, before), before.observations, outliers=outliers), before)
 
 
-def next_rung(before: Fit, after: Fit) -> Rung:
+def next_rung(before: Fit, after: Fit, title: str) -> Rung:
     """Return a fit as the rung after another, with one change: of effects, of what is held or known, or of rows.
 
     An effect is weighed where it is all that changed, and the rows are the same.
     """
-    effect, title = None, "changed"
+    effect = None
     with suppress(RodgenError):
-        effect, sign = _changed(before.machine, after.machine)
-        title = f"{sign} {effect.title}"
+        effect, _ = _changed(before.machine, after.machine)
     same = before.observations is after.observations and np.array_equal(before.outliers, after.outliers)
     odds = _odds(before, after, [effect])[0] if same and effect is not None else None
     return Rung(title, effect, after, held_out(after), odds)

@@ -112,7 +112,7 @@ class State:
         """The model on the ladder of errors, tested against that before."""
         if self.before is None or self.action is None:
             return first_rung(self.fit)
-        return replace(next_rung(self.before.fit, self.fit), title=self.action.title)
+        return next_rung(self.before.fit, self.fit, self.action.title)
 
     @property
     def numbers(self) -> NDArray[np.int64]:
