@@ -55,11 +55,10 @@ def _beam(evidence: Evidence) -> list[Candidate]:
     best, beam = list[Candidate](), [list[Candidate]()]
     for _ in range(COST.most):
         grown = dict[frozenset[tuple[str, str | None]], list[Candidate]]()
-        larger = [[*chosen, c] for chosen in beam for c in evidence.promising(chosen, PROMISING)]
+        near = [evidence.promising(chosen, PROMISING) for chosen in beam]
+        larger = [[*chosen, c] for chosen, some in zip(beam, near, strict=True) for c in some]
         # two effects may hide each other
-        larger += [
-            [*beam[0], a, b] for a, b in _pairs(evidence, beam[0], evidence.promising(beam[0], PROMISING))
-        ]
+        larger += [[*beam[0], a, b] for a, b in _pairs(evidence, beam[0], near[0])]
         for tried in evidence.weighed(larger):
             key = frozenset(one.key for one in tried)
             if key not in grown or evidence.cost(tried) < evidence.cost(grown[key]):
@@ -229,8 +228,8 @@ def _alike(
 ) -> list[Equal]:
     """Return which of some sets, the smaller ones first, may be in the place of effects that were chosen.
 
-    More effects only where fewer of them would not do. In the place of what every such machine has they are named as
-    far as the readings do not distinguish them: that it is there before the readings makes the others no less possible.
+    More effects only where fewer of them would not do. The readings may make them `COST.tied` less probable, and what
+    machines have as much again: that is no reading. In the place of what every such machine has only readings count.
     """
     rest = [c for c in chosen if c not in replaced]
     certain, choice = any(c.prior.certain for c in replaced), evidence.choice(chosen)
@@ -241,7 +240,9 @@ def _alike(
         keys = frozenset(c.key for c in some)
         cost = _dearer(evidence, chosen, rest, some)
         fewer = [x.cost - COST.needed * (other < keys) for other, x in found.items() if other <= keys]
-        before = max(evidence.choice([*rest, *some]) - choice, 0.0) if certain else 0.0
+        before = max(evidence.choice([*rest, *some]) - choice, 0.0)
+        if not certain:
+            before = min(before, COST.tied) if len(some) <= len(replaced) else 0.0
         if cost < min([COST.tied + before, *fewer]):
             found[keys] = Equal(replaced, tuple(some), cost)
     return [*found.values()]
