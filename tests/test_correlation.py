@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fuzz import EXAMPLES, TURNTABLE
 from machine_simulator import arcsec
 from real_machines import real
 from scipy import stats
@@ -27,6 +28,7 @@ from rodgen.calibration.candidates import candidates
 from rodgen.calibration.dependence import Correlation, estimate_correlation
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.sensitivities import Sensitivities
+from rodgen.statistics import variance_components
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion, Weighted, Whitener
 
 NOISE = 0.002
@@ -549,3 +551,16 @@ def test_it_is_said_in_a_sentence() -> None:
     how, _ = stars.estimate(stars.white(random) + 2 * stars.wander(random, 0.05))
     assert " arcsec" in how.text
     assert "poses" in how.text
+
+
+def test_components_that_take_turns_end(tmp_path, monkeypatch):
+    """An axis of the wrong sign leaves residuals of decimetres, with which two sets of components cost the same."""
+    likelihood = variance_components.RestrictedLikelihood
+    weighed, count = likelihood._weighed, []
+    monkeypatch.setattr(likelihood, "_weighed", lambda *args: count.append(1) or weighed(*args))
+    (tmp_path / "machine.toml").write_bytes(TURNTABLE.replace(b"[0, 0, 1]", b"[0, 0, -1]", 1))
+    fit = rodgen.Machine.load(tmp_path / "machine.toml").fit(
+        rodgen.Measurements.load(EXAMPLES / "machines/rotary_table/data.csv")
+    )
+    assert not fit.dependence.independent
+    assert len(count) < 1000

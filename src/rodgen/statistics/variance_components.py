@@ -176,7 +176,7 @@ class RestrictedLikelihood:
         starts = self._starts(kinds)
         while starts:
             best = min((self._pruned(self.climbed(start)) for start in starts), key=lambda x: x.cost)
-            if best.cost >= now.cost:
+            if best.cost > now.cost - RISE:  # by less two sets could take turns for ever
                 break
             now = best
             there = {name.split()[0] for name in now.names}
