@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rodgen.calibration.simulate.simulate import simulate
+from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 from rodgen.machines.parameters import parameters_of

@@ -10,7 +10,7 @@ import numpy as np
 from diagnose.cases import Chain
 from fits.cases import EXAMPLES
 
-from rodgen.calibration.simulate.simulate import simulate
+from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 
