@@ -284,11 +284,8 @@ class Whitener:
         return found
 
     def _predicted(self, columns: Array) -> Array:
-        motion, poses, expected = (
-            self.motion,
-            self._poses,
-            np.zeros((self.motion.poses.count, len(self._poses.free), columns.shape[2])),
-        )
+        motion, poses = self.motion, self._poses
+        expected = np.zeros((motion.poses.count, len(poses.free), columns.shape[2]))
         known = poses.halved(motion.onto(columns))[1][-expected[..., 0].size :].reshape(expected.shape)
         expected[1:] = self._mean @ known[:-1]
         return np.asarray(motion.columns[:, :, poses.free] @ (poses.wander * expected)[motion.poses.of])
