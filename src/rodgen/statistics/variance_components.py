@@ -11,17 +11,20 @@ with each other, and with the effects that a diagnosis knows, in one currency:
 n the degrees of freedom (Schwarz 1978). The cheapest set is taken; so a missing effect is not taken for a drift, nor a
 drift for an effect.
 
-Whether there is anything at all is seen from the slope of the likelihood at independent readings (the score test of
-Rao 1948), which takes sums over poses, positions, runs and stretches of time only.
+Whether there is anything at all is seen at independent readings, from sums over poses, positions, runs and stretches of
+time only: what a component is worth there by the likelihood ratio of a balanced design.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Index
 from rodgen.statistics.columns import directions_above, orthonormal_basis, project_out
@@ -49,10 +52,13 @@ FLATTEST = 1e-3
 """Information at least: a direction without any is not followed to infinity."""
 CLIMBS, HALVINGS = 15, 4
 """Steps of a climb, and shorter trials of one, at most; three to five steps are usual."""
-NEAR = 0.02
-"""Step in logarithms of sizes and time between which slopes are compared."""
+OF_STRETCH = (1 + math.exp(-2)) / 2
+"""Part of the variance of what wanders that the mean over two correlation times has."""
+NEAR = 1e-4
+"""Step in logarithms of sizes and time between which slopes are compared: the root of their rounding, and more."""
 RISE = 0.01
-"""Log likelihood that a step promises, below which a climb ends: a tenth of a standard error."""
+"""Log likelihood that a step promises, below which a climb ends: a tenth of a standard error. And what further or fewer
+components must lower the cost by: by less two sets could take turns for ever."""
 SAME = 1e-10
 """Part of a sum of squares that is rounding."""
 
@@ -77,6 +83,8 @@ class VarianceComponents:
     """What as many variances cost."""
     information: Array | None = None
     """Of the logarithms of the sizes and, where there is a wander, of its time."""
+    slope: Array | None = None
+    """Of the likelihood by the same."""
 
     @property
     def wanders(self) -> bool:
@@ -146,7 +154,7 @@ class RestrictedLikelihood:
 
     def at(self, names: Sequence[str], sizes: Sequence[float], time: float) -> VarianceComponents:
         """Evaluate the restricted likelihood, of which the variance of the readings' own errors is the best."""
-        return self._weighed(VarianceComponents(tuple(names), tuple(sizes), time, -np.inf, 1.0))[0]
+        return self._weighed(_unweighed(names, sizes, time))[0]
 
     def _weighed(self, there: VarianceComponents) -> tuple[VarianceComponents, Weighted | None]:
         """Return components with their likelihood, and the products that it was made of; None where it is zero."""
@@ -154,21 +162,34 @@ class RestrictedLikelihood:
             weighted = Weighted(self.moments, self.deviations(there))
         except np.linalg.LinAlgError:
             return there, None
-        diagonal = weighted.triangle.diagonal()[weighted.levels :]
+        found = self._likely(
+            there, weighted.triangle[weighted.levels :, weighted.levels :], weighted.log_determinant
+        )
+        return found, weighted if found.variance > 0 else None
+
+    def _likely(
+        self, there: VarianceComponents, triangle: NDArray[np.floating[Any]], log_determinant: float
+    ) -> VarianceComponents:
+        """Return components with their likelihood, from the triangle of the columns' products."""
+        diagonal = triangle.diagonal()
         left = float(diagonal[-1] ** 2)  # what the fixed effects leave
         variance = max(left / self.dof, self.least)
         if not variance > 0:
-            return there, None
+            return replace(there, variance=0.0)
         of_fixed = float(np.sum(np.log(diagonal[: self.fixed])))
         excess = left / variance - self.dof  # 0 where the variance is the best
-        likelihood = -0.5 * (self.dof * np.log(variance) + excess + weighted.log_determinant) - of_fixed
+        likelihood = -0.5 * (self.dof * np.log(variance) + excess + log_determinant) - of_fixed
         price = self.price * (len(there.names) + there.wanders)
-        return replace(there, likelihood=likelihood, variance=variance, price=price), weighted
+        return replace(there, likelihood=likelihood, variance=variance, price=price)
 
     @cached_property
     def independent(self) -> VarianceComponents:
         """No component."""
-        return self.at((), (), np.inf)
+        none = _unweighed((), (), np.inf)
+        try:
+            return self._likely(none, np.linalg.cholesky(self.moments.square), 0.0)
+        except np.linalg.LinAlgError:
+            return none
 
     def best(self, kinds: Sequence[str]) -> VarianceComponents:
         """Return the cheapest components of some kinds."""
@@ -176,7 +197,7 @@ class RestrictedLikelihood:
         starts = self._starts(kinds)
         while starts:
             best = min((self._pruned(self.climbed(start)) for start in starts), key=lambda x: x.cost)
-            if best.cost > now.cost - RISE:  # by less two sets could take turns for ever
+            if best.cost > now.cost - RISE:
                 break
             now = best
             there = {name.split()[0] for name in now.names}
@@ -186,14 +207,14 @@ class RestrictedLikelihood:
     def _starts(self, kinds: Sequence[str]) -> list[VarianceComponents]:
         """Return a start with each kind of component of which there is a sign."""
         signs: dict[str, dict[str, tuple[float, float, float]]] = {}
-        for square, name, size, time in self.signs(kinds):
+        for worth, name, size, time in self.signs(kinds):
             of_kind = signs.setdefault(name.split()[0], {})
-            of_kind[name] = max(of_kind.get(name, (0.0, 0.0, 0.0)), (square, size, time))
+            of_kind[name] = max(of_kind.get(name, (0.0, 0.0, 0.0)), (worth, size, time))
         starts = []
         for of_kind in signs.values():
-            square, _, time = max(of_kind.values())
-            if square > self.price:  # a lower bound of what it may be worth
-                starts.append(self.at(tuple(of_kind), [size for _, size, _ in of_kind.values()], time))
+            worth, _, time = max(of_kind.values())
+            if worth > self.price:
+                starts.append(_unweighed(of_kind, [size for _, size, _ in of_kind.values()], time))
         return starts
 
     def _extended(self, now: VarianceComponents, kinds: Sequence[str]) -> list[VarianceComponents]:
@@ -218,14 +239,14 @@ class RestrictedLikelihood:
         while len(now.names) > 1:
             fewer = min((self._without(now, i) for i in range(len(now.names))), key=lambda x: x.cost)
             best = fewer if fewer.cost > now.cost + 2 * self.price else self.climbed(fewer)
-            if best.cost >= now.cost:
+            if best.cost > now.cost - RISE:
                 break
             now = best
         return now
 
     def _without(self, now: VarianceComponents, i: int) -> VarianceComponents:
         names, sizes = now.names[:i] + now.names[i + 1 :], now.sizes[:i] + now.sizes[i + 1 :]
-        return self.at(names, sizes, now.time if any(n.startswith("wander") for n in names) else np.inf)
+        return self.at(names, sizes, now.time)
 
     def again(self, now: VarianceComponents) -> VarianceComponents:
         """Climb with the components that there are, from where they are or from less of them: the likelier."""
@@ -242,48 +263,51 @@ class RestrictedLikelihood:
         """The greatest correlation time."""
         return max(LONGEST_VARIANCE * self.poses.duration, 4 * self.shortest)
 
-    # whether there is anything: the slope of the likelihood at independent readings
+    # whether there is anything: a balanced design, at independent readings
 
     def signs(self, kinds: Sequence[str]) -> Iterator[tuple[float, str, float, float]]:
-        """Yield, of each component, its square of the slope over its standard deviation, its name, and a start.
+        """Yield, of each component, by how much it raises twice the log likelihood, its name, and a start.
 
-        The start is a size, by the minimum norm estimate (Rao 1971), and a time. A wander is seen by what stretches of
-        time share, of 2, 4, 8, ... poses.
+        The start is a size and a time. A wander is seen by what stretches of time share, of 2, 4, 8, ... poses.
         """
         for kind in kinds:
-            products = self.moments.gram, self.moments.onto
-            if kind in ("position", "run"):
-                level = getattr(self.poses, kind)
-                products = sums(products[0], level), sums(products[1], level)
+            products = np.concatenate([self.moments.gram, self.moments.onto], axis=2)
             if kind != "wander":
-                yield from self._signs_of(kind, *products, np.inf)
+                if kind != "pose":
+                    products = sums(products, getattr(self.poses, kind))
+                yield from self._signs_of(kind, products, np.inf)
                 continue
-            run, length = self.poses.run, 1
-            while True:
-                rank = np.arange(len(run)) - np.searchsorted(run, run)
-                starts = np.flatnonzero(rank % 2 == 0)
-                if len(starts) in (1, len(run)):
-                    break
-                run, length = run[starts], 2 * length
-                products = np.add.reduceat(products[0], starts), np.add.reduceat(products[1], starts)
-                yield from self._signs_of(kind, *products, length / 2 * self.poses.spacing)
+            counts, time = np.bincount(self.poses.run), self.poses.spacing / 2
+            while counts.max() > 1 and len(products) > 2:
+                products = np.insert(products, np.cumsum(counts)[counts % 2 > 0], 0.0, axis=0)
+                products, counts, time = products[::2] + products[1::2], (counts + 1) // 2, 2 * time
+                yield from self._signs_of(kind, products, time)
 
-    def _signs_of(
-        self, kind: str, gram: Array, onto: Array, time: float
-    ) -> Iterator[tuple[float, str, float, float]]:
-        unit = self.dof / float(self.moments.square[-1, -1])
+    def _signs_of(self, kind: str, products: Array, time: float) -> Iterator[tuple[float, str, float, float]]:
+        """Yield signs from the products of each level's motion with all motions and columns, (levels, k, k + K).
+
+        With A = P H Hᵀ P, P the projection onto what the fixed effects leave, the component has f = (tr A)² / tr A²
+        directions (Satterthwaite 1946), on each of which it adds c = tr A² / tr A times its variance. Where all are
+        alike the likelihood is greatest at the ratio of the mean squares of both kinds of directions.
+        """
+        unit, n = self.dof / float(self.moments.square[-1, -1]), self.dof
         for group, of in self.groups.items():
-            g, o, z = gram[:, of, of], onto[:, of, :-1], onto[:, of, -1]
+            g, o, z = products[:, of, of], products[:, of, self.count : -1], products[:, of, -1]
             flat = o.reshape(o.shape[0] * o.shape[1], o.shape[2])
-            mean = float(np.einsum("lii->", g)) - float(np.vdot(flat, flat))
             inner = flat.T @ flat
+            mean = float(np.einsum("lii->", g)) - float(inner.trace())
             square = float(np.vdot(g, g)) - 2 * float(np.vdot(o, g @ o)) + float(np.vdot(inner, inner))
-            information = (square - mean**2 / self.dof) / 2
-            slope = (unit * float(np.vdot(z, z)) - mean) / 2
-            if slope > 0 and information > SAME * square:
-                size = float(np.sqrt(slope / information))
+            if not (mean > 0 and square > SAME * mean**2):
+                continue
+            f, along = mean**2 / square, unit * float(np.vdot(z, z)) / mean  # mean square, of 1 in all
+            others = max(n - f * along, SAME * n) / max(n - f, SAME * n)
+            if along > others:
+                worth = -f * np.log(along) - (n - f) * np.log(others)
+                size = math.sqrt(
+                    (along / others - 1) * mean / square / (OF_STRETCH if kind == "wander" else 1)
+                )
                 size = min(max(size, 4 * SMALLEST), LARGEST)
-                yield slope**2 / information, f"{kind} {group}", size, min(time, self.longest)
+                yield float(worth), f"{kind} {group}", size, min(time, self.longest)
 
     # maxima
 
@@ -291,20 +315,23 @@ class RestrictedLikelihood:
         """Climb to a maximum by logarithms of sizes and time; parts that are negligible there are removed.
 
         By steps with the average information (Gilmour, Thompson and Cullis 1995), which is never negative, so that
-        steps go up.
+        steps go up; corrected by how the slope changed along the last step (Dennis, Gay and Welsch 1981).
         """
-        if not start.names or not np.isfinite(start.likelihood):
-            return start
+        if not start.names:
+            return self.independent
         low = np.log([*[SMALLEST / 3] * len(start.sizes), *[self.shortest] * start.wanders])
         high = np.log([*[LARGEST] * len(start.sizes), *[self.longest] * start.wanders])
         at = np.clip(_logarithms(start), low, high)
         best, weighted = self._moved(start, at)
+        before: tuple[Array, Array] | None = None
         for _ in range(CLIMBS):
             slope, information = self._derivatives(best, weighted)
+            if before is not None:
+                information = _corrected(information, at - before[0], before[1] - slope)
             free = ~(((at <= low) & (slope < 0)) | ((at >= high) & (slope > 0)))
             known = np.diag(np.where(free, 0.0, 1 / SAME))  # what a bound holds has no error
             known[np.ix_(free, free)] = information[np.ix_(free, free)]
-            best = replace(best, information=known)
+            best = replace(best, information=known, slope=slope)
             if not free.any():
                 break
             values, vectors = eigh(information[np.ix_(free, free)])
@@ -322,31 +349,33 @@ class RestrictedLikelihood:
                 step = step / 4
             else:
                 break
-            at, best, weighted = to, there, further
+            before, at, best, weighted = (at, slope), to, there, further
         kept = [i for i, size in enumerate(best.sizes) if size > SMALLEST]
         if len(kept) == len(best.sizes):
             return best
-        fewer = self.at([best.names[i] for i in kept], [best.sizes[i] for i in kept], best.time)
-        return self.climbed(fewer if fewer.wanders else self.at(fewer.names, fewer.sizes, np.inf))
+        return self.climbed(
+            _unweighed([best.names[i] for i in kept], [best.sizes[i] for i in kept], best.time)
+        )
 
     def _with_curvature(self, now: VarianceComponents) -> VarianceComponents:
         """Return a maximum with its observed information, by differences of the slope.
 
         The average information stays where that is not positive, and of what a bound holds.
         """
-        if not now.names or now.information is None:
+        if now.information is None or now.slope is None:
             return now
-        at, found = _logarithms(now), np.empty_like(now.information)
-        for i, unit in enumerate(np.eye(len(at))):
-            sides = [self._moved(now, at + step * unit) for step in (-NEAR, NEAR)]
-            low, high = (self._derivatives(*side)[0] for side in sides)
-            found[i] = (low - high) / (2 * NEAR)
+        at, free = _logarithms(now), np.flatnonzero(now.information.diagonal() < 1 / SAME)
+        falls = [
+            now.slope - self._derivatives(*self._moved(now, at + NEAR * unit))[0]
+            for unit in np.eye(len(at))[free]
+        ]
+        found = np.array(falls).reshape(len(free), len(at))[:, free] / NEAR
         found = (found + found.T) / 2
-        held = now.information.diagonal() >= 1 / SAME
-        found[held], found[:, held] = now.information[held], now.information[:, held]
-        if not np.isfinite(found).all() or eigh(found)[0].min() <= FLATTEST:
+        if not np.isfinite(found).all() or eigh(found)[0].min(initial=np.inf) <= FLATTEST:
             return now
-        return replace(now, information=found)
+        information = now.information.copy()
+        information[np.ix_(free, free)] = found
+        return replace(now, information=information)
 
     def _moved(
         self, now: VarianceComponents, logarithms: Array
@@ -354,9 +383,7 @@ class RestrictedLikelihood:
         values = tuple(np.exp(logarithms).tolist())
         count = len(now.names)
         time = values[count] if now.wanders else np.inf
-        return self._weighed(
-            replace(now, sizes=values[:count], time=time, likelihood=-np.inf, information=None)
-        )
+        return self._weighed(replace(now, sizes=values[:count], time=time, likelihood=-np.inf))
 
     def _derivatives(self, now: VarianceComponents, weighted: Weighted | None) -> tuple[Array, Array]:
         """Return the slope and the information by logarithms of sizes and time; zeros where there is no likelihood."""
@@ -365,6 +392,22 @@ class RestrictedLikelihood:
         if weighted is None:
             return np.zeros(len(parts)), np.zeros((len(parts), len(parts)))
         return weighted.score(parts, self.fixed, now.variance, profiled=now.variance > self.least)
+
+
+def _unweighed(names: Iterable[str], sizes: Iterable[float], time: float) -> VarianceComponents:
+    """Return components of which the likelihood is not known yet."""
+    found = VarianceComponents(tuple(names), tuple(sizes), time, -np.inf, 1.0)
+    return found if found.wanders else replace(found, time=np.inf)
+
+
+def _corrected(information: Array, step: Array, fall: Array) -> Array:
+    """Return information that is right along a step, by how much the slope falls there: an update of BFGS."""
+    along = information @ step
+    if not min(float(step @ fall), float(step @ along)) > 0:
+        return information
+    return np.asarray(
+        information - np.outer(along, along) / (step @ along) + np.outer(fall, fall) / (step @ fall)
+    )
 
 
 def _logarithms(found: VarianceComponents) -> Array:

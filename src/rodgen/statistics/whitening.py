@@ -203,32 +203,26 @@ class SharedMotion:
 
     def covariance_of(self, deviations: MotionDeviations, columns: Array, onto: Array | None = None) -> Array:
         """Return Cᵀ V C, (K, K), of columns C, (n, m, K); `onto` is Hᵀ C, where it is known."""
-        return np.asarray(sum(left.T @ right for left, right in self._factors(deviations, columns, onto)))
+        return np.asarray(sum(x.T @ x for x in self._factors(deviations, columns, onto)))
 
     def variances_of(self, deviations: MotionDeviations, columns: Array, onto: Array | None = None) -> Array:
         """Return the diagonal of Cᵀ V C, (K,), of columns C, (n, m, K)."""
-        factors = self._factors(deviations, columns, onto)
-        return np.asarray(sum(np.einsum("ik,ik->k", left, right) for left, right in factors))
+        return np.asarray(sum(np.einsum("ik,ik->k", x, x) for x in self._factors(deviations, columns, onto)))
 
-    def _factors(
-        self, deviations: MotionDeviations, columns: Array, onto: Array | None
-    ) -> Iterator[tuple[Array, Array]]:
-        """Yield factors, each (rows, K), of which the products add up to Cᵀ V C."""
+    def _factors(self, deviations: MotionDeviations, columns: Array, onto: Array | None) -> Iterator[Array]:
+        """Yield factors, each (rows, K), of which the squares add up to Cᵀ V C."""
         K = columns.shape[2]
         flat, onto = columns.reshape(-1, K), self.onto(columns) if onto is None else onto
-        yield flat, flat
-        along = (deviations.shared[:, None] * onto).reshape(-1, K)
-        yield along, along
+        yield flat
+        yield (deviations.shared[:, None] * onto).reshape(-1, K)
         free = np.flatnonzero(deviations.wander)
         if len(free):
             along = deviations.wander[free][:, None] * onto[:, free]
             band = _Chain.of(self.poses.gap, deviations.time).band(1)
-            side = along.reshape(self.poses.count, -1)
-            yield along.reshape(-1, K), _solved(band, side).reshape(-1, K)
+            yield _forward(_triangle(band), along.reshape(self.poses.count, -1)).reshape(-1, K)
         levels = self.poses.level_columns(deviations)
         if levels is not None:
-            along = np.einsum("pkl,pkc->lc", levels, onto, optimize=True)
-            yield along, along
+            yield _product(levels, onto)
 
 
 class Whitener:
@@ -418,7 +412,8 @@ class Weighted:
             wander = np.einsum("pka,pka->k", along[:, free], w * x) + traces
             traces = logarithm + diagonal @ inner + 2 * off_diagonal @ beside
             time = -(np.einsum("pka,pka->k", x, rate) + traces) / 2
-            later = -_solved(chain.band(1), rate[:, :, -1]) / 2
+            root = _triangle(chain.band(1))
+            later = -_forward(root, _forward(root, rate[:, :, -1]), "T") / 2
             for kind, slope, move in (("wander", wander, x[:, :, -1]), ("time", time, later)):
                 found[kind] = np.zeros(k), np.zeros((P, k))
                 found[kind][0][free], found[kind][1][:, free] = slope, w[:, 0] * move
@@ -526,13 +521,6 @@ def _triangle(band: Array) -> Array:
     if failed:
         raise np.linalg.LinAlgError("a band is not positive definite")
     return np.asarray(factor)
-
-
-def _solved(band: Array, side: Array) -> Array:
-    """Solve with a positive definite band. `scipy.linalg.solveh_banded` does not solve one equation."""
-    from scipy.linalg import cho_solve_banded
-
-    return np.asarray(cho_solve_banded((_triangle(band), True), side, check_finite=False))
 
 
 def _forward(factor: Array, side: Array, transposed: str = "N") -> Array:
