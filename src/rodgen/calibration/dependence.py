@@ -379,7 +379,7 @@ def estimate_correlation(
         poses = motion.poses
         rows = _chosen(poses.count)[poses.of]
         rows &= _often_read(o.target, rows)
-        some = poses.taken(rows)
+        some = poses if rows.all() else poses.taken(rows)
         residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
         readings = int(believed[rows].sum())
         model = np.concatenate([linear.model, *included], axis=2)
@@ -449,11 +449,10 @@ def shared_motion(linear: FitRows, *, runs: bool = True) -> tuple[SharedMotion, 
     """
     o = linear.observations
     run = o.run if runs else np.zeros_like(o.run)
-    # of all joints: equal where a pose is read again
     _, first, pose = np.unique(o.pose, return_index=True, return_inverse=True)
-    position = places.groups([places.positions(column) for column in o.q[first].T], len(first))[pose]
-    few = int(position.max(initial=0)) + 1 <= len(np.unique(o.pose)) / 2
-    poses, believed = Poses.among(o.pose, run, o.t, position if few else None), believed_readings(linear)
+    position = _few_positions(o.q[first])
+    poses = Poses.among(o.pose, run, o.t, None if position is None else position[pose])
+    believed = believed_readings(linear)
     H = np.where(believed[:, :, None], linear.frame, 0.0)
     named = {"r": slice(0, 3)} if H.shape[2] == 3 else {"t": slice(0, 3), "r": slice(3, 6)}
     groups = {}
@@ -463,6 +462,17 @@ def shared_motion(linear: FitRows, *, runs: bool = True) -> tuple[SharedMotion, 
             H[:, :, of] /= size
             groups[name] = of
     return SharedMotion(poses, H), groups
+
+
+def _few_positions(q: Array) -> NDArray[np.intp] | None:
+    """Return the position of all joints in each pose; None where most poses, (P, J), are at one of their own."""
+    most, columns = len(q) // 2, []
+    for column in q.T:
+        columns.append(places.positions(column))
+        if int(columns[-1].max(initial=0)) >= most:
+            return None
+    position = places.groups(columns, len(q))
+    return position if int(position.max(initial=0)) < most else None
 
 
 def believed_readings(linear: FitRows) -> NDArray[np.bool_]:

@@ -186,10 +186,15 @@ class RestrictedLikelihood:
     def independent(self) -> VarianceComponents:
         """No component."""
         none = _unweighed((), (), np.inf)
+        return none if self._triangle is None else self._likely(none, self._triangle, 0.0)
+
+    @cached_property
+    def _triangle(self) -> Array | None:
+        """The triangle of the columns' products; None where they depend on each other."""
         try:
-            return self._likely(none, np.linalg.cholesky(self.moments.square), 0.0)
+            return np.asarray(np.linalg.cholesky(self.moments.square), float)
         except np.linalg.LinAlgError:
-            return none
+            return None
 
     def best(self, kinds: Sequence[str]) -> VarianceComponents:
         """Return the cheapest components of some kinds."""
@@ -218,21 +223,35 @@ class RestrictedLikelihood:
         return starts
 
     def _extended(self, now: VarianceComponents, kinds: Sequence[str]) -> list[VarianceComponents]:
-        """Return the likeliest start with each kind of component more."""
+        """Return a start with each kind of component more of which there is a sign."""
         starts = []
         for kind in kinds:
-            names = (*now.names, *(f"{kind} {group}" for group in self.groups))
-            times = [float(x) for x in np.geomspace(self.shortest, self.longest, 5)[1:]]
             times = (
-                [now.time] if not (now.wanders or kind == "wander") else [*times, *[now.time] * now.wanders]
+                np.geomspace(self.shortest, self.longest, 5)[1:].tolist() if kind == "wander" else [now.time]
             )
-            tried = [
-                self.at(names, (*now.sizes, *[size] * len(self.groups)), time)
-                for time in times
-                for size in (0.5, 1.0, 2.0)
-            ]
-            starts.append(max(tried, key=lambda x: x.likelihood))
-        return [start for start in starts if np.isfinite(start.likelihood)]
+            worth, start = max((self._sign_beside(now, kind, time) for time in times), key=lambda x: x[0])
+            if worth > self.price:
+                starts.append(start)
+        return starts
+
+    def _sign_beside(
+        self, now: VarianceComponents, kind: str, time: float
+    ) -> tuple[float, VarianceComponents]:
+        """Return the square of the slope over its standard deviation, at next to none of a kind, and a start.
+
+        All other sizes, and the time, go where they are likeliest (the score test of Rao 1948).
+        """
+        names = [f"{kind} {group}" for group in self.groups]
+        sizes = (*now.sizes, *[SMALLEST] * len(names))
+        there, weighted = self._weighed(_unweighed((*now.names, *names), sizes, time))
+        of, known = slice(len(now.sizes), len(sizes)), len(sizes) + now.wanders
+        slope, information = (x[..., :known] for x in self._derivatives(there, weighted))
+        inverse = np.linalg.pinv(information[:known], hermitian=True)
+        step, spread = (inverse @ slope)[of], inverse.diagonal()[of]
+        rising = np.flatnonzero((step > 0) & (spread > 0))
+        found = np.clip(SMALLEST * np.sqrt(1 + 2 * step[rising]), 4 * SMALLEST, LARGEST)
+        start = _unweighed((*now.names, *(names[i] for i in rising)), (*now.sizes, *found.tolist()), time)
+        return float(np.max(step[rising] ** 2 / spread[rising], initial=0.0)), start
 
     def _pruned(self, now: VarianceComponents) -> VarianceComponents:
         """Return the components without those that are not worth their price beside the others."""
@@ -250,6 +269,8 @@ class RestrictedLikelihood:
 
     def again(self, now: VarianceComponents) -> VarianceComponents:
         """Climb with the components that there are, from where they are or from less of them: the likelier."""
+        if not now.names:
+            return self.independent
         starts = [self.at(now.names, [part * x for x in now.sizes], now.time) for part in (1.0, 0.4, 0.1)]
         return self.climbed(max(starts, key=lambda x: x.likelihood))
 
@@ -270,8 +291,11 @@ class RestrictedLikelihood:
 
         The start is a size and a time. A wander is seen by what stretches of time share, of 2, 4, 8, ... poses.
         """
+        if self._triangle is None:
+            return
+        onto = self.moments.onto @ np.linalg.inv(self._triangle).T  # of orthonormal columns
         for kind in kinds:
-            products = np.concatenate([self.moments.gram, self.moments.onto], axis=2)
+            products = np.concatenate([self.moments.gram, onto], axis=2)
             if kind != "wander":
                 if kind != "pose":
                     products = sums(products, getattr(self.poses, kind))
@@ -290,7 +314,7 @@ class RestrictedLikelihood:
         directions (Satterthwaite 1946), on each of which it adds c = tr A² / tr A times its variance. Where all are
         alike the likelihood is greatest at the ratio of the mean squares of both kinds of directions.
         """
-        unit, n = self.dof / float(self.moments.square[-1, -1]), self.dof
+        n = self.dof
         for group, of in self.groups.items():
             g, o, z = products[:, of, of], products[:, of, self.count : -1], products[:, of, -1]
             flat = o.reshape(o.shape[0] * o.shape[1], o.shape[2])
@@ -299,15 +323,16 @@ class RestrictedLikelihood:
             square = float(np.vdot(g, g)) - 2 * float(np.vdot(o, g @ o)) + float(np.vdot(inner, inner))
             if not (mean > 0 and square > SAME * mean**2):
                 continue
-            f, along = mean**2 / square, unit * float(np.vdot(z, z)) / mean  # mean square, of 1 in all
-            others = max(n - f * along, SAME * n) / max(n - f, SAME * n)
+            f, along = mean**2 / square, n * float(np.vdot(z, z)) / mean  # mean square, of 1 in all
+            rest = max(n - f, SAME * n)
+            others = max(n - f * along, SAME * n) / rest
             if along > others:
-                worth = -f * np.log(along) - (n - f) * np.log(others)
+                worth = -f * math.log(along) - rest * math.log(others)
                 size = math.sqrt(
                     (along / others - 1) * mean / square / (OF_STRETCH if kind == "wander" else 1)
                 )
                 size = min(max(size, 4 * SMALLEST), LARGEST)
-                yield float(worth), f"{kind} {group}", size, min(time, self.longest)
+                yield worth, f"{kind} {group}", size, min(time, self.longest)
 
     # maxima
 
@@ -430,6 +455,7 @@ class VarianceEstimator:
     effects : sequence of ndarray, each of shape (N, k)
         Columns of candidates, of length 1.
     residual : ndarray, shape (N,)
+        Where there are effects: without what the model's columns explain.
     tries : sequence of float, optional
         Number of independent tests that the values tried for each effect amount to; left out: one of each.
     least : float
@@ -520,18 +546,20 @@ class VarianceEstimator:
 
     def _promising(self, seen: Sequence[Array], now: VarianceComponents, chosen: Sequence[int]) -> list[int]:
         """Return the effects that lower the cost most, as readings are taken to be now, or were independent."""
-        shape = (*self.motion.columns.shape[:2], -1)
-        base = np.concatenate([self.own, *(seen[i] for i in chosen)], axis=1)
-        columns = np.concatenate([base, *seen, self.residual[:, None]], axis=1)
+        base = np.concatenate([seen[0][:, :0], *(seen[i] for i in chosen)], axis=1)
+        columns = np.concatenate([*seen, self.residual[:, None]], axis=1)
         sizes = np.array([u.shape[1] for u in seen])
+        dof = self.readings - self.own.shape[1] - base.shape[1]
         found: list[int] = []
-        views = [columns]
+        views = [(base, columns)]  # the model's columns explain nothing of them
         if now.names:
-            deviations = now.deviations(self.groups, self.motion.dof)
-            views.append(Whitener(self.motion, deviations)(columns.reshape(shape)).reshape(columns.shape))
-        for white in views:
-            rest = project_out(orthonormal_basis(white[:, : base.shape[1]]), white[:, base.shape[1] :])
-            dof = self.readings - base.shape[1]
+            whitener = Whitener(self.motion, now.deviations(self.groups, self.motion.dof))
+            whole = np.concatenate([self.own, base, columns], axis=1)
+            white = whitener(whole.reshape(*self.motion.columns.shape[:2], -1)).reshape(whole.shape)
+            views.append((white[:, : -columns.shape[1]], white[:, -columns.shape[1] :]))
+        for basis, rest in views:
+            if basis.shape[1]:
+                rest = project_out(orthonormal_basis(basis), rest)
             total = float(rest[:, -1] @ rest[:, -1])
             if dof - sizes.max(initial=0) < 1 or not total > 0:
                 continue

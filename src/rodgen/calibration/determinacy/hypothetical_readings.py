@@ -20,7 +20,7 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.observations import Observations
 from rodgen.machines.plausibility import reach
-from rodgen.statistics.decompositions import lstsq
+from rodgen.statistics.columns import orthonormal_basis, project_out
 
 ROWS = 240
 """Least number of hypothetical readings: what none of them shows, none would."""
@@ -190,4 +190,4 @@ class HypotheticalReadings:
         fresh = np.array([self.problem.model.parameters[i].slot[0] == "target" for i in self.index], bool)
         rest = np.where(fresh, 0.0, jacobian)
         own = jacobian[:, fresh]
-        return np.asarray(rest - own @ lstsq(own, rest, relative=None) if fresh.any() else rest)
+        return np.asarray(project_out(orthonormal_basis(own), rest))
