@@ -379,11 +379,12 @@ def estimate_correlation(
         poses = motion.poses
         rows = _chosen(poses.count)[poses.of]
         rows &= _often_read(o.target, rows)
-        some = poses if rows.all() else poses.taken(rows)
+        every = bool(rows.all())
+        some = poses if every else poses.taken(rows)
         residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
         readings = int(believed[rows].sum())
-        model = np.concatenate([linear.model, *included], axis=2)
-        model = _flat(model[rows])
+        model = np.concatenate([linear.model, *included], axis=2) if included else linear.model
+        model = (model if every else model[rows]).reshape(len(residual), -1)
         basis = orthonormal_basis(
             model[:, model.any(axis=0)]
         )  # not with the columns of all targets that are left out
@@ -408,7 +409,7 @@ def estimate_correlation(
         if not kinds or dof < LEAST_POSES:
             return Correlation(white)
         least = _least_error(linear, believed, kinds) / white
-        sample = SharedMotion(some, motion.columns[rows])
+        sample = motion if every else SharedMotion(some, motion.columns[rows])
         estimator = VarianceEstimator(
             sample, groups, basis, columns, residual / white, readings, tries, least**2
         )
