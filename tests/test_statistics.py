@@ -268,6 +268,19 @@ def test_the_cheapest_component_is_what_there_is(part: MotionDeviations, kind: s
     assert right >= 3
 
 
+def test_a_sign_is_what_a_component_is_worth_in_a_balanced_design() -> None:
+    random = np.random.default_rng(8)
+    pose = np.repeat(np.arange(12), 5)
+    motion = SharedMotion(Poses.among(pose, np.zeros(60, int), None), np.ones((60, 1, 1)))
+    y = (random.normal(size=60) + random.normal(size=12)[pose])[:, None, None]
+    likelihood = RestrictedLikelihood(Moments(motion, y), 60, 0, {"all": slice(0, 1)})
+    ((worth, name, size, _),) = likelihood.signs(("pose",))
+    there = [likelihood.at((name,), (part * size,), np.inf).likelihood for part in (0.99, 1.0, 1.01)]
+    assert there[1] > max(there[0], there[2])
+    assert worth == pytest.approx(2 * (there[1] - likelihood.independent.likelihood), rel=1e-9)
+    assert worth > 1
+
+
 def test_independent_readings_have_no_component() -> None:
     random = np.random.default_rng(4)
     motion, H, _ = made(60, random)
