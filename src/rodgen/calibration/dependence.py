@@ -263,7 +263,8 @@ class FitRows:
     @property
     def model(self) -> Array:
         """Derivatives with respect to the parameters that the fit adjusted, (n, m, p)."""
-        return np.asarray(self.columns[:, :, list(self.fit.moving)])
+        moving = list(self.fit.moving)
+        return self.columns if len(moving) == self.columns.shape[2] else self.columns[:, :, moving]
 
     @cached_property
     def frame(self) -> Array:
@@ -385,9 +386,8 @@ def estimate_correlation(
         readings = int(believed[rows].sum())
         model = np.concatenate([linear.model, *included], axis=2) if included else linear.model
         model = (model if every else model[rows]).reshape(len(residual), -1)
-        basis = orthonormal_basis(
-            model[:, model.any(axis=0)]
-        )  # not with the columns of all targets that are left out
+        read = model.any(axis=0)  # not of the targets that are left out
+        basis = orthonormal_basis(model if read.all() else model[:, read])
         residual = project_out(basis, residual)
         dof = readings - basis.shape[1]
         scatter = float(residual @ residual)

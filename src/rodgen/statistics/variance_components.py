@@ -294,18 +294,18 @@ class RestrictedLikelihood:
         if self._triangle is None:
             return
         onto = self.moments.onto @ np.linalg.inv(self._triangle).T  # of orthonormal columns
+        products = np.concatenate([self.moments.gram, onto], axis=2)
         for kind in kinds:
-            products = np.concatenate([self.moments.gram, onto], axis=2)
             if kind != "wander":
-                if kind != "pose":
-                    products = sums(products, getattr(self.poses, kind))
-                yield from self._signs_of(kind, products, np.inf)
+                level = None if kind == "pose" else getattr(self.poses, kind)
+                yield from self._signs_of(kind, products if level is None else sums(products, level), np.inf)
                 continue
-            counts, time = np.bincount(self.poses.run), self.poses.spacing / 2
-            while counts.max() > 1 and len(products) > 2:
-                products = np.insert(products, np.cumsum(counts)[counts % 2 > 0], 0.0, axis=0)
-                products, counts, time = products[::2] + products[1::2], (counts + 1) // 2, 2 * time
-                yield from self._signs_of(kind, products, time)
+            found, counts, time = products, np.bincount(self.poses.run), self.poses.spacing / 2
+            while counts.max() > 1 and len(found) > 2:
+                if (odd := counts % 2 > 0).any():
+                    found = np.insert(found, np.cumsum(counts)[odd], 0.0, axis=0)
+                found, counts, time = found[::2] + found[1::2], (counts + 1) // 2, 2 * time
+                yield from self._signs_of(kind, found, time)
 
     def _signs_of(self, kind: str, products: Array, time: float) -> Iterator[tuple[float, str, float, float]]:
         """Yield signs from the products of each level's motion with all motions and columns, (levels, k, k + K).
