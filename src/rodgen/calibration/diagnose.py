@@ -190,7 +190,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                 evidence = Evidence.of(base, prefer=subject.prefer)
         state = _confirmed(_State(base, evidence, refused=refused, stretch=stretch))
         open_ = geometry is None and number < ROUNDS - 1  # effects are looked for beside it
-        gain = gain_of_geometry(evidence, state.chosen) if open_ else None
+        gain = gain_of_geometry(state.evidence, state.chosen) if open_ else None
         if gain is not None and gain > 0:
             whole = _with_geometry(base)
             if whole is not None:

@@ -181,6 +181,8 @@ class Evidence:
     curves: bool = False
     refused: Collection[tuple[str, str | None]] = ()
     """Name and place of candidates that are in no set: full fits did not confirm them."""
+    held: Sequence[Candidate] = ()
+    """Candidates that are in every set, as one choice that the sets do not pay."""
     _estimates: dict[frozenset[int], list[Estimated]] = field(default_factory=dict, repr=False)
 
     # the columns ------------------------------------------------------------------------------------------------------
@@ -370,7 +372,8 @@ class Evidence:
 
     def _index(self, chosen: Sequence[Candidate]) -> Ints:
         """Return the numbers of the columns of a set, in their order."""
-        return np.sort(np.concatenate([np.zeros(0, int), *(self.parts[id(c)] for c in chosen)]))
+        parts = [self.parts[id(c)] for c in (*self.held, *chosen)]
+        return np.sort(np.concatenate([np.zeros(0, int), *parts]))
 
     def weighed(self, sets: Iterable[list[Candidate]]) -> list[list[Candidate]]:
         """Return sets of candidates whose costs are known, those of as many columns computed together."""
@@ -379,7 +382,7 @@ class Evidence:
             key = frozenset(map(id, chosen))
             if key not in self._estimates:
                 index = self._index(chosen)
-                many = not self.curves and any(len(c.names) > FEW_COLUMNS for c in chosen)
+                many = not self.curves and any(len(c.names) > FEW_COLUMNS for c in (*self.held, *chosen))
                 alike.setdefault((len(index), many), {})[key] = index
         for (_, many), some in alike.items():
             self._estimates |= zip(some, self._weigh(np.array([*some.values()]), many), strict=True)
@@ -486,10 +489,9 @@ class Evidence:
 
         Under one noise model; the first one without.
         """
-        if not chosen:
+        index, model = self._index(chosen), model or self.models[0]
+        if not len(index):
             return 0.0
-        model = model or self.models[0]
-        index = np.concatenate([self.parts[id(c)] for c in chosen])
         scaled, length = unit_diagonal(model.gram[np.ix_(index, index)])
         return float(falls_from_products(scaled, model.pull[index] / length, least=COST.visible**2))
 
@@ -515,6 +517,13 @@ class Evidence:
         """Return the evidence with some candidates in no set, by name and place; what they are stays known."""
         return replace(self, refused=frozenset(keys))
 
+    def holding(self, some: Sequence[Candidate]) -> Evidence:
+        """Return the evidence with some candidates in every set, as one cause."""
+        others = [c for c in self.candidates if c not in some]
+        return replace(
+            self, candidates=others, held=tuple(some), _estimates={}, _log_choices=self.log_choices
+        )
+
     def promising(self, chosen: Sequence[Candidate], most: int) -> list[Candidate]:
         """Return the candidates that may lower the cost of a set most when they join it, by a bound of their fall."""
         there = {c.key for c in chosen} | {*self.refused}
@@ -530,8 +539,8 @@ class Evidence:
         """Return what a set costs with each candidate, under one noise model, but for odds and sizes."""
         gram, pull = model.gram, model.pull
         diagonal = np.maximum(np.diag(gram), 1e-300)
-        if chosen:
-            index = np.concatenate([self.parts[id(c)] for c in chosen])
+        index = self._index(chosen)
+        if len(index):
             scaled, length = unit_diagonal(gram[np.ix_(index, index)])
             values, vectors = eigh(scaled)
             real = values > ROUNDING * values[-1]

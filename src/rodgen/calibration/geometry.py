@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.evidence import Evidence
+from rodgen.calibration.selection import select
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Machine
 
@@ -24,27 +25,23 @@ GEOMETRY = frozenset(
 )
 """Effects that say that a dimension is not that of the file."""
 SEVERAL = 3
-"""Dimensions from which on one cause is asked for: two are two."""
+"""Effects from which on one cause is asked for: two are two."""
 PARTS = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
 
 
 def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float | None:
     """Return how much dearer the effects that were chosen are than a geometry that differs everywhere from the file.
 
-    None where so few dimensions are among them that there is no question. The geometry is one cause, of which the sizes
-    of all its dimensions are unknown; each of several effects is a cause of its own.
+    None where so few effects were chosen that there is no question. The geometry is one cause, of which the sizes of all
+    its dimensions are unknown; each of several effects is a cause of its own. Effects may stand for dimensions, so those
+    beside the geometry are selected anew.
     """
-    several = [c for c in chosen if c.effect.name in GEOMETRY]
-    if len(several) < SEVERAL:
-        return None
-    rest = [c for c in chosen if c.effect.name not in GEOMETRY]
     whole = [c for c in evidence.candidates if c.effect.name in GEOMETRY]
-    together = evidence.cost([*rest, *whole]) - evidence.choice([*rest, *whole]) + evidence.choice(rest)
-    return (
-        evidence.cost(chosen)
-        - together
-        - 2 * (evidence.log_choices + math.log(len(evidence.base.machine.joints)))
-    )
+    if len(chosen) < SEVERAL or not whole:
+        return None
+    beside = evidence.holding(whole)
+    one = 2 * (evidence.log_choices + math.log(len(evidence.base.machine.joints)))
+    return evidence.cost(chosen) - beside.cost(select(beside)) - one
 
 
 def with_geometry(machine: Machine) -> Machine | None:
