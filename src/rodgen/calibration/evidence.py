@@ -181,9 +181,8 @@ class Evidence:
     curves: bool = False
     refused: Collection[tuple[str, str | None]] = ()
     """Name and place of candidates that are in no set: full fits did not confirm them."""
-    held: Sequence[Candidate] = ()
-    """Candidates that are in every set, as one choice that the sets do not pay."""
-    _estimates: dict[frozenset[int], list[Estimated]] = field(default_factory=dict, repr=False)
+    _estimates: dict[frozenset[Candidate], list[Estimated]] = field(default_factory=dict, repr=False)
+    _bounds: dict[frozenset[Candidate], Array] = field(default_factory=dict, repr=False)
 
     # the columns ------------------------------------------------------------------------------------------------------
 
@@ -222,7 +221,7 @@ class Evidence:
                 screened = candidates(rows, effects, prefer)
         every = _in_place(screened, further)
         unusable = [c for c in every if not np.isfinite(c.columns).all()]
-        every = [c for c in every if np.isfinite(c.columns).all()]
+        every = [c for c in every if c not in unusable]
         more = None if beside is None else beside[rows.rows]
         there = [c for c in every if c.key in known or c in further]
         return replace(cls._weighed(base, rows, every, there, every, unusable, more), screened=screened)
@@ -273,6 +272,8 @@ class Evidence:
 
     def including(self, more: Sequence[Candidate]) -> Evidence:
         """Return the evidence with further candidates, such as forms outside the catalogue."""
+        if not more:
+            return self
         sizes = [c.columns.shape[2] for c in more]
         n, m = self.sensitivities.residual.shape
         whole = np.concatenate([np.zeros((n, m, 0)), *(c.columns for c in more)], axis=2)
@@ -311,7 +312,7 @@ class Evidence:
             parts=parts,
             shares=self.shares | {id(c): share for c, share in zip(more, largest, strict=True)},
             known=np.concatenate([self.known, *(_known(c, models[0], parts[id(c)]) for c in found)]),
-            _estimates={},
+            _bounds={},
             _log_choices=None,
         )
 
@@ -365,21 +366,21 @@ class Evidence:
         return self._under_each(chosen)[self.models.index(model)]
 
     def _under_each(self, chosen: Sequence[Candidate]) -> list[Estimated]:
-        key = frozenset(map(id, chosen))
+        key = frozenset(chosen)
         if key not in self._estimates:
             self.weighed([[*chosen]])
         return self._estimates[key]
 
-    def _index(self, chosen: Sequence[Candidate]) -> Ints:
+    def _index(self, chosen: Collection[Candidate]) -> Ints:
         """Return the numbers of the columns of a set, in their order."""
         parts = [self.parts[id(c)] for c in (*self.held, *chosen)]
         return np.sort(np.concatenate([np.zeros(0, int), *parts]))
 
     def weighed(self, sets: Iterable[list[Candidate]]) -> list[list[Candidate]]:
         """Return sets of candidates whose costs are known, those of as many columns computed together."""
-        found, alike = [*sets], dict[tuple[int, bool], dict[frozenset[int], Ints]]()
+        found, alike = [*sets], dict[tuple[int, bool], dict[frozenset[Candidate], Ints]]()
         for chosen in found:
-            key = frozenset(map(id, chosen))
+            key = frozenset(chosen)
             if key not in self._estimates:
                 index = self._index(chosen)
                 many = not self.curves and any(len(c.names) > FEW_COLUMNS for c in (*self.held, *chosen))
@@ -517,59 +518,63 @@ class Evidence:
         """Return the evidence with some candidates in no set, by name and place; what they are stays known."""
         return replace(self, refused=frozenset(keys))
 
-    def holding(self, some: Sequence[Candidate]) -> Evidence:
-        """Return the evidence with some candidates in every set, as one cause."""
-        others = [c for c in self.candidates if c not in some]
-        return replace(
-            self, candidates=others, held=tuple(some), _estimates={}, _log_choices=self.log_choices
-        )
+    def promising(self, sets: Sequence[Sequence[Candidate]], most: int) -> list[list[Candidate]]:
+        """Return for each set the candidates that may lower its cost most when they join, by a bound of their fall."""
+        keys = [*map(frozenset, sets)]
+        if new := [key for key in dict.fromkeys(keys) if key not in self._bounds]:
+            self._bounds |= zip(new, self._gains(new), strict=True)
+        found = list[list[Candidate]]()
+        for key in keys:
+            there, kinds = {c.key for c in key} | {*self.refused}, {c.effect.name for c in key}
+            choices = [
+                math.inf if c.key in there else price[c.effect.name in kinds]
+                for c, price in zip(self.candidates, self._prices, strict=True)
+            ]
+            costs = self._bounds[key] + choices
+            order = np.argsort(costs, kind="stable")[:most].tolist()
+            found.append([self.candidates[i] for i in order if costs[i] < math.inf])
+        return found
 
-    def promising(self, chosen: Sequence[Candidate], most: int) -> list[Candidate]:
-        """Return the candidates that may lower the cost of a set most when they join it, by a bound of their fall."""
-        there = {c.key for c in chosen} | {*self.refused}
-        kinds = {c.effect.name for c in chosen}
-        gains = np.min([self._gains(model, chosen) for model in self.models], axis=0)
-        costs = [
-            math.inf if c.key in there else gain + self._alone(c, kinds)
-            for c, gain in zip(self.candidates, gains, strict=True)
-        ]
-        return [self.candidates[i] for i in np.argsort(costs, kind="stable")[:most] if costs[i] < math.inf]
-
-    def _gains(self, model: Columns, chosen: Sequence[Candidate]) -> Array:
-        """Return what a set costs with each candidate, under one noise model, but for odds and sizes."""
-        gram, pull = model.gram, model.pull
-        diagonal = np.maximum(np.diag(gram), 1e-300)
-        index = self._index(chosen)
-        if len(index):
-            scaled, length = unit_diagonal(gram[np.ix_(index, index)])
-            values, vectors = eigh(scaled)
-            real = values > ROUNDING * values[-1]
-            root = (vectors[:, real] / np.sqrt(values[real])) / length[:, None]
-            cross = root.T @ gram[index]
-            along = root.T @ pull[index]
-            pull = pull - cross.T @ along
-            left = max(model.square - float(along @ along), 1e-300)
-        else:
-            cross, left = np.zeros((0, len(pull))), model.square
-        falls = np.full(len(self.candidates), -np.inf)
+    def _gains(self, sets: Sequence[Collection[Candidate]]) -> Array:
+        """Return what sets cost with each candidate, but for odds and sizes, (S, candidates)."""
+        gram, pull, square, log_determinant = self._products
+        diagonal = np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-300)
+        indices = [self._index(chosen) for chosen in sets]
+        # shorter ones end with a column of zeros
+        index = np.full((len(sets), max(map(len, indices))), gram.shape[1])
+        for number, own in enumerate(indices):
+            index[number, : len(own)] = own
+        padded = np.pad(gram, ((0, 0), (0, 1), (0, 1)))
+        scaled, length = unit_diagonal(padded[:, index[:, :, None], index[:, None, :]])
+        values, vectors = eigh(scaled)
+        real = values > ROUNDING * values[..., -1:]
+        root = vectors / np.sqrt(np.where(real, values, np.inf))[..., None, :] / length[..., None]
+        root = np.swapaxes(root, 2, 3)
+        cross = root @ padded[:, index, :-1]
+        along = root @ np.pad(pull, ((0, 0), (0, 1)))[:, index, None]
+        pull = pull[:, None] - (np.swapaxes(cross, 2, 3) @ along)[..., 0]
+        left = np.maximum(square[:, None] - np.sum(along[..., 0] ** 2, axis=2), 1e-300)[..., None]
+        falls = np.full((*pull.shape[:2], len(self.candidates)), -np.inf)
         for size, members in self._by_size.items():
             part = np.stack([self.parts[id(self.candidates[i])] for i in members])
-            own = gram[part[:, :, None], part[:, None, :]]
-            if len(cross):
-                beside = cross[:, part]
-                own = own - np.einsum("sik,sil->ikl", beside, beside)
-            scale = np.sqrt(diagonal[part])
-            own = own / scale[:, :, None] / scale[:, None, :] + COST.visible**2 * np.eye(size)
-            force = pull[part] / scale
-            falls[members] = np.einsum("ik,ik->i", force, np.linalg.solve(own, force[:, :, None])[:, :, 0])
+            beside, scale = cross[..., part], np.sqrt(diagonal[:, None, part])
+            own = gram[:, None, part[:, :, None], part[:, None, :]] - np.einsum(
+                "mnisk,mnisl->mnskl", beside, beside
+            )
+            own = own / scale[..., :, None] / scale[..., None, :] + COST.visible**2 * np.eye(size)
+            force = pull[..., part] / scale
+            falls[..., members] = np.sum(force * np.linalg.solve(own, force[..., None])[..., 0], axis=-1)
         with np.errstate(invalid="ignore"):
-            rests = np.log(max(left, 1e-300)) + np.log1p(-np.minimum(falls / left, 1 - 1e-12))
-        return np.asarray(self.dof * rests + model.log_determinant)
+            rests = np.log(left) + np.log1p(-np.minimum(falls / left, 1 - 1e-12))
+        return np.asarray(np.min(self.dof * rests + log_determinant[:, None, None], axis=0))
 
-    def _alone(self, c: Candidate, kinds: Collection[str]) -> float:
-        if c.prior.certain:
-            return 0.0
-        return self._of_choice(c, 0.0 if c.effect.name in kinds else self.log_choices)
+    @cached_property
+    def _prices(self) -> list[tuple[float, float]]:
+        """What choosing each candidate costs as the first of its kind, and beside others of it."""
+        return [
+            (0.0, 0.0) if c.prior.certain else (self._of_choice(c, self.log_choices), self._of_choice(c, 0.0))
+            for c in self.candidates
+        ]
 
     @cached_property
     def _by_size(self) -> dict[int, Ints]:

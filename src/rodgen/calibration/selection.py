@@ -55,7 +55,7 @@ def _beam(evidence: Evidence) -> list[Candidate]:
     best, beam = list[Candidate](), [list[Candidate]()]
     for _ in range(COST.most):
         grown = dict[frozenset[tuple[str, str | None]], list[Candidate]]()
-        near = [evidence.promising(chosen, PROMISING) for chosen in beam]
+        near = evidence.promising(beam, PROMISING)
         larger = [[*chosen, c] for chosen, some in zip(beam, near, strict=True) for c in some]
         # two effects may hide each other
         larger += [[*beam[0], a, b] for a, b in _pairs(evidence, beam[0], near[0])]
@@ -74,11 +74,11 @@ def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | 
     """Return a cheaper set, with one less, one or two in the place of one, or one in that of several; None without."""
     others = [chosen[:i] + chosen[i + 1 :] for i in range(len(chosen))]
     tried = [*others]
-    for rest in others:
-        near = evidence.promising(rest, PROMISING)
+    *of_others, more = evidence.promising([*others, chosen], PROMISING)
+    for rest, near in zip(others, of_others, strict=True):
         tried += [[*rest, c] for c in near]
         tried += [[*rest, a, b] for a, b in _pairs(evidence, rest, near)]
-    for c in evidence.promising(chosen, PROMISING):
+    for c in more:
         tried.append(merged := [*chosen, c])
         while len(merged) > 2:
             merged = min(([*merged[:i], *merged[i + 1 :]] for i in range(len(merged) - 1)), key=evidence.cost)
@@ -92,8 +92,9 @@ def _pairs(
 ) -> list[tuple[Candidate, Candidate]]:
     """Return the pairs of candidates that may explain most beside a set: each likely one with its best partner."""
     found = dict[frozenset[tuple[str, str | None]], tuple[Candidate, Candidate]]()
-    for a in near[:FEW]:
-        for b in evidence.promising([*rest, a], 2):
+    partners = evidence.promising([[*rest, a] for a in near[:FEW]], 2)
+    for a, some in zip(near[:FEW], partners, strict=True):
+        for b in some:
             found.setdefault(frozenset({a.key, b.key}), (a, b))
     return list(found.values())
 
@@ -126,7 +127,7 @@ def _plausible(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
     """Return the set with each effect exchanged for what such machines rather have, where formulas decide no more."""
     for k in range(len(chosen)):
         rest = [c for c in chosen if c is not chosen[k]]
-        near = evidence.promising(rest, PROMISING)
+        (near,) = evidence.promising([rest], PROMISING)
         evidence.weighed([*rest, c] for c in near)
         best = min(near, key=lambda c: _dearer(evidence, chosen, rest, [c]), default=chosen[k])
         if _dearer(evidence, chosen, rest, [best]) < 0:
@@ -141,7 +142,7 @@ def _named(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
     """
     for form in [c for c in chosen if c.driver]:
         rest = [c for c in chosen if c is not form]
-        near = [c for c in evidence.promising(rest, 2 * PROMISING) if not c.driver]
+        near = [c for c in evidence.promising([rest], 2 * PROMISING)[0] if not c.driver]
         best = min(near, key=lambda c: evidence.misfit([*rest, c]), default=None)
         if best is not None and evidence.misfit([*rest, best]) < evidence.misfit(chosen) + COST.needed:
             chosen = [*rest, best]
@@ -211,11 +212,11 @@ def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
     found = list[Equal]()
     for one in chosen:
         rest = [c for c in chosen if c is not one]
-        near, parts = evidence.promising(rest, PROMISING), _parts(evidence, rest, one)
+        (near,), parts = evidence.promising([rest], PROMISING), _parts(evidence, rest, one)
         tried = [(c,) for c in near] + _pairs(evidence, rest, near)
         found += _alike(evidence, chosen, (one,), [*tried, *(parts[:n] for n in range(3, len(parts) + 1))])
     for several in (s for n in range(2, MOST_REPLACED + 1) for s in itertools.combinations(chosen, n)):
-        near = evidence.promising([c for c in chosen if c not in several], FEW)
+        (near,) = evidence.promising([[c for c in chosen if c not in several]], FEW)
         found += _alike(evidence, chosen, several, [(c,) for c in near])
     return sorted(found, key=lambda one: one.cost)
 

@@ -69,7 +69,7 @@ def what_changed(detector: ChangeDetector, watched: WatchedColumns) -> Change:
         some = Since(*(part[after & near] for part in readings))
         evidence = watched.evidence(*detector.products(before, some), some.unexpected.size, dof)
         # something changed, so that the likeliest effect is named where none is likely enough
-        chosen, sizes = _sized(evidence, select(evidence) or evidence.promising([], 1))
+        chosen, sizes = _sized(evidence, select(evidence) or evidence.promising([[]], 1)[0])
         change = np.zeros(readings.columns.shape[2])
         change[[i for one in watched.of(chosen) for i in one.columns]] = sizes.theta
         left = readings.distance(change)
