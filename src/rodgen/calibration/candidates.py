@@ -202,6 +202,7 @@ def promising_waves(
     whole = np.concatenate([model, *(c.columns[some].reshape(len(residual), -1) for c in once)], axis=1)
     if whole.shape[1] < len(residual) // 2:
         bases.append(orthonormal_basis(whole))
+    lefts = [project_out(base, residual) for base in bases]
     for effect in effects:
         tried = list(_tried(sensitivities, effect))
         frequencies = 2 * np.pi / np.array([value for values in tried for value in values.values()])
@@ -211,15 +212,14 @@ def promising_waves(
         step = float(np.min(np.abs(np.diff(frequencies)), initial=np.inf))
         near = step * np.linspace(-0.5, 0.5, FINER) if np.isfinite(step) else np.zeros(1)
         chosen: dict[float, None] = {}
-        for base in bases:
-            left = project_out(base, residual)
+        for base, left in zip(bases, lefts, strict=True):
             falls = wave_falls(base, left, sensitivity[some], q, frequencies)
             padded = np.pad(falls, 1)
             peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
-            for i in peaks[np.argsort(-falls[peaks], kind="stable")][:PEAKS]:
-                finer = frequencies[i] + near
-                best = int(np.argmax(wave_falls(base, left, sensitivity[some], q, finer)))
-                chosen[float(finer[best])] = None
+            best = peaks[np.argsort(-falls[peaks], kind="stable")][:PEAKS]
+            finer = frequencies[best, None] + near
+            falls = wave_falls(base, left, sensitivity[some], q, finer.ravel()).reshape(finer.shape)
+            chosen |= dict.fromkeys(finer[range(len(best)), falls.argmax(axis=1)].tolist())
         (name,) = tried[0]
         for frequency in chosen:
             # Waves half a wave apart count as independent; measured, 117 of them amount to 108 tests.

@@ -323,11 +323,14 @@ class _Search:
             for (number, piece), own in zip(tried, falls, strict=True):
                 if own > fall[number]:
                     fall[number], refined[number] = own, piece
-        enough, best = fall - LOST * (given.left - fall) / given.dof, [*refined]
-        for digits in range(DIGITS, 0, -1):  # the fewest last
-            short = [Piece(term.rounded(digits, self.drivers), at) for term, at in best]
-            for number in np.flatnonzero(self._falls(given, short) >= enough).tolist():
-                refined[number] = short[number]
+        enough, digits = (
+            fall - LOST * (given.left - fall) / given.dof,
+            range(DIGITS, 0, -1),
+        )  # the fewest last
+        short = [Piece(term.rounded(some, self.drivers), at) for some in digits for term, at in refined]
+        falls = self._falls(given, short).reshape(DIGITS, -1)
+        for some, number in np.argwhere(falls >= enough).tolist():
+            refined[number] = short[some * len(pieces) + number]
         return refined
 
     # what is no form --------------------------------------------------------------------------------------------------

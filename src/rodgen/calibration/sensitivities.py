@@ -60,7 +60,9 @@ class Sensitivities(FitRows):
         problem, theta = problem_with(fit, [*direct, *bare_effects(machine)], rows)
         with one_thread_in_blas():
             columns = problem.jacobian(theta, fit.solution.frame)
-            residual = problem.residuals(theta, fit.solution.frame, weighted=True)
+            # effects of size zero change no residual
+            alone = fit.problem.take(rows)
+            residual = alone.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
         columns = np.moveaxis(
             np.ascontiguousarray(np.moveaxis(columns, 2, 0)), 0, 2
         )  # a column is in one piece

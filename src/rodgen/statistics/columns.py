@@ -34,13 +34,13 @@ def unit_columns(columns: Array) -> Array:
 
 
 def unit_diagonal(products: Array) -> tuple[Array, Array]:
-    """Return products XᵀX scaled to a unit diagonal, (k, k), and the lengths of the columns, (k,).
+    """Return products XᵀX scaled to a unit diagonal, (..., k, k), and the lengths of the columns, (..., k).
 
     A column of zeros counts as one of length 1. A covariance becomes correlations and standard deviations.
     """
-    size = np.sqrt(products.diagonal())
+    size = np.sqrt(np.diagonal(products, axis1=-2, axis2=-1))
     size[size == 0.0] = 1.0
-    return products / (size[:, None] * size), size
+    return products / (size[..., :, None] * size[..., None, :]), size
 
 
 def orthonormal_basis(columns: Array, *, relative: float = DEPENDENT) -> Array:
@@ -67,14 +67,9 @@ def project_out(basis: Array, columns: Array) -> Array:
 
     Notes
     -----
-    Done twice: once leaves 1e-16 of the projection, which matters where little else remains (Parlett's "twice is
-    enough").
+    Once leaves 1e-16 of the columns along the space: nothing for their products with what is across it.
     """
-    return _projected_out(basis, _projected_out(basis, columns))
-
-
-def _projected_out(basis: Array, columns: Array) -> Array:
-    return columns - basis @ (basis.T @ columns)
+    return np.asarray(columns - basis @ (basis.T @ columns))
 
 
 def directions_above(columns: Array, least: float, *, relative: float = 0.0) -> Array:
