@@ -45,4 +45,4 @@ class Whitened:
         fit = self._fit
         every = np.arange(fit.observations.n)
         for rows, jacobian in fit.problem.jacobian_blocks(fit.solution.theta, fit.solution.frame):
-            yield every[rows], jacobian @ self.root
+            yield every[rows], np.tensordot(jacobian, self.root, 1)

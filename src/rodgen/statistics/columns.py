@@ -112,14 +112,13 @@ def orthonormalizing(columns: Array, block: int) -> Array:
     block : int
         Rows of a block.
     """
-    found = np.eye(columns.shape[1])
-    for _ in range(2):  # once leaves rounding errors as large as the columns are dependent
-        gram = np.zeros((found.shape[1], found.shape[1]))
-        for start in range(0, len(columns), block):
-            part = columns[start : start + block] @ found
-            gram += part.T @ part
-        found = found @ inverse_root(gram, relative=1e-14)
-    return found
+    found = inverse_root(columns.T @ columns, relative=1e-14)
+    gram = np.zeros((found.shape[1], found.shape[1]))
+    for start in range(0, len(columns), block):
+        part = columns[start : start + block] @ found
+        gram += part.T @ part
+    # once leaves rounding errors as large as the columns are dependent
+    return found @ inverse_root(gram, relative=1e-14)
 
 
 def falls_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative: float = 0.0) -> Array:

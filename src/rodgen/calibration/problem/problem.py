@@ -583,7 +583,7 @@ class Problem:
         for number, group, start, stop in self._blocks():
             _, jacobian = evaluation(number, group, start, stop)
             own, used = slots[number]
-            block = jacobian @ used
+            block = np.tensordot(jacobian, used, 1)
             if len(own) < len(self.model.parameters):
                 few, block = block, np.zeros((*jacobian.shape[:2], len(self.model.parameters)))
                 block[:, :, own] = few
