@@ -262,7 +262,7 @@ class _Without:
         for rows, jacobian in self.whitened.jacobian_blocks():
             for k in np.unique(fold[rows]):
                 here = fold[rows] == k
-                part = np.concatenate(jacobian[here])
+                part = jacobian[here].reshape(-1, r)
                 self.shares[k] += part.T @ part
                 self.pulls[k] += part.T @ residuals[rows[here]].ravel()
         self.unpredicted, self.because = self._alone(fold)
