@@ -510,7 +510,7 @@ class _Rough:
             single = single.astype(np.float32)
             for number, at in enumerate(places):
                 along = self.sums[at].T @ single
-                gram[number] -= np.einsum("krt,lrt->tkl", along, along, optimize=True)
+                gram[number] -= np.einsum("krt,lrt->tkl", along, along)
             gram /= size[:, :, :, None] * size[:, :, None, :]
             falls = falls_from_products(gram, pull / size, least=COST.visible**2)
             yield own, falls * len(self.few) / self.pulls.shape[1]
