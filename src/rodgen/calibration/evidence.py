@@ -15,6 +15,7 @@ models with columns of their own, and a set costs what it costs with the best of
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -455,15 +456,16 @@ class Evidence:
         """
         kinds, cost = set[str](), 0.0
         for c in chosen:
-            if c.prior.certain:
-                continue
             again = c.effect.name in kinds
-            kinds.add(c.effect.name)
+            if not c.prior.certain:
+                kinds.add(c.effect.name)
             cost += self._of_choice(c, 0.0 if again else self.log_choices)
         return cost
 
     def _of_choice(self, c: Candidate, log_choices: float) -> float:
         """Return what choosing a candidate costs: nothing where it is the commonest of all, but no less."""
+        if c.prior.certain:
+            return 0.0
         cost = max(2 * (log_choices - c.prior.log_odds), 0.0) + 2 * math.log(c.tries)
         return cost + len(c.searched) * math.log(self.dof)
 
@@ -539,11 +541,9 @@ class Evidence:
         """Return what sets cost with each candidate, but for odds and sizes, (S, candidates)."""
         gram, pull, square, log_determinant = self._products
         diagonal = np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-300)
-        indices = [self._index(chosen) for chosen in sets]
         # shorter ones end with a column of zeros
-        index = np.full((len(sets), max(map(len, indices))), gram.shape[1])
-        for number, own in enumerate(indices):
-            index[number, : len(own)] = own
+        columns = itertools.zip_longest(*map(self._index, sets), fillvalue=gram.shape[1])
+        index = np.array([*columns], int).reshape(-1, len(sets)).T
         padded = np.pad(gram, ((0, 0), (0, 1), (0, 1)))
         scaled, length = unit_diagonal(padded[:, index[:, :, None], index[:, None, :]])
         values, vectors = eigh(scaled)
@@ -571,10 +571,7 @@ class Evidence:
     @cached_property
     def _prices(self) -> list[tuple[float, float]]:
         """What choosing each candidate costs as the first of its kind, and beside others of it."""
-        return [
-            (0.0, 0.0) if c.prior.certain else (self._of_choice(c, self.log_choices), self._of_choice(c, 0.0))
-            for c in self.candidates
-        ]
+        return [(self._of_choice(c, self.log_choices), self._of_choice(c, 0.0)) for c in self.candidates]
 
     @cached_property
     def _by_size(self) -> dict[int, Ints]:
