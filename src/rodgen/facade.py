@@ -74,7 +74,6 @@ FUNCTIONS = {
     "Fit.lack_of_fit": "rodgen.calibration.noise_floor.lack_of_fit",
     "Fit.load": "rodgen.calibration.archive.load",
     "Fit.noise": "rodgen.calibration.estimates.noise",
-    "Fit.noise_arm": "rodgen.calibration.fit.noise_arm",
     "Fit.plot": "rodgen.facade.plot",
     "Fit.predict": "rodgen.calibration.predict.predict",
     "Fit.refit": "rodgen.calibration.fit.refit",

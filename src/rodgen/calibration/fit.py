@@ -32,7 +32,6 @@ __all__ = [
     "extended",
     "fit",
     "fitted",
-    "noise_arm",
     "refit",
     "with_bodies",
     "without_bounds",
@@ -191,7 +190,7 @@ def _balanced(fit: Fit) -> Fit:
         return fit
     free = fit.free
     for _ in range(BALANCED):
-        before, arm = fit.observations.arm, noise_arm(fit)
+        before, arm = fit.observations.arm, attitude_arm(fit)
         if abs(np.log(arm / before)) < SAME_ARM:
             break
         problem = Problem(fit.problem.model, replace(fit.observations, arm=arm))
@@ -207,14 +206,6 @@ def _balanced(fit: Fit) -> Fit:
 
 def _finished(problem: Problem, solution: Solution, free: Sequence[int], outliers: NDArray[np.bool_]) -> Fit:
     return Fit.of(problem, nearest(problem, solution, free), free, outliers)
-
-
-def noise_arm(fit: Fit) -> float:
-    """Return the ratio of the noise of positions to that of attitudes, by the residuals where it is not stated."""
-    o = fit.observations
-    if o.sigma is not None or not fit.machine.measurand.has_attitude:
-        return o.arm
-    return attitude_arm(fit)
 
 
 def with_bodies(fit: Fit, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:

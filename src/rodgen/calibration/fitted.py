@@ -135,7 +135,6 @@ class Fit:
     extended = cast("Callable[..., Fit]", method())
     with_bodies = cast("Callable[..., NDArray[np.bool_]]", method())
     without_bounds = cast("Fit | None", attribute())
-    noise_arm = cast(float, attribute())
     covariance = cast(Array, attribute())
     correlation = cast(Array, attribute())
     estimates = cast("dict[str, Estimate]", attribute())

@@ -26,7 +26,6 @@ from rodgen.calibration.words import odds_text
 from rodgen.data.units import readable
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Effect, Machine
-from rodgen.stages import Progress, reporting
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import Result, plain
 
@@ -136,14 +135,7 @@ class Ladder(Result):
         return named | used | plain(first, "unit") | plain(self, "noise rungs")
 
 
-def ladder(
-    machine: Machine,
-    data: Any,
-    steps: Sequence[Effect],
-    *,
-    loss: str = "linear",
-    progress: Progress | None = None,
-) -> Ladder:
+def ladder(machine: Machine, data: Any, steps: Sequence[Effect]) -> Ladder:
     """Add effects one after the other, and watch the error fall.
 
     Parameters
@@ -153,10 +145,6 @@ def ladder(
     data : Measurements, Observations or a table in memory
     steps : sequence of Effect
         See :meth:`rodgen.machines.machine.Machine.effect`.
-    loss : {"linear", "huber"}
-        As in `fit`.
-    progress : callable, optional
-        As in `fit`.
 
     Returns
     -------
@@ -189,8 +177,7 @@ def ladder(
     machines = [machine]
     for effect in steps:
         machines.append(machines[-1].with_effect(effect))
-    with reporting(progress):
-        return ladder_of(machines, data, loss=loss)
+    return ladder_of(machines, data)
 
 
 def ladder_of(
@@ -203,8 +190,10 @@ def ladder_of(
 
     Parameters
     ----------
-    data, loss
+    data
         As for `ladder`.
+    loss : {"linear", "huber"}
+        As in `fit`.
     """
     # What is bound is the same for all of them: it depends on joints, targets and what is measured.
     observations = bind_once(machines[0], data)
