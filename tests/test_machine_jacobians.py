@@ -217,7 +217,7 @@ def same_numbers(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     theta, place = case.theta(values), case.frame(values)
     g, e = case.model.geometries(theta, place, [(0, 0)])[0], case.model.parameters_of_effects(theta)
     problem = Problem(case.model, case.observations)  # of its own: it keeps the block
-    rows = problem._block(0, problem.groups[0], 0, 5)
+    rows = problem._block(problem.groups[0], 0, 5)
     rng = np.random.default_rng(9)
     for kernel in kernels:
         results = {

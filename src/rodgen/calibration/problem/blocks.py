@@ -345,8 +345,6 @@ class PartProblem(Problem):
         for j, entry in enumerate(shared.entries[rows.part.number]):
             store.directions[j, store.early[j]] = entry
 
-    _kept = None  # columns are put together block by block
-
     def _column(self, kind: str, of: Any, rows: Any) -> Any:
         if kind == "s":
             return self.store.directions[of, rows]

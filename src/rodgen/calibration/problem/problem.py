@@ -48,8 +48,6 @@ BLOCK = 4096
 """Most rows of one call of a kernel."""
 BLOCK_NUMBERS = 1 << 16
 """Numbers in the Jacobian of a block: half a megabyte stays in the second-level cache."""
-KEPT_BYTES = 512 << 20
-"""The rows of the kernels are kept between evaluations while they need less than this."""
 THREADS_FROM = 4 * BLOCK
 """Number of rows from which on a second thread saves more time than it costs."""
 TOGETHER = 512
@@ -297,35 +295,18 @@ class Problem:
             return o.basis[of // 3 - 1][rows, of % 3]
         return self.weight[rows, of] * self._arms[of]
 
-    @functools.cached_property
-    def _kept(self) -> list[Array] | None:
-        """The rows of the kernels, of each group; None where they need too much memory to be kept."""
-        columns = len(self.model.structure.columns)
-        if self.rows * columns * 8 > KEPT_BYTES:
-            return None
-        kept = [np.empty((group.count, columns)) for group in self.groups]
-        for group, rows in zip(self.groups, kept, strict=True):
-            for start in range(0, group.count, BLOCK):
-                self._fill(rows[start : start + BLOCK], group.block(start, start + BLOCK))
-        return kept
-
-    def _fill(self, made: Array, rows: Any) -> Array:
+    def _block(self, group: Group, start: int, stop: int) -> Array:
+        """Return the rows of the kernels of a block of a group."""
+        made = np.empty((stop - start, len(self.model.structure.columns)))
+        rows = group.block(start, stop)
         for i, (kind, of) in enumerate(self.model.structure.columns):
             made[:, i] = self._column(kind, of, rows)
         return made
-
-    def _block(self, number: int, group: Group, start: int, stop: int) -> Array:
-        if self._kept is not None:
-            return self._kept[number][start:stop]
-        made = np.empty((stop - start, len(self.model.structure.columns)))
-        return self._fill(made, group.block(start, stop))
 
     def set_weight(self, factor: Array) -> None:
         """Multiply the weights that the data state by a factor for each row, (n,)."""
         self.weight = self.base_weight * factor[:, None]
         self._equations = {}
-        for group, kept in zip(self.groups, self._kept or (), strict=False):
-            kept[:, -self.components :] = self.weight[group.rows] * self._arms
 
     def leave_out(self, rows: NDArray[np.bool_]) -> None:
         """Give some rows, (n,), a negligible weight, and the others what the data state."""
@@ -359,16 +340,10 @@ class Problem:
         if self.rows < THREADS_FROM:
             yield from (function(*block) for block in blocks)
             return
-        _ = self._kept  # made once, before two threads ask for it
         with ThreadPoolExecutor(2) as pool:
             yield from pool.map(lambda block: function(*block), blocks)
 
     # the poses of a closed chain -------------------------------------------------------------------------------
-
-    @functools.cached_property
-    def _starts(self) -> list[int]:
-        """The columns of the starts, in the order of their numbers."""
-        return [i for i, (kind, _) in enumerate(self.model.structure.columns) if kind == "start"]
 
     @property
     def is_closed_chain(self) -> bool:
@@ -405,8 +380,6 @@ class Problem:
             return
         self.observations = replace(self.observations, pose_start=poses)
         self._equations = {}
-        for group, kept in zip(self.groups, self._kept or (), strict=False):
-            kept[:, self._starts] = poses[group.rows]
 
     # evaluation ----------------------------------------------------------------------------------------------
 
@@ -429,10 +402,10 @@ class Problem:
         geometries = self._geometries(theta, frame)
         if not self._few:
             return lambda number, group, start, stop: kernel(
-                self._block(number, group, start, stop), geometries[number], e
+                self._block(group, start, stop), geometries[number], e
             )
         counts = [group.count for group in self.groups]
-        blocks = [self._block(k, group, 0, group.count) for k, group in enumerate(self.groups)]
+        blocks = [self._block(group, 0, group.count) for group in self.groups]
         effects = np.broadcast_to(e, (len(counts), *e.shape))
         found = kernel.in_sets(np.concatenate(blocks), counts, geometries, effects)
         parts = [np.split(result, np.cumsum(counts)[:-1]) for result in found]
@@ -493,7 +466,7 @@ class Problem:
 
         def of_block(number: int, group: Group, start: int, stop: int) -> tuple[int, Array]:
             if evaluation is None:
-                return number, kernel.gram(self._block(number, group, start, stop), geometries[number], e)
+                return number, kernel.gram(self._block(group, start, stop), geometries[number], e)
             residual, jacobian = evaluation(number, group, start, stop)
             joined = np.concatenate([jacobian, residual[..., None]], axis=-1).reshape(residual.size, -1)
             return number, joined.T @ joined
