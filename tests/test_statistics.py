@@ -145,7 +145,7 @@ def test_restricted_likelihood_is_that_of_patterson_and_thompson() -> None:
     assert there.likelihood == pytest.approx(
         -0.5 * ((N - 4) * np.log(left / (N - 4)) + logs[0] + logs[1]), rel=1e-9
     )
-    taken = found.deviations(there)
+    taken = there.deviations(GROUPS, 3)
     np.testing.assert_array_equal(taken.shared, part.shared)
     np.testing.assert_array_equal(taken.wander, part.wander)
 

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from rodgen.array_types import Array
 from rodgen.calibration.check import check
 from rodgen.calibration.dependence import FitRows
 from rodgen.calibration.fit import Fit
@@ -92,12 +91,9 @@ def cost_of_bounds(bounded: Fit, freed: Fit) -> float:
     """Return by how much the bounds raise -2 ln of the likelihood, with the noise that the readings show."""
     correlation = freed.dependence.correlation
 
-    def squares(fit: Fit) -> float:
-        residual: Array = correlation.whiten(FitRows.of(fit).residual[:, :, None])
-        return float((residual**2).sum())
-
-    before, after = squares(bounded), squares(freed)
-    count = min(freed.degrees_of_freedom, FitRows.of(freed).residual.size)
+    residuals = [FitRows.of(fit).residual for fit in (bounded, freed)]
+    before, after = (float((correlation.whiten(r[:, :, None]) ** 2).sum()) for r in residuals)
+    count = min(freed.degrees_of_freedom, residuals[1].size)
     if count < 1 or not before > after:
         return 0.0
     return count * math.log(before / after) if after > 0 else math.inf

@@ -25,6 +25,7 @@ from rodgen.data.units import readable
 from rodgen.errors import joined
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.observations import Observations
+from rodgen.stages import stage
 from rodgen.statistics.columns import orthonormal_basis, project_out, unit_columns
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.digits import resolution
@@ -310,6 +311,7 @@ class Dependence(Result):
         )
 
 
+@stage("how readings depend on each other")
 def dependence(fit: Fit) -> Dependence:
     """Return how the errors of a fit's readings depend on each other.
 

@@ -10,15 +10,12 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.calibration import held_out as checks
-from rodgen.calibration.dependence import Dependence
-from rodgen.calibration.dependence import dependence as dependence_of
 from rodgen.calibration.determinacy import Determinacy, determinacy
 from rodgen.calibration.fitted import Estimate, Fit
-from rodgen.calibration.noise_floor import NoiseFloor, noise_floor
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.machines.known import Tied
 from rodgen.machines.machine import Effect
-from rodgen.stages import Progress, reporting, stage
+from rodgen.stages import Progress, reporting
 from rodgen.statistics.columns import inverse_root, unit_diagonal
 
 
@@ -149,18 +146,6 @@ class EffectEstimates:
         size = np.sqrt(np.maximum(np.diag(C), 1e-300))
         along = inverse_root(C / np.outer(size, size), relative=1e-12).T @ (final.values[numbers] / size)
         return float(special.chdtrc(len(along), float(along @ along)))
-
-
-@stage("estimating the noise")
-def noise(fit: Fit) -> NoiseFloor:
-    """Return how well the machine could be modelled at all, from the data alone."""
-    return noise_floor(fit)
-
-
-@stage("how readings depend on each other")
-def dependence(fit: Fit) -> Dependence:
-    """Return how the errors of readings depend on each other: within a pose, and of successive poses."""
-    return dependence_of(fit)
 
 
 def held_out(fit: Fit, folds: int | None = None, *, progress: Progress | None = None) -> checks.HeldOut:

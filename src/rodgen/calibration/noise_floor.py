@@ -28,6 +28,7 @@ from rodgen.calibration.fitted import Fit
 from rodgen.calibration.words import chance, sized
 from rodgen.data.poses import stretches
 from rodgen.data.units import readable
+from rodgen.stages import stage
 from rodgen.statistics.robust import HALF_OF_NORMAL
 from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
 from rodgen.views import Result
@@ -150,6 +151,7 @@ class NoiseFloor(Result):
         return " ".join(_sentences(self))
 
 
+@stage("estimating the noise")
 def noise_floor(fit: Fit) -> NoiseFloor:
     """Return the noise by every source.
 

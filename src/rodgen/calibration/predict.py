@@ -306,8 +306,6 @@ def in_known_runs(o: Observations, model: Model, runs: Sequence[str]) -> Observa
 
 def _determined(jacobian: Array, null: Array) -> NDArray[np.bool_]:
     """Return which rows no combination changes that the data leave open."""
-    if not len(null):
-        return np.ones(len(jacobian), bool)
     change = np.linalg.norm(np.einsum("nip,kp->nik", jacobian, null), axis=1)
     parts = np.sqrt(np.einsum("nip,kp->nk", jacobian**2, null**2))
     return np.asarray((change <= ROUNDING * parts).all(axis=1))
