@@ -497,12 +497,13 @@ def _forms(state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut
 
 def _on_refused(state: _State) -> list[str]:
     """Return why effects that the evidence selects are not reported, in a sentence for each reason."""
-    found = []
-    for why in dict.fromkeys(state.refused.values()):
-        out = [key for key, one in state.refused.items() if one == why]
-        titles = joined([state.base.machine.effect(*key).title for key in out], most=NAMES)
+    found, titles = [], dict[str, dict[str, None]]()
+    for c in state.evidence.candidates:  # of a form nobody has asked
+        if c.key in state.refused and not c.driver:
+            titles.setdefault(state.refused[c.key], {})[c.effect.title] = None
+    for why, out in titles.items():
         are, it = ("is", "it") if len(out) == 1 else ("are", "them")
-        found.append(f"{titles} {are} not reported: {why.format(it)}.")
+        found.append(f"{joined([*out], most=NAMES)} {are} not reported: {why.format(it)}.")
     return found
 
 

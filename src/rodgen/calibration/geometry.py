@@ -32,9 +32,9 @@ PARTS = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
 def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float | None:
     """Return how much dearer the effects that were chosen are than a geometry that differs everywhere from the file.
 
-    None where so few effects were chosen that there is no question. The geometry is one cause, of which the sizes of all
-    its dimensions are unknown; each of several effects is a cause of its own. Effects may stand for dimensions, so those
-    beside the geometry are selected anew.
+    None where so few effects were chosen that there is no question. The geometry is one cause, of which the sizes of
+    all its dimensions are unknown; each of several effects is a cause of its own. Effects may stand for dimensions, so
+    those beside the geometry are selected anew.
     """
     whole = [c for c in evidence.candidates if c.effect.name in GEOMETRY]
     if len(chosen) < SEVERAL or not whole:
