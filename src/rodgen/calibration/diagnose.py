@@ -175,7 +175,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
     if reason := why_undecidable(base):
         return _undecided(subject, base, reason)
     geometry: WrongGeometry | None = None
-    known, refused = frozenset[tuple[str, str | None]](), dict[tuple[str, str | None], str]()
+    known = frozenset[tuple[str, str | None]]()
     stretch: DisplacedStretch | None = None
     evidence: Evidence | None = None
     for number in range(ROUNDS):
@@ -188,7 +188,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                 if reason := why_undecidable(base):
                     return _undecided(subject, base, reason)
                 evidence = Evidence.of(base, prefer=subject.prefer)
-        state = _confirmed(_State(base, evidence, refused=refused, stretch=stretch))
+        state = _confirmed(_State(base, evidence, stretch=stretch))
         open_ = geometry is None and number < ROUNDS - 1  # effects are looked for beside it
         gain = gain_of_geometry(state.evidence, state.chosen) if open_ else None
         if gain is not None and gain > 0:
