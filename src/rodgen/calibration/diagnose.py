@@ -36,7 +36,7 @@ from rodgen.calibration.estimates import EffectEstimates
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.forms import propose, sharpened
-from rodgen.calibration.geometry import gain_of_geometry, with_geometry
+from rodgen.calibration.geometry import SEVERAL, gain_of_geometry, with_geometry
 from rodgen.calibration.held_out import HeldOut
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.blocks import observed
@@ -189,10 +189,10 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                     return _undecided(subject, base, reason)
                 evidence = Evidence.of(base, prefer=subject.prefer)
         state = _confirmed(_State(base, evidence, stretch=stretch))
-        open_ = geometry is None and number < ROUNDS - 1  # effects are looked for beside it
-        gain = gain_of_geometry(state.evidence, state.chosen) if open_ else None
-        if gain is not None and gain > 0:
-            whole = _with_geometry(base)
+        if geometry is None and number < ROUNDS - 1:  # effects are looked for beside it
+            several = len(state.chosen) + len(state.refused) >= SEVERAL
+            gain = gain_of_geometry(state.evidence.without(()), state.chosen) if several else 0.0
+            whole = _with_geometry(base) if gain > 0 else None
             if whole is not None:
                 geometry = WrongGeometry(whole.machine.estimate, log10_of(gain), base, base.held_out().rms)
                 subject, base, known = replace(subject, fitted=whole), whole, frozenset()

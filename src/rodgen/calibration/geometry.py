@@ -25,23 +25,35 @@ GEOMETRY = frozenset(
 )
 """Effects that say that a dimension is not that of the file."""
 SEVERAL = 3
-"""Effects from which on one cause is asked for: two are two."""
+"""Effects from which on a geometry is asked for: two are two."""
 PARTS = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
 
 
-def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float | None:
+def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
     """Return how much dearer the effects that were chosen are than a geometry that differs everywhere from the file.
 
-    None where so few effects were chosen that there is no question. The geometry is one cause, of which the sizes of
-    all its dimensions are unknown; each of several effects is a cause of its own. Effects may stand for dimensions, so
-    those beside the geometry are selected anew.
+    The geometry is one cause; where dimensions trade, full fits may confirm none of them alone. Given it, a dimension
+    is as likely off as not, by its usual size. Effects may stand for dimensions, so those beside the geometry are
+    selected anew.
     """
-    whole = [c for c in evidence.candidates if c.effect.name in GEOMETRY]
-    if len(chosen) < SEVERAL or not whole:
-        return None
-    beside = evidence.holding(whole)
-    one = 2 * (evidence.log_choices + math.log(len(evidence.base.machine.joints)))
-    return evidence.cost(chosen) - beside.cost(select(beside)) - one
+    off = [c for c in evidence.candidates if c.effect.name in GEOMETRY]
+    if not off:
+        return 0.0
+    price = 2 * (evidence.log_choices + math.log(len(evidence.base.machine.joints)) + len(off) * math.log(2))
+    rest = select(evidence.holding(off))
+    given = evidence.choice(rest)
+
+    def cost(off: Sequence[Candidate]) -> float:
+        return evidence.cost([*rest, *off]) - evidence.choice([*rest, *off]) + given
+
+    while off:
+        fewer = [[c for c in off if c is not one] for one in off]
+        evidence.weighed([*rest, *some] for some in fewer)
+        best = min(fewer, key=cost)
+        if cost(best) > cost(off):
+            break
+        off = best
+    return evidence.cost(chosen) - cost(off) - price
 
 
 def with_geometry(machine: Machine) -> Machine | None:
