@@ -17,17 +17,19 @@ from rodgen.stages import stage
 from rodgen.statistics.thresholds import COST, EVIDENCE
 
 
-def why_undecidable(base: Fit) -> str:
+def why_undecidable(base: Fit, *, checked: bool = False) -> str:
     """Return why the data allow no answer; empty where they do.
 
     Parameters
     ----------
     base : Fit
         Without outliers.
+    checked : bool
+        Whether the files were checked before, which does not depend on the outliers.
     """
     with stage("checking the files"):
-        wrong = check(base).sentence or why_wrong_geometry(base)
-    if wrong:
+        wrong = "" if checked else check(base).sentence
+    if wrong := wrong or why_wrong_geometry(base):
         return wrong
     if base.degrees_of_freedom < EVIDENCE.fewest_residual_dof:
         return (

@@ -185,7 +185,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
             outliers = wrong_rows(base, _rows(evidence))
             if outliers.any():
                 base = base.refit(outliers=outliers)
-                if reason := why_undecidable(base):
+                if reason := why_undecidable(base, checked=True):
                     return _undecided(subject, base, reason)
                 evidence = Evidence.of(base, prefer=subject.prefer)
         state = _confirmed(_State(base, evidence, stretch=stretch))
@@ -207,7 +207,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
         known, stretch = again, pushed
         if not same_rows:
             base = base.refit(subject.fitted.machine, outliers=outliers)
-            if reason := why_undecidable(base):
+            if reason := why_undecidable(base, checked=True):
                 return _undecided(subject, base, reason)
     found = _assembled(subject, state)
     if geometry is None:
@@ -288,13 +288,13 @@ def _with_forms(evidence: Evidence, chosen: list[Candidate]) -> tuple[Evidence, 
     """Return the evidence with forms outside the catalogue among its candidates, and the cheapest set of all."""
     if finer := sharpened(evidence, chosen):
         evidence = evidence.including(finer)
-        chosen = select(evidence)
+        chosen = select(evidence, chosen)
     for _ in range(MOST_FORMS):
         proposals = propose(evidence, chosen)
         if not proposals:
             break
         evidence, before = evidence.including(proposals), chosen
-        chosen = select(evidence)
+        chosen = select(evidence, chosen)
         if all(c in before for c in chosen):
             break
     return evidence, ordered(evidence, chosen)

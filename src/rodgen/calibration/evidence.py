@@ -41,7 +41,7 @@ from rodgen.statistics.columns import (
     unchanged,
     unit_diagonal,
 )
-from rodgen.statistics.decompositions import eigh, svd
+from rodgen.statistics.decompositions import eigh, solve, svd
 from rodgen.statistics.thresholds import COST
 
 SCALES = frozenset({"scale", "instrument_scale", "instrument_axis_scales", "leg_scale"})
@@ -338,6 +338,26 @@ class Evidence:
         """Part of a candidate that may look like another one; see `CostPolicy`."""
         return 0.0 if self.curves else COST.imperfect
 
+    def dearer_without(self, chosen: Sequence[Candidate]) -> list[float]:
+        """Return about how much dearer a set is without each of its candidates, widths and variance held.
+
+        With the covariance S of the sizes of the set, those of a candidate explain θᵀS⁻¹θ beside the others.
+        """
+        best, index, choice = self.estimated(chosen), self._index(chosen), self.choice(chosen)
+        width = best.width
+        gram = self.model_for(chosen).gram[np.ix_(index, index)]
+        values, vectors = eigh(width[:, None] * gram * width)
+        covariance = vectors / (1 + np.maximum(values, 0.0) / best.variance) @ vectors.T
+        theta = best.theta / np.where(width > 0, width, 1.0)
+        found = []
+        for c in chosen:
+            part = np.searchsorted(index, self.parts[id(c)])
+            own = covariance[np.ix_(part, part)]
+            saved = best.of_width[part].sum() - np.linalg.slogdet(own)[1] + choice
+            explained = float(theta[part] @ solve(own, theta[part]))
+            found.append(explained - saved + self.choice([other for other in chosen if other is not c]))
+        return found
+
     def misfit(self, chosen: Sequence[Candidate]) -> float:
         """Return the cost of a set without that of its odds and of the sizes of its effects."""
         found = self.estimated(chosen)
@@ -419,7 +439,8 @@ class Evidence:
             if many:
                 there = _there(usual * times, gram, theta, variance, known["many"], same)
         kept = first & ((same @ there[..., None])[..., 0] > 0)
-        sizes = 2 * np.sum(np.where(times > 1, np.log1p(times**2), -np.log(times)), axis=-1, where=kept)
+        of_width = 2 * kept * np.where(times > 1, np.log1p(times**2), -np.log(times))
+        sizes = np.sum(of_width, axis=-1)
         if many:
             of_variants = [0 * index[:, 0], known["rank"].sum(axis=1), (first & known["many"]).sum(axis=1)]
             sizes += 2 * math.log(2) * np.array(of_variants)[:, None]
@@ -440,7 +461,14 @@ class Evidence:
         best = found.argmin(axis=0)
         for s in range(len(index)):
             at = [(best[m, s], m, s) for m in range(len(self.models))]
-            yield [Estimated(float(found[i]), float(variance[i]), theta[i], spread[i], sizes[i]) for i in at]
+            yield [
+                Estimated(
+                    float(found[i]),
+                    float(variance[i]),
+                    *(x[i] for x in (theta, spread, sizes, width, of_width)),
+                )
+                for i in at
+            ]
 
     @cached_property
     def _products(self) -> tuple[Array, Array, Array, Array]:
@@ -593,13 +621,17 @@ class Estimated:
         Sizes and their standard deviations, internal units.
     of_sizes : float
         What of the cost is that of large and of strange sizes.
+    width, of_width : ndarray, shape (k,)
+        How wide the sizes are distributed before the readings, and what of the cost is that of each width.
     """
 
     cost: float
     variance: float
     theta: Array
     spread: Array
-    of_sizes: float = 0.0
+    of_sizes: float
+    width: Array
+    of_width: Array
 
 
 def _in_place(found: Sequence[Candidate], further: Sequence[Candidate]) -> list[Candidate]:

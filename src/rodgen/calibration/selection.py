@@ -7,6 +7,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.diagnosis import Ranked
 from rodgen.calibration.evidence import Evidence
@@ -27,12 +29,13 @@ MOST_REPLACED = 3
 
 
 @stage("testing effects")
-def select(evidence: Evidence) -> list[Candidate]:
+def select(evidence: Evidence, before: Sequence[Candidate] = ()) -> list[Candidate]:
     """Return the cheapest set of candidates: a beam forwards, then exchanges, removals and merges.
 
-    Empty where no set is so many times as probable as none; see `COST.something`.
+    They begin with the set that was chosen before among fewer candidates where it is cheaper. Empty where no set is so
+    many times as probable as none; see `COST.something`.
     """
-    best = _beam(evidence)
+    best = min([_beam(evidence), [*before]], key=evidence.cost)
     while (better := _improved(evidence, best)) is not None:
         best = better
     best = _needed(evidence, best)
@@ -78,13 +81,26 @@ def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | 
     for rest, near in zip(others, of_others, strict=True):
         tried += [[*rest, c] for c in near]
         tried += [[*rest, a, b] for a, b in _pairs(evidence, rest, near)]
-    for c in more:
-        tried.append(merged := [*chosen, c])
-        while len(merged) > 2:
-            merged = min(([*merged[:i], *merged[i + 1 :]] for i in range(len(merged) - 1)), key=evidence.cost)
-            tried.append(merged)
+    tried += (merged := evidence.weighed([*chosen, c] for c in more))
+    while merged := [some for some in merged if len(some) > 2]:
+        less = [_less(evidence, some) for some in merged]
+        evidence.weighed(itertools.chain(*less))
+        nearest = [min(some, key=evidence.cost) for some in less]
+        # two effects may hide each other
+        merged = [
+            new
+            for new, old in zip(nearest, merged, strict=True)
+            if evidence.cost(new) < evidence.cost(old) + LOOKAHEAD
+        ]
+        tried += merged
     better = min(evidence.weighed(tried), key=evidence.cost, default=chosen)
     return better if evidence.cost(better) < evidence.cost(chosen) - 1e-6 else None
+
+
+def _less(evidence: Evidence, merged: list[Candidate]) -> list[list[Candidate]]:
+    """Return a set without one of its candidates but the last: those two that seem to cost least."""
+    dearer = evidence.dearer_without(merged)[:-1]
+    return [[*merged[:i], *merged[i + 1 :]] for i in np.argsort(dearer, kind="stable")[:2].tolist()]
 
 
 def _pairs(
