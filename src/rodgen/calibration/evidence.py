@@ -343,19 +343,17 @@ class Evidence:
 
         With the covariance S of the sizes of the set, those of a candidate explain θᵀS⁻¹θ beside the others.
         """
-        best, index, choice = self.estimated(chosen), self._index(chosen), self.choice(chosen)
-        width = best.width
-        gram = self.model_for(chosen).gram[np.ix_(index, index)]
+        best, index, found = self.estimated(chosen), self._index(chosen), list[float]()
+        width, gram = best.width, self.model_for(chosen).gram[np.ix_(index, index)]
         values, vectors = eigh(width[:, None] * gram * width)
         covariance = vectors / (1 + np.maximum(values, 0.0) / best.variance) @ vectors.T
         theta = best.theta / np.where(width > 0, width, 1.0)
-        found = []
         for c in chosen:
             part = np.searchsorted(index, self.parts[id(c)])
             own = covariance[np.ix_(part, part)]
-            saved = best.of_width[part].sum() - np.linalg.slogdet(own)[1] + choice
-            explained = float(theta[part] @ solve(own, theta[part]))
-            found.append(explained - saved + self.choice([other for other in chosen if other is not c]))
+            paid = best.of_width[part].sum() - np.linalg.slogdet(own)[1]
+            choice = self.choice([other for other in chosen if other is not c])
+            found.append(float(theta[part] @ solve(own, theta[part]) - paid) + choice - self.choice(chosen))
         return found
 
     def misfit(self, chosen: Sequence[Candidate]) -> float:
@@ -458,17 +456,10 @@ class Evidence:
         ) * np.sqrt(variance[..., None])
         sizes += _impossible(known, theta, spread)
         found = costs(log[..., None])[..., 0] + sizes + determinants[:, None]
-        best = found.argmin(axis=0)
+        best, of_sets = found.argmin(axis=0), (theta, spread, sizes, width, of_width)
         for s in range(len(index)):
             at = [(best[m, s], m, s) for m in range(len(self.models))]
-            yield [
-                Estimated(
-                    float(found[i]),
-                    float(variance[i]),
-                    *(x[i] for x in (theta, spread, sizes, width, of_width)),
-                )
-                for i in at
-            ]
+            yield [Estimated(float(found[i]), float(variance[i]), *(x[i] for x in of_sets)) for i in at]
 
     @cached_property
     def _products(self) -> tuple[Array, Array, Array, Array]:

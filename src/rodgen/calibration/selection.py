@@ -87,11 +87,8 @@ def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | 
         evidence.weighed(itertools.chain(*less))
         nearest = [min(some, key=evidence.cost) for some in less]
         # two effects may hide each other
-        merged = [
-            new
-            for new, old in zip(nearest, merged, strict=True)
-            if evidence.cost(new) < evidence.cost(old) + LOOKAHEAD
-        ]
+        both = zip(nearest, merged, strict=True)
+        merged = [new for new, old in both if evidence.cost(new) < evidence.cost(old) + LOOKAHEAD]
         tried += merged
     better = min(evidence.weighed(tried), key=evidence.cost, default=chosen)
     return better if evidence.cost(better) < evidence.cost(chosen) - 1e-6 else None
