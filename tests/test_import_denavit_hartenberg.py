@@ -96,8 +96,9 @@ def test_a_table_in_toml_has_a_tool_and_travels(tmp_path):
 def test_the_command_says_what_was_taken_for_what(tmp_path, rodgen_command: Run):
     (tmp_path / "kuka.csv").write_text(KUKA)
     output = tmp_path / "m.toml"
-    code, out, err = rodgen_command("import", tmp_path / "kuka.csv", "--convention", "standard", "-o", output)
+    code, out, err = rodgen_command("import", tmp_path / "kuka.csv", "-o", output)
     assert (code, err) == (0, "")
+    assert "It is standard, as a and alpha of the last row are 0; --convention says otherwise." in out
     assert (
         "kuka.csv: a standard Denavit-Hartenberg table of 6 joints, a row is Rz(theta) Tz(d) Tx(a) Rx(alpha)"
         in out
@@ -111,9 +112,37 @@ def test_the_command_says_what_was_taken_for_what(tmp_path, rodgen_command: Run)
     assert seen(machine, np.radians([0, -90, 90, 0, 0, 0])) == pytest.approx([525, 0, 890], abs=1e-9)
     assert seen(machine, np.radians([10, -90, 90, 0, 0, 0]))[1] < 0
     assert seen(machine, np.radians([0, -90, 90, 0, 30, 0]))[2] < 890
-    code, _, err = rodgen_command("import", tmp_path / "kuka.csv", "-o", output)
-    assert code == 2
-    assert "--convention: not given for a Denavit-Hartenberg table; expected standard, Rz(theta)" in err
+
+
+CRAIG = "theta [deg],d [mm],a [mm],alpha [deg]\n0,400,0,0\n0,0,25,-90\n0,0,455,0\n"
+"""Of an arm of three joints: its first two axes meet at right angles, the others are parallel."""
+
+
+@pytest.mark.parametrize(
+    ("text", "convention"),
+    [
+        (CRAIG, "modified"),
+        (CRAIG.replace(",0,0\n", ",25,-90\n", 1).replace("0,0,25,-90", "0,0,455,0", 1)[:-1] + "\n", None),
+        (CRAIG.replace(",400,0,0", ",400,25,-90").replace("\n0,0,455,0\n", "\n0,90,0,0\n"), "standard"),
+        (CRAIG + "0,90,0,0\n", None),
+    ],
+)
+def test_a_table_tells_its_convention_by_the_end_without_a_link(text, convention, tmp_path):
+    (tmp_path / "t.csv").write_text(text)
+    if convention is None:
+        expected = (
+            "--convention: none, and the table does not tell it: a and alpha of the first row and of the last"
+        )
+        with pytest.raises(InputFileError, match=expected):
+            machine_from_table(tmp_path / "t.csv")
+        return
+    imported = machine_from_table(tmp_path / "t.csv")
+    assert imported.machine.joints == machine_from_table(tmp_path / "t.csv", convention).machine.joints
+    assert not any("about one and the same axis" in note for note in imported.notes)
+    # the other reading, which needs the option, has two joints on one axis
+    (other,) = {"standard", "modified"} - {convention}
+    notes = machine_from_table(tmp_path / "t.csv", other).notes
+    assert any("about one and the same axis" in note for note in notes)
 
 
 def test_a_rough_geometry_is_estimated_but_for_the_first_joint(tmp_path, rodgen_command: Run):

@@ -87,7 +87,7 @@ def test_a_ballbar_s_circle_is_the_squareness_it_was_made_of(column, tmp_path, r
         (
             "angle [deg],height [um]",
             "XY=150mm",
-            "header: columns 'angle [deg]' or 'height [um]'; expected angle, and",
+            "line 1: columns 'angle [deg]' or 'height [um]'; expected angle, and",
         ),
         (
             "angle [mm],radius [mm]",

@@ -108,6 +108,7 @@ MACHINES = {"three": TURNTABLE, "one": TURNTABLE[:_SECOND] + TURNTABLE[_AFTER:]}
         ("one", "point", "1 1 2", "0 0 9", None),
         ("one", "target", "P1 P2 P3", "0 0 9", None),
         ("one", "reflector", "SMR SMR SMR", "0 0 9", "ball_1 ball_1 ball_1"),
+        ("one", "ball", "A B A B", "0 9 18 27", None),
     ],
 )
 def test_labels_of_targets_are_known_and_those_of_poses_are_left(
@@ -277,7 +278,7 @@ def test_a_workbook_and_a_matlab_file_give_what_text_gives(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", content)
     columns, notes = columns_of(MACHINES["one"], tmp_path / "a.mat", units=("mm", "deg"))
     assert {name: columns[name].tolist() for name in expected} == expected
-    assert "a.mat: MATLAB arrays of 2 rows; of another length, and not read: short." in notes
+    assert "a.mat: MATLAB arrays of 2 rows; of another shape, and not read: short." in notes
 
 
 @pytest.mark.parametrize(
@@ -343,11 +344,11 @@ GOOD = "C [deg],x [mm],y [mm],z [mm],target\n0,150,0,30,ball_1\n90,0,150,30,ball
             "C [deg]",
             "Table [deg]",
             {},
-            "header: no column of joint C; expected --column C=THEIRS, where THEIRS is 'Ta",
+            "line 1: no column of joint C; expected --column C=THEIRS, where THEIRS is 'Ta",
         ),
         ("C [deg]", "C [mm]", {}, "column 'C [mm]': a unit of length; expected one of angle, for C"),
-        ("x [mm]", "q [mm]", {}, "header: no column of x; expected --column x=THEIRS"),
-        ("x [mm]", "q [mm]", {"x": "p"}, "header: no column 'p' for x; expected 'C [deg]', 'q [mm]'"),
+        ("x [mm]", "q [mm]", {}, "line 1: no column of x; expected --column x=THEIRS"),
+        ("x [mm]", "q [mm]", {"x": "p"}, "line 1: no column 'p' for x; expected 'C [deg]', 'q [mm]'"),
         ("90,0,150", "9O,0,150", {}, "line 3, column 'C [deg]': '9O'; expected a number"),
         (
             "90,0,150,30,ball_1",
@@ -592,6 +593,38 @@ def test_points_may_be_rows_or_columns_of_a_matlab_matrix(turned, tmp_path):
     np.testing.assert_array_equal([c.cells for c in table.columns], np.hstack([*content.values()]).T)
     matrices = [name for name in turned if name != "t"]
     assert (f", which are columns of {' and '.join(matrices)}" in table.notes[0]) == bool(matrices)
+
+
+def test_single_numbers_are_no_rows_of_a_matlab_file(tmp_path):
+    content = {"q": np.ones((6, 9)), "p": np.ones((3, 9)), "pose": np.ones((4, 4, 9))}
+    scipy.io.savemat(tmp_path / "a.mat", content | dict.fromkeys("abc", 1.0))
+    table = read_foreign(tmp_path / "a.mat")
+    assert [len(column.cells) for column in table.columns] == [9] * 9
+    assert table.notes[0].endswith("; of another shape, and not read: pose, a, b and c.")
+
+
+NUMBERED = "pose,q1 [deg],q2 [deg],x [mm],y [mm],z [mm]\n1,10,20,1,2,3\n2,30,40,4,5,6\n"
+
+
+def test_numbered_columns_are_the_joints_in_their_order(tmp_path, rodgen_command: Run):
+    joint = '[[joint]]\nname = "A"\ntype = "revolute"\naxis = [1, 0, 0]\n\n[[target]]'
+    (tmp_path / "m.toml").write_text(MACHINES["one"].replace("[[target]]", joint, 1))
+    (tmp_path / "t.csv").write_text(f"a remark\n{NUMBERED}")
+    files = ("import", tmp_path / "m.toml", tmp_path / "t.csv", "-d", tmp_path / "d.csv")
+    code, _, err = rodgen_command(*files)
+    assert code == 2
+    assert "t.csv: line 2: no column of joint C; expected --joints q1, where the columns from" in err
+    _, _, err = rodgen_command(*files, "--joints", "q1")
+    assert err == ""
+    data = Measurements.load(tmp_path / "d.csv")
+    assert [data.columns[name].values.tolist() for name in ("C", "A")] == [[10, 30], [20, 40]]
+    for first, expected in (
+        ("q2", "line 2: no column 'q3' for A"),
+        ("q", "--joints: 'q'; expected the name of"),
+    ):
+        code, _, err = rodgen_command(*files, "--joints", first)
+        assert code == 2
+        assert expected in err
 
 
 def test_a_matlab_matrix_alone_has_more_readings_than_columns(tmp_path):

@@ -23,7 +23,7 @@ Make a machine file of a file in another form, and measurements where it has rea
 check the two files.
 
   rodgen import robot.urdf --base base_link --tip tool0 -o machine.toml
-  rodgen import table.csv --convention standard -o machine.toml
+  rodgen import table.csv readings.csv --joints q1 -o machine.toml -d data.csv
   rodgen import run.dat -o machine.toml -d data.csv
   rodgen import run.dat model.mod -o machine.toml -d data.csv
   rodgen import machine.toml readings.xlsx -d data.csv --column A="-A_axis [deg]" --units mm,deg
@@ -32,7 +32,7 @@ SOURCE is
   a robot in URDF: the chain of joints from the link --base to the link --tip. Lengths become mm, limits travels;
   fixed joints are part of what they join.
   a pointing run of TPOINT: alt-azimuth or equatorial, formats 1 to 4; or the log of the MMT's mount.
-  a Denavit-Hartenberg table, CSV with the columns theta, d, a and alpha, and --convention; or TOML.
+  a Denavit-Hartenberg table, CSV with the columns theta, d, a and alpha; or TOML.
   a model of TPOINT, alone or with a run: its terms become effects with held parameters.
   a machine file, or one of these, with tables of readings: CSV or other text, .xlsx or .mat; one file, or one a target
   or a run. Columns are known by their names, by --column, or by [columns] of the machine file: joints; x y z, or
@@ -85,6 +85,11 @@ def _add_options(made: argparse.ArgumentParser) -> None:
         help="of a table: what a column is, with sign, unit and offset, such as A='-A_axis [deg] + 90'",
     )
     made.add_argument(
+        "--joints",
+        metavar="FIRST",
+        help="of a table: the column of the machine's first joint, such as q1; q2, q3 … are the others in their order",
+    )
+    made.add_argument(
         "--units",
         metavar="LENGTH,ANGLE",
         type=_units,
@@ -105,7 +110,7 @@ def _add_options(made: argparse.ArgumentParser) -> None:
     made.add_argument(
         "--convention",
         choices=("standard", "modified"),
-        help="of a Denavit-Hartenberg table: the link after each joint, or before it",
+        help="of a Denavit-Hartenberg table that does not tell: the link after each joint, or before it",
     )
     made.add_argument(
         "--estimate",
@@ -255,12 +260,20 @@ def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[s
     """Return what was imported with the readings of tables."""
     from rodgen.errors import UnexpectedError
     from rodgen.machines.files.read import column_source
-    from rodgen.machines.imports.tables import measurements_of
+    from rodgen.machines.imports.tables import measurements_of, numbered
     from rodgen.machines.measured import NOTATIONS
+    from rodgen.machines.parts import ColumnSource
 
     if made.columns:
         raise InputFileError(kinds[_READINGS][0], "file", "a table, and a pointing run", "one of the two")
     stated = dict(made.machine.column_sources)
+    if options.joints:
+        joints = [joint.column for joint in made.machine.joints if joint.is_read]
+        try:
+            theirs = numbered(options.joints, len(joints))
+        except UnexpectedError as error:
+            raise refused("--joints", error.found, error.expected) from None
+        stated |= {joint: ColumnSource(column) for joint, column in zip(joints, theirs, strict=True)}
     for text in options.column:
         name, mark, rest = text.partition("=")
         try:

@@ -45,6 +45,7 @@ DATA = (".csv", ".csv.gz", ".parquet")
 MOST_FILES = 20
 _CHOICES: dict[str, tuple[str, Any]] = {
     "column": ("Columns of a table, parted by ;", "A=-A_axis [deg] + 90; x=X meas"),
+    "joints": ("Column of the first joint; others are numbered on", "q1"),
     "units": ("Units of columns without", "mm,deg"),
     "base": ("URDF: link that stands still", "base_link"),
     "tip": ("URDF: link that is measured", "tool0"),

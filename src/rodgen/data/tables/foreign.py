@@ -67,6 +67,8 @@ class ForeignTable:
     """Of each row, such as ``"line 17"``."""
     notes: tuple[str, ...]
     """How it was read."""
+    header: str = "file"
+    """Where the names of the columns are, such as ``"line 3"``."""
 
     def numbers(self, column: ForeignColumn) -> list[float]:
         """Return a column as numbers, NaN where it is blank.
@@ -274,11 +276,13 @@ def _of_mat(file: str) -> ForeignTable:
         arrays |= (
             {f: np.asarray(value[f].flat[0]) for f in fields} if fields and value.size == 1 else {name: value}
         )
-    arrays = {n: a for n, a in arrays.items() if a.dtype.kind in "fiub" and a.ndim == 2 and a.size}
-    # MATLAB has points as rows or as columns: a row of the table is what most arrays have as many of
-    sizes = Counter(size for a in arrays.values() for size in ({*a.shape} if min(a.shape) > 1 else {a.size}))
+    arrays = {n: a for n, a in arrays.items() if a.dtype.kind in "fiub" and a.ndim >= 2 and a.size}
+    flat = {n: a for n, a in arrays.items() if a.ndim == 2}
+    # MATLAB has points as rows or as columns: a row of the table is what most arrays have as many of; not one number
+    several = [a for a in flat.values() if a.size > 1] or [*flat.values()]
+    sizes = Counter(size for a in several for size in ({*a.shape} if min(a.shape) > 1 else {a.size}))
     rows = max(sizes, key=lambda size: (sizes[size], size), default=0)
-    left = [name for name, array in arrays.items() if rows not in array.shape]
+    left = [name for name, array in arrays.items() if name not in flat or rows not in array.shape]
     turned = [n for n, a in arrays.items() if n not in left and a.shape[0] != rows and min(a.shape) > 1]
     columns: list[ForeignColumn] = []
     for name, array in arrays.items():
@@ -299,7 +303,7 @@ def _of_mat(file: str) -> ForeignTable:
         )
     note = f"{os.path.basename(file)}: MATLAB arrays of {rows} rows"
     note += f", which are columns of {joined(turned)}" if turned else ""
-    note += f"; of another length, and not read: {joined(left)}." if left else "."
+    note += f"; of another shape, and not read: {joined(left)}." if left else "."
     return ForeignTable(file, tuple(columns), tuple(f"row {k + 1}" for k in range(rows)), (note,))
 
 
@@ -361,7 +365,9 @@ def _of_rows(
             name, unit = parts["name"].strip(), written
         if text:
             columns.append(ForeignColumn(text, name, unit, column))
-    return ForeignTable(file, tuple(columns), tuple(f"{counted} {n}" for n, _ in body), notes)
+    return ForeignTable(
+        file, tuple(columns), tuple(f"{counted} {n}" for n, _ in body), notes, f"{counted} {rows[at][0]}"
+    )
 
 
 def _cell(cell: Any) -> Any:

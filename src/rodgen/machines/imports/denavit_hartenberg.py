@@ -80,7 +80,7 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
         CSV with the columns theta, d, a, alpha, their units in brackets, and where wanted joint (a name), type (R or
         P), sign (+1 or -1), low and high (the travel of joints that turn); or TOML.
     convention : {"standard", "modified"}, optional
-        A TOML table says it itself.
+        Left out: what the table tells; a TOML table says it itself.
 
     Returns
     -------
@@ -97,9 +97,6 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
     if file.lower().endswith(".toml"):
         title, convention, unit, rows, tool = _of_toml(file, convention)
     else:
-        if convention is None:
-            expected = ", or ".join(f"{name}, {order}" for name, order in CONVENTIONS.items())
-            raise InputFileError(file, "--convention", "not given for a Denavit-Hartenberg table", expected)
         title, tool = os.path.splitext(os.path.basename(file))[0], (0.0, 0.0, 0.0)
         unit, rows = _of_csv(file)
     if not 0 < len(rows) <= MOST_JOINTS:
@@ -107,6 +104,9 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
     largest = max(abs(getattr(row, key)) for row in rows for key in (*_NUMBERS, "beta"))
     if not largest < _LARGEST:
         raise InputFileError(file, "file", f"a number of {largest:g}", "lengths and angles of a usual size")
+    told = ""
+    if convention is None:
+        convention, told = _told(file, rows)
     names: list[str] = []
     for row in rows:
         names.append(machine_name(row.name, names, joint=True))
@@ -135,7 +135,30 @@ def machine_from_table(path: str | os.PathLike[str], convention: str | None = No
             Measured("point", "free"),
             estimate=("target",),
         ),
-        (head, *_notes(names, rows), *_on_coaxial(joints, convention)),
+        (head, *([told] if told else []), *_notes(names, rows), *_on_coaxial(joints, convention)),
+    )
+
+
+def _told(file: str, rows: Sequence[_Row]) -> tuple[str, str]:
+    """Return the convention of a table, and a note on what tells it.
+
+    The frame at rest stands on the first axis of a modified table, that of the last joint on its axis in a standard
+    one: no link is there. Read the other way, such a link makes two joints turn about one axis.
+
+    Raises
+    ------
+    InputFileError
+        Where both ends have a link, or none has.
+    """
+    first, last = (not (row.a or row.alpha or row.beta) for row in (rows[0], rows[-1]))
+    if first == last:
+        found = "a and alpha of the first row and of the last are " + ("all 0" if first else "not 0")
+        expected = ", or ".join(f"{name}, {order}" for name, order in CONVENTIONS.items())
+        raise InputFileError(file, "--convention", f"none, and the table does not tell it: {found}", expected)
+    convention, end = ("modified", "first") if first else ("standard", "last")
+    return (
+        convention,
+        f"It is {convention}, as a and alpha of the {end} row are 0; --convention says otherwise.",
     )
 
 

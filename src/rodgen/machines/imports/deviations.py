@@ -67,7 +67,7 @@ def as_distances(machine: Machine, table: ForeignTable) -> ForeignTable:
     else:
         what = f"the column {shown(position.header)} of a machine with the joints {joined(joints)}"
         expected = f"--column JOINT={shown(position.name)}, or the joint's name in its place"
-        raise InputFileError(table.file, "header", what, expected)
+        raise InputFileError(table.file, table.header, what, expected)
     commanded = np.array(table.numbers(position)) * _factor(
         table, position, "angle" if joint.revolute else "length", machine
     )
@@ -136,7 +136,7 @@ def of_ballbar(machine: Machine, table: ForeignTable, plane: str, radius: float)
     if angle is None or (length is None and off is None):
         expected = "angle, and radius or deviation"
         raise InputFileError(
-            table.file, "header", f"columns {listed([c.header for c in table.columns])}", expected
+            table.file, table.header, f"columns {listed([c.header for c in table.columns])}", expected
         )
     turn = np.array(table.numbers(angle)) * _factor(table, angle, "angle", machine)
     first, second = (np.eye(3)["XYZ".index(axis)] for axis in plane)

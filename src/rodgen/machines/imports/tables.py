@@ -21,7 +21,7 @@ import numpy as np
 
 from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, is_number, read_foreign
 from rodgen.data.units import ANGLE, LENGTH, TIME, parse_unit
-from rodgen.errors import InputFileError, in_file, joined, listed, nearest_name, shown
+from rodgen.errors import InputFileError, UnexpectedError, in_file, joined, listed, nearest_name, shown
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
 from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.machine import Joint, Machine
@@ -222,10 +222,10 @@ def _of_table(
         if column.name in _KEPT or column.name.startswith(_PREFIXES):
             _take_named(columns, column.name, (), machine)
     _take_named(columns, "t", _OTHER_NAMES["t"], machine)
+    _check_all(columns, machine, wide)
     if not wide:
         _take_target(columns, machine, is_stated="target" in stated, is_target=is_target)
     _leave_unreadable_time(columns, stated)
-    _check_all(columns, machine, wide)
     taken = {id(column) for column, _ in columns.found.values()}
     taken |= {id(column) for each in wide.values() for column in each.values()}
     left = [column.header for column in table.columns if id(column) not in taken]
@@ -253,7 +253,7 @@ def _take_stated(columns: _Columns, stated: Mapping[str, ColumnSource]) -> None:
             near = nearest_name(source.name, theirs)
             expected = f"{near!r}, perhaps" if near else listed([c.header for c in columns.table.columns])
             found = f"no column {shown(source.name)} for {name}"
-            raise InputFileError(columns.table.file, "header", found, expected)
+            raise InputFileError(columns.table.file, columns.table.header, found, expected)
         columns.found[name] = column, source
         how = "-" if source.sign < 0 else ""
         how += shown(column.header) + (f" {source.offset:+g}" if source.offset else "")
@@ -301,7 +301,8 @@ def _take_target(columns: _Columns, machine: Machine, *, is_stated: bool, is_tar
     """Take the column that says which target was read in each row.
 
     Its labels are names of targets, the numbers in them, or as many as there are targets, in the order in which they
-    occur. A column whose labels name rows or poses is not taken.
+    occur. A column whose labels name rows or poses is not taken, nor one of a machine with one target unless it has
+    two labels at one command.
 
     Parameters
     ----------
@@ -332,7 +333,10 @@ def _take_target(columns: _Columns, machine: Machine, *, is_stated: bool, is_tar
             how = how or ("" if column in called else ", which has names of targets")
             columns.notes.append(f"target is {shown(column.header)}{how}.")
             return
-        if (each and not (poses or len(each) == len(labels) or _plain(column.name) == "point")) or is_stated:
+        # of one target, labels that no command has two of are of rows, whatever the column is called
+        rows_of = len(names) == 1 and len(pairs) == len({command for _, command in pairs})
+        is_label = poses or rows_of or len(each) == len(labels)
+        if (each and not (is_label or _plain(column.name) == "point")) or is_stated:
             wrong = next((k for k, label in zip(rows, labels, strict=True) if label not in names), 0)
             place = f"{columns.table.places[wrong]}, column {shown(column.header)}"
             what = "the machine's target" if len(names) == 1 else "one of the machine's targets"
@@ -433,7 +437,7 @@ def _named_targets(
         if len(wide) != len(targets):
             found = f"readings of {len(wide)} targets, {joined(wide)}"
             raise InputFileError(
-                columns.table.file, "header", found, f"those of the machine: {joined(targets)}"
+                columns.table.file, columns.table.header, found, f"those of the machine: {joined(targets)}"
             )
         wide = dict(zip(targets, wide.values(), strict=True))
     said = [f"{target} is {' '.join(shown(axes[x].header) for x in 'xyz')}" for target, axes in wide.items()]
@@ -457,7 +461,43 @@ def _check_all(columns: _Columns, machine: Machine, wide: Mapping[str, Any]) -> 
         if name not in columns.found:
             what = f"joint {name}" if name in _commanded(machine) else name
             expected = f"--column {name}=THEIRS, where THEIRS is {listed(headers)}"
-            raise InputFileError(columns.table.file, "header", f"no column of {what}", expected)
+            if name in _commanded(machine) and (
+                first := _first_of_numbered(columns, len(_commanded(machine)))
+            ):
+                expected = f"--joints {first}, where the columns from that on are the joints in their order"
+            raise InputFileError(columns.table.file, columns.table.header, f"no column of {what}", expected)
+
+
+def _first_of_numbered(columns: _Columns, count: int) -> str:
+    """Return the first of so many columns that are numbered on, such as q1, q2 and q3; empty where none are."""
+    names = {column.name for column in columns.table.columns}
+    for name in (column.name for column in columns.table.columns):
+        with contextlib.suppress(UnexpectedError):
+            if numbered(name, count)[-1] in names and {*numbered(name, count)} <= names:
+                return name
+    return ""
+
+
+def numbered(first: str, count: int) -> list[str]:
+    """Return the names of columns that are numbered on from the first.
+
+    Examples
+    --------
+    >>> numbered("q1", 3), numbered("axis_0_actual", 2)
+    (['q1', 'q2', 'q3'], ['axis_0_actual', 'axis_1_actual'])
+
+    Raises
+    ------
+    UnexpectedError
+        Where the first has no number.
+    """
+    found = re.fullmatch(r"(.*?)(\d+)(\D*)", first)
+    if found is None:
+        raise UnexpectedError(
+            shown(first), "the name of the first joint's column, with its number, such as q1"
+        )
+    before, number, after = found.groups()
+    return [f"{before}{int(number) + k}{after}" for k in range(count)]
 
 
 def _kept_rows(columns: _Columns) -> tuple[list[int], list[str]]:
