@@ -80,6 +80,11 @@ def digest(*texts: str) -> str:
     return found.hexdigest()[:16]
 
 
+def name_of(effect: Any) -> str:
+    """Return an effect's name and place."""
+    return " at ".join(filter(None, effect.identity))
+
+
 def record_of(found: Any) -> dict[str, Any]:
     """Return what a diagnosis says, as plain data."""
     rms = found.rms
@@ -88,14 +93,14 @@ def record_of(found: Any) -> dict[str, Any]:
         *((one.named, one) for one in found.indistinguishable_sets),
     ]
     equals = {
-        f"{' and '.join(e.title for e in several)} = {' and '.join(e.title for e in one.effects)}": one.odds
+        f"{' and '.join(name_of(e) for e in several)} = {' and '.join(name_of(e) for e in one.effects)}": one.odds
         for several, one in replaced
     }
     return {
         "verdict": found.verdict,
         "reason": found.reason or found.wrong_bounds,
         "steps": [
-            *(step.effect.title for step in found.steps),
+            *(name_of(step.effect) for step in found.steps),
             *(
                 f"{form.component} += {form.form} at {form.joint}, by {form.driver}"
                 for form in found.unexplained
@@ -103,7 +108,7 @@ def record_of(found: Any) -> dict[str, Any]:
         ],
         "equals": list(equals),
         "odds": [
-            *(f"{one.effect.title}: {rounded(one.odds)}" for one in found.found),
+            *(f"{name_of(one.effect)}: {rounded(one.odds)}" for one in found.found),
             *(f"{text}: {rounded(odds)}" for text, odds in equals.items()),
         ],
         "sizes": {key: [number(e.value, 9), number(e.std, 5)] for key, e in found.estimates.items()},

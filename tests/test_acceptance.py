@@ -22,7 +22,7 @@ def test_a_pair_is_judged_together(tmp_path):
     case = real("altaz", 50)
     found = diagnosis_of(case, tmp_path)
     first, second = found.steps
-    assert {first.effect.title, second.effect.title} == {"tube_flexure", "refraction"}
+    assert {first.effect.title, second.effect.title} == {"tube_flexure (TF)", "refraction (TX)"}
     assert second.rms_held_out < found.rms.before_held_out < first.rms_held_out
     said = f"{first.effect.title} lowers the error only together with {second.effect.title}."
     assert said in str(found)

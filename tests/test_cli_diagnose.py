@@ -71,7 +71,7 @@ def parsed(text):
 def test_json_is_all_that_is_printed(diagnosed):
     mount, gantry = (parsed(diagnosed[name]) for name in DATA)
     counted = ["rows", "copies", "set_aside", "odds", "outliers"]
-    assert list(mount) == ["verdict", *counted, "rms", "steps", "unexplained", "dependence"]
+    assert list(mount) == ["verdict", *counted, "rms", "steps", "unexplained", "dependence", "pointing"]
     assert (mount["verdict"], mount["rows"], mount["rms"]["unit"]) == ("effects_missing", 80, "arcsec")
     assert mount["rms"]["before"] == pytest.approx(2.711, abs=5e-4)
     assert mount["rms"]["after"] <= 0.66
@@ -276,7 +276,7 @@ def test_the_file_that_is_written_is_the_old_one_with_what_was_found(with_diagno
 def test_only_some_of_the_effects_are_written(with_diagnoses, rodgen_command):
     command = ("diagnose", "mount.toml", "stars.csv")
     code, out, _ = rodgen_command(*command, "-o", "better.toml", "--only", "2")
-    assert (code, out.splitlines()[-1]) == (0, "better.toml: mount.toml with refraction")
+    assert (code, out.splitlines()[-1]) == (0, "better.toml: mount.toml with refraction (TX)")
     assert [effect.name for effect in rodgen.Machine.load("better.toml").effects] == ["refraction"]
     code, _, err = rodgen_command(*command, "-o", "more.toml", "--only", "3")
     assert (code, err) == (2, "command line: --only: 3; expected 1 to 2, what was found\n")

@@ -278,7 +278,7 @@ def test_a_default_name_never_overwrites(folder, rodgen_command):
 
 def test_the_machine_itself_may_be_changed(folder, rodgen_command):
     assert rodgen_command("add", "mount.toml", "refraction", "-o", "mount.toml")[0] == 0
-    assert [e.title for e in rodgen.Machine.load("mount.toml").effects] == ["refraction"]
+    assert [e.title for e in rodgen.Machine.load("mount.toml").effects] == ["refraction (TX)"]
     assert rodgen_command("remove", "mount.toml", "refraction", "-o", "mount.toml")[0] == 0
     # an empty line that stood before the block may stay
     assert (folder / "mount.toml").read_text().strip() == (

@@ -11,8 +11,9 @@ import pytest
 from machine_simulator import Simulated, rotation
 
 from rodgen.errors import InputFileError
-from rodgen.machines.imports.mounts import ALTAZ
+from rodgen.machines.imports.tpoint_model import mount_machine
 from rodgen.machines.machine import Machine, Measured
+from rodgen.machines.mounts import ALTAZ
 
 MACHINE = """name = "Table"
 units = { length = "mm", angle = "deg" }
@@ -254,7 +255,9 @@ def test_a_control_with_the_terms_of_tpoint_points_at_the_stars(tmp_path):
         ("AZ", "axis_tilt"): {"a": 30 * arcsec, "b": -20 * arcsec},
         ("EL", "axis_tilt"): {"a": 0, "b": 25 * arcsec},
     }
-    machine = replace(ALTAZ.machine("Telescope", 0.6), measured=Measured("direction", "machine"), estimate=())
+    machine = replace(
+        mount_machine(ALTAZ, "Telescope", 0.6), measured=Measured("direction", "machine"), estimate=()
+    )
     for (joint, name), hold in hidden.items():
         machine = machine.add(name, joint=joint, hold=hold)
     machine = machine.add("tube_flexure", hold={"a": 12 * arcsec})

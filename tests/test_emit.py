@@ -58,8 +58,9 @@ from rodgen.machines.emit._render import render
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.files.read import JOINT_NAME
 from rodgen.machines.files.toml import UnfitError
-from rodgen.machines.imports.mounts import ALTAZ
+from rodgen.machines.imports.tpoint_model import mount_machine
 from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.machines.mounts import ALTAZ
 
 WITHIN = 1e-10
 X, Y, Z = np.eye(3)
@@ -1024,7 +1025,8 @@ LEGAL_NAMES = [
 def test_what_programs_read_of_other_forms_is_that_of_plain_names(form, examples, tmp_path):
     def machine(title: str, slide: str, target: str) -> Machine:
         if form == "tpoint":
-            return replace(ALTAZ.machine(title, 0.6), values={f"{n}.axis.{x}": 1e-4 for n in ("AZ", "EL") for x in "ab"}
+            mount = mount_machine(ALTAZ, title, 0.6)
+            return replace(mount, values={f"{n}.axis.{x}": 1e-4 for n in ("AZ", "EL") for x in "ab"}
                            | {"target.boresight.a": 1e-4, "target.boresight.b": -1e-4})  # fmt: skip
         slide = "X" if form == "linuxcnc" else slide
         made = Machine(

@@ -17,10 +17,10 @@ from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.symbols import symbols
 from rodgen.machines.imports.denavit_hartenberg import machine_from_table
-from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
-from rodgen.machines.imports.tpoint_model import read_model, with_terms
+from rodgen.machines.imports.tpoint_model import mount_machine, read_model, with_terms
 from rodgen.machines.imports.urdf import machine_from_urdf
 from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.machines.mounts import ALTAZ, EQUATORIAL
 
 ARC = np.pi / 648000
 
@@ -130,7 +130,7 @@ def test_a_denavit_hartenberg_table_has_the_poses_of_the_model(tmp_path, convent
 @pytest.mark.parametrize("mount", [ALTAZ, EQUATORIAL], ids=lambda mount: mount.name)
 @pytest.mark.parametrize("frame", ["machine", "free"])
 def test_a_model_of_tpoint_points_as_the_machine(tmp_path, mount, frame):
-    machine = mount.machine("Telescope", 0.6)
+    machine = mount_machine(mount, "Telescope", 0.6)
     first, second = mount.joints
     keys = [f"{name}.axis.{x}" for name in (first, second) for x in "ab"]
     keys += ["target.boresight.a", "target.boresight.b"]
@@ -157,7 +157,7 @@ def test_a_model_of_tpoint_points_as_the_machine(tmp_path, mount, frame):
     star = np.stack([made[f"u{x}"] for x in "xyz"], axis=1)
     if frame == "free":
         star = star @ Rotation.from_rotvec([turn[f"frame.r{x}"] for x in "xyz"]).as_matrix().T
-    from_terms = mount.machine("Again", 0.6)
+    from_terms = mount_machine(mount, "Again", 0.6)
     again = with_terms(from_terms, mount, read_model(path), 0.6, str(path))
     read = simulate(again, design, noise=0.0, seed=1).columns
     other = np.stack([read[f"u{x}"] for x in "xyz"], axis=1)
@@ -234,10 +234,10 @@ def test_what_cannot_be_written_is_one_sentence(tmp_path, capsys):
     ):
         arm().emit("tpoint", tmp_path)
     with pytest.raises(InputFileError, match="no error of position; expected an effect such as scale"):
-        replace(ALTAZ.machine("Telescope", 0.6), estimate=()).emit("screw", tmp_path)
+        replace(mount_machine(ALTAZ, "Telescope", 0.6), estimate=()).emit("screw", tmp_path)
     with pytest.raises(InputFileError, match="no value yet; expected a fitted machine"):
-        ALTAZ.machine("Telescope", 0.6).emit("tpoint", tmp_path)
-    mount = ALTAZ.machine("Telescope", 0.6).add("backlash", joint="AZ", hold={"b": 0.001})
+        mount_machine(ALTAZ, "Telescope", 0.6).emit("tpoint", tmp_path)
+    mount = mount_machine(ALTAZ, "Telescope", 0.6).add("backlash", joint="AZ", hold={"b": 0.001})
     fitted = replace(mount, estimate=())
     with pytest.raises(InputFileError, match=r"backlash at AZ: no term of TPOINT; expected effects that"):
         fitted.emit("tpoint", tmp_path)
@@ -295,7 +295,7 @@ def test_numbers_have_their_expanded_uncertainties(tmp_path):
     assert stated == pytest.approx([2 * change for change in changes if change > 1e-12], rel=0.05)
     assert len(stated) > 1
 
-    mount = replace(ALTAZ.machine("Telescope", 0.6), estimate=())
+    mount = replace(mount_machine(ALTAZ, "Telescope", 0.6), estimate=())
     mount = replace(mount, values={"AZ.axis.a": 30 * ARC, "AZ.axis.b": -20 * ARC})
     (path,) = mount.emit(
         "tpoint",
@@ -534,7 +534,7 @@ def test_numbers_of_a_table_that_are_held_or_undefined_have_no_uncertainty(tmp_p
 
 def test_what_points_is_the_x_axis_of_its_link_in_a_urdf(tmp_path):
     ikpy = pytest.importorskip("ikpy.chain")
-    machine = replace(EQUATORIAL.machine("Telescope", 0.6), estimate=())
+    machine = replace(mount_machine(EQUATORIAL, "Telescope", 0.6), estimate=())
     machine = machine.add("zero_offset", joint="HA", hold={"a": 0.2}).add(
         "axis_tilt", joint="DEC", hold={"a": 0.1, "b": 0.2}
     )

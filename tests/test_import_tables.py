@@ -20,9 +20,9 @@ from rodgen.data.measurements import Measurements
 from rodgen.data.tables.foreign import read_foreign
 from rodgen.errors import InputFileError
 from rodgen.machines.files.read import column_source
-from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.imports.tables import measurements_of
 from rodgen.machines.machine import Machine
+from rodgen.machines.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.templates import machine_template
 
 Run = Callable[..., tuple[int, str, str]]

@@ -14,11 +14,17 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.imports.tpoint_data import read_pointings
-from rodgen.machines.imports.tpoint_model import machine_from_tpoint, model_text, read_model, terms_of
+from rodgen.machines.imports.tpoint_model import (
+    machine_from_tpoint,
+    model_text,
+    mount_machine,
+    read_model,
+    terms_of,
+)
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
+from rodgen.machines.mounts import ALTAZ, EQUATORIAL
 
 Run = Callable[..., tuple[int, str, str]]
 ROOT = Path(__file__).parent.parent
@@ -319,7 +325,7 @@ def test_a_model_is_known_by_its_terms(second, tmp_path, rodgen_command: Run):
     assert (code, err) == (0, "")
     assert "model.dat: a model, whose terms are held effects: IH, ID and CH" in out
     held = {effect.title: dict(effect.hold) for effect in Machine.load(tmp_path / "m.toml").effects}
-    assert held["zero_offset at HA"]["a"] == pytest.approx(np.radians(-320.4815 / 3600))
+    assert held["zero_offset at HA (IH)"]["a"] == pytest.approx(np.radians(-320.4815 / 3600))
 
 
 def test_a_model_and_a_run_make_one_machine(tmp_path, rodgen_command: Run):
@@ -330,7 +336,7 @@ def test_a_model_and_a_run_make_one_machine(tmp_path, rodgen_command: Run):
     assert "model.mod: a model, whose terms are held effects: IH and TF" in out
     made = Machine.load(machine)
     assert made.gravity == pytest.approx((-np.cos(0.55307353), 0, -np.sin(0.55307353)))
-    assert [effect.title for effect in made.effects] == ["zero_offset at HA", "tube_flexure"]
+    assert [effect.title for effect in made.effects] == ["zero_offset at HA (IH)", "tube_flexure (TF)"]
     assert list(Measurements.load(data).columns) == ["HA", "DEC", "ux", "uy", "uz", "t"]
 
 
@@ -385,7 +391,7 @@ def test_what_is_wrong_with_a_model_is_said_in_one_sentence(terms, expected, tmp
 
 
 def test_an_effect_without_a_term_has_no_model(tmp_path):
-    machine = ALTAZ.machine("m", 0.0)
+    machine = mount_machine(ALTAZ, "m", 0.0)
     found = machine.with_effect(machine.effect("scale", "EL", hold={"k": 1e-4}))
     with pytest.raises(RodgenError, match="scale at EL: no term of TPOINT"):
         terms_of(found, ALTAZ, 0.0)
@@ -400,7 +406,7 @@ def test_a_fit_comes_back_as_the_terms_that_were_simulated(tmp_path):
     o = bind(truth, Measurements.from_frame(columns))
     seen = places(truth, o)
     columns |= dict(zip(("ux", "uy", "uz"), seen.T, strict=True))
-    machine = ALTAZ.machine("m", 0.0)
+    machine = mount_machine(ALTAZ, "m", 0.0)
     found = fit(machine.with_effect(machine.effect("tube_flexure")), Measurements.from_frame(columns))
     # the terms are of first order: products of some tens of arcsec
     assert terms_of(found.machine, ALTAZ, 0.0) == pytest.approx(terms, abs=0.02)

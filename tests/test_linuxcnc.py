@@ -18,8 +18,9 @@ from machine_simulator import Simulated, arcsec
 from rodgen.calibration.simulate import simulate
 from rodgen.cli import main as cli
 from rodgen.errors import InputFileError
-from rodgen.machines.imports.mounts import ALTAZ
+from rodgen.machines.imports.tpoint_model import mount_machine
 from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.machines.mounts import ALTAZ
 
 MODULES = Path("/usr/lib/linuxcnc/modules")
 """Where LinuxCNC takes kinematics from, and from nowhere else."""
@@ -313,4 +314,4 @@ def test_a_machine_that_linuxcnc_has_no_axes_for_is_refused(tmp_path):
     ):
         replace(machine, joints=joints, effects=()).emit("linuxcnc", tmp_path)
     with pytest.raises(InputFileError, match="no chain that moves a point"):
-        replace(ALTAZ.machine("Telescope", 0.6), estimate=()).emit("linuxcnc", tmp_path)
+        replace(mount_machine(ALTAZ, "Telescope", 0.6), estimate=()).emit("linuxcnc", tmp_path)

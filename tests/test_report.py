@@ -153,7 +153,7 @@ VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell
         (
             "effects_missing",
             "Two effects are missing",
-            "refraction; the error falls from 2.71 to 0.659 arcsec.",
+            "refraction (TX); the error falls from 2.71 to 0.659 arcsec.",
         ),
         (
             "unknown_effect",

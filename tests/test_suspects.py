@@ -23,7 +23,7 @@ def test_what_an_effect_would_leave_is_what_it_leaves(mount):
     found = suspects(mount)
     by_title = {s.effect.title: s for s in found.listed}
     assert len(by_title) == len(found.listed)
-    for title in ("tube_flexure", "refraction", "encoder_ellipticity at EL", "scale at EL"):
+    for title in ("tube_flexure (TF)", "refraction (TX)", "encoder_ellipticity at EL", "scale at EL"):
         suspect = by_title[title]
         after = fit(mount.machine.with_effect(suspect.effect), mount.observations)
         explained = found.explained(suspect.effect)
@@ -31,17 +31,17 @@ def test_what_an_effect_would_leave_is_what_it_leaves(mount):
         np.testing.assert_allclose(mount.residuals - explained, after.residuals, atol=0.02)
         assert suspect.log10_odds > 16
         assert suspect.rms == pytest.approx(after.rms, rel=0.005)
-    assert by_title["zero_offset at AZ"].odds == 0.0
-    assert by_title["zero_offset at AZ"].visible < 0.01
-    assert by_title["tube_flexure"].chosen
-    assert by_title["refraction"].chosen
+    assert by_title["zero_offset at AZ (IA)"].odds == 0.0
+    assert by_title["zero_offset at AZ (IA)"].visible < 0.01
+    assert by_title["tube_flexure (TF)"].chosen
+    assert by_title["refraction (TX)"].chosen
 
 
 def test_those_that_data_cannot_tell_apart_follow_each_other(mount):
     found = suspects(mount).listed
     titles = [s.effect.title for s in found]
     like = {s.effect.title: s.like.title for s in found if s.like is not None}
-    assert {"encoder_eccentricity at EL", "tube_flexure"} <= {*like, *like.values()}
+    assert {"encoder_eccentricity at EL (ECEC, ECES)", "tube_flexure (TF)"} <= {*like, *like.values()}
     for follower, leader in like.items():
         between = titles[titles.index(leader) + 1 : titles.index(follower)]
         assert all(like.get(title) == leader for title in between)
@@ -50,12 +50,12 @@ def test_those_that_data_cannot_tell_apart_follow_each_other(mount):
 
 def test_what_a_diagnosis_would_name_stands_first(mount):
     found = suspects(mount).listed
-    assert found[0].effect.title == "tube_flexure"
-    assert [s.effect.title for s in found if s.like is None][:2] == ["tube_flexure", "refraction"]
+    assert found[0].effect.title == "tube_flexure (TF)"
+    assert [s.effect.title for s in found if s.like is None][:2] == ["tube_flexure (TF)", "refraction (TX)"]
     imitating = next(s for s in found if s.effect.title == "encoder_ellipticity at EL")
-    assert imitating.like.title == "tube_flexure"
+    assert imitating.like.title == "tube_flexure (TF)"
     with_flexure = suspects(fit(mount.machine.add("tube_flexure"), mount.observations)).listed
-    assert with_flexure[0].effect.title == "refraction"
+    assert with_flexure[0].effect.title == "refraction (TX)"
 
 
 def test_what_is_no_better_than_nothing_stands_last(mount):
@@ -71,4 +71,4 @@ def test_with_what_is_missing_in_the_model_little_is_left_to_suspect(mount):
     found = suspects(fit(machine, mount.observations)).listed
     assert max(s.odds for s in found) < 100
     assert not any(s.chosen for s in found)
-    assert not {"tube_flexure", "refraction"} & {s.effect.title for s in found}
+    assert not {"tube_flexure (TF)", "refraction (TX)"} & {s.effect.title for s in found}

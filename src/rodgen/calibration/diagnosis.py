@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.open_questions import OpenQuestions
+from rodgen.calibration.pointing import pointing
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
 from rodgen.methods import method
@@ -367,6 +368,8 @@ class Diagnosis(HasOdds, Result):
             **self.base.observations.not_here,
             **plain(self, "odds outliers rms steps unexplained dependence=final_with_forms.dependence"),
         }
+        if on_sky := pointing(self.final_with_forms):
+            found["pointing"] = on_sky.to_dict()
         if self.geometry is not None:
             found |= plain(self, "geometry")
         if self.further_exclusions:
@@ -379,12 +382,14 @@ class Diagnosis(HasOdds, Result):
 
     @property
     def unseen(self) -> tuple[Effect, ...]:
-        """Effects that these data could not show at all."""
+        """Effects that these data could not show at all; on a mount none whose terms the model has in other parts."""
         sized = {
             one.effect.title for one in self.could_hide
         }  # with another value of what is searched it shows
-        ranked = (r for r in self.ranking if r.visible < COST.visible)
-        return tuple(r.effect for r in ranked if r.effect.title not in sized)
+        ranked = [r.effect for r in self.ranking if r.visible < COST.visible]
+        if on_sky := pointing(self.final_with_forms):
+            ranked = [e for e in ranked if not (e.terms and e.term_names <= on_sky.terms.keys())]
+        return tuple(effect for effect in ranked if effect.title not in sized)
 
     @property
     def open_questions(self) -> OpenQuestions:

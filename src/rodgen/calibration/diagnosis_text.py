@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rodgen.calibration.gross_readings import on_outliers
+from rodgen.calibration.pointing import pointing
 from rodgen.calibration.words import (
     IN_UNCERTAINTIES,
     comparison,
@@ -118,7 +119,7 @@ def with_alternatives(step: DiagnosedEffect) -> str:
     others = joined([together(alias) for alias in near])
     if len(near) > MOST_IN_VERDICT:
         others = f"{len(near)} others"
-    return f"{step.effect.title} (here indistinguishable from {others})"
+    return step.effect.titled(f"here indistinguishable from {others}")
 
 
 def together(alias: Alias) -> str:
@@ -208,9 +209,17 @@ def _lines(d: Diagnosis) -> Iterator[str]:
         return
     yield ""
     yield from _ladder(d)
+    on_sky = pointing(d.final_with_forms)
+    if on_sky is not None:
+        yield from textwrap.wrap(on_sky.sentence(d.base.rms if d.found else None), WIDTH)
     for steps in of_one_kind(d.steps):
         yield ""
         yield from of_effects(steps, d.base.machine)
+    if on_sky is not None:
+        yield ""
+        yield from _paragraph(
+            "TPOINT", joined([f"{term} {e.text}" for term, e in on_sky.terms.items()]) + "."
+        )
     for said in on_sets(d):
         yield ""
         yield from textwrap.wrap(said, WIDTH)
@@ -323,7 +332,8 @@ def of_effects(steps: Sequence[DiagnosedEffect], machine: Machine) -> Iterator[s
     many = len(steps) > 1
     yield f"{effect.name} at {joined([str(s.effect.place) for s in steps])}" if many else effect.title
     for step in steps:
-        yield from _parameters(step.parameters, f" at {step.effect.place}" if many else "")
+        labelled = {step.effect.label(name): e for name, e in step.parameters.items()}
+        yield from _parameters(labelled, f" at {step.effect.place}" if many else "")
         yield from _paragraph("", at_reach(step, machine))
         yield from _paragraph("Unusual", far_from_usual(step, machine))
         for k, text in enumerate(alternatives(step)):

@@ -10,6 +10,7 @@ import numpy as np
 from rodgen.calibration.decidability import held_at_bounds, why_wrong_geometry
 from rodgen.calibration.fitted import Estimate, Fit
 from rodgen.calibration.gross_readings import on_gross_readings, on_outliers
+from rodgen.calibration.pointing import pointing
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance
 from rodgen.errors import joined
@@ -63,6 +64,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         **plain(fit, "parameters=estimates"),
         "geometry": geometry(fit),
         **plain(fit, "held_out_geometry"),
+        **({"pointing": on_sky.to_dict()} if (on_sky := pointing(fit)) else {}),
         "undetermined": [
             {"parts": dict(d.parts), "gauge": d.gauge, "text": d.text} for d in fit.determinacy.directions
         ],
@@ -115,6 +117,10 @@ def _lines(fit: Fit) -> Iterator[str]:
             yield fit.dependence.text
         if any(e.convention for e in shown):
             yield CONVENTION
+    if on_sky := pointing(fit):
+        yield ""
+        yield on_sky.sentence()
+        yield from _table([*on_sky.terms.values()], "TPOINT's term")
     if fit.determinacy.held:
         yield ""
         yield (
@@ -185,10 +191,10 @@ def _about_modes(fit: Fit) -> Iterator[str]:
             )
 
 
-def _table(estimates: list[Estimate]) -> Iterator[str]:
+def _table(estimates: list[Estimate], title: str = "parameter") -> Iterator[str]:
     """Yield the parameters."""
-    width = max(len(e.key) for e in estimates)
-    yield f"{'parameter':{width}}  {'value':>12}  {'std':>10}  unit"
+    width = max(len(key) for key in (title, *(e.key for e in estimates)))
+    yield f"{title:{width}}  {'value':>12}  {'std':>10}  unit"
     for e in estimates:
         value, spread, unit = e.shown
         if e.held:

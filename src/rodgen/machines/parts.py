@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -207,11 +207,14 @@ class Effect:
         Name of a joint or of a target; None: the whole machine.
     hold : mapping of str to float
         Parameters that are not estimated, with their values.
+    terms : mapping of str to str
+        On a mount, the terms of TPOINT that parameters are, such as ``{"a": "-TX"}``.
     """
 
     definition: EffectDefinition
     place: str | None = None
     hold: Mapping[str, float] = field(default_factory=dict, hash=False)
+    terms: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     @property
     def name(self) -> str:
@@ -230,8 +233,23 @@ class Effect:
 
     @property
     def title(self) -> str:
-        """Name and place, such as ``backlash at C``."""
-        return f"{self.name} at {self.place}" if self.place else self.name
+        """Name and place, such as ``backlash at C``; on a mount with TPOINT's terms, ``tube_flexure (TF)``."""
+        return self.titled()
+
+    @property
+    def term_names(self) -> Set[str]:
+        """TPOINT's terms that its parameters are, in the order of these."""
+        return {term.removeprefix("-"): None for term in self.terms.values()}.keys()
+
+    def titled(self, *more: str) -> str:
+        """Return the title, with what more is to be said of the effect in the brackets of its terms."""
+        title = f"{self.name} at {self.place}" if self.place else self.name
+        said = "; ".join(filter(None, (", ".join(self.term_names), *more)))
+        return f"{title} ({said})" if said else title
+
+    def label(self, parameter: str) -> str:
+        """Return a parameter's name; on a mount with the term of TPOINT that it is, such as ``a = -TX``."""
+        return f"{parameter} = {self.terms[parameter]}" if parameter in self.terms else parameter
 
     def key(self, parameter: str) -> str:
         """Return the key of a parameter, unique in the machine.

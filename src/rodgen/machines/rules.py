@@ -13,6 +13,7 @@ from rodgen.machines.effects.custom import WORDS
 from rodgen.machines.effects.definition import SKY, EffectDefinition
 from rodgen.machines.effects.symbols import own_term, symbols
 from rodgen.machines.measured import READING_COLUMNS
+from rodgen.machines.mounts import names_of_terms
 from rodgen.machines.parts import Effect, MachineData
 from rodgen.machines.structure import TENSION
 
@@ -79,7 +80,8 @@ def catalogue_effect(machine: MachineData, name: str, place: str | None, hold: M
     definition = next((d for d in same_name if kind in d.at), None)
     if definition is None:
         raise _wrong_place(machine, same_name, kind, place)
-    effect = Effect(definition.for_measurand(machine.measurand), place)
+    terms = names_of_terms(machine, definition, place)
+    effect = Effect(definition.for_measurand(machine.measurand), place, terms=terms)
     return replace(effect, hold=held(machine, effect, hold))
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
+from rodgen.calibration.pointing import pointing
 from rodgen.data.units import UNITS
 from rodgen.errors import InputFileError, RodgenError, joined
 from rodgen.machines.effects.custom import OWN_COMPONENTS, WORDS
@@ -69,6 +70,11 @@ class Model:
                 for estimate in fit.estimates.values():
                     others = [key for key in may_follow if key != estimate.key and key not in machine.ties]
                     self._parameter(estimate, others if estimate.key in may_follow else [])
+            if on_sky := pointing(fit):
+                with ui.expansion("Terms of TPOINT", value=True).props("dense"):
+                    ui.label(on_sky.sentence()).classes("soft")
+                    for term, estimate in on_sky.terms.items():
+                        ui.label(f"{term} {estimate.text}")
 
     def _parameter(self, estimate: Estimate, others: list[str]) -> None:
         """Add the row of a parameter, which can be tied to others."""

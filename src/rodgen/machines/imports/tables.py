@@ -23,9 +23,9 @@ from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, is_number, r
 from rodgen.data.units import ANGLE, LENGTH, TIME, parse_unit
 from rodgen.errors import InputFileError, UnexpectedError, in_file, joined, listed, nearest_name, shown
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
-from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.machine import Joint, Machine
 from rodgen.machines.measured import NOTATIONS, TURNS
+from rodgen.machines.mounts import ALTAZ, EQUATORIAL
 from rodgen.machines.parts import ColumnSource
 
 _PAIRS = {("az", "el"): ALTAZ, ("ha", "dec"): EQUATORIAL}

@@ -27,10 +27,11 @@ from typing import Any
 import numpy as np
 
 from rodgen.array_types import Array
+from rodgen.data.poses import poses
 from rodgen.errors import InputFileError, joined, shown
 from rodgen.files import decoded, read_input
 from rodgen.machines.imports.imported import one_line
-from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL, Mount
+from rodgen.machines.mounts import ALTAZ, EQUATORIAL, Mount
 
 _EXPECTED = "a pointing run of TPOINT"
 _OPTIONS = {"EQUAT": EQUATORIAL, "ALTAZ": ALTAZ}
@@ -85,6 +86,16 @@ class Pointings:
     auxiliary: Array
     """Shape (n, m)."""
     notes: tuple[str, ...]
+    named: tuple[str, ...] = ()
+    """The star of each record, where the file says it."""
+
+    @property
+    def counted(self) -> str:
+        """How many stars there are; and records, where a star was logged again."""
+        records = len(self.seen)
+        places = poses([*self.commanded.T], np.zeros(records, int))
+        stars = len({*self.named}) if len(self.named) == records else len({*places.tolist()})
+        return f"{stars} stars" + (f", {records} records" if stars < records else "")
 
 
 def is_pointing_run(start: bytes) -> bool:
@@ -367,8 +378,11 @@ def _elapsed(sidereal: Array) -> Array:
 def _of_log(file: str, lines: Sequence[tuple[int, str]]) -> Pointings:
     """Return the run of a log: of each star RAA, elevation and azimuth of the encoders, TAA, of the star, and LST."""
     found: dict[str, list[list[float]]] = {"RAA": [], "TAA": [], "LST": []}
+    stars: list[str] = []
     for number, line in lines:
         key, _, rest = line.partition(":")
+        if key == "CAT" and rest.strip():
+            stars.append(rest.split()[0])
         if key in found:
             values = _numbers(file, number, rest.replace(":", " "))
             if len(values) != (3 if key == "LST" else 2):
@@ -400,4 +414,5 @@ def _of_log(file: str, lines: Sequence[tuple[int, str]]) -> Pointings:
         time,
         np.empty((len(raw), 0)),
         tuple(notes),
+        tuple(stars),
     )

@@ -29,29 +29,25 @@ from rodgen.machines.effects.catalogue import TERMS
 from rodgen.machines.effects.symbols import own_term
 from rodgen.machines.files.read import effect_of
 from rodgen.machines.imports.imported import Imported, one_line
-from rodgen.machines.imports.mounts import ALTAZ, EQUATORIAL, MOUNTS, Mount
 from rodgen.machines.imports.tpoint_data import Pointings, read_pointings
 from rodgen.machines.machine import Machine
-from rodgen.machines.parts import Effect
+from rodgen.machines.measured import Measured
+from rodgen.machines.mounts import (
+    ALTAZ,
+    BORESIGHT,
+    EQUATORIAL,
+    GEOMETRY,
+    MOUNTS,
+    OF_NASMYTH,
+    Mount,
+    relation_of,
+)
+from rodgen.machines.parts import Effect, Joint, Target
 from rodgen.machines.rigid import complete_basis
 
 _EXPECTED = "a model of TPOINT"
 _LINE = re.compile(r"(?P<flags>[=&]*)\s*(?P<name>[A-Z][A-Z0-9]*)\s+(?P<value>[-+.\dEe]+)(?:\s+[-+.\dEe]+)*")
-_RELATION = re.compile(
-    r"(?P<sign>-?)(?P<parameter>[ab])(?P<latitude> cos\(latitude\))?(?: \(P = 9 deg\))?"
-    r"(?: at the (?P<axis>\w+) axis)?"
-)
-_OF_MOUNT = {
-    "altaz": ("azimuth", "elevation"),
-    "equatorial": ("polar", "declination"),
-}
-_GEOMETRY = {
-    "altaz": ("IA", "IE", "CA", "NPAE", "AN", "AW"),
-    "equatorial": ("IH", "ID", "CH", "NP", "MA", "ME"),
-}
 _TILTS = {"altaz": ("AN", "AW"), "equatorial": ("MA", "ME")}
-_SUMS = {"NRX": {"ECES": 1.0, "IA": 1.0}, "NRY": {"ECEC": 1.0, "NPAE": -1.0}}
-"""Terms that are sums of others: of a Nasmyth telescope's rotator, seen along the elevation axis."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +63,7 @@ class TpointModel:
     @property
     def mount(self) -> Mount | None:
         """The mount whose terms these are; None where they are of both."""
-        for name, geometry in _GEOMETRY.items():
+        for name, geometry in GEOMETRY.items():
             if any(_is_of(term, name) for term in self.terms if term not in ("TF", "TX")) or any(
                 term in self.terms for term in geometry
             ):
@@ -78,9 +74,8 @@ class TpointModel:
 def _is_of(term: str, mount: str) -> bool:
     """Return whether a term of the catalogue, or of one's own, is at an axis of a mount."""
     if term in TERMS:
-        relation = _RELATION.fullmatch(TERMS[term].tpoint[term])
-        assert relation is not None
-        return relation["axis"] in _OF_MOUNT[mount] or term in _GEOMETRY[mount]
+        relation = relation_of(term, TERMS[term], MOUNTS[mount])
+        return relation is not None and relation.place is not None
     own = own_term(term)
     return own is not None and own.joint in MOUNTS[mount].joints
 
@@ -143,7 +138,7 @@ def with_terms(machine: Machine, mount: Mount, model: TpointModel, latitude: flo
     Parameters
     ----------
     machine : Machine
-        As :meth:`Mount.machine` makes it.
+        As :func:`mount_machine` makes it.
     latitude : float
         rad.
     file : str
@@ -168,13 +163,13 @@ def with_terms(machine: Machine, mount: Mount, model: TpointModel, latitude: flo
     parts = [
         (part, times * value)
         for term, value in model.terms.items()
-        for part, times in _SUMS.get(term, {term: 1.0}).items()
+        for part, times in OF_NASMYTH.get(term, {term: 1.0}).items()
         if term in TERMS
     ]
     for term, value in parts:
         name, place, parameter, factor = _parameter(term, mount, latitude)
         add(name, place, parameter, factor * value)
-        if term in ("HGES", "HGEC", "DGES", "DGEC"):
+        if (relation := relation_of(term, TERMS[term], mount)) and relation.has_period:
             holds[name, place]["P"] = 9 * 3600.0
         if term in _TILTS[mount.name]:
             for follower in _followers(mount, parameter, factor * value):
@@ -190,16 +185,10 @@ def with_terms(machine: Machine, mount: Mount, model: TpointModel, latitude: flo
 
 def _parameter(term: str, mount: Mount, latitude: float) -> tuple[str, str | None, str, float]:
     """Return the effect of a term, its place and its parameter, and the parameter's value for each unit of the term."""
-    definition = TERMS[term]
-    relation = _RELATION.fullmatch(definition.tpoint[term])
-    assert relation is not None
-    place: str | None = None
-    if relation["axis"]:
-        place = mount.joints[_OF_MOUNT[mount.name].index(relation["axis"])]
-    elif "target" in definition.at:
-        place = "boresight"
-    factor = (-1.0 if relation["sign"] else 1.0) / (math.cos(latitude) if relation["latitude"] else 1.0)
-    return definition.name, place, relation["parameter"], factor
+    relation = relation_of(term, TERMS[term], mount)
+    assert relation is not None  # of this mount, as _is_term_for says
+    factor = relation.sign / (math.cos(latitude) if relation.of_latitude else 1.0)
+    return TERMS[term].name, relation.place, relation.parameter, factor
 
 
 def _followers(mount: Mount, parameter: str, value: float) -> Iterator[tuple[str, str, str, float]]:
@@ -228,10 +217,33 @@ def _own(machine: Machine, term: str, value: float, place: str, file: str) -> Ef
     return effect_of(machine, block, file, place)
 
 
+def mount_machine(mount: Mount, title: str, latitude: float, *, temperature: float = 20.0) -> Machine:
+    """Return the ideal machine of a mount, whose axes and boresight a base fit adjusts.
+
+    Parameters
+    ----------
+    latitude : float
+        rad.
+    temperature : float
+        Reference temperature, degrees Celsius.
+    """
+    return Machine(
+        title,
+        "mm",
+        "deg",
+        mount.gravity(latitude),
+        temperature,
+        tuple(Joint(name, "revolute", axis) for name, axis in zip(mount.joints, mount.axes, strict=True)),
+        (Target(BORESIGHT, mount.boresight),),
+        Measured("direction", "machine"),
+        estimate=(*(f"{name}.axis" for name in mount.joints), "target"),
+    )
+
+
 # effects to terms -------------------------------------------------------------------------------------------
 
 
-def terms_of(machine: Machine, mount: Mount, latitude: float) -> dict[str, float]:
+def terms_of(machine: Machine, mount: Mount, latitude: float, *, others: bool = False) -> dict[str, float]:
     """Return the terms of TPOINT, in arcsec, that the numbers of a mount's model are, held or fitted.
 
     Parameters
@@ -240,6 +252,8 @@ def terms_of(machine: Machine, mount: Mount, latitude: float) -> dict[str, float
         With the ideal axes of the mount; fitted or with effects whose parameters are held.
     latitude : float
         rad.
+    others : bool
+        Whether it may have effects that are no terms; these are left out.
 
     Raises
     ------
@@ -270,7 +284,7 @@ def terms_of(machine: Machine, mount: Mount, latitude: float) -> dict[str, float
     turn = float(tilt @ n1)
     turned = -turn * n1  # the boresight, as a rotation vector
     for x, direction in zip("ab", complete_basis(boresight), strict=True):
-        turned = turned + numbers.pop(("target_offset", "boresight", x), 0.0) * direction
+        turned = turned + numbers.pop(("target_offset", BORESIGHT, x), 0.0) * direction
     shifts = {("zero_offset", first, "a"): turn, ("zero_offset", second, "a"): float(turned @ n2)}
     for key, value in shifts.items():
         numbers[key] = numbers.get(key, 0.0) + value
@@ -278,14 +292,14 @@ def terms_of(machine: Machine, mount: Mount, latitude: float) -> dict[str, float
         numbers["axis_tilt", second, x] = float((tilt - turn * n1) @ direction)
     turned = turned - n2 * float(turned @ n2)
     for x, direction in zip("ab", complete_basis(boresight), strict=True):
-        numbers["target_offset", "boresight", x] = float(turned @ direction)
-    for term in _GEOMETRY[mount.name]:
+        numbers["target_offset", BORESIGHT, x] = float(turned @ direction)
+    for term in GEOMETRY[mount.name]:
         if term not in found:
             take(term)
     for term in TERMS:
         if (
             _is_term_for(term, mount)
-            and term not in _SUMS
+            and term not in OF_NASMYTH
             and _parameter(term, mount, latitude)[:3] in numbers
         ):
             take(term)
@@ -297,7 +311,7 @@ def terms_of(machine: Machine, mount: Mount, latitude: float) -> dict[str, float
         for (name, place, x), v in numbers.items()
         if abs(v) > 1e-9 and x != "P"
     }
-    if left:
+    if left and not others:
         raise RodgenError(
             f"{joined(sorted(left))}: no term of TPOINT; expected effects that 'rodgen effects' lists with one"
         )
@@ -307,17 +321,19 @@ def terms_of(machine: Machine, mount: Mount, latitude: float) -> dict[str, float
 def _numbers_of(machine: Machine) -> dict[tuple[str, str | None, str], float]:
     """Return the numbers of effects and of a base fit, in arcsec, by effect, place and parameter."""
     found: dict[tuple[str, str | None, str], float] = {}
+    joints = {joint.name for joint in machine.joints}
     for effect in machine.effects:
         for x in effect.units(machine):
             value = effect.hold.get(x, machine.values.get(effect.key(x), 0.0))
-            found[effect.name, effect.place, x] = value / ARCSEC
+            place = effect.place if effect.place in joints else effect.place and BORESIGHT
+            found[effect.name, place, x] = value / ARCSEC
     for joint in machine.joints:
         for x in "ab":
             key = ("axis_tilt", joint.name, x)
             found[key] = found.get(key, 0.0) + machine.values.get(f"{joint.name}.axis.{x}", 0.0) / ARCSEC
     for target in machine.targets:
         for x in "ab":
-            key = ("target_offset", target.name, x)
+            key = ("target_offset", BORESIGHT, x)
             found[key] = found.get(key, 0.0) + machine.values.get(f"target.{target.name}.{x}", 0.0) / ARCSEC
     return found
 
@@ -399,13 +415,11 @@ def machine_from_tpoint(
         latitude = 0.0
     notes: list[str] = []
     if pointings:
-        notes.append(
-            f"{os.path.basename(run or '')}: a pointing run, {len(pointings.seen)} stars, {mount.words}."
-        )
+        notes.append(f"{os.path.basename(run or '')}: a pointing run, {pointings.counted}, {mount.words}.")
         notes += pointings.notes
     notes.append(f"Axes {mount.joints[0]} and {mount.joints[1]}; {mount.frame}.")
     title = pointings.caption if pointings else terms.caption if terms else mount.words
-    machine = mount.machine(title, latitude, temperature=_temperature(pointings))
+    machine = mount_machine(mount, title, latitude, temperature=_temperature(pointings))
     if terms:
         notes.append(_on_model(os.path.basename(model or ""), terms))
         machine = with_terms(machine, mount, terms, latitude, model or "")

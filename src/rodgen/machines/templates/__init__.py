@@ -13,7 +13,7 @@ from importlib import resources
 
 from rodgen.errors import UnexpectedError, shown, suggestion
 from rodgen.machines.files.write import decimal, toml_string
-from rodgen.machines.imports.mounts import EQUATORIAL
+from rodgen.machines.mounts import EQUATORIAL
 
 __all__ = ["CODES", "KINDS", "machine_template"]
 

@@ -23,6 +23,7 @@ from rodgen.calibration.diagnosis_text import (
     together,
 )
 from rodgen.calibration.fit import Estimate
+from rodgen.calibration.pointing import pointing
 from rodgen.calibration.words import (
     comparison,
     odds_text,
@@ -99,6 +100,7 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
             for one in diagnosis.could_hide[:MOST_RANKED]
         ],
         "model": list(_model(diagnosis)),
+        "terms": list(_terms(diagnosis)),
         "plan": None if plan is None else _plan(plan),
         "notes": [plain(note, LONG * 4) for note in _notes(diagnosis)],
         "worst": list(_worst(diagnosis, shown)),
@@ -217,6 +219,9 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     yield "Noise", _noise(diagnosis, shown)
     if diagnosis.correlation is not None and diagnosis.correlation.text:
         yield "Dependence", plain(diagnosis.correlation.text, LONG)
+    if on_sky := pointing(diagnosis.final_with_forms):
+        before = diagnosis.base.rms if diagnosis.found else None
+        yield "Pointing", on_sky.sentence(before).partition(": ")[2]
     bad = diagnosis.outliers
     if bad:
         places = o.data.places(np.flatnonzero(diagnosis.base.outliers))
@@ -335,6 +340,13 @@ def _model(diagnosis: Diagnosis) -> Iterator[Content]:
             yield _parameter(plain(estimate.key, 60), estimate)
 
 
+def _terms(diagnosis: Diagnosis) -> Iterator[Content]:
+    """Yield the terms of TPOINT that the numbers of the last model are."""
+    if on_sky := pointing(diagnosis.final_with_forms):
+        for term, estimate in on_sky.terms.items():
+            yield _parameter(term, estimate)
+
+
 def _parameter(name: str, e: Estimate) -> Content:
     value, std, unit = e.shown
     if e.held:
@@ -382,7 +394,7 @@ def _step(
         "to": shown(step.rms),
         "held_from": shown(before[2]),
         "held_to": shown(step.rms_held_out),
-        "parameters": [_parameter(plain(name, 40), e) for name, e in step.parameters.items()],
+        "parameters": [_parameter(plain(effect.label(x), 40), e) for x, e in step.parameters.items()],
         "hardware": in_hardware(effect, step.parameters, diagnosis.final, radius),
         "per_mm": None if per_mm is None else f"{per_mm[0]:.6g}",
         "radius": None if radius is None else f"{radius:g}",
