@@ -63,6 +63,8 @@ def altaz(A, E):
         "NRX": (-cos(E), sin(E)), "NRY": (sin(E), cos(E)),
         "TF": (none, -cos(E)), "TX": (none, -1 / np.tan(E)),
         "FLOP": (none, one), "HACA3": (cos(3 * A) * cos(E), none), "HESE2": (none, sin(2 * E)),
+        "PEE2": (none, E**2), "PSE": (E, none), "PZZ3": (none, -((np.pi / 2 - E) ** 3)),
+        "HASA12": (sin(12 * A) * cos(E), none),
         "HSCA2": (cos(2 * A), none), "HZSZ4": (none, -sin(4 * (np.pi / 2 - E))), "HZCA": (none, -cos(A)),
     }  # fmt: skip
 
@@ -84,6 +86,7 @@ def equatorial(h, d):
         "TF": (west, north), "TX": (west / zenith, north / zenith),
         "DNP": (sin(h) * sin(d), none), "HDSH3": (none, sin(3 * h)), "X2HC": (cos(2 * h), none),
         "HHSH2CD1": (sin(2 * h) * cos(d) * cos(d), none), "PHH": (h * cos(d), none), "PDD": (none, d),
+        "PDD3": (none, d**3), "PHD": (d * cos(d), none), "PXHD2": (h * d**2, none),
         "FLOP": tuple(-x / np.sqrt(1 - zenith**2) for x in (west, north)),
         "HZCZ2": tuple(cos(2 * np.arccos(zenith)) / np.sqrt(1 - zenith**2) * x for x in (west, north)),
     }  # fmt: skip
@@ -376,6 +379,10 @@ def test_a_star_beyond_the_zenith_is_refused(tmp_path):
         ),
         ("  IA 1.0\n  NPEA 2.0", "line 4: the term 'NPEA', which is not known; expected 'NPAE', perhaps"),
         ("  IA 1.0\n  ME 2.0", "line 4: ME, of another mount; expected terms of an alt-azimuth mount"),
+        (
+            "  IA 1.0\n  PAA2 2.0",
+            "line 4: PAA2, a polynomial of azimuths; expected harmonics of azimuths, such as",
+        ),
         ("  IA 1.0\n  HDSH3 2.0", "line 4: HDSH3, at an axis DEC; expected a term of this mount"),
         ("  IA 1.0\n  IA 2.0", "line 4: a second IA; expected each term once"),
         ("  IA 1.0\n  IE x", "line 4: '  IE x'; expected a term, its value and its sigma in arcsec, or END"),

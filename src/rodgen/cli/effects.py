@@ -14,7 +14,7 @@ _EFFECTS = """\
 List the effects that a machine may have: what each changes by which formula, its parameters with their units, its
 symbols in ISO 230. With a name: also its physical cause, typical size, remedy, and source. The name may also be a term
 of TPOINT, such as TF, or a symbol of ISO 230, such as EBZ: then also which parameter of which effect it is.
-Terms of TPOINT that the catalogue lacks (FLOP, DNP, harmonics such as X2HC and HDSH3) are shown as effects of your
+Terms of TPOINT that the catalogue lacks (FLOP, DNP, PDD2, harmonics such as X2HC) are shown as effects of your
 own.
 
 In the formulas q is the joint's coordinate, q_before that of the joint before, s its direction of approach, v its

@@ -8,7 +8,9 @@ Terms of TPOINT that are no effect of the catalogue are effects of one's own, re
 go by TPOINT's letters: H, the hour angle, is joint HA, D is DEC, A is AZ and E is EL; who names them otherwise changes
 the names. Harmonics are Hrfcn, a sine or cosine (f) of n times a coordinate (c) that is added to another (r), or in
 older models rncf, such as X2HC; r may also be a shift on the sky, X across the hour circle and S across the vertical
-one, which is a reading divided by a cosine, or Z, the zenith distance, which is a coordinate, too.
+one, which is a reading divided by a cosine, or Z, the zenith distance, which is a coordinate, too. Polynomials are
+Prcn, the power n of a coordinate in rad, or the product of two, such as PDD2 and PXHD; not of azimuths, of which a
+power depends on where they count from.
 """
 
 from __future__ import annotations
@@ -117,8 +119,9 @@ EAST_AND_NORTH: Level = ((1, 0, 0), (0, 1, 0))
 _JOINTS = {"H": "HA", "D": "DEC", "A": "AZ", "E": "EL", "X": "HA", "S": "AZ"}
 _ACROSS = {"X": "DEC", "S": "EL"}
 _FUNCTIONS = {"S": "sin", "C": "cos"}
-_HARMONIC = re.compile(r"H(?P<result>[HDXAESZ])(?P<factors>(?:[SC][HDAEZ][1-9]?){1,2})")
+_HARMONIC = re.compile(r"H(?P<result>[HDXAESZ])(?P<factors>(?:[SC][HDAEZ](?:[1-9]\d?)?){1,2})")
 _OLD_HARMONIC = re.compile(r"(?P<result>[HDX])(?P<times>[1-9])(?P<of>[HD])(?P<function>[SC])")
+_POLYNOMIAL = re.compile(r"P(?P<result>[HDXAESZ])(?P<factors>(?:[HDEZ][1-9]?){1,2})")
 
 
 @dataclass(frozen=True)
@@ -173,8 +176,6 @@ _OWN = {
         "DNP", "The axes are perpendicular to a degree that changes with the hour angle.", "HA",
         (("reading", "a*sin(q)*tan(DEC)"),),
     ),
-    "PHH": OwnTerm("PHH", "Readings are off in proportion to the hour angle.", "HA", (("reading", "a*q"),)),
-    "PDD": OwnTerm("PDD", "Readings are off in proportion to the declination.", "DEC", (("reading", "a*q"),)),
 }  # fmt: skip
 
 
@@ -197,8 +198,8 @@ def own_term(name: str, level: Level = EAST_AND_NORTH) -> OwnTerm | None:
     if text == "FLOP":
         meaning = "What is seen is displaced vertically, by the same amount everywhere."
         return _vertical(text, meaning, "a", level)
-    if found := _HARMONIC.fullmatch(text):
-        factors = re.findall(r"([SC])([HDAEZ])([1-9]?)", found["factors"])
+    if found := _HARMONIC.fullmatch(text) or _POLYNOMIAL.fullmatch(text):
+        factors = re.findall(r"([SC]?)([HDAEZ])(\d*)", found["factors"])
     elif found := _OLD_HARMONIC.fullmatch(text):
         factors = [(found["function"], found["of"], found["times"])]
     else:
@@ -208,10 +209,15 @@ def own_term(name: str, level: Level = EAST_AND_NORTH) -> OwnTerm | None:
     waves = []
     for function, of, times in factors:
         coordinate = "z" if of == "Z" else "q" if _JOINTS[of] == joint else _JOINTS[of]
-        waves.append(f"{_FUNCTIONS[function]}({'' if times in ('', '1') else f'{times}*'}{coordinate})")
+        once = times in ("", "1")
+        if function:
+            waves.append(f"{_FUNCTIONS[function]}({'' if once else f'{times}*'}{coordinate})")
+        else:
+            waves.append(coordinate if once else f"{coordinate}**{times}")
+    what = "A polynomial" if text.startswith("P") else "A harmonic"
     if joint is None:
-        return _vertical(text, "A harmonic, by which zenith distances grow.", f"-a*{'*'.join(waves)}", level)
+        return _vertical(text, f"{what}, by which zenith distances grow.", f"-a*{'*'.join(waves)}", level)
     divided = f"/cos({_ACROSS[result]})" if result in _ACROSS else ""
     shifted = "across on the sky" if divided else f"along {joint}"
-    meaning = f"A harmonic, by which readings are shifted {shifted}."
+    meaning = f"{what}, by which readings are shifted {shifted}."
     return OwnTerm(text, meaning, joint, (("reading", f"a*{'*'.join(waves)}{divided}"),))
