@@ -52,7 +52,7 @@ OF_FRAME = {"frame", "linear_drift", "warm_up_drift", "frame_shift"}
 OF_READING = {
     "zero_offset", "scale", "encoder_eccentricity", "encoder_ellipticity", "periodic_drive_error", "backlash",
     "backlash_gradient", "servo_lag", "gravity_windup", "coupling", "load_windup", "fork_flexure", "thermal_offset",
-    "thermal_expansion",
+    "thermal_expansion", "bearing_waves",
 }  # fmt: skip
 SIX = tuple(f"L{k}" for k in range(1, 7))
 
@@ -217,7 +217,11 @@ class Cell(Case):
             place = block.get("joint") or block.get("target")
             if (block["name"], place) in here or (place in coupled and block["name"] in OF_READING):
                 continue
-            if (coupled or "branch" in file) and block["name"] in {"coupling", "fork_flexure"}:
+            if (coupled or "branch" in file) and block["name"] in {
+                "bearing_waves",
+                "coupling",
+                "fork_flexure",
+            }:
                 continue  # what carries a joint is not the joint before it in the file
             places.setdefault(place, []).append(block)
         joints = [joint["name"] for joint in file.get("joint", ()) if joint["name"] in places]

@@ -101,7 +101,7 @@ def possible(file: Mapping[str, Any], *, places: Iterable[str | None] | None = N
         if kind == "direction" and (definition.name in MOVES_ONLY or definition.component == "point"):
             continue
         for before, (name, type) in zip([None, *types.values()], types.items(), strict=False):
-            if definition.name in {"coupling", "fork_flexure"} and before != "revolute":
+            if definition.name in {"bearing_waves", "coupling", "fork_flexure"} and before != "revolute":
                 continue
             slides = type == "prismatic" and definition.component in {"reading", "axis"}
             same = f"{name}.{definition.component}" in estimated

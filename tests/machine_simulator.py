@@ -359,6 +359,12 @@ def coupling(j: Joint, k: float = 0) -> Change:
     return {"reading": k * j.q_before}
 
 
+def bearing_waves(j: Joint, a2: float = 0, b2: float = 0, a3: float = 0, b3: float = 0) -> Change:
+    assert j.q_before is not None, "no other axis carries this joint"
+    turns = np.exp(1j * j.q_before)
+    return {"reading": ((a2 - 1j * b2) * turns**2 + (a3 - 1j * b3) * turns**3).real}
+
+
 def weight_windup(j: Joint, c: float = 0) -> Change:
     return {"reading": c * (j.weights @ j.n)}
 
@@ -489,6 +495,7 @@ EFFECTS: dict[str, dict[str, Callable[..., Change]]] = {
             load_windup,
             lateral_windup,
             coupling,
+            bearing_waves,
             weight_windup,
             weight_tilt,
             axis_flexure,

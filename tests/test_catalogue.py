@@ -118,6 +118,10 @@ EXPECTED = {
     ("machine", "frame_shift"): (
         "frame_shift", in_units(mm="x y z", arcsec="rx ry rz"), lambda p, w: xyz(p)),
     ("machine", "instrument_scale"): ("factor", {"k": "1"}, lambda p, w: p["k"]),
+    ("revolute", "bearing_waves"): (
+        "reading", dict.fromkeys(("a2", "b2", "a3", "b3"), AS),
+        lambda p, w: sum(p[f"a{n}"] * np.cos(n * w.q_before) + p[f"b{n}"] * np.sin(n * w.q_before) for n in (2, 3)),
+    ),
     ("revolute", "coupling"): ("reading", {"k": "1"}, lambda p, w: p["k"] * w.q_before),
     ("machine", "instrument_axis_scales"): (
         "axes", {"x": "1", "y": "1"}, lambda p, w: p["x"] * w.read_x * w.EX + p["y"] * w.read_y * w.EY),

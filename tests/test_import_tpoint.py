@@ -383,7 +383,7 @@ def test_a_star_beyond_the_zenith_is_refused(tmp_path):
             "  IA 1.0\n  PAA2 2.0",
             "line 4: PAA2, a polynomial of azimuths; expected harmonics of azimuths, such as",
         ),
-        ("  IA 1.0\n  HDSH3 2.0", "line 4: HDSH3, at an axis DEC; expected a term of this mount"),
+        ("  IA 1.0\n  HDSH5 2.0", "line 4: HDSH5, at an axis DEC; expected a term of this mount"),
         ("  IA 1.0\n  IA 2.0", "line 4: a second IA; expected each term once"),
         ("  IA 1.0\n  IE x", "line 4: '  IE x'; expected a term, its value and its sigma in arcsec, or END"),
         ("  IH 1.0", "--latitude: missing, for an equatorial mount; expected such as --latitude 31.7deg"),

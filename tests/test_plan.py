@@ -169,7 +169,8 @@ def test_droop_and_eccentricity_of_elevation_are_the_same_whatever_is_observed()
     assert not found.resolvable
     assert not found.count
     assert found.goals[0].sentence == (
-        "No 500 readings within reach would distinguish gravity_windup at EL and encoder_eccentricity at EL."
+        "No 500 readings within reach would distinguish gravity_windup at EL and encoder_eccentricity at EL "
+        "(ECEC, ECES)."
     )
 
 

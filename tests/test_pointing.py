@@ -120,3 +120,52 @@ def test_effects_of_a_mount_have_tpoint_s_names():
     ]
     assert altaz.effect("refraction").label("a") == "a = -TX"
     assert altaz.effect("backlash", "AZ").label("b") == "b"
+
+
+def run_of(seed, waves, count=120, sigma=0.7):
+    """Commands and directions of a mount, by TPOINT's formulas on the sphere; `waves` are to the right and upwards."""
+    random = np.random.default_rng(seed)
+    a = random.uniform(0, 2 * np.pi, count)
+    e = np.arcsin(random.uniform(np.sin(0.3), np.sin(1.45), count))
+    right = -300 * np.cos(e) - 15 + 8 * np.sin(e) - 6 * np.sin(a) * np.sin(e) + 9 * np.cos(a) * np.sin(e)
+    up = -100 - 6 * np.cos(a) - 9 * np.sin(a) - 20 * np.cos(e) + 3 / np.tan(e)
+    off = (
+        np.stack([right, up])
+        + np.stack(np.broadcast_arrays(*waves(a, e), a)[:2])
+        + random.normal(0, sigma, (2, count))
+    )
+    d = np.stack([np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), np.sin(e)], -1)
+    to_right = np.stack([np.cos(a), -np.sin(a), 0 * a], -1)
+    seen = d + ARCSEC * (off[0][:, None] * to_right + off[1][:, None] * np.cross(to_right, d))
+    return np.stack([a, e], -1), seen / np.linalg.norm(seen, axis=1, keepdims=True)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("waves", "effect", "sizes"),
+    [
+        (
+            lambda a, e: (8 * np.cos(2 * a) * np.cos(e), 0),
+            ("encoder_ellipticity", "AZ"),
+            {"HACA2": 8, "HASA2": 0},
+        ),
+        (
+            lambda a, e: (0, 5 * np.sin(2 * a) - 4 * np.cos(3 * a)),
+            ("bearing_waves", "EL"),
+            {"HESA2": 5, "HECA2": 0, "HESA3": 0, "HECA3": -4},
+        ),
+    ],
+    ids=["encoder", "bearing"],
+)
+def test_waves_of_an_azimuth_axis_have_tpoint_s_names(waves, effect, sizes):
+    q, seen = run_of(1, waves)
+    found = fitted(mount_machine(ALTAZ, "m", 0.6), ALTAZ, q, seen).diagnose()
+    assert {step.effect.identity for step in found.steps} == {
+        effect,
+        ("tube_flexure", None),
+        ("refraction", None),
+    }
+    terms = pointing(found.final).terms
+    for term, size in sizes.items():
+        assert abs(terms[term].value - size) < 5 * terms[term].std < 1
+    assert all(f"= {term} " in str(found) for term in sizes)

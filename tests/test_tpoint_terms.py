@@ -48,7 +48,7 @@ def moved(name, mount, first, second):
 TERMS = {
     ("X2HC", "equatorial"): lambda h, d: (np.cos(2 * h) / np.cos(d), 0),
     ("D2HS", "equatorial"): lambda h, d: (0, np.sin(2 * h)),
-    ("HDSH3", "equatorial"): lambda h, d: (0, np.sin(3 * h)),
+    ("HDSH5", "equatorial"): lambda h, d: (0, np.sin(5 * h)),
     ("HHCD1SH2", "equatorial"): lambda h, d: (np.cos(d) * np.sin(2 * h), 0),
     ("DNP", "equatorial"): lambda h, d: (np.sin(h) * np.tan(d), 0),
     ("HACA3", "altaz"): lambda a, e: (np.cos(3 * a), 0),
@@ -70,8 +70,8 @@ def test_the_block_does_what_the_term_says(name, mount):
 def test_the_command_shows_the_block_and_knows_no_other_name(capsys):
     assert main(["effects", "x2hc"]) == 0
     assert 'formula = "a*cos(2*q)/cos(DEC)"' in capsys.readouterr().out
-    assert main(["effects", "HDSH3", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)[0]["effect"]["formula"] == "a*sin(3*HA)"
+    assert main(["effects", "HDSH5", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["effect"]["formula"] == "a*sin(5*HA)"
     with pytest.raises(
         rodgen.RodgenError, match="what 'rodgen effects X2HC' shows, as an effect of your own"
     ):

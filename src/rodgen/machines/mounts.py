@@ -92,7 +92,7 @@ OF_NASMYTH = {"NRX": {"ECES": 1.0, "IA": 1.0}, "NRY": {"ECEC": 1.0, "NPAE": -1.0
 """Terms that are sums of others: of a Nasmyth telescope's rotator, seen along the elevation axis."""
 _AXES = {"altaz": ("azimuth", "elevation"), "equatorial": ("polar", "declination")}
 _RELATION = re.compile(
-    r"(?P<sign>-?)(?P<parameter>[ab])(?P<latitude> cos\(latitude\))?(?P<period> \(P = 9 deg\))?"
+    r"(?P<sign>-?)(?P<parameter>[ab]\d?)(?P<latitude> cos\(latitude\))?(?P<period> \(P = 9 deg\))?"
     r"(?: at the (?P<axis>\w+) axis)?"
 )
 

@@ -145,6 +145,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("instrument_scale", "machine"): _row((0.2, 0.2, 0.2), "1e-5 < 0.01"),
     ("instrument_axis_scales", "machine"): _row((0.1, 0.05, 0.05), "1e-5 < 0.01"),
     ("instrument_squareness", "machine"): _row((0.2, 0.05, 0.05), "10 arcsec < 0.5 deg"),
+    ("bearing_waves", "revolute"): _row((0.01, 0.01, 0.1), "5 arcsec < 0.1 deg"),
     ("axis_flexure", "revolute"): _row((0.01, 0.01, 0.3), "20 arcsec < 2 deg"),
     ("fork_flexure", "revolute"): _row((0.01, 0.01, 0.3), "20 arcsec < 2 deg"),
     ("tube_flexure", "machine"): _row((0.01, 0.01, 1), "20 arcsec < 2 deg"),
@@ -173,7 +174,8 @@ Where kinds of machines differ, the reasons are:
   where refraction is not exact), so 1; on other machines nothing is seen through them, so 0.01. Flexures of axis and
   fork are further terms (DAF, FO) of large or old equatorial mounts, 0.3. TPOINT has terms for the centring of a
   graduation (ACES, ECEC and so on), which two heads and tapes on drums remove on large telescopes, 0.1; it has none
-  for a scale, as a circle closes, 0.03. Balanced axes hardly wind up, 0.1, and run in preloaded bearings.
+  for a scale, as a circle closes, 0.03. Balanced axes hardly wind up, 0.1, and run in preloaded bearings, of which a
+  race or a track that is not flat makes waves, 0.1.
 - Robots: every joint that bears weight yields by its gear (calibrations by Whitney, by Judd and Knasinski, and by
   Khalil and Dombre begin with it), 1, against 0.3 of a stiff or balanced machine tool; wrists are coupled through their
   gears, 0.1; error motions of bearings are a hundredth of their other errors, 0.05; gears and encoders have whole

@@ -26,6 +26,7 @@ _SCHWENKE = (
 _MAYR = "J. Mayr et al., Thermal issues in machine tools, CIRP Annals 61 (2012) 771-791"
 _WALLACE = "P. T. Wallace, A rigorous algorithm for telescope pointing, Proc. SPIE 4848 (2002) 125-136"
 _TPOINT = "P. T. Wallace, TPOINT - Telescope Pointing Analysis System, Starlink User Note 100, 1994"
+_MUDERS = "D. Muders et al., Multi-Beam FITS Raw Data Format, APEX (pointing terms HACA2, HESA2, HECA3 and the like)"
 _MOORING = "B. W. Mooring, Z. S. Roth, M. R. Driels, Fundamentals of Manipulator Calibration, Wiley 1991"
 _HOLLERBACH = (
     "J. Hollerbach, W. Khalil, M. Gautier, Model identification, in Springer Handbook of Robotics, 2008"
@@ -87,6 +88,20 @@ def _row(
         slope=parsed(slope) if slope else None,
         **words,
     )
+
+
+_LETTERS = {"azimuth": "A", "elevation": "E", "polar": "H", "declination": "D"}
+"""By axis: TPOINT's letter in the names of harmonics, which are H, the result, S or C, the coordinate, and a number."""
+
+
+def _waves(**times: int) -> dict[str, str]:
+    """Return TPOINT's harmonics of the reading of each axis by itself, by endings of parameters."""
+    return {
+        f"H{letter}{function}{letter}{n}": f"{x}{ending.strip('_')} at the {axis} axis"
+        for axis, letter in _LETTERS.items()
+        for ending, n in times.items()
+        for function, x in (("S", "b"), ("C", "a"))
+    }
 
 
 _TWO_HARMONICS_U = "u_c1*cos(q) + u_s1*sin(q) + u_c2*cos(2*q) + u_s2*sin(2*q)"
@@ -160,6 +175,7 @@ _REVOLUTE = (
     _row(
         "encoder_ellipticity", "revolute", "reading", "a*cos(2*q) + b*sin(2*q)", _in("arcsec", "a b"),
         iso="ECC (twice per turn)",
+        tpoint=_waves(_=2),
         meaning="The graduation is out of round: a disc clamped on a bent hub, a drum pressed oval, a tape whose "
         "ends meet badly. Two waves in each turn; two heads on opposite sides do not see them.",
         usual_size="0.5 to 10 arcsec",
@@ -170,6 +186,7 @@ _REVOLUTE = (
         "encoder_harmonics", "revolute", "reading", "a4*cos(4*q) + b4*sin(4*q) + a8*cos(8*q) + b8*sin(8*q)",
         _in("arcsec", "a4 b4 a8 b8"),
         iso="ECC (four and eight times per turn)",
+        tpoint=_waves(_4=4, _8=8),
         meaning="The graduation is strained by four screws, or read by four heads that do not agree, or a resolver of "
         "four pole pairs has unequal windings. Four and eight waves in each turn.",
         usual_size="0.5 to 5 arcsec of a graduation, 10 to 60 arcsec of a resolver",
@@ -301,6 +318,23 @@ _REVOLUTE = (
         usual_size="5 to 120 arcsec between a level and an upright shaft",
         remedy="Shorten or stiffen the shaft, balance it close to its bearings, or enter it in the pointing model.",
         source=f"{_TPOINT} (term DAF); {_WALLACE}",
+    ),
+    _row(
+        "bearing_waves", "revolute", "reading",
+        "a2*cos(2*q_before) + b2*sin(2*q_before) + a3*cos(3*q_before) + b3*sin(3*q_before)",
+        _in("arcsec", "a2 b2 a3 b3"),
+        of_directions=True,
+        tpoint={
+            f"H{second}{function}{first}{n}": f"{x}{n} at the {axis} axis"
+            for axis, second, first in (("elevation", "E", "A"), ("declination", "D", "H"))
+            for n in (2, 3)
+            for function, x in (("S", "b"), ("C", "a"))
+        },
+        meaning="The bearing or the track on which the axis before turns is not flat, or its supports yield unequally. "
+        "What it carries nods twice or three times in each turn, and this axis with it.",
+        usual_size="0.2 to 5 arcsec; some 10 arcsec of a telescope on wheels and a track",
+        remedy="Level the track or shim the bearing's supports, or enter the waves in the pointing model.",
+        source=f"{_TPOINT} (harmonics, HESA2 and the like); {_MUDERS}",
     ),
     _row(
         "fork_flexure", "revolute", "reading", "a*fork", {"a": "arcsec"},

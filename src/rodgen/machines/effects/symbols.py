@@ -189,10 +189,12 @@ def own_term(name: str, level: Level = EAST_AND_NORTH) -> OwnTerm | None:
 
     Examples
     --------
-    >>> own_term("HDSH3").formulas, own_term("X2HC").formulas
-    ((('reading', 'a*sin(3*HA)'),), (('reading', 'a*cos(2*q)/cos(DEC)'),))
+    >>> own_term("HDSH5").formulas, own_term("X2HC").formulas
+    ((('reading', 'a*sin(5*HA)'),), (('reading', 'a*cos(2*q)/cos(DEC)'),))
     """
     text = name.upper()
+    if text in TERMS:
+        return None
     if text in _OWN:
         return _OWN[text]
     if text == "FLOP":

@@ -202,7 +202,7 @@ def _followers(mount: Mount, parameter: str, value: float) -> Iterator[tuple[str
 
 def _own(machine: Machine, term: str, value: float, place: str, file: str) -> Effect:
     own = own_term(term, tuple(x.tolist() for x in complete_basis(-np.array(machine.gravity))))
-    names = [*TERMS, "FLOP", "DNP", "HDSH3", "X2HC"]
+    names = [*TERMS, "FLOP", "DNP", "HDSH5", "X2HC"]
     if own is None and re.fullmatch(r"P[HDXAESZ](?:[HDAEZ][1-9]?){1,2}", term):
         found, expected = f"{term}, a polynomial of azimuths", "harmonics of azimuths, such as HACA or HASA2"
         raise InputFileError(file, place, found, expected)
