@@ -27,19 +27,24 @@ import numpy as np
 from scipy import special
 
 from rodgen.array_types import Array, Mask
+from rodgen.calibration.fit import fitted
 from rodgen.calibration.fitted import Fit
+from rodgen.calibration.misidentified import elsewhere, on_stars
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import other_mode
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.repairs import Repair, far_offsets, repairs
+from rodgen.calibration.rows import wrong_rows
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.solve.starting_values import nearest_frames, with_attitudes, with_zeros
+from rodgen.calibration.words import capitalized
 from rodgen.data.units import unit_factor
 from rodgen.errors import RodgenError, joined
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
+from rodgen.machines.mounts import mount_of
 from rodgen.machines.observations import Observations
 from rodgen.machines.parameters import parameters_of
 from rodgen.machines.plausibility import plausibility
@@ -425,8 +430,12 @@ class _Search:
         if null is None:
             doubts: tuple[str, ...] = ("the model is not finite with the numbers of the file",)
         else:
+            stars = self._misidentified(null)
+            if stars and not wrong_rows(fitted(self.machine, self.observations)).any():
+                return replace(right, suspicions=(stars,), wrong=True)
             doubts = tuple(self._doubts(null))
-            right = replace(right, before=null.rms / self.factor, notes=tuple(self._on_gravity(null)))
+            notes = (*self._on_gravity(null), *([f"{capitalized(stars)}."] if stars else []))
+            right = replace(right, before=null.rms / self.factor, notes=notes)
         if not doubts:
             return right
         found = self._searched()
@@ -438,6 +447,16 @@ class _Search:
         told = tuple(r.fitted(fit.model, fit.theta) if r.fitted else r for r, fit in named)
         after = named[0][1].rms / self.factor
         return replace(right, suspicions=doubts, wrong=True, after=after, repairs=told, notes=())
+
+    def _misidentified(self, null: NearFit) -> str:
+        """Return which stars of a mount were taken for others; a few stand out from a fit of all, many hide in it."""
+        o = self.observations
+        if mount_of(self.machine) is None or o.blocks is not None:
+            return ""
+        at, variance = Problem(null.model, o).places(null.theta, null.frame), null.scale**2
+        square = np.sum((o.reading - at) ** 2, axis=1)
+        rows = square > elsewhere(o.n, variance) * variance
+        return on_stars(o, at, rows, variance) if rows.any() else ""
 
     def _doubts(self, fit: NearFit) -> Iterator[str]:
         """Yield why a repair could gain: the error is larger than missing effects leave, or corrections are."""

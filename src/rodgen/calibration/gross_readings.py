@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.fitted import Fit
+from rodgen.calibration.misidentified import on_misidentified
 from rodgen.calibration.rows import wrong_rows
 from rodgen.calibration.words import capitalized, in_component, sized
 from rodgen.data.set_aside import rows_text
@@ -35,16 +36,21 @@ class GrossReading:
         Measured less predicted by a fit to the other rows, in the fit's unit.
     others : float
         Largest residual of the other rows there.
+    stars : str
+        Which stars of the run were taken for others.
     """
 
     row: int
     component: str
     off: float
     others: float
+    stars: str = ""
 
     def to_dict(self, observations: Observations) -> dict[str, Any]:
         """Return it as plain data, with the number of its row in the data as they were given."""
-        return asdict(self) | {"row": int(observations.given(np.array(self.row)))}
+        found = asdict(self) | {"row": int(observations.given(np.array(self.row)))}
+        del found["stars"]
+        return found
 
 
 def gross_readings(fit: Fit) -> tuple[GrossReading, ...]:
@@ -69,8 +75,9 @@ def gross_readings(fit: Fit) -> tuple[GrossReading, ...]:
         without = without.refit(outliers=wrong)
     rows = np.flatnonzero(wrong)
     others = float(np.abs(without.residuals[~wrong]).max())
+    stars = on_misidentified(without, wrong)
     return tuple(
-        GrossReading(int(row), component, off, others)
+        GrossReading(int(row), component, off, others, stars)
         for row, off, component in zip(rows, *_worst(without, rows), strict=True)
     )
 
@@ -121,7 +128,9 @@ def on_outliers(fit: Fit, rows: NDArray[np.bool_]) -> str:
         return ""
     off = how_far_off(fit, *_worst(fit, out))
     places = fit.observations.data.places(out)
-    return f"{len(out)} outlier{'s' * (len(out) != 1)}, taken out: {places}, off by {off}."
+    stars = on_misidentified(fit, rows)
+    said = f"{len(out)} outlier{'s' * (len(out) != 1)}, taken out: {places}, off by {off}."
+    return f"{said} {capitalized(stars)}." if stars else said
 
 
 def on_gross_readings(fit: Fit) -> str:
@@ -138,5 +147,5 @@ def on_gross_readings(fit: Fit) -> str:
     return (
         f"{place} {are} off by {off}, all other rows by {sized(gross[0].others, fit.unit, '.3g')} at most: "
         f"correct {them}, or exclude {it} with rodgen exclude --rows {rows}, or fit with --loss huber; a fit by "
-        "least squares follows such errors."
+        f"least squares follows such errors.{f' {capitalized(gross[0].stars)}.' if gross[0].stars else ''}"
     )

@@ -23,6 +23,7 @@ from rodgen.calibration.diagnosis_text import (
     together,
 )
 from rodgen.calibration.fit import Estimate
+from rodgen.calibration.misidentified import on_misidentified
 from rodgen.calibration.pointing import pointing
 from rodgen.calibration.words import (
     comparison,
@@ -225,7 +226,8 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     bad = diagnosis.outliers
     if bad:
         places = o.data.places(np.flatnonzero(diagnosis.base.outliers))
-        yield "Outliers, left out", f"{len(bad)}: {plain(places, LONG)}"
+        stars = on_misidentified(diagnosis.final_with_forms, diagnosis.base.outliers)
+        yield "Outliers, left out", f"{len(bad)}: {plain(places, LONG)}{f'; {stars}' if stars else ''}"
     else:
         yield "Outliers", "none"
 
