@@ -30,7 +30,7 @@ from transcripts import EXAMPLES, ran, working_in
 
 import rodgen
 from rodgen.calibration.problem.binding import bind
-from rodgen.data.tables import read_pairs
+from rodgen.data.tables import read_motions
 from rodgen.data.units import parse_unit
 from rodgen.errors import RodgenError
 from rodgen.machines.imports.denavit_hartenberg import machine_from_table
@@ -164,7 +164,7 @@ IMPORTS: dict[str, tuple[Any, Callable[..., Any]]] = {
 GANTRY = test_machine_file.GANTRY
 INPUTS: dict[str, dict[str, Callable[[], Any]]] = {
     "tables": {
-        n: lambda c=c: read_pairs(written("pairs.csv", c)) for n, (c, _) in test_tables.MALFORMED.items()
+        n: lambda c=c: read_motions(written("pairs.csv", c)) for n, (c, _) in test_tables.MALFORMED.items()
     },
     "measurements": {n: lambda c=c: bound(*c) for n, c in test_measurements.MALFORMED.items()},
     "frames": {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rodgen.calibration.words import three_digits, two_digits
-from rodgen.kinematics.axis_fit.result import _vector
+from rodgen.kinematics.axis_fit.result import vector_text
 from rodgen.kinematics.tricept._budget import numerical_tolerance
 from rodgen.output.numbers import shown_unit
 from rodgen.statistics.digits import in_column, last_decimal, measured
@@ -26,4 +26,4 @@ def test_digits_stay_as_many_where_rounding_carries(value):
 def test_coordinates_have_two_digits_of_their_uncertainty():
     import numpy as np
 
-    assert _vector(np.array([1.23456, -2.0, 0.0]), 0.0996) == "(1.23, -2.00, 0.00)"
+    assert vector_text(np.array([1.23456, -2.0, 0.0]), 0.0996) == "(1.23, -2.00, 0.00)"

@@ -25,7 +25,7 @@ from rodgen.calibration.fleet.changes import Changes, Night
 from rodgen.calibration.fleet.fleet import FleetParameter
 from rodgen.calibration.ladder import Ladder, ladder
 from rodgen.calibration.plan import Plan
-from rodgen.data.tables import read_pairs
+from rodgen.data.tables import read_motions
 from rodgen.errors import InputFileError
 from rodgen.kinematics.tricept import TriceptStatus
 from rodgen.output.figures import files
@@ -48,7 +48,7 @@ def comparison_of(name: str) -> list:
 
 
 def axis() -> list:
-    pairs = read_pairs(EXAMPLES / "pairs.csv")
+    pairs = read_motions(EXAMPLES / "pairs.csv")
     return [figures.axis_fit(rodgen.fit_axis(pairs.rho, pairs.rho_prime, pairs.angle, loss="huber"), pairs)]
 
 
@@ -292,7 +292,7 @@ def test_axis_view_is_right_handed() -> None:
 
 
 def test_axis_figure_shows_every_pair_and_marks_outliers() -> None:
-    pairs = read_pairs(EXAMPLES / "pairs.csv")
+    pairs = read_motions(EXAMPLES / "pairs.csv")
     fit = rodgen.fit_axis(pairs.rho, pairs.rho_prime, pairs.angle, loss="huber")
     figure = figures.axis_fit(fit, pairs)
     by_name = {(trace.name, trace.xaxis): trace for trace in figure.data}

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from solved_table import solve_table
 
 from rodgen.data.measurements import Measurements
-from rodgen.data.tables import PAIR_COLUMNS, _csv, read_pairs, write_table
+from rodgen.data.tables import PAIR_COLUMNS, _csv, read_motions, write_table
 from rodgen.data.units import UnitError, conversion_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 
@@ -152,7 +152,7 @@ def test_malformed_file_is_named_by_its_place(name, tmp_path):
     path = tmp_path / "pairs.csv"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InputFileError) as caught:
-        read_pairs(path)
+        read_motions(path)
     text = str(caught.value)
     assert caught.value.place == place
     assert text.startswith(f"{path}: {place}: ")
@@ -164,13 +164,13 @@ def test_missing_file_and_folder_are_reported(tmp_path):
     with pytest.raises(
         InputFileError, match=r"nowhere\.csv: file: no such file; expected a CSV or Parquet file"
     ):
-        read_pairs(tmp_path / "nowhere.csv")
+        read_motions(tmp_path / "nowhere.csv")
     with pytest.raises(InputFileError, match=r": file: a folder; expected a CSV or Parquet file"):
-        read_pairs(tmp_path)
+        read_motions(tmp_path)
     with pytest.raises(InputFileError, match=r": file: cannot be read \(.*null byte\); expected a CSV"):
-        read_pairs("a\0b")
+        read_motions("a\0b")
     with pytest.raises(InputFileError, match=r": file: cannot be read \(Not a directory\); expected a CSV"):
-        read_pairs(__file__ + "/pairs.csv")
+        read_motions(__file__ + "/pairs.csv")
 
 
 def test_error_is_one_line_pickles_and_is_a_value_error():
@@ -224,7 +224,7 @@ def test_readable_file_gives_its_numbers(name, tmp_path):
     content = ACCEPTED[name]
     path = tmp_path / "pairs.any"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    pairs = read_pairs(path)
+    pairs = read_motions(path)
     for expected, actual in zip(EXPECTED, (pairs.rho, pairs.rho_prime, pairs.angle, pairs.unit), strict=True):
         np.testing.assert_array_equal(actual, expected)  # exact: 90 pi/180 is a double product in both
     assert pairs.rho.flags.c_contiguous
@@ -232,12 +232,12 @@ def test_readable_file_gives_its_numbers(name, tmp_path):
 
 def test_standard_input_is_read_as_csv(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(GOOD.encode())))
-    np.testing.assert_array_equal(read_pairs("-").rho, [[3, 4, 12]])
+    np.testing.assert_array_equal(read_motions("-").rho, [[3, 4, 12]])
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(parquet_bytes(pair_columns()))))
     with pytest.raises(
         InputFileError, match="standard input: file: Parquet from a pipe; expected CSV, or the name"
     ):
-        read_pairs("-")
+        read_motions("-")
 
 
 def test_exact_conversions_are_exact():
@@ -259,7 +259,7 @@ def test_every_column_may_have_its_own_unit(tmp_path):
     names = [column.name for column in PAIR_COLUMNS]
     header = ",".join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))
     path.write_text(f"{header}\n1,2000,3,4,5,6,7200\n")
-    pairs = read_pairs(path)
+    pairs = read_motions(path)
     np.testing.assert_allclose(pairs.rho, [[1, 2, 3000]], rtol=4e-16)  # one product of a rounded factor
     np.testing.assert_allclose(pairs.rho_prime, [[101.6, 5, 60]], rtol=4e-16)
     np.testing.assert_allclose(pairs.angle, np.deg2rad([2.0]), rtol=4e-16)
@@ -275,13 +275,13 @@ def test_line_of_a_fault_does_not_depend_on_the_blocks_of_arrow(block, line, mon
     path = tmp_path / "pairs.csv"
     path.write_text("\r\n".join(rows))
     monkeypatch.setattr(_csv, "BLOCK_BYTES", block)
-    np.testing.assert_array_equal(read_pairs(path).rho[:, 1], np.arange(1, 41) + 0.5)
+    np.testing.assert_array_equal(read_motions(path).rho[:, 1], np.arange(1, 41) + 0.5)
     rows[line - 1] = "1,2,x,4,5,6,7"
     path.write_text("\n".join(rows))
     with pytest.raises(
         InputFileError, match=rf": line {line}, column 'rho_z \[mm\]': 'x'; expected a number$"
     ):
-        read_pairs(path)
+        read_motions(path)
 
 
 def test_row_of_a_fault_in_parquet_does_not_depend_on_the_row_groups(tmp_path):
@@ -292,7 +292,7 @@ def test_row_of_a_fault_in_parquet_does_not_depend_on_the_row_groups(tmp_path):
     with pytest.raises(
         InputFileError, match=r"row 33 \(from 0\), column 'rho_z \[mm\]': 'inf'; expected a finite"
     ):
-        read_pairs(path)
+        read_motions(path)
 
 
 def test_a_table_larger_than_memory_is_refused(tmp_path, monkeypatch):
@@ -302,7 +302,7 @@ def test_a_table_larger_than_memory_is_refused(tmp_path, monkeypatch):
     with pytest.raises(
         InputFileError, match=r"file: more than 0\.0 GB; expected less than memory holds; many P"
     ):
-        read_pairs(path)
+        read_motions(path)
 
 
 # any bytes ---------------------------------------------------------------------------------------------
@@ -403,7 +403,7 @@ def test_numbers_come_back_bit_for_bit(rows, scratch):
     names = [f"{c.name} [{'mm' if c.quantity == 'length' else 'rad'}]" for c in PAIR_COLUMNS]
     lines = [",".join(names), *(",".join(map(repr, row)) for row in rows)]
     scratch.write_text("\n".join([*lines, ""]))
-    pairs = read_pairs(scratch)
+    pairs = read_motions(scratch)
     values = np.column_stack([pairs.rho, pairs.rho_prime, pairs.angle])
     np.testing.assert_array_equal(values, np.array(rows))
     np.testing.assert_array_equal(np.signbit(values), np.signbit(np.array(rows)))

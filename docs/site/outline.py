@@ -117,7 +117,7 @@ OUTLINE = (
 )
 
 DERIVATIONS = {
-    "The axis of a rotation": ("rodrigues", "axis", "axis_sensitivity", "axis_fit"),
+    "The axis of a rotation": ("rodrigues", "axis", "axis_sensitivity", "axis_fit", "helical_axis"),
     "Rotations and Euler angles": (
         "rotations",
         "instantaneous_euler",

@@ -21,6 +21,8 @@ _MODULES = {
     "pair_real_roots": "biquadratic_pair",
     "pair_angles": "biquadratic_pair",
     "pair_polish": "biquadratic_pair",
+    "screw_residual": "helical_axis",
+    "velocity_axis": "helical_axis",
     "chi_from_quaternion": "instantaneous_euler",
     "chi_from_matrix": "instantaneous_euler",
     "chi_from_zyx": "instantaneous_euler",

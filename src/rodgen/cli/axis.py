@@ -5,20 +5,32 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
+from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import NOT_CONVERGED, OK, Command, show
 from rodgen.cli._machine import add_plot, figures_for
 from rodgen.cli._values import InputFile, quantity
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.errors import InputFileError, RodgenError, joined, shown
+
+if TYPE_CHECKING:
+    from rodgen.data.tables import Pairs, Poses
+    from rodgen.kinematics.helical_axis import HelicalAxis
 
 _FIT = """\
-Fit one axis to all pairs of a table: its direction, a point on it, their uncertainties, and what the data do
+Fit one axis to all rows of a table: its direction, a point on it, their uncertainties, and what the data do
 not determine. The exit code is 3 where they determine no single line.
 
-The table, CSV (gzip or not) or Parquet, has one row a pair of points, seen before and after a rotation by a
-known angle, with a unit in brackets after each column's name; it may have further columns:
+The table, CSV (gzip or not) or Parquet, has one of these headers, with a unit in brackets after a column's name; it
+may have further columns:
 
   rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]
+  rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],turn
+  x [mm],y [mm],z [mm],qw,qx,qy,qz
+
+First: a pair of points a row, seen before and after a rotation by a known angle. Second: the angle is not known; three
+points or more of a body make a motion, whose rows have one label in the column turn (without it, all rows are one
+motion). Third: a pose a row, of a body that turns and slides along one axis; an attitude may also be r11 ... r33,
+rx,ry,rz (axis times angle) or roll,pitch,yaw. Angle and slide of each motion are fitted with the axis.
 
 Any units of length and angle will do, also different ones in one table: um, m, inch, rad, arcsec, mrad, ...
 """
@@ -26,20 +38,26 @@ Any units of length and angle will do, also different ones in one table: um, m, 
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    fit = command("fit-axis", _fit_axis, "one axis from all pairs of a table", _FIT)
+    fit = command("fit-axis", _fit_axis, "one axis from pairs of points, or from poses", _FIT)
     fit.add_argument("pairs", metavar="PAIRS", type=InputFile, help="the table; '-' is CSV on standard input")
     fit.add_argument(
         "--point",
         type=_point,
-        default="free",
         metavar="free|origin|X,Y,Z",
-        help="the point on the axis: fitted too (default), the origin, or this one, in the unit of rho_x",
+        help="the point on the axis, where angles are known: fitted too (default), the origin, or this one, in the "
+        "unit of rho_x",
+    )
+    fit.add_argument(
+        "--near",
+        type=_coordinates,
+        metavar="X,Y,Z",
+        help="give the point of the axis that is nearest to this one; default: nearest to the middle of the readings",
     )
     fit.add_argument(
         "--loss",
         choices=("linear", "huber"),
-        default="linear",
-        help="what a large residual costs: linear is least squares (default), huber resists outliers",
+        help="what a large residual costs, where angles are known: linear is least squares (default), huber resists "
+        "outliers",
     )
     fit.add_argument(
         "--sigma",
@@ -49,45 +67,103 @@ def add_to(command: Command) -> None:
         "default: estimated from the residuals",
     )
     fit.add_argument(
+        "--sigma-angle",
+        type=quantity("--sigma-angle", "0.01deg", dimension="angle", positive=True),
+        metavar="ANGLE",
+        help="standard uncertainty of an attitude, or of a reading of the angle, which is then one that all rows of a "
+        "turn share; goes with --sigma",
+    )
+    fit.add_argument(
         "--json", action="store_true", help="print JSON: lengths in the unit of rho_x, angles in rad"
     )
     add_plot(fit, "the pairs and residuals")
 
 
-def _point(text: str) -> str | tuple[float, ...]:
-    if text in ("free", "origin"):
-        return "free" if text == "free" else (0.0, 0.0, 0.0)
+def _coordinates(text: str) -> tuple[float, ...]:
     with contextlib.suppress(ValueError):
         point = tuple(float(part) for part in text.split(","))
         if len(point) == 3 and all(map(math.isfinite, point)):
             return point
+    raise argparse.ArgumentTypeError(f"{shown(text)} is not three numbers such as 1,2.5,-3")
+
+
+def _point(text: str) -> str | tuple[float, ...]:
+    if text in ("free", "origin"):
+        return "free" if text == "free" else (0.0, 0.0, 0.0)
+    with contextlib.suppress(argparse.ArgumentTypeError):
+        return _coordinates(text)
     raise argparse.ArgumentTypeError(
         f"{shown(text)} is neither free, origin nor three numbers such as 1,2.5,-3"
     )
 
 
 def _fit_axis(options: argparse.Namespace) -> int:
-    from rodgen.data.tables import read_pairs
+    from rodgen.data.tables import Pairs, read_motions
     from rodgen.kinematics.axis_fit import AxisFitStatus, fit_axis
 
     figures = figures_for(options.plot)
-    pairs = read_pairs(options.pairs)
-    sigma = options.sigma.to(pairs.unit)[0] if options.sigma else None
+    table = read_motions(options.pairs)
+    sigma = options.sigma.to(table.unit)[0] if options.sigma else None
+    angle = table.angle if isinstance(table, Pairs) and not options.sigma_angle else None
+    _check_options(options, angle is not None)
     try:
-        fit = fit_axis(
-            pairs.rho, pairs.rho_prime, pairs.angle, point=options.point, loss=options.loss, sigma=sigma
-        )
+        if isinstance(table, Pairs) and angle is not None:
+            fit: Any = fit_axis(
+                table.rho,
+                table.rho_prime,
+                angle,
+                point="free" if options.point is None else options.point,
+                loss=options.loss or "linear",
+                sigma=sigma,
+            )
+        else:
+            fit = _helical_axis(table, options, sigma)
     except InputFileError:
         raise
     except RodgenError as error:
         raise RodgenError(f"{options.pairs}: {error}") from None
     if figures:
-        figures.save_figure(figures.axis_fit(fit, pairs), options.plot)
+        figures.save_figure(figures.axis_fit(fit, table), options.plot)
     if options.json:
         import json
 
-        show(json.dumps({"file": options.pairs, "unit": pairs.unit, **fit.to_dict()}, allow_nan=False))
+        show(json.dumps({"file": options.pairs, "unit": table.unit, **fit.to_dict()}, allow_nan=False))
     else:
-        show(f"{options.pairs}, lengths in {pairs.unit}")
-        show(fit.summary(pairs.places))
+        show(f"{options.pairs}, lengths in {table.unit}")
+        show(fit.summary(table.places))
     return OK if fit.status < AxisFitStatus.TWO_AXES else NOT_CONVERGED
+
+
+def _check_options(options: argparse.Namespace, known: bool) -> None:
+    wrong, found, expected = {
+        True: ("near", "a table with known angles", "it with motions whose angle is fitted"),
+        False: (
+            "point loss plot",
+            "a table without known angles",
+            "it with pairs of points and a column angle",
+        ),
+    }[known]
+    for name in wrong.split():
+        if getattr(options, name) is not None:
+            raise InputFileError("command line", f"--{name}", found, expected)
+
+
+def _helical_axis(table: Pairs | Poses, options: argparse.Namespace, sigma: float | None) -> HelicalAxis:
+    from rodgen.calibration.problem.attitudes import UnfitAttitudeError, matrices
+    from rodgen.data.notations import NOTATIONS
+    from rodgen.data.tables import Pairs
+    from rodgen.kinematics.helical_axis import fit_helical_axis, fit_pose_axis
+
+    noise = {
+        "sigma": sigma,
+        "sigma_angle": options.sigma_angle.to("rad")[0] if options.sigma_angle else None,
+        "origin": options.near,
+    }
+    if isinstance(table, Pairs):
+        return fit_helical_axis(table.rho, table.rho_prime, turn=table.turn, angle=table.angle, **noise)
+    try:
+        attitudes = matrices(table.notation, table.attitude)
+    except UnfitAttitudeError as error:
+        place = f"{table.places([error.row])}, columns {joined(NOTATIONS[table.notation])}"
+        raise InputFileError(table.file, place, error.found, error.expected) from None
+    return fit_pose_axis(table.position, attitudes, **noise)

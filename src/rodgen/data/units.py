@@ -21,7 +21,7 @@ from typing import Any, Literal, TypeAlias
 
 from rodgen.errors import UnexpectedError, shown
 
-Quantity: TypeAlias = Literal["length", "angle", "rate"]
+Quantity: TypeAlias = Literal["length", "angle", "rate", "time"]
 """What a table's column measures; a rate is an angle per time."""
 
 ARCSEC = math.pi / 648000
@@ -235,7 +235,7 @@ def conversion_factor(unit: str, quantity: Quantity, target: str) -> float:
     ----------
     unit, target : str
         As for :func:`parse_unit`.
-    quantity : {"length", "angle", "rate"}
+    quantity : {"length", "angle", "rate", "time"}
         What both must measure. A length may hold angles (``mm/rad``), which are plain numbers; but an angle is not a
         plain number: ``angle [%]`` is an error.
 
@@ -400,11 +400,12 @@ _ZEROS = {
 }
 
 
-_QUANTITIES = {"length": LENGTH, "angle": ANGLE, "rate": ANGLE / TIME}
+_QUANTITIES = {"length": LENGTH, "angle": ANGLE, "rate": ANGLE / TIME, "time": TIME}
 _EXAMPLES = {
     "length": "a unit of length, such as mm, um, m or inch",
     "angle": "a unit of angle, such as deg, rad, arcsec or mrad",
     "rate": "a unit of angle per time, such as deg/s, rad/s or rev/min",
+    "time": "a unit of time, such as s, ms or min",
 }
 
 

@@ -13,23 +13,13 @@ from typing import Any, ClassVar, Literal, Protocol, TypeAlias
 import numpy as np
 
 from rodgen.array_types import Array
+from rodgen.data.notations import NOTATIONS as NOTATIONS
+from rodgen.data.notations import TURNS as TURNS
 from rodgen.data.set_aside import SetAside
 from rodgen.data.units import ANGLE, LENGTH, Dimension
 from rodgen.views import with_html
 
 Vector: TypeAlias = tuple[float, float, float]
-
-TURNS = ("rx", "ry", "rz")
-
-NOTATIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "rotation vector": TURNS,
-        "roll, pitch and yaw": ("roll", "pitch", "yaw"),
-        "quaternion": ("qw", "qx", "qy", "qz"),
-        "matrix": tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
-    }
-)
-"""The ways to write an attitude in a table, and their columns."""
 
 
 class Steps(Protocol):

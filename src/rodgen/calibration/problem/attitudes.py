@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.data.notations import ANGULAR, NOTATIONS
 from rodgen.data.units import parse_unit
 from rodgen.kinematics.rotation import matrix_from_quaternion, quaternion_from_matrix
-from rodgen.machines.measured import NOTATIONS
 from rodgen.machines.model import Frame
 from rodgen.machines.rigid import matrix_from_roll_pitch_yaw, roll_pitch_yaw, rotation_matrix, rotation_vector
 from rodgen.statistics.decompositions import svd
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
 
 __all__ = [
-    "ANGULAR",
     "UnfitAttitudeError",
     "attitude_columns",
     "attitude_numbers",
@@ -30,9 +29,6 @@ __all__ = [
 ]
 
 Array: TypeAlias = NDArray[np.float64]
-
-ANGULAR = frozenset({"rotation vector", "roll, pitch and yaw"})
-"""Notations whose numbers are angles."""
 
 TOLERANCE = 1e-3
 """Largest deviation of a quaternion's length from 1, and of RᵀR from the unit matrix: numbers rounded to three decimals
@@ -59,7 +55,7 @@ def matrices(notation: str, numbers: Array) -> Array:
     Parameters
     ----------
     notation : str
-        One of `rodgen.machines.measured.NOTATIONS`.
+        One of `rodgen.data.notations.NOTATIONS`.
     numbers : ndarray, shape (n, k)
         In the order of its columns, angles in radians: a rotation vector; roll r, pitch p and yaw y of
         Rz(y) Ry(p) Rx(r), as URDF has them; a quaternion of either sign, scalar part first; or a matrix row by row.

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem.assembly_modes import closed
-from rodgen.calibration.problem.attitudes import ANGULAR, UnfitAttitudeError, matrices
+from rodgen.calibration.problem.attitudes import UnfitAttitudeError, matrices
 from rodgen.data.measurements import Measurements, Names, Numbers, plain_name
+from rodgen.data.notations import ANGULAR
 from rodgen.data.poses import approach, poses
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
 from rodgen.errors import InputFileError, joined, listed, nearest_hint, shown

@@ -9,8 +9,8 @@ Any unit that Pint knows and that fits the column is valid, and it may differ fr
 
 - `open_table` opens a file, and `open_frame` a table in memory; it is read whole.
 - `write_table` writes a file that takes its name only when it is complete.
-- `read_pairs` reads pairs of points; `map_table` adds columns of results to a table; `copy_with` adds columns that are
-  known already.
+- `read_motions` reads pairs of points, or poses; `map_table` adds columns of results to a table;
+  `copy_with` adds columns that are known already.
 - More rows than memory holds are read in parts, from Parquet files: :mod:`rodgen.data.tables.parts`.
 
 Whatever is wrong with a file is an :class:`rodgen.errors.InputFileError`: one sentence with the file, the
@@ -19,7 +19,15 @@ line and column, what was found and what was expected.
 
 from rodgen.data.tables.columns import Column, EveryColumn
 from rodgen.data.tables.mapped import Answer, MapSummary, Result, check_output, copy_with, map_table
-from rodgen.data.tables.reader import PAIR_COLUMNS, Pairs, open_csv, open_frame, open_table, read_pairs
+from rodgen.data.tables.reader import (
+    PAIR_COLUMNS,
+    Pairs,
+    Poses,
+    open_csv,
+    open_frame,
+    open_table,
+    read_motions,
+)
 from rodgen.data.tables.table import Rows, Table
 from rodgen.data.tables.writer import write_columns, write_table
 
@@ -30,6 +38,7 @@ __all__ = [
     "EveryColumn",
     "MapSummary",
     "Pairs",
+    "Poses",
     "Result",
     "Rows",
     "Table",
@@ -39,7 +48,7 @@ __all__ = [
     "open_csv",
     "open_frame",
     "open_table",
-    "read_pairs",
+    "read_motions",
     "write_columns",
     "write_table",
 ]

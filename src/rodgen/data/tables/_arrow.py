@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from rodgen.data.tables.columns import Column, EveryColumn, bare_name
+from rodgen.data.tables.columns import Column, EveryColumn, Layouts, bare_name
 from rodgen.data.tables.table import READABLE, Rows, Table, in_wanted_unit, row_place, values_of
 from rodgen.errors import InputFileError, shown
 from rodgen.files import unreadable
@@ -135,7 +135,7 @@ class ParquetTable(_ArrowTable):
         self,
         file: str,
         raw: Any,
-        columns: Sequence[Column] | EveryColumn,
+        columns: Sequence[Column] | Layouts | EveryColumn,
         groups: Sequence[int] | None = None,
         names: Collection[str] | None = None,
     ) -> None:

@@ -23,7 +23,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 from numpy.typing import NDArray
 
-from rodgen.data.tables.columns import Column, EveryColumn, Match
+from rodgen.data.tables.columns import Column, EveryColumn, Layouts, Match
 from rodgen.data.tables.table import READABLE, Rows, Table, in_wanted_unit, values_of
 from rodgen.errors import InputFileError, shown
 from rodgen.files import unreadable
@@ -64,7 +64,7 @@ class CsvTable(Table):
     counted = "line"
 
     def __init__(
-        self, file: str, raw: IO[bytes], columns: Sequence[Column] | EveryColumn, keep_text: bool
+        self, file: str, raw: IO[bytes], columns: Sequence[Column] | Layouts | EveryColumn, keep_text: bool
     ) -> None:
         self.file = file
         self._data = self._content(raw)

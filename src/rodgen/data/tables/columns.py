@@ -18,9 +18,9 @@ from rodgen.errors import InputFileError, in_file, nearest_hint, shown
 
 _NAME_AND_UNIT = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]")
 
-_UNITS = {"length": " [mm]", "angle": " [deg]", "rate": " [deg/s]", "number": ""}
+_UNITS = {"length": " [mm]", "angle": " [deg]", "rate": " [deg/s]", "time": " [s]", "number": "", "name": ""}
 """Units of the columns in an example of a header."""
-_TARGETS = {"angle": "rad", "rate": "rad/s"}
+_TARGETS = {"angle": "rad", "rate": "rad/s", "time": "s"}
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,28 @@ class Column:
 
     name: str
     """Its name, without the unit."""
-    quantity: Quantity | Literal["number"]
+    quantity: Quantity | Literal["number", "name"]
     """What its numbers measure. A length is read in the unit of the table's first length column, an angle in radians,
-    its rate of change in radians a second; a plain number has no unit."""
+    its rate of change in radians a second, a time in seconds; a plain number has no unit, nor has a name: text."""
+    optional: bool = False
+    """Whether a table may be without it; a name that is nearly this one is then an error."""
+
+
+@dataclass(frozen=True)
+class Layouts:
+    """Several sets of columns: a table has that of which most of the needed columns are there, else the first."""
+
+    sets: tuple[tuple[Column, ...], ...]
+
+    def of(self, texts: Sequence[str]) -> tuple[Column, ...]:
+        """Return the set of a table with these columns."""
+        names = {bare_name(text) for text in texts}
+
+        def share(some: tuple[Column, ...]) -> float:
+            there = [column.name in names for column in some if not column.optional]
+            return sum(there) / len(there) if 2 * sum(there) > len(there) else 0.0
+
+        return max(self.sets, key=share)
 
 
 @dataclass(frozen=True)
@@ -68,7 +87,12 @@ class Match:
 
 
 def match_columns(
-    texts: Sequence[str], columns: Sequence[Column] | EveryColumn, file: str, place: str, *, numbered: bool
+    texts: Sequence[str],
+    columns: Sequence[Column] | Layouts | EveryColumn,
+    file: str,
+    place: str,
+    *,
+    numbered: bool,
 ) -> list[Match]:
     """Find the wanted columns among the column names of a file.
 
@@ -76,7 +100,7 @@ def match_columns(
     ----------
     texts : sequence of str
         Every column name of the file, with its unit, in order.
-    columns : sequence of Column, or EveryColumn
+    columns : sequence of Column, Layouts, or EveryColumn
         Those wanted; the result is in this order, of every column in the file's.
     file, place : str
         For the error message.
@@ -88,6 +112,8 @@ def match_columns(
     InputFileError
         When one is missing, occurs twice, or has no unit or one that does not fit.
     """
+    if isinstance(columns, Layouts):
+        columns = columns.of(texts)
     example = columns.example if isinstance(columns, EveryColumn) else _header_example(columns)
     _check_is_header(texts, example, file, place)
     _check_unique(texts, file, place)
@@ -102,18 +128,21 @@ def match_columns(
     for column in columns:
         found = named.get(column.name, [])
         if not found:
-            raise _missing(column, texts, columns, file, place, numbered=numbered)
+            error, near = _missing(column, texts, columns, file, place, numbered=numbered)
+            if column.optional and not near:
+                continue
+            raise error
         if len(found) > 1:
             raise _twice(column.name, [texts[i] for i, _ in found[:2]], file, place)
         index, unit = found[0]
         where = f"{place}, column {shown(texts[index])}"
         example = f"{column.name}{_UNITS[column.quantity]}"
-        if column.quantity == "number":
+        if column.quantity == "number" or column.quantity == "name":
             if unit not in (None, "", "1"):
                 raise InputFileError(
                     file, where, f"the unit {shown(unit)}", f"{example!r}, which has no unit"
                 )
-            matches.append(Match(column.name, index, texts[index], "", 1.0))
+            matches.append(Match(column.name, index, texts[index], "", 1.0, column.quantity == "name"))
             continue
         if not unit:
             raise InputFileError(file, where, "no unit", f"one in brackets, such as '{example}'")
@@ -220,7 +249,8 @@ def _missing(
     place: str,
     *,
     numbered: bool,
-) -> InputFileError:
+) -> tuple[InputFileError, bool]:
+    """Return the error, and whether a column was meant to be the missing one."""
     example = f"{column.name}{_UNITS[column.quantity]}"
     for number, text in enumerate(texts, start=1):
         where = f"{place}, column {number}" if numbered else place
@@ -228,19 +258,18 @@ def _missing(
         if bare.strip() == column.name:
             what = "parentheses" if "(" in text else "braces" if "{" in text else "brackets that do not match"
             unit = re.sub(r"[)\]}].*", "", rest).strip()
-            return InputFileError(
-                file, where, f"{shown(text)}, a unit in {what}", f"brackets, '{column.name} [{unit}]'"
-            )
+            found = f"{shown(text)}, a unit in {what}"
+            return InputFileError(file, where, found, f"brackets, '{column.name} [{unit}]'"), True
     taken = {c.name for c in columns}
     hint = nearest_hint(
         column.name, {_split(text)[0]: text for text in texts if _split(text)[0] not in taken}
     )
     expected = f"one such as '{example}'" if example != column.name else f"all of {_header_example(columns)}"
-    return InputFileError(file, place, f"no column {column.name!r}{hint}", expected)
+    return InputFileError(file, place, f"no column {column.name!r}{hint}", expected), bool(hint)
 
 
 def _header_example(columns: Sequence[Column]) -> str:
-    return ",".join(f"{c.name}{_UNITS[c.quantity]}" for c in columns)
+    return ",".join(f"{c.name}{_UNITS[c.quantity]}" for c in columns if not c.optional)
 
 
 def _is_number(text: str) -> bool:

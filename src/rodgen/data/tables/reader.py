@@ -1,4 +1,4 @@
-"""Open a table for reading: a CSV or Parquet file, or a table in memory; and read measured pairs of points.
+"""Open a table for reading: a CSV or Parquet file, or a table in memory; and read measured pairs of points, or poses.
 
 A pair is a point before (`rho`) and after (`rho_prime`) a rotation by `angle` about an axis through the origin of the
 frame in which both were measured.
@@ -15,9 +15,10 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.data.notations import ANGULAR, NOTATIONS
 from rodgen.data.tables._arrow import FrameTable, ParquetTable
 from rodgen.data.tables._csv import CsvTable
-from rodgen.data.tables.columns import Column, EveryColumn
+from rodgen.data.tables.columns import Column, EveryColumn, Layouts
 from rodgen.data.tables.table import READABLE, Table, places_of
 from rodgen.errors import InputFileError
 from rodgen.files import open_input, unreadable
@@ -29,7 +30,10 @@ PAIR_COLUMNS = (
 
 
 def open_table(
-    path: str | os.PathLike[str], columns: Sequence[Column] | EveryColumn, *, keep_text: bool = False
+    path: str | os.PathLike[str],
+    columns: Sequence[Column] | Layouts | EveryColumn,
+    *,
+    keep_text: bool = False,
 ) -> Table:
     """Return a CSV or Parquet file, open for reading; a CSV file is read whole.
 
@@ -39,7 +43,7 @@ def open_table(
     ----------
     path : str or os.PathLike
         ``"-"`` reads CSV from standard input.
-    columns : sequence of Column, or EveryColumn
+    columns : sequence of Column, Layouts, or EveryColumn
         The columns that are needed, by name and quantity.
     keep_text : bool
         Whether `Rows.table` holds the needed columns of a CSV file as their text or as numbers (in the unit of the
@@ -104,48 +108,97 @@ def open_frame(frame: Any, columns: EveryColumn, name: str) -> Table:
     return FrameTable(name, frame, columns)
 
 
-@dataclass(frozen=True)
-class Pairs:
-    """Measured pairs."""
+_MOTIONS = Layouts(
+    (
+        (
+            *PAIR_COLUMNS[:-1],
+            Column("angle", "angle", optional=True),
+            Column("turn", "name", optional=True),
+        ),
+        *(
+            (
+                *(Column(axis, "length") for axis in "xyz"),
+                *(Column(name, "angle" if notation in ANGULAR else "number") for name in names),
+                Column("t", "time", optional=True),
+            )
+            for notation, names in NOTATIONS.items()
+        ),
+    )
+)
 
-    rho: NDArray[np.float64]
-    rho_prime: NDArray[np.float64]
-    """The points before and after, in `unit`, (n, 3)."""
-    angle: NDArray[np.float64]
-    """The rotations in radians, (n,)."""
+
+@dataclass(frozen=True)
+class _Motions:
+    """What all tables of motions have."""
+
     unit: str
     """The unit of the table's first length column."""
     file: str
     counted: str
     """What `numbers` are: ``"line"`` of a CSV file, or ``"row"``."""
     numbers: NDArray[np.int64]
-    """Of each pair: its line, from 1, or its row, from 0, (n,)."""
+    """Of each row: its line, from 1, or its row, from 0, (n,)."""
 
     def places(self, chosen: Sequence[int] | NDArray[np.int_]) -> str:
-        """Return the places of some pairs, one at least, such as ``"lines 4 and 9 of pairs.csv"``."""
+        """Return the places of some rows, one at least, such as ``"lines 4 and 9 of pairs.csv"``."""
         return places_of(self.file, self.counted, chosen, lambda some: self.numbers[some])
 
 
-def read_pairs(path: str | os.PathLike[str]) -> Pairs:
-    """Return all pairs of a table.
+@dataclass(frozen=True)
+class Pairs(_Motions):
+    """Measured pairs."""
+
+    rho: NDArray[np.float64]
+    rho_prime: NDArray[np.float64]
+    """The points before and after, in `unit`, (n, 3)."""
+    angle: NDArray[np.float64] | None
+    """The rotations in radians, (n,); None where the table has none."""
+    turn: NDArray[Any] | None
+    """The label of each row's motion, (n,); None where the table has none."""
+
+
+@dataclass(frozen=True)
+class Poses(_Motions):
+    """Measured poses of a body."""
+
+    position: NDArray[np.float64]
+    """In `unit`, (n, 3)."""
+    notation: str
+    """How the attitudes are written: a key of `rodgen.data.notations.NOTATIONS`."""
+    attitude: NDArray[np.float64]
+    """Their numbers, angles in radians, (n, 3), (n, 4) or (n, 9)."""
+    time: NDArray[np.float64] | None
+    """In seconds, (n,); None where the table has none."""
+
+
+def read_motions(path: str | os.PathLike[str]) -> Pairs | Poses:
+    """Return all pairs of points, or all poses, of a table.
 
     Parameters
     ----------
     path : str or os.PathLike
-        CSV or Parquet with the columns ``rho_x … rho_z``, ``rho_prime_x … rho_prime_z`` and ``angle``,
-        each with its unit in brackets; ``"-"`` is CSV on standard input.
+        CSV or Parquet with the columns ``rho_x … rho_z``, ``rho_prime_x … rho_prime_z`` and perhaps ``angle`` and
+        ``turn``, or with ``x … z``, an attitude as in `rodgen.data.notations` and perhaps ``t``, each with its unit
+        in brackets; ``"-"`` is CSV on standard input.
 
     Returns
     -------
-    Pairs
+    Pairs or Poses
 
     Raises
     ------
     InputFileError
         When the file cannot be read or a cell in these columns is not a finite number.
     """
-    with open_table(path, PAIR_COLUMNS) as table:
+    with open_table(path, _MOTIONS) as table:
         rows = table.read()
-        rho, rho_prime = (np.column_stack(rows.values[k : k + 3]) for k in (0, 3))
-        unit = table.units()["rho_x"]
-        return Pairs(rho, rho_prime, rows.values[6], unit, table.file, table.counted, rows.numbers)
+        values = dict(zip(table.units(), rows.values, strict=True))
+        unit = next(iter(table.units().values()))
+        place = (unit, table.file, table.counted, rows.numbers)
+        if "rho_x" in values:
+            rho, rho_prime = (np.column_stack(rows.values[k : k + 3]) for k in (0, 3))
+            turn = rows.text[0].to_numpy() if rows.text else None
+            return Pairs(*place, rho, rho_prime, values.get("angle"), turn)
+        notation = next(n for n, names in NOTATIONS.items() if set(names) <= set(values))
+        attitude = np.column_stack([values[name] for name in NOTATIONS[notation]])
+        return Poses(*place, np.column_stack(rows.values[:3]), notation, attitude, values.get("t"))

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from rodgen.data.tables.columns import Column, EveryColumn, Match, match_columns
+from rodgen.data.tables.columns import Column, EveryColumn, Layouts, Match, match_columns
 from rodgen.errors import InputFileError, joined
 
 READABLE = "a CSV or Parquet file"
@@ -98,7 +98,7 @@ class Table(abc.ABC):
     def _find_wanted(
         self,
         texts: Sequence[str],
-        columns: Sequence[Column] | EveryColumn,
+        columns: Sequence[Column] | Layouts | EveryColumn,
         words: Collection[int] = (),
         *,
         numbered: bool = False,
@@ -112,7 +112,8 @@ class Table(abc.ABC):
         self.matches = [match for match in found if not match.holds_text]
         self.text = [match for match in found if match.holds_text]
         # a remark may be blank, but not the name of a target
-        self._needed = {match.index for match in self.text if match.name in names}
+        every = isinstance(columns, EveryColumn)
+        self._needed = {match.index for match in self.text if match.name in names or not every}
 
     def __enter__(self) -> Self:
         return self

@@ -95,7 +95,7 @@ def condition_number(information: Array, arm: float) -> float:
 
 _EPS = float(np.finfo(float).eps)
 # Beyond this a turn does not stay in the range where the model is straight.
-_LOST_RADIANS = 1 / 3
+LOST_RADIANS = 1 / 3
 # Twice the log of a likelihood ratio below which a second axis is kept: odds of 150 to 1.
 _KEEP_BELOW = 10.0
 # Standard deviations by which noise alone may favour one of two axes that fit alike.
@@ -259,7 +259,7 @@ def find_freedoms(
     if exact.any() or not np.isfinite(covariance).all():
         return Freedoms((basis @ vectors)[:, exact], none, np.empty(0))
     variances, along = np.linalg.eigh(covariance)
-    hidden = variances > _LOST_RADIANS**2
+    hidden = variances > LOST_RADIANS**2
     return Freedoms(none, (basis @ along)[:, hidden], np.sqrt(variances[hidden]))
 
 

@@ -136,7 +136,7 @@ def _is_axis(pairs: Pairs, chosen: NDArray[np.intp], line: Line) -> bool:
 # A statistic this many of its standard deviations off is no accident.
 _NO_ACCIDENT = 5.0
 # Below this many degrees of freedom the estimated noise is too uncertain for the usual two sigma.
-_FEW_FREEDOMS = 10
+FEW_FREEDOMS = 10
 _DEGREES = 4 * math.pi
 
 
@@ -171,8 +171,8 @@ def remarks_on(
                 "would limit their influence."
             )
         remarks += contradiction(pairs, loss, noise, line)
-    if determined and pairs.variance is None and 0 < noise.dof < _FEW_FREEDOMS:
-        remarks.append(_few_freedoms(noise.dof))
+    if determined and pairs.variance is None and 0 < noise.dof < FEW_FREEDOMS:
+        remarks.append(few_freedoms(noise.dof))
     excess = 0.0 if noise.chi_square is None else noise.chi_square - noise.dof
     if noise.dof > 0 and abs(excess) > _NO_ACCIDENT * math.sqrt(2 * noise.dof):
         remarks.append(
@@ -203,7 +203,7 @@ def _on_slide(
     return slide.text(outliers, used, moved.residuals(slide.line)[noise.good])
 
 
-def _few_freedoms(dof: int) -> str:
+def few_freedoms(dof: int) -> str:
     """Return how far the 95 % region reaches when the noise is estimated with `dof` degrees of freedom.
 
     The direction has two components: the region is where their squares, in units of the uncertainties, sum

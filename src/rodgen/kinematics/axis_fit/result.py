@@ -140,7 +140,7 @@ class AxisFit:
     @property
     def axis_uncertainty(self) -> Array:
         """Standard uncertainties (2,) of the direction in rad: the largest, and that at right angles to it."""
-        return _sizes(self.axis_covariance)[:2]
+        return principal_sizes(self.axis_covariance)[:2]
 
     @property
     def point_uncertainty(self) -> Array:
@@ -161,12 +161,8 @@ class AxisFit:
         covariance : (3, 3) array
             The farther `to` is from the data along the axis, the more the direction's uncertainty adds.
         """
-        reach = np.asarray(to, dtype=float) - self.point
-        along = float(self.axis @ reach)
-        by_axis = along * np.eye(3) + np.outer(self.axis, reach)
-        by_point = np.eye(3) - np.outer(self.axis, self.axis)
-        jacobian = np.hstack([by_axis, by_point])
-        return self.point + along * self.axis, jacobian @ self.covariance @ jacobian.T
+        point, covariance = nearest(self.axis, self.point, self.covariance, np.asarray(to, dtype=float))
+        return point, covariance[3:, 3:]
 
     def summary(self, places: Callable[[NDArray[np.int_]], str] | None = None) -> str:
         """Return a summary of a few lines.
@@ -181,14 +177,14 @@ class AxisFit:
         pairs = f"{self.pairs} pair{'s' * (self.pairs != 1)}"
         lines = [f"Axis fitted to {pairs} ({point}, loss {self.loss}): {self.status.name}"]
         u = self.axis_uncertainty
-        lines.append(f"  direction   {_vector(self.axis, u[0])}")
+        lines.append(f"  direction   {vector_text(self.axis, u[0])}")
         lines.append(
-            f"              {_angle(u[0])} in the worst direction, {_angle(u[1])} perpendicular to it"
+            f"              {angle_text(u[0])} in the worst direction, {angle_text(u[1])} perpendicular to it"
         )
         if not self.point_known:
-            lines.append(f"  point       {_vector(self.point, self.point_uncertainty.max())}")
+            lines.append(f"  point       {vector_text(self.point, self.point_uncertainty.max())}")
             lines.append(
-                f"              ± {_plain(self.point_uncertainty)}; nearest to the centroid of the readings"
+                f"              ± {lengths_text(self.point_uncertainty)}; nearest to the centroid of the readings"
             )
         lines.append(f"  residuals   rms {self.rms:.4g}; {used} of {pairs} count{'s' * (self.pairs == 1)}")
         source = "given" if self.sigma_given else f"estimated, {self.dof} degrees of freedom"
@@ -234,10 +230,23 @@ class AxisFit:
         }
         if pairwise:
             everything |= {"residuals": self.residuals, "weights": self.weights}
-        return {key: _plain_value(value) for key, value in everything.items()}
+        return {key: plain_value(value) for key, value in everything.items()}
 
 
-def _sizes(covariance: Array) -> Array:
+def nearest(axis: Array, point: Array, covariance: Array, to: Array) -> tuple[Array, Array]:
+    """Return the point of an axis nearest to a given one, and the covariance (6, 6) of the axis and it.
+
+    `covariance` is that of the axis and of the point given.
+    """
+    reach = to - point
+    along = float(axis @ reach)
+    jacobian = np.eye(6)
+    jacobian[3:, :3] = along * np.eye(3) + np.outer(axis, reach)
+    jacobian[3:, 3:] -= np.outer(axis, axis)
+    return point + along * axis, jacobian @ covariance @ jacobian.T
+
+
+def principal_sizes(covariance: Array) -> Array:
     """Return standard uncertainties along the principal directions, largest first; NaN where unknown."""
     if not np.isfinite(covariance).all():
         return np.full(len(covariance), np.nan)
@@ -245,17 +254,18 @@ def _sizes(covariance: Array) -> Array:
     return sizes
 
 
-def _plain_value(value: Any) -> Any:
+def plain_value(value: Any) -> Any:
+    """Return a value for JSON, with None for numbers that are not finite."""
     if isinstance(value, np.ndarray):
-        return _plain_value(value.tolist())
+        return plain_value(value.tolist())
     if isinstance(value, list):
-        return [_plain_value(item) for item in value]
+        return [plain_value(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
 
 
-def _vector(value: Array, uncertainty: float) -> str:
+def vector_text(value: Array, uncertainty: float) -> str:
     """Return coordinates to two digits of their uncertainty, as far as double precision has them."""
     size = float(np.abs(value).max())
     if size == 0:
@@ -268,11 +278,13 @@ def _vector(value: Array, uncertainty: float) -> str:
     return "(" + ", ".join(f"{c:z.{figures - 1}e}" for c in value) + ")"
 
 
-def _plain(values: Array) -> str:
+def lengths_text(values: Array) -> str:
+    """Return uncertainties with two digits."""
     return "(" + ", ".join("unknown" if math.isnan(v) else f"{v:.2g}" for v in values) + ")"
 
 
-def _angle(radians: float) -> str:
+def angle_text(radians: float) -> str:
+    """Return the uncertainty of a direction."""
     if math.isnan(radians):
         return "± unknown"
     if radians > 0.02:

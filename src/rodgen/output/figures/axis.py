@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import plotly.graph_objects as go
@@ -105,7 +105,7 @@ _OUTLIER = {"symbol": "x", "size": 9, "color": PURPLE, "line": {"width": 0.5, "c
 
 def _along(figure: go.Figure, pairs: Pairs, fit: AxisFit, before: Array, after: Array, chosen: Index) -> None:
     # The path of a point: its circle about the fitted axis, from where it was, by the angle that was given.
-    turn = np.remainder(pairs.angle[chosen] + np.pi, 2 * np.pi) - np.pi
+    turn = np.remainder(cast("Array", pairs.angle)[chosen] + np.pi, 2 * np.pi) - np.pi
     start = np.arctan2(before[1, chosen], before[0, chosen])
     radius = np.hypot(before[0, chosen], before[1, chosen])
     steps = start[:, None] + turn[:, None] * np.append(np.linspace(0, 1, 49), np.nan)

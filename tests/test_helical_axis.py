@@ -1,0 +1,410 @@
+"""The axis of screws against bodies that SciPy's rotations move, and intervals against repeated draws."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from kinematics_cases import unit
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+from scipy.stats import f as f_distribution
+from scipy.stats import t as student
+
+from rodgen.errors import RodgenError
+from rodgen.generated import numpy as generated
+from rodgen.kinematics.axis_fit import AxisFitStatus
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.helical_axis import HelicalAxis, fit_helical_axis, fit_pose_axis
+
+EPS = np.finfo(float).eps
+AXIS = unit([0.36, -0.48, 0.8])
+ACROSS = np.linalg.svd(AXIS[None])[2][1:].T
+POINT = np.array([100.0, 20.0, -50.0])
+BALLS = np.array([[200.0, 0, 0], [100, 100, 50], [20, -60, 100]])
+HOME = Rotation.from_euler("xyz", [10, 20, 30], degrees=True)
+TOOL = np.array([150.0, 40.0, 10.0])
+
+Command = Callable[..., tuple[int, str, str]]
+
+
+def screwed(x: np.ndarray, angle: float, slide: float) -> np.ndarray:
+    return POINT + Rotation.from_rotvec(angle * AXIS).apply(x - POINT) + slide * AXIS
+
+
+def points(
+    angles: Any, slides: Any, noise: float = 0.0, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Three balls, all motions from one reading of the first place."""
+    rng = np.random.default_rng(seed)
+    rest = BALLS + noise * rng.normal(size=BALLS.shape)
+    after = [
+        screwed(BALLS, a, s) + noise * rng.normal(size=BALLS.shape)
+        for a, s in zip(angles, slides, strict=True)
+    ]
+    return np.tile(rest, (len(after), 1)), np.concatenate(after), np.repeat(np.arange(len(after)), 3)
+
+
+def poses(
+    angles: Any, slides: Any, noise: float = 0.0, turn: float = 0.0, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poses after screws; the first motion is none."""
+    rng = np.random.default_rng(seed)
+    both = list(zip([0.0, *angles], [0.0, *slides], strict=True))
+    place = np.array([screwed(TOOL[None], a, s)[0] + noise * rng.normal(size=3) for a, s in both])
+    attitude = [
+        Rotation.from_rotvec(turn * rng.normal(size=3)) * Rotation.from_rotvec(a * AXIS) * HOME
+        for a, _ in both
+    ]
+    return place, np.array([r.as_matrix() for r in attitude])
+
+
+def from_line(fit: HelicalAxis) -> float:
+    return float(np.linalg.norm(np.cross(fit.point - POINT, AXIS)))
+
+
+# Kernels ------------------------------------------------------------------------------------------
+
+
+def exact_screw(x: Any, y: Any, angle: float, slide: float, e: Any, p: Any) -> list[Any]:
+    with mpmath.workdps(50):
+        x, y, e, p = ([mpmath.mpf(float(c)) for c in v] for v in (x, y, e, p))
+        c, s = mpmath.cos(mpmath.mpf(angle)), mpmath.sin(mpmath.mpf(angle))
+        a = [x[i] - p[i] for i in range(3)]
+        cross = [e[1] * a[2] - e[2] * a[1], e[2] * a[0] - e[0] * a[2], e[0] * a[1] - e[1] * a[0]]
+        along = sum(e[i] * a[i] for i in range(3))
+        square = sum(c * c for c in e)
+        # Rodrigues' formula, whose double cross product has |e|², not 1: a float axis is not quite a unit vector
+        double = [e[i] * along - square * a[i] for i in range(3)]
+        return [y[i] - x[i] - s * cross[i] - (1 - c) * double[i] - mpmath.mpf(slide) * e[i] for i in range(3)]
+
+
+@pytest.mark.parametrize("functions", [kernels, generated.ALL], ids=["compiled", "numpy"])
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1.3, math.pi - 1e-9, math.pi, -7.0])
+def test_screw_residual_agrees_with_50_digits(functions: Any, angle: float) -> None:
+    y = screwed(BALLS, angle, 0.3) + np.array([0.01, -0.02, 0.03])
+    d, jacobian = functions.screw_residual(BALLS, y, angle, 0.25, AXIS, POINT)
+    for k, ball in enumerate(BALLS):
+        exact = [float(c) for c in exact_screw(ball, y[k], angle, 0.25, AXIS, POINT)]
+        assert d[k] == pytest.approx(exact, abs=8 * EPS * np.abs(BALLS).max())
+        alone, alone_jacobian = functions.screw_residual(ball, y[k], angle, 0.25, AXIS, POINT)
+        assert alone == pytest.approx(d[k], abs=EPS * 300)
+        assert alone_jacobian == pytest.approx(jacobian[k], abs=EPS * 300)
+    h = 1e-5  # central differences: h² and eps/h are below 1e-8 of lengths of 300
+    start = np.concatenate([BALLS[0], [angle, 0.25], AXIS, POINT])
+
+    def value(v: np.ndarray) -> np.ndarray:
+        return functions.screw_residual(v[:3], y[0], v[3], v[4], v[5:8], v[8:])[0]
+
+    slopes = np.stack([(value(start + h * u) - value(start - h * u)) / (2 * h) for u in np.eye(11)], axis=1)
+    assert jacobian[0] == pytest.approx(slopes, abs=1e-8 * 300)
+
+
+def test_the_derivation_is_proved() -> None:
+    from rodgen.derivation import helical_axis
+
+    assert helical_axis.derivation.open == []
+    assert {entry.verdict for entry in helical_axis.derivation} == {"proved"}
+
+
+# Exact data ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("angle", [1e-6, 1e-3, 0.7, 2.0, math.pi - 1e-6, math.pi - 1e-9])
+def test_exact_points_and_poses_give_the_screw(angle: float) -> None:
+    x, y, turn = points([angle], [0.3])
+    place, attitude = poses([angle], [0.3])
+    chord = 2 * math.sin(angle / 2)
+    lost = (
+        10 * 300 * EPS / (100 * chord)
+    )  # roundings of coordinates of 300, of arms of 100 that move by the chord
+    for fit in (
+        fit_helical_axis(x, y, turn=turn, sigma=1e-9),
+        fit_pose_axis(place, attitude, sigma=1e-9, sigma_angle=1e-12),
+    ):
+        assert fit.axis == pytest.approx(AXIS, abs=lost)
+        assert from_line(fit) < lost * (300 + 0.3 / chord)  # the slide goes astray with the axis
+        assert fit.angles == pytest.approx([angle], abs=100 * EPS)
+        assert fit.slides == pytest.approx([0.3], abs=300 * lost)
+
+
+def test_agrees_with_scipy_on_shared_readings() -> None:
+    """All unknowns, the true places of the balls at rest among them, by another solver from the truth."""
+    angles, slides = [0.5, 1.0, 1.6], [0.1, 0.0, -0.2]
+    x, y, turn = points(angles, slides, noise=0.05)
+    fit = fit_helical_axis(x, y, turn=turn, sigma=0.05)
+
+    def misses(v: np.ndarray) -> np.ndarray:
+        e = unit(AXIS + ACROSS @ v[:2])
+        p = POINT + ACROSS @ v[2:4]
+        balls = v[10:].reshape(3, 3)
+        after = [
+            p + Rotation.from_rotvec(a * e).apply(balls - p) + s * e
+            for a, s in zip(v[4:7], v[7:10], strict=True)
+        ]
+        return np.concatenate([(balls - x[:3]).ravel(), (np.concatenate(after) - y).ravel()]) / 0.05
+
+    truth = np.concatenate([np.zeros(4), angles, slides, BALLS.ravel()])
+    best = least_squares(misses, truth, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert fit.chi_square == pytest.approx(2 * best.cost, rel=1e-9)
+    assert fit.angles == pytest.approx(best.x[4:7], abs=1e-8)
+    assert fit.slides == pytest.approx(best.x[7:10], abs=1e-5)
+    covariance = np.linalg.inv(best.jac.T @ best.jac)
+    assert fit.angle_uncertainty == pytest.approx(np.sqrt(np.diag(covariance)[4:7]), rel=1e-4)
+    assert fit.slide_uncertainty == pytest.approx(np.sqrt(np.diag(covariance)[7:10]), rel=1e-4)
+    spread = np.linalg.eigvalsh(covariance[:2, :2])[::-1]
+    assert fit.axis_uncertainty == pytest.approx(np.sqrt(spread), rel=1e-4)
+    assert fit.dof == len(best.fun) - len(best.x)
+
+
+def test_point_is_the_one_nearest_to_the_origin_asked_for() -> None:
+    x, y, turn = points([1.0], [0.3], noise=0.01)
+    fit = fit_helical_axis(x, y, turn=turn, sigma=0.01, origin=(3, 4, 5))
+    assert (fit.point - fit.origin) @ fit.axis == pytest.approx(0, abs=1e-12)
+    far = fit_helical_axis(x, y, turn=turn, sigma=0.01, origin=np.array([3, 4, 5]) + 1e4 * fit.axis)
+    assert far.point_uncertainty.max() > 5 * fit.point_uncertainty.max()
+    assert far.axis == pytest.approx(fit.axis, abs=1e-12)
+
+
+# Near nothing, and near half turns ----------------------------------------------------------------
+
+
+def test_without_a_turn_there_is_no_axis() -> None:
+    x, y, turn = points([0.0], [0.5], noise=0.01)
+    fit = fit_helical_axis(x, y, turn=turn, sigma=0.01)
+    assert fit.status is AxisFitStatus.ANY_AXIS
+    assert "no motion turns" in fit.undetermined[0]
+    exact = points([0.0], [0.5])
+    assert fit_helical_axis(exact[0], exact[1]).status is AxisFitStatus.ANY_AXIS
+
+
+@pytest.mark.parametrize("kind", ["points", "poses"])
+def test_half_turns_have_an_axis_without_a_sign(kind: str) -> None:
+    if kind == "points":
+        x, y, turn = points([math.pi], [0.5], noise=0.01)
+        fit = fit_helical_axis(x, y, turn=turn, sigma=0.01)
+    else:
+        fit = fit_pose_axis(*poses([math.pi], [0.5], 0.01, 1e-4), sigma=0.01, sigma_angle=1e-4)
+    assert fit.status is AxisFitStatus.SIGN_FREE
+    assert abs(fit.axis @ AXIS) == pytest.approx(1, abs=1e-6)
+    assert np.abs(fit.slides) == pytest.approx([0.5], abs=0.1)
+
+
+def test_the_sign_follows_the_first_motion_that_has_one() -> None:
+    fit = fit_pose_axis(*poses([math.pi, 1.0, -2.0], [0, 0, 0], 0.01, 1e-4))
+    assert fit.status is AxisFitStatus.DETERMINED
+    assert fit.axis == pytest.approx(AXIS, abs=1e-3)
+    assert fit.angles[1:] == pytest.approx([1.0, -2.0], abs=1e-3)
+
+
+# Slides -------------------------------------------------------------------------------------------
+
+
+def test_a_slide_within_its_uncertainty_is_called_zero() -> None:
+    x, y, turn = points([1.0], [0.0], noise=0.01)
+    fit = fit_helical_axis(x, y, turn=turn, sigma=0.01)
+    assert fit.no_slide > 0.05
+    assert "zero within its uncertainty" in fit.summary()
+    x, y, turn = points([1.0], [0.5], noise=0.01)
+    moved = fit_helical_axis(x, y, turn=turn, sigma=0.01)
+    assert moved.no_slide < 1e-6
+    assert "zero within" not in moved.summary()
+    assert moved.slides == pytest.approx([0.5], abs=4 * moved.slide_uncertainty[0])
+
+
+def test_a_screw_has_one_pitch() -> None:
+    angles = np.radians(np.arange(20, 160, 20))
+    fit = fit_pose_axis(*poses(angles, 0.8 * angles, 0.02, 1e-4))
+    assert fit.pitch == pytest.approx(0.8, abs=4 * fit.pitch_uncertainty)
+    assert fit.one_pitch > 0.01
+    assert re.search(r"in proportion to the angles: 0\.[78]\d* ± 0\.0\d+ for each radian", fit.summary())
+    bent = fit_pose_axis(*poses(angles, np.where(angles > 1, 0.5, 0.0), 0.02, 1e-4))
+    assert bent.one_pitch < 1e-6
+    assert "not in proportion" in bent.summary()
+
+
+# Readings that motions share ----------------------------------------------------------------------
+
+
+def coverage(
+    draw: Callable[[int], HelicalAxis], angle: float, slide: float, count: int
+) -> tuple[float, float, float]:
+    """Shares of draws whose 95 % regions hold the line, and intervals the second last motion's angle and slide."""
+    line, turned, slid = [], [], []
+    for seed in range(count):
+        fit = draw(seed)
+        dof = 1e9 if fit.sigma_given else fit.dof
+        sign = math.copysign(1, fit.axis @ AXIS)
+        at = fit.point + ((POINT - fit.point) @ AXIS) / (fit.axis @ AXIS) * fit.axis
+        along = float(AXIS @ (fit.point - POINT))
+        T = np.zeros((4, 6))
+        T[:2, :3], T[2:, :3], T[2:, 3:] = sign * ACROSS.T, -along * sign * ACROSS.T, ACROSS.T
+        error = np.concatenate([ACROSS.T @ (sign * fit.axis), ACROSS.T @ (at - POINT)])
+        line.append(
+            error @ np.linalg.solve(T @ fit.covariance @ T.T, error) < 4 * f_distribution.ppf(0.95, 4, dof)
+        )
+        off = np.remainder(sign * fit.angles[-1] - angle + math.pi, 2 * math.pi) - math.pi
+        turned.append(abs(off) < student.ppf(0.975, dof) * fit.angle_uncertainty[-1])
+        slid.append(abs(sign * fit.slides[-1] - slide) < student.ppf(0.975, dof) * fit.slide_uncertainty[-1])
+    return float(np.mean(line)), float(np.mean(turned)), float(np.mean(slid))
+
+
+CASES: dict[str, Callable[[int], HelicalAxis]] = {
+    "points, one motion": lambda s: _of_points([1.0], [0.3], s, sigma=0.02),
+    "points, shared rest": lambda s: _of_points([1.0, 1.1, 1.2, 1.3, 1.4], [0.3] * 5, s),
+    "points, small angle": lambda s: _of_points([0.02], [0.3], s, sigma=0.02),
+    "points, near half a turn": lambda s: _of_points([math.pi - 1e-3], [0.3], s, sigma=0.02),
+    "poses, one motion": lambda s: fit_pose_axis(
+        *poses([1.0], [0.3], 0.02, 3e-4, s), sigma=0.02, sigma_angle=3e-4
+    ),
+    "poses, shared first": lambda s: fit_pose_axis(*poses(np.linspace(1, 2, 10), [0.3] * 10, 0.02, 3e-4, s)),
+}
+
+
+def _of_points(angles: list[float], slides: list[float], seed: int, **options: Any) -> HelicalAxis:
+    x, y, turn = points(angles, slides, 0.02, seed)
+    return fit_helical_axis(x, y, turn=turn, **options)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("case", CASES)
+def test_95_percent_intervals_hold_95_percent(case: str) -> None:
+    angle = {"shared rest": 1.4, "small": 0.02, "half": math.pi - 1e-3, "shared first": 2.0}
+    angle_of = next((a for words, a in angle.items() if words in case), 1.0)
+    shares = coverage(CASES[case], angle_of, 0.3, 300)
+    # 3.29 standard deviations of a share of 300 draws: 99.9 %
+    assert shares == pytest.approx([0.95] * 3, abs=3.29 * math.sqrt(0.95 * 0.05 / 300))
+
+
+def test_a_shared_reading_is_one_unknown() -> None:
+    """The same motions with readings of the rest pose of their own know the axis better."""
+    angles = np.radians(60 + 2 * np.arange(10))
+    x, y, turn = points(angles, np.zeros(10), noise=0.02)
+    shared = fit_helical_axis(x, y, turn=turn, sigma=0.02)
+    apart = fit_helical_axis(
+        x + 1e-9 * np.random.default_rng(1).normal(size=x.shape), y, turn=turn, sigma=0.02
+    )
+    assert shared.axis_uncertainty[0] > 2 * apart.axis_uncertainty[0]
+    assert (
+        shared.dof == apart.dof
+    )  # each motion of its own has nine more readings, and its nine true coordinates
+
+
+def test_an_angle_reading_that_rows_share_is_one_reading() -> None:
+    """Its error moves all balls of its turn alike: with it exact the points know the axis better than they do."""
+    x, y, turn = points([1.0, 1.2], [0, 0], noise=0.01)
+    angle = np.repeat([1.0 + 2e-4, 1.2 - 1e-4], 3)
+    free = fit_helical_axis(x, y, turn=turn, sigma=0.01)
+    read = fit_helical_axis(x, y, turn=turn, sigma=0.01, angle=angle, sigma_angle=1e-6)
+    assert read.angles == pytest.approx(angle[[0, 3]], abs=1e-6)
+    assert read.angle_uncertainty.max() < 1.01e-6 < free.angle_uncertainty.min()
+    assert read.dof == free.dof + 2
+    loose = fit_helical_axis(x, y, turn=turn, sigma=0.01, angle=angle, sigma_angle=1.0)
+    assert loose.angles == pytest.approx(free.angles, abs=1e-7)
+    assert loose.axis_uncertainty == pytest.approx(free.axis_uncertainty, rel=1e-6)
+
+
+# Input --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda x, y: ((x[:2], y[:2]), {}), "2 points; without an angle a motion needs three"),
+        (lambda x, y: ((np.outer([1, 2, 3], AXIS), np.outer([1, 2, 3], AXIS)), {}), "lie on one line"),
+        (lambda x, y: ((x, y[:2]), {}), "do not fit together"),
+        (lambda x, y: ((x, np.where(y == y[1, 1], np.nan, y)), {}), r"rho_prime, row 1 \(counted from 0\)"),
+        (
+            lambda x, y: ((x, y), {"angle": [1, 1, 2.0], "sigma": 1.0, "sigma_angle": 1.0}),
+            "angle, row 2 .* differs",
+        ),
+        (lambda x, y: ((x, y), {"angle": [1, 1, 1.0]}), "need their sigma_angle"),
+        (lambda x, y: ((x, y), {"sigma_angle": 1.0}), "there are none"),
+        (lambda x, y: ((x, y), {"turn": [1, 2]}), "one label a row"),
+    ],
+)
+def test_bad_points_are_refused_in_words(change: Any, sentence: str) -> None:
+    x, y, _ = points([1.0], [0.0])
+    arguments, options = change(x, y)
+    with pytest.raises(RodgenError, match=sentence):
+        fit_helical_axis(*arguments, **options)
+
+
+def test_bad_poses_are_refused_in_words() -> None:
+    place, attitude = poses([1.0], [0.0])
+    with pytest.raises(RodgenError, match="one pose"):
+        fit_pose_axis(place[:1], attitude[:1])
+    with pytest.raises(RodgenError, match=r"rotation, row 1 \(counted from 0\) is no rotation"):
+        fit_pose_axis(place, attitude * [[[1.0]], [[1.1]]])
+    with pytest.raises(RodgenError, match="both sigma and sigma_angle"):
+        fit_pose_axis(place, attitude, sigma=0.1)
+
+
+# The command --------------------------------------------------------------------------------------
+
+
+def pose_table(path: Path, notation: str, angles: Any) -> Path:
+    place, attitude = poses(angles, 0.2 * np.asarray(angles), 0.01, 1e-4)
+    turns = Rotation.from_matrix(attitude)
+    heads, values = {
+        "quaternion": ("qw,qx,qy,qz", turns.as_quat(scalar_first=True)),
+        "matrix": (",".join(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)), attitude.reshape(-1, 9)),
+        "vector": ("rx [deg],ry [deg],rz [deg]", np.degrees(turns.as_rotvec())),
+    }[notation]
+    rows = np.concatenate([place, values], axis=1)
+    path.write_text(
+        f"x [mm],y [mm],z [mm],{heads}\n"
+        + "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows)
+        + "\n"
+    )
+    return path
+
+
+@pytest.mark.parametrize("notation", ["quaternion", "matrix", "vector"])
+def test_the_command_reads_poses(notation: str, tmp_path: Path, rodgen_command: Command) -> None:
+    file = pose_table(tmp_path / "poses.csv", notation, np.radians([20, 40, 60, 80, 100, 120]))
+    code, text, _ = rodgen_command("fit-axis", file, "--near", "0,0,0")
+    assert code == 0
+    assert "Helical axis of 6 motions: DETERMINED" in text
+    assert "nearest to (0, 0, 0)" in text
+    _, printed, _ = rodgen_command("fit-axis", file, "--json", "--sigma", "10um", "--sigma-angle", "0.1mrad")
+    found = json.loads(printed)
+    assert found["axis"] == pytest.approx(AXIS, abs=1e-3)
+    assert found["slides"] == pytest.approx(0.2 * np.radians([20, 40, 60, 80, 100, 120]), abs=0.1)
+    assert found["unit"] == "mm"
+
+
+def test_the_command_reads_points_without_an_angle(tmp_path: Path, rodgen_command: Command) -> None:
+    x, y, turn = points([0.5, 1.0], [0.3, 0.3], noise=0.01)
+    y[4] += 1.0
+    heads = ",".join(f"{p}_{c} [mm]" for p in ("rho", "rho_prime") for c in "xyz")
+    rows = [",".join(f"{v:.6f}" for v in (*a, *b)) + f",turn {k}" for a, b, k in zip(x, y, turn, strict=True)]
+    file = tmp_path / "turns.csv"
+    file.write_text("\n".join([f"{heads},turn", *rows]) + "\n")
+    code, text, _ = rodgen_command("fit-axis", file, "--sigma", "0.01mm")
+    assert code == 0
+    assert "turn 0" in text
+    assert "outliers    line 6 of turns.csv" in text  # the ball that moved
+    code, _, error = rodgen_command("fit-axis", file, "--loss", "huber")
+    assert (code, error.count("\n")) == (2, 1)
+    assert "--loss: a table without known angles" in error
+    file.write_text(file.read_text().replace(",turn", ",Turn", 1))
+    code, _, error = rodgen_command("fit-axis", file)
+    assert (code, error.count("\n")) == (2, 1)
+    assert "no column 'turn' (the nearest is 'Turn')" in error
+
+
+def test_a_bad_quaternion_is_named_by_its_line(tmp_path: Path, rodgen_command: Command) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text("x [mm],y [mm],z [mm],qw,qx,qy,qz\n0,0,0,1,0,0,0\n1,0,0,1,1,0,0\n")
+    code, _, error = rodgen_command("fit-axis", file)
+    assert (code, error.count("\n")) == (2, 1)
+    assert "line 3" in error
+    assert "length 1.41421" in error
