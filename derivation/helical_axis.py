@@ -182,6 +182,33 @@ d.check(
 ).prove(because="(ω × v, ω) = 0.")
 
 # %% [markdown]
+# ## The turn of an angular velocity that changes
+#
+# By which one turn does a body turn in the time $\tau$ whose angular velocity begins with $\vec\omega$ and gains
+# $\vec\alpha$ in a unit of time? Magnus' series has its rotation vector: the integral of the angular velocity, then
+# half the double integral of the cross product of each angular velocity with every earlier one. The terms after that
+# are of the order $\tau^5$.
+
+# %%
+alpha = d.vector("alpha", r"\vec\alpha", "change of the angular velocity in a unit of time", "rad/s²")
+tau = d.symbol("tau", r"\tau", "time", "s", positive=True)
+late, early = sp.symbols("late early", real=True)
+first, change = (sp.Matrix(v.components) for v in (omega, alpha))
+product = (first + late * change).cross(first + early * change)
+double = d.vector(
+    "double",
+    r"\vec\Omega_2",
+    "half the double integral of the cross products",
+    "rad",
+    value=product.applyfunc(lambda c: sp.integrate(sp.integrate(c, (early, 0, late)), (late, 0, tau)) / 2),
+)
+d.check(
+    "changing-turn",
+    equal(double, -(tau**3) / 12 * cross(omega, alpha)),
+    text="By this the rotation vector differs from the integral ω τ + α τ²/2.",
+).prove(because="The product is (t − t′) α × ω for times t after t′, whose double integral is τ³/6 α × ω.")
+
+# %% [markdown]
 # The functions of this notebook, with the number of operations that each takes:
 
 # %%

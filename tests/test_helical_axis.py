@@ -22,7 +22,8 @@ from rodgen.errors import RodgenError
 from rodgen.generated import numpy as generated
 from rodgen.kinematics.axis_fit import AxisFitStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.helical_axis import HelicalAxis, fit_helical_axis, fit_pose_axis
+from rodgen.kinematics.helical_axis import HelicalAxis, fit_helical_axis, fit_pose_axis, instantaneous_axes
+from rodgen.kinematics.screws import ScrewStatus
 
 EPS = np.finfo(float).eps
 AXIS = unit([0.36, -0.48, 0.8])
@@ -408,3 +409,163 @@ def test_a_bad_quaternion_is_named_by_its_line(tmp_path: Path, rodgen_command: C
     assert (code, error.count("\n")) == (2, 1)
     assert "line 3" in error
     assert "length 1.41421" in error
+
+
+# Instantaneous ------------------------------------------------------------------------------------
+
+
+def test_velocity_axis_moves_along_itself() -> None:
+    rng = np.random.default_rng(3)
+    omega, speed, at, near = rng.normal(size=(4, 50, 3)) * [[[1]], [[10]], [[100]], [[100]]]
+    for functions in (kernels, generated.ALL):
+        helical, jacobian = functions.velocity_axis(omega, speed, at, near)
+        axis, point, pitch, rate, slide = np.split(helical, [3, 6, 7, 8], axis=1)
+        assert axis * rate == pytest.approx(omega, abs=1e-14)
+        assert speed + np.cross(omega, point - at) == pytest.approx(pitch * omega, abs=1e-11)
+        assert ((point - near) * omega).sum(axis=1) == pytest.approx(np.zeros(50), abs=1e-11)
+        assert slide == pytest.approx(pitch * rate, rel=1e-12)
+        alone, slopes = functions.velocity_axis(omega[0], speed[0], at[0], near[0])
+        assert alone == pytest.approx(helical[0], rel=1e-13)
+        start, h = np.concatenate([omega[0], speed[0], at[0]]), 1e-6
+
+        def value(v: np.ndarray, functions: Any = functions) -> np.ndarray:
+            return functions.velocity_axis(v[:3], v[3:6], v[6:], near[0])[0]
+
+        differences = np.stack(
+            [(value(start + h * u) - value(start - h * u)) / (2 * h) for u in np.eye(9)], axis=1
+        )
+        assert slopes == pytest.approx(differences, rel=1e-5, abs=1e-6)
+        assert jacobian[0] == pytest.approx(slopes, rel=1e-13)
+
+
+def trajectory(
+    n: int, seed: int, spin: float = 1.0, kick: float = 3.0, noise: float = 0.2, turn: float = 2e-3
+) -> Any:
+    """A body whose accelerations wander, in steps twenty times finer than the poses: times, poses, and the truth."""
+    rng = np.random.default_rng(seed)
+    fine, h = 20, 0.05 / 20
+    omega, gain, R = np.array([0.0, 0.0, spin]), np.zeros(3), Rotation.identity()
+    x, v, a = np.zeros(3), np.array([30.0, 0, 10]), np.zeros(3)
+    truth = []
+    for step in range(n * fine):
+        if step % fine == 0:
+            truth.append((x, v, R.as_matrix(), omega))
+        R = Rotation.from_rotvec((omega + gain * h / 2) * h) * R
+        x, v, omega = x + v * h + a * h**2 / 2, v + a * h, omega + gain * h
+        gain, a = (
+            gain + kick * math.sqrt(h) * rng.normal(size=3),
+            a + 100 * kick * math.sqrt(h) * rng.normal(size=3),
+        )
+    place, speed, attitude, omegas = map(np.array, zip(*truth, strict=True))
+    turned = Rotation.from_rotvec(turn * rng.normal(size=(n, 3))).as_matrix() @ attitude
+    return np.arange(n) * 0.05, place + noise * rng.normal(size=(n, 3)), turned, omegas, speed, place
+
+
+def shares(spin: float, draws: int, n: int) -> list[float]:
+    """Shares of instants whose 95 % intervals hold the truth: rate, slide, point, axis."""
+    held = []
+    for seed in range(draws):
+        t, place, attitude, omega, speed, at = trajectory(n, seed, spin)
+        found = instantaneous_axes(t, place, attitude, origin=(0, 0, 0))
+        rate = np.linalg.norm(omega, axis=1)
+        e = omega / rate[:, None]
+        point = at - (at * e).sum(axis=1)[:, None] * e + np.cross(omega, speed) / rate[:, None] ** 2
+        some = found.status < ScrewStatus.COUPLE
+        z = [
+            (found.rate - rate) / found.rate_uncertainty,
+            (found.slide_rate - (e * speed).sum(axis=1)) / found.slide_rate_uncertainty,
+            (found.point - point) / found.point_uncertainty,
+            (found.axis - e) / np.sqrt(np.einsum("nii->ni", found.covariance)[:, :3]),
+        ]
+        held.append([np.mean(np.abs(part[some]) < 1.96) for part in z])
+    return np.mean(held, axis=0).tolist()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("spin", [1.0, 10.0])
+def test_instantaneous_95_percent_intervals_hold_95_percent(spin: float) -> None:
+    # Errors of neighbours are alike: 40 draws of 80 poses have some 40 * 20 independent ones. The noise and the
+    # roughness are estimated from the poses as well, which takes a share of up to 1 %.
+    assert shares(spin, 40, 80) == pytest.approx([0.95] * 4, abs=0.01 + 3.29 * math.sqrt(0.95 * 0.05 / 800))
+
+
+def test_a_screw_motion_has_one_axis_at_all_instants() -> None:
+    rng = np.random.default_rng(5)
+    t = np.sort(rng.uniform(0, 3, 60))  # no two steps alike
+    angle = 0.8 * t + 0.2 * np.sin(2 * t)
+    place = np.array([screwed(TOOL[None], a, 2.5 * a)[0] for a in angle]) + 0.01 * rng.normal(size=(60, 3))
+    noise = Rotation.from_rotvec(1e-4 * rng.normal(size=(60, 3)))
+    attitude = (noise * Rotation.from_rotvec(angle[:, None] * AXIS) * HOME).as_matrix()
+    found = instantaneous_axes(t, place, attitude, sigma=0.01, sigma_angle=1e-4)
+    assert found.sigma_given
+    inside = slice(5, -5)
+    assert np.abs(found.axis[inside] - AXIS).max() < 5 * found.axis_uncertainty[inside].max()
+    off = np.linalg.norm(np.cross(found.point - POINT, AXIS), axis=1)
+    assert (off[inside] < 5 * found.point_uncertainty[inside].max()).all()
+    assert np.abs((found.pitch - 2.5) / found.pitch_uncertainty).max() < 5
+    assert np.abs((found.rate - 0.8 - 0.4 * np.cos(2 * t)) / found.rate_uncertainty).max() < 5
+
+
+def test_a_body_at_rest_and_one_that_only_slides_have_no_axis() -> None:
+    t = np.linspace(0, 1, 50)
+    for slide, status in ((0.0, ScrewStatus.ZERO), (50.0, ScrewStatus.COUPLE)):
+        shares = []
+        for seed in range(4):
+            rng = np.random.default_rng(seed)
+            attitude = Rotation.from_rotvec(1e-3 * rng.normal(size=(50, 3))).as_matrix()
+            place = slide * t[:, None] * [1, 0, 0] + 0.01 * rng.normal(size=(50, 3))
+            found = instantaneous_axes(t, place, attitude)
+            shares.append(np.mean(found.status == status))
+            none = found.status >= ScrewStatus.COUPLE
+            assert np.isnan(found.axis[none]).all()
+            assert np.isnan(found.pitch[none]).all()
+            assert np.isfinite(found.rate).all()
+        # An axis by chance (χ² of 3 above 9: 3 %), a slide by chance (5 %); all instants of a draw are alike, so that
+        # shares of draws spread by some tenth.
+        assert np.mean(shares) > 0.75
+    still = instantaneous_axes(t, np.ones((50, 3)), np.broadcast_to(np.eye(3), (50, 3, 3)))
+    assert set(still.status.tolist()) == {ScrewStatus.ZERO}
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda t, p, r: (t[:4], p[:4], r[:4]), "4 poses; velocities need 5"),
+        (
+            lambda t, p, r: (np.where(t == t[2], t[1], t), p, r),
+            r"time, row 2 \(counted from 0\) is not after",
+        ),
+        (lambda t, p, r: (t[:-1], p, r), "do not fit together"),
+    ],
+)
+def test_bad_trajectories_are_refused_in_words(change: Any, sentence: str) -> None:
+    t, place, attitude, *_ = trajectory(8, 0)
+    with pytest.raises(RodgenError, match=sentence):
+        instantaneous_axes(*change(t, place, attitude))
+
+
+def test_the_command_writes_the_axis_of_each_instant(tmp_path: Path, rodgen_command: Command) -> None:
+    t, place, attitude, *_ = trajectory(30, 1)
+    quaternions = Rotation.from_matrix(attitude).as_quat(scalar_first=True)
+    rows = np.column_stack([1e3 * t, place, quaternions])
+    file, output = tmp_path / "trajectory.csv", tmp_path / "axes.csv"
+    heads = "t [ms],x [mm],y [mm],z [mm],qw,qx,qy,qz"
+    file.write_text(heads + "\n" + "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows) + "\n")
+    code, text, _ = rodgen_command("fit-axis", file, "--instantaneous", "-o", output, "--near", "0,0,0")
+    assert code == 0
+    assert "Instantaneous helical axes of 30 poses" in text
+    head, *lines = output.read_text().splitlines()
+    assert head.startswith("t [s],axis_x,axis_y,axis_z,u_axis [rad],point_x [mm]")
+    assert len(lines) == 30
+    assert float(lines[-1].split(",")[0]) == pytest.approx(1.45)
+    for options, message in (
+        (["-o", str(output)], "--output: no --instantaneous"),
+        (["--instantaneous", "--loss", "huber"], "--loss: a table without known angles"),
+    ):
+        code, _, error = rodgen_command("fit-axis", file, *options)
+        assert (code, error.count("\n")) == (2, 1)
+        assert message in error
+    file.write_text(file.read_text().replace("t [ms]", "time [ms]"))
+    code, _, error = rodgen_command("fit-axis", file, "--instantaneous")
+    assert (code, error.count("\n")) == (2, 1)
+    assert "no poses with their time" in error

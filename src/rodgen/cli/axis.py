@@ -5,16 +5,17 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from rodgen.cli._console import NOT_CONVERGED, OK, Command, show
 from rodgen.cli._machine import add_plot, figures_for
-from rodgen.cli._values import InputFile, quantity
+from rodgen.cli._values import InputFile, OutputFile, quantity
 from rodgen.errors import InputFileError, RodgenError, joined, shown
 
 if TYPE_CHECKING:
+    from rodgen.array_types import Array
     from rodgen.data.tables import Pairs, Poses
-    from rodgen.kinematics.helical_axis import HelicalAxis
+    from rodgen.kinematics.helical_axis import HelicalAxis, InstantaneousAxes
 
 _FIT = """\
 Fit one axis to all rows of a table: its direction, a point on it, their uncertainties, and what the data do
@@ -31,6 +32,8 @@ First: a pair of points a row, seen before and after a rotation by a known angle
 points or more of a body make a motion, whose rows have one label in the column turn (without it, all rows are one
 motion). Third: a pose a row, of a body that turns and slides along one axis; an attitude may also be r11 ... r33,
 rx,ry,rz (axis times angle) or roll,pitch,yaw. Angle and slide of each motion are fitted with the axis.
+
+With --instantaneous, poses with their time, a column t [s]: the helical axis of the velocity at each of them.
 
 Any units of length and angle will do, also different ones in one table: um, m, inch, rad, arcsec, mrad, ...
 """
@@ -74,6 +77,18 @@ def add_to(command: Command) -> None:
         "turn share; goes with --sigma",
     )
     fit.add_argument(
+        "--instantaneous",
+        action="store_true",
+        help="the axis at each instant of a trajectory, from poses with their time",
+    )
+    fit.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=OutputFile,
+        help="with --instantaneous: write a table of all instants",
+    )
+    fit.add_argument(
         "--json", action="store_true", help="print JSON: lengths in the unit of rho_x, angles in rad"
     )
     add_plot(fit, "the pairs and residuals")
@@ -104,6 +119,8 @@ def _fit_axis(options: argparse.Namespace) -> int:
     figures = figures_for(options.plot)
     table = read_motions(options.pairs)
     sigma = options.sigma.to(table.unit)[0] if options.sigma else None
+    if options.instantaneous and (isinstance(table, Pairs) or table.time is None):
+        raise InputFileError(table.file, "columns", "no poses with their time", "poses and t [s]")
     angle = table.angle if isinstance(table, Pairs) and not options.sigma_angle else None
     _check_options(options, angle is not None)
     try:
@@ -118,6 +135,10 @@ def _fit_axis(options: argparse.Namespace) -> int:
             )
         else:
             fit = _helical_axis(table, options, sigma)
+            if options.output:
+                from rodgen.data.tables import write_columns
+
+                write_columns(options.output, fit.columns(table.unit))
     except InputFileError:
         raise
     except RodgenError as error:
@@ -130,8 +151,8 @@ def _fit_axis(options: argparse.Namespace) -> int:
         show(json.dumps({"file": options.pairs, "unit": table.unit, **fit.to_dict()}, allow_nan=False))
     else:
         show(f"{options.pairs}, lengths in {table.unit}")
-        show(fit.summary(table.places))
-    return OK if fit.status < AxisFitStatus.TWO_AXES else NOT_CONVERGED
+        show(fit.summary() if options.instantaneous else fit.summary(table.places))
+    return OK if options.instantaneous or fit.status < AxisFitStatus.TWO_AXES else NOT_CONVERGED
 
 
 def _check_options(options: argparse.Namespace, known: bool) -> None:
@@ -146,13 +167,19 @@ def _check_options(options: argparse.Namespace, known: bool) -> None:
     for name in wrong.split():
         if getattr(options, name) is not None:
             raise InputFileError("command line", f"--{name}", found, expected)
+    if options.output and not options.instantaneous:
+        raise InputFileError(
+            "command line", "--output", "no --instantaneous", "both, for the table of all instants"
+        )
 
 
-def _helical_axis(table: Pairs | Poses, options: argparse.Namespace, sigma: float | None) -> HelicalAxis:
+def _helical_axis(
+    table: Pairs | Poses, options: argparse.Namespace, sigma: float | None
+) -> HelicalAxis | InstantaneousAxes:
     from rodgen.calibration.problem.attitudes import UnfitAttitudeError, matrices
     from rodgen.data.notations import NOTATIONS
     from rodgen.data.tables import Pairs
-    from rodgen.kinematics.helical_axis import fit_helical_axis, fit_pose_axis
+    from rodgen.kinematics.helical_axis import fit_helical_axis, fit_pose_axis, instantaneous_axes
 
     noise = {
         "sigma": sigma,
@@ -166,4 +193,6 @@ def _helical_axis(table: Pairs | Poses, options: argparse.Namespace, sigma: floa
     except UnfitAttitudeError as error:
         place = f"{table.places([error.row])}, columns {joined(NOTATIONS[table.notation])}"
         raise InputFileError(table.file, place, error.found, error.expected) from None
+    if options.instantaneous:
+        return instantaneous_axes(cast("Array", table.time), table.position, attitudes, **noise)
     return fit_pose_axis(table.position, attitudes, **noise)

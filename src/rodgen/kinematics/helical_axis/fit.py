@@ -20,7 +20,7 @@ from rodgen.kinematics.axis_fit.result import AxisFitStatus, nearest
 from rodgen.kinematics.axis_fit.solve import chi_cut
 from rodgen.kinematics.helical_axis.equations import Equations, Factorised, State, first_guess
 from rodgen.kinematics.helical_axis.readings import Readings, read_points, read_poses
-from rodgen.kinematics.helical_axis.result import HelicalAxis
+from rodgen.kinematics.helical_axis.result import TWO_SIDED, HelicalAxis
 
 _EPS = float(np.finfo(float).eps)
 _WIDEST = 30.0
@@ -356,7 +356,7 @@ def _status(
     variances, along = np.linalg.eigh(covariance[:2, :2])
     hidden = np.flatnonzero(variances > LOST_RADIANS**2)
     texts = []
-    known = np.where(np.isfinite(spread), spread, 0.0) * _TWO_SIDED + 64 * _EPS
+    known = np.where(np.isfinite(spread), spread, 0.0) * TWO_SIDED + 64 * _EPS
     still = bool((2 * np.abs(np.sin(angles / 2)) <= known).all())
     if still or len(hidden) == 2:
         texts.append("the axis: no motion turns by more than noise explains, so any direction fits.")
@@ -375,10 +375,6 @@ def _status(
         texts.append("the sign of the axis: the motions are half turns within their uncertainty.")
         return AxisFitStatus.SIGN_FREE, texts
     return AxisFitStatus.DETERMINED, texts
-
-
-_TWO_SIDED = 1.96
-"""Standard deviations of 95 % of a normal distribution."""
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,7 @@ def read_points(
     labels, motion = labels[order], np.argsort(order)[motion]
     if motion.shape != (N,):
         raise RodgenError(f"turn has the shape {motion.shape}; expected one label a row: ({N},)")
-    centre, scale = _frame(np.concatenate([x, y]))
+    centre, scale = frame_of(np.concatenate([x, y]))
     values = (np.concatenate([x, y]) - centre) / scale
     side = np.concatenate([2 * motion, 2 * motion + 1])
     for k, label in enumerate(labels):
@@ -142,16 +142,10 @@ def read_points(
 
 def read_poses(position: ArrayLike, rotation: ArrayLike) -> tuple[Readings, Array, Array]:
     """Return readings of poses, and the displacement of each from the first."""
-    p = _finite("position", real_array("position", position, (3,)))
-    R = _finite("rotation", real_array("rotation", rotation, (3, 3)))
-    if p.ndim != 2 or R.shape[:-2] != p.shape[:-1]:
-        raise RodgenError(
-            f"position {p.shape} and rotation {R.shape} do not fit together; expected (N, 3) and (N, 3, 3)"
-        )
+    p, R = poses_of(position, rotation)
     if len(p) < 2:
         raise RodgenError("there is one pose; a motion has two at least")
-    R = proper_rotations(R)
-    centre, scale = _frame(p)
+    centre, scale = frame_of(p)
     n, x = len(p), (p - centre) / scale
     values = np.concatenate([x[:, None], R.mT], axis=1).reshape(-1, 3)
     first, others = np.zeros(n, bool), np.arange(1, n)
@@ -162,6 +156,17 @@ def read_poses(position: ArrayLike, rotation: ArrayLike) -> tuple[Readings, Arra
     )  # fmt: skip
     turns = R[1:] @ R[0].T
     return readings, turns, x[1:] - (turns @ x[0])
+
+
+def poses_of(position: ArrayLike, rotation: ArrayLike) -> tuple[Array, Array]:
+    """Return positions and rotations after a check."""
+    p = _finite("position", real_array("position", position, (3,)))
+    R = _finite("rotation", real_array("rotation", rotation, (3, 3)))
+    if p.ndim != 2 or R.shape[:-2] != p.shape[:-1]:
+        raise RodgenError(
+            f"position {p.shape} and rotation {R.shape} do not fit together; expected (N, 3) and (N, 3, 3)"
+        )
+    return p, proper_rotations(R)
 
 
 def proper_rotations(matrix: Array) -> Array:
@@ -210,7 +215,7 @@ def _one_a_turn(angle: Any, motion: Index, labels: Array) -> Array:
     return np.asarray(found)
 
 
-def _frame(points: Array) -> tuple[Array, float]:
+def frame_of(points: Array) -> tuple[Array, float]:
     """Return the middle of points, and a power of two near their size about it."""
     centre = points.mean(axis=0)
     size = float(np.abs(points - centre).max())

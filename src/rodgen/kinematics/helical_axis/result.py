@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,8 +22,10 @@ from rodgen.kinematics.axis_fit.result import (
 from rodgen.statistics.digits import measured
 from rodgen.views import plain, with_html
 
-_MOST_SHOWN = 12
+MOST_SHOWN = 12
 """Motions that a summary has lines for."""
+TWO_SIDED = 1.96
+"""Standard deviations within which 95 % of a normal distribution are."""
 ZERO_CHANCE = 0.05
 """Probability below which a slide is not zero within its uncertainty: the usual 95 %."""
 
@@ -122,7 +124,7 @@ class HelicalAxis:
         ]
         angles = [
             " ± ".join(measured(math.degrees(a), math.degrees(u)))
-            for a, u in zip(self.angles[:_MOST_SHOWN], self.angle_uncertainty, strict=False)
+            for a, u in zip(self.angles[:MOST_SHOWN], self.angle_uncertainty, strict=False)
         ]
         slides = [
             " ± ".join(measured(s, u)) for s, u in zip(self.slides, self.slide_uncertainty, strict=True)
@@ -130,9 +132,9 @@ class HelicalAxis:
         if count == 1:
             lines += [f"  angle       {angles[0]} deg", f"  slide       {slides[0]}{self._about_slides()}"]
         else:
-            lines += _columns(("motion", "angle [deg]", "slide"), (self.motions, angles, slides))
-            if count > _MOST_SHOWN:
-                lines.append(f"  and {count - _MOST_SHOWN} more motions")
+            lines += table_lines({"motion": self.motions, "angle [deg]": angles, "slide": slides})
+            if count > MOST_SHOWN:
+                lines.append(f"  and {count - MOST_SHOWN} more motions")
             lines.append(f"  slides      {self._about_slides()}")
         lines.append(f"  residuals   rms {self.rms:.4g}")
         source = "given" if self.sigma_given else f"estimated, {self.dof} degrees of freedom"
@@ -198,11 +200,8 @@ class HelicalAxis:
         return {key: plain_value(value) for key, value in found.items()}
 
 
-def _columns(heads: tuple[str, ...], cells: tuple[Any, ...]) -> list[str]:
-    """Return the lines of a table of a summary."""
-    rows = [heads, *zip(*cells, strict=False)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(heads))]
-    return [
-        "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+def table_lines(columns: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return the lines of a table of a summary; the shortest column ends it."""
+    rows = [tuple(columns), *zip(*columns.values(), strict=False)]
+    widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    return ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
