@@ -944,6 +944,67 @@ def test_good_data_leave_nothing_to_say() -> None:
     assert len(fit.free_directions) == 0
 
 
+# Slide --------------------------------------------------------------------------------------------
+
+
+def slid(n: int, slide: float, noise: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    x, y, a = scene(n, 0.0, seed)
+    rng = np.random.default_rng(seed + 1000)
+    y = y + slide * a[:, None] * AXIS
+    return x + noise * rng.normal(size=x.shape), y + noise * rng.normal(size=x.shape), a
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_a_fitted_slide_agrees_with_scipy(known: bool) -> None:
+    x, y, a = slid(10, 0.8, 0.02, 90)
+    fit = fit_axis(x, y, a, point=POINT if known else "free", sigma=0.02)
+    assert fit.slide_fitted
+    assert fit.slide_by_angle
+    U = tangents(AXIS)
+
+    def misses(v: np.ndarray) -> np.ndarray:
+        e = unit(AXIS + U @ v[1:3])
+        p = POINT + (0 if known else U @ v[3:])
+        return (y - turned(x, e, p, a) - v[0] * a[:, None] * e).ravel() / (0.02 * math.sqrt(2))
+
+    best = least_squares(misses, np.zeros(3 if known else 5), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert fit.chi_square == pytest.approx(2 * best.cost, rel=1e-9)
+    assert fit.dof == 30 - len(best.x)
+    assert fit.slide == pytest.approx(best.x[0], abs=1e-7)
+    covariance = np.linalg.inv(best.jac.T @ best.jac)
+    # the second order of the noise, (σ/arm)², and the differences of scipy
+    assert fit.slide_uncertainty == pytest.approx(math.sqrt(covariance[0, 0]), rel=1e-2)
+    spread = np.sqrt(np.linalg.eigvalsh(covariance[1:3, 1:3])[::-1])
+    assert fit.axis_uncertainty == pytest.approx(spread, rel=1e-2)
+
+
+def test_no_slide_is_said_to_be_zero_and_none_is_fitted() -> None:
+    fit = fit_axis(*scene(30, 0.01, 91))
+    assert not fit.slide_fitted
+    assert abs(fit.slide) < 4 * fit.slide_uncertainty
+    assert re.search(r"slide .* in each pair: (zero within its uncertainty|not fitted)", fit.summary())
+    assert fit_axis(*scene(30, 0.0, 91)).slide_fitted is False  # rounding is no slide
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("rest", ["of its own", "shared"])
+@pytest.mark.parametrize("slide", [0.0, 0.5])
+def test_95_percent_intervals_of_a_slide(rest: str, slide: float) -> None:
+    """Also where all pairs have one rest pose, whose errors are in all of them."""
+    z, count = [], 400
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        balls = np.array([[4.0, 1, 0], [-1, 3, 2], [0, -2, 5]]) + POINT
+        a = np.repeat(np.linspace(0.5, 2, 6), 3)
+        x = np.tile(balls, (6, 1))
+        y = turned(x, AXIS, POINT, a) + slide * AXIS + 0.01 * rng.normal(size=x.shape)
+        noise = 0.01 * rng.normal(size=x.shape)
+        fit = fit_axis(x + (np.tile(noise[:3], (6, 1)) if rest == "shared" else noise), y, a)
+        assert fit.slide_fitted == (slide > 0)
+        z.append((fit.slide - slide) / fit.slide_uncertainty)
+    assert np.mean(np.abs(z) < student.ppf(0.975, 49)) == pytest.approx(0.95, abs=binomial(count))
+
+
 # Remarks ------------------------------------------------------------------------------------------
 
 

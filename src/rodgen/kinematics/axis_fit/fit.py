@@ -42,7 +42,7 @@ from rodgen.kinematics.axis_fit.moments import shown, tangents
 from rodgen.kinematics.axis_fit.pairs import Line, Pairs, blocks
 from rodgen.kinematics.axis_fit.result import AxisFit, AxisFitStatus
 from rodgen.kinematics.axis_fit.shared_readings import SharedReadings
-from rodgen.kinematics.axis_fit.slide import CHANCE, Slide
+from rodgen.kinematics.axis_fit.slide import CHANCE, Slide, chance_of
 from rodgen.kinematics.axis_fit.solve import (
     LOSSES,
     MOST_REWEIGHTINGS,
@@ -161,16 +161,12 @@ def remarks_on(
     if shared is not None:
         remarks.append(shared.text)
     bad, used = int(noise.outliers.sum()), int(noise.used.sum())
-    slid = _on_slide(pairs, solution, loss, line, shared) if determined else None
-    if slid is not None:
-        remarks.append(slid)
-    else:
-        if bad and loss.name == "linear":
-            remarks.append(
-                f"{bad} of {used} pairs are farther off than noise explains and still count fully: loss='huber' "
-                "would limit their influence."
-            )
-        remarks += contradiction(pairs, loss, noise, line)
+    if bad and loss.name == "linear":
+        remarks.append(
+            f"{bad} of {used} pairs are farther off than noise explains and still count fully: loss='huber' "
+            "would limit their influence."
+        )
+    remarks += contradiction(pairs, loss, noise, line)
     if determined and pairs.variance is None and 0 < noise.dof < FEW_FREEDOMS:
         remarks.append(few_freedoms(noise.dof))
     excess = 0.0 if noise.chi_square is None else noise.chi_square - noise.dof
@@ -186,21 +182,6 @@ def remarks_on(
     if pairs.point is not None:
         remarks += _point_off(pairs, solution, noise, line) + _lengths_differ(pairs, noise, line)
     return remarks
-
-
-def _on_slide(
-    pairs: Pairs, solution: Solution, loss: Loss, line: Line, shared: SharedReadings | None
-) -> str | None:
-    """Return a sentence on a slide along the axis without which the pairs agree; None where there is none."""
-    slide = Slide.of(pairs.weighted(solution.share), line, shared)
-    if slide is None:
-        return None
-    moved = replace(slide.pairs, weight=pairs.weight)
-    noise = Noise.of(moved, loss, moved.half_squares(slide.line))
-    outliers, used = int(noise.outliers.sum()), int(noise.used.sum())
-    if outliers >= _MANY * used:
-        return None
-    return slide.text(outliers, used, moved.residuals(slide.line)[noise.good])
 
 
 def few_freedoms(dof: int) -> str:
@@ -345,12 +326,46 @@ def fit_axis(
     """
     if loss not in LOSSES:
         raise RodgenError(f"loss is {loss!r}; expected one of {', '.join(map(repr, LOSSES))}")
-    pairs = Pairs.of(rho, rho_prime, angle, point, sigma, weights)
-    return _assess(pairs, LOSSES[loss], solve(pairs, LOSSES[loss]))
+    pairs, kind = Pairs.of(rho, rho_prime, angle, point, sigma, weights), LOSSES[loss]
+    solution = solve(pairs, kind)
+    fit = _assess(pairs, kind, solution, Slide(0.0, by_angle=False, line=solution.best))
+    if math.isnan(fit.slide_uncertainty):
+        return fit
+    slid = (_with_slide(pairs, kind, solution, fit.dof, by_angle=by_angle) for by_angle in (False, True))
+    return min((one for one in slid if one is not None), key=_chance, default=fit)
 
 
-def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
-    """Return the result in the user's unit: uncertainty, outliers, and what is not determined."""
+def _chance(fit: AxisFit) -> float:
+    return chance_of(fit.slide, fit.slide_uncertainty**2, max(fit.dof, 1), known=fit.sigma_given)
+
+
+def _with_slide(pairs: Pairs, loss: Loss, solution: Solution, dof: int, *, by_angle: bool) -> AxisFit | None:
+    """Return the fit with a slide; None where chance explains it, or where the pairs do not agree with it."""
+    if by_angle and np.ptp(pairs.angle) == 0:
+        return None
+    counted, known = pairs.weighted(solution.share), pairs.variance is not None
+    before = float(counted.half_squares(solution.best).sum())
+
+    def is_chance(left: float) -> bool:
+        # Pairs that contradict one another leave squares that a robust noise does not know.
+        gain = (before - left) / (pairs.variance or max(left, 1e-300) / max(dof, 1))
+        return chance_of(math.sqrt(max(gain, 0.0)), 1.0, max(dof, 1), known=known) > math.log(CHANCE)
+
+    if is_chance(before - Slide(0.0, by_angle=by_angle, line=solution.best).gain(counted)):
+        return None
+    slide = Slide.fitted(counted, solution.best, by_angle=by_angle)
+    if is_chance(float(slide.without(counted).half_squares(slide.line).sum())):
+        return None
+    slid = _assess(slide.without(pairs), loss, replace(solution, best=slide.line, other=None), slide)
+    agree = slid.outliers.sum() < _MANY * slid.pairs
+    return slid if agree and _chance(slid) < math.log(CHANCE) else None
+
+
+def _assess(pairs: Pairs, loss: Loss, solution: Solution, slide: Slide) -> AxisFit:
+    """Return the result in the user's unit: uncertainty, outliers, and what is not determined.
+
+    `pairs` are those without the slide.
+    """
     free = pairs.point is None
     lines = choose(pairs, solution)
     squares = pairs.half_squares(lines[0])
@@ -372,17 +387,33 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
     small = np.full(information.shape, np.nan)
     determined = is_determined(axis_information(information), reference * facts.arm**2, facts)
     shared = SharedReadings.of(pairs.weighted(good))
+    slid, slide_variance = 0.0, math.nan
     if determined and not math.isnan(noise.variance):
-        excess = np.zeros_like(information)
+        slide = replace(slide, line=best)
+        whole, slope = slide.information(pairs.weighted(solution.share * good), basis, information)
+        size = slice(None if pairs.slid else -1)  # a slide that is not fitted takes nothing from the others
+        excess = np.zeros_like(whole)
         if shared is not None:
-            excess = shared.excess(pairs, solution.share, best, basis)
-            noise = noise.less_dof(float(np.trace(np.linalg.solve(information, excess))) / 2, pairs)
+            excess = shared.excess(pairs, solution.share, basis, slide)
+            absorbed = np.linalg.solve(whole[size, size], excess[size, size])
+            noise = noise.less_dof(float(np.trace(absorbed)) / 2, pairs)
         versines = sum(
             float((solution.share[rows] ** 2 * noise.used[rows]) @ (2 * np.sin(block.angle / 2) ** 2))
             for rows, block in pairs.blocks()
         )
-        small = parameter_covariance(information, score, noise.variance, versines)
-        small += noise.variance * np.linalg.solve(information, np.linalg.solve(information, excess).T)
+
+        def covariance_of(some: slice) -> Array:
+            normal = whole[some, some]
+            shares = np.linalg.solve(normal, np.linalg.solve(normal, excess[some, some]).T)
+            return parameter_covariance(normal, score, noise.variance, versines) + noise.variance * shares
+
+        small = covariance_of(size)[: len(information), : len(information)]
+        if slide.is_determined(whole):
+            slid = -slope * float(np.linalg.inv(whole)[-1, -1])
+            rounding = (4 * pairs.rounding) ** 2
+            slide_variance = float(covariance_of(slice(None))[-1, -1])
+            # Where noise makes all of an arrangement, the second order may leave none: nothing is known then.
+            slide_variance = max(slide_variance, rounding) if slide_variance > -rounding else math.nan
     freedoms = find_freedoms(
         axis_information(information), reference * facts.arm**2, small[:2, :2], basis, facts
     )
@@ -425,4 +456,8 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
         point_known=not free,
         loss=loss.name,
         iterations=solution.iterations,
+        slide=(slide.size + slid) * pairs.scale,
+        slide_uncertainty=math.sqrt(slide_variance) * pairs.scale,
+        slide_fitted=pairs.slid,
+        slide_by_angle=slide.by_angle,
     )

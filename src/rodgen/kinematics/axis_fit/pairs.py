@@ -107,6 +107,8 @@ class Pairs:
     """In the user's unit, (3,)."""
     size: float
     """Largest coordinate before the origin was subtracted, scaled."""
+    slid: bool = False
+    """Whether a slide along the axis was fitted and taken off."""
 
     @property
     def rounding(self) -> float:
@@ -115,10 +117,10 @@ class Pairs:
 
     @property
     def parameters(self) -> int:
-        """What is fitted: two angles of the axis, and two coordinates of a free point; nothing where no pair turns."""
+        """What is fitted: two angles of the axis, two coordinates of a free point, a slide; nothing without a turn."""
         if not self.angle[self.weight > 0].any():
             return 0
-        return 4 if self.point is None else 2
+        return (4 if self.point is None else 2) + self.slid
 
     def only(self, rows: Any) -> Pairs:
         """Return some of the pairs; `rows` (S, k) makes sets of them, for :meth:`best_line`."""

@@ -14,8 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.array_types import Array
 from rodgen.data.units import ARCSEC
 from rodgen.errors import joined
-from rodgen.statistics.digits import last_decimal
+from rodgen.statistics.digits import last_decimal, measured
 from rodgen.views import plain, with_html
+
+TWO_SIDED = 1.96
+"""Standard deviations within which 95 % of a normal distribution are."""
 
 
 class AxisFitStatus(IntEnum):
@@ -96,6 +99,12 @@ class AxisFit:
         Name of the loss.
     iterations : int
         Solutions computed with reduced weights; 0 for ``loss="linear"``, which needs one.
+    slide, slide_uncertainty : float
+        By how much the points move along the axis, in each pair or for each radian; NaN uncertainty where unknown.
+    slide_fitted : bool
+        Whether it is a parameter of the fit, where chance does not explain it; else the axis is that of pure turns.
+    slide_by_angle : bool
+        Whether the slide is in proportion to the angle.
     """
 
     axis: Array
@@ -121,6 +130,10 @@ class AxisFit:
     point_known: bool
     loss: str
     iterations: int
+    slide: float
+    slide_uncertainty: float
+    slide_fitted: bool
+    slide_by_angle: bool
 
     @property
     def pairs(self) -> int:
@@ -186,6 +199,8 @@ class AxisFit:
             lines.append(
                 f"              ± {lengths_text(self.point_uncertainty)}; nearest to the centroid of the readings"
             )
+        if math.isfinite(self.slide_uncertainty):
+            lines.append(f"  slide       {self._about_slide()}")
         lines.append(f"  residuals   rms {self.rms:.4g}; {used} of {pairs} count{'s' * (self.pairs == 1)}")
         source = "given" if self.sigma_given else f"estimated, {self.dof} degrees of freedom"
         noise = (
@@ -205,6 +220,15 @@ class AxisFit:
         lines += [f"  not determined: {sentence}" for sentence in self.undetermined]
         lines += [f"  remark: {sentence}" for sentence in self.remarks]
         return "\n".join(lines)
+
+    def _about_slide(self) -> str:
+        size = " ± ".join(measured(self.slide, self.slide_uncertainty))
+        each = "for each radian" if self.slide_by_angle else "in each pair"
+        if self.slide_fitted:
+            return f"{size} {each}, fitted: as of a screw or an axial run-out"
+        if abs(self.slide) <= TWO_SIDED * self.slide_uncertainty:
+            return f"{size} {each}: zero within its uncertainty"
+        return f"{size} {each}: not fitted, it may be chance"
 
     def __str__(self) -> str:
         return self.summary()
@@ -227,6 +251,7 @@ class AxisFit:
             "covariance_axis_point": self.covariance,
             **plain(self, "centroid rms sigma sigma_given dof chi_square condition"),
             **plain(self, "candidate_axes candidate_points candidate_rms free_directions loss iterations"),
+            **plain(self, "slide slide_uncertainty slide_fitted slide_by_angle"),
         }
         if pairwise:
             everything |= {"residuals": self.residuals, "weights": self.weights}

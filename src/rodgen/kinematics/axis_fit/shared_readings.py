@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.kinematics.axis_fit.pairs import Line, Pairs, residual_and_jacobian
+from rodgen.kinematics.axis_fit.pairs import Pairs, residual_and_jacobian
+from rodgen.kinematics.axis_fit.slide import Slide
 
 _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
 """Odd numbers with bits that look random: sums of multiples of coordinates rarely agree by chance."""
@@ -69,15 +70,17 @@ class SharedReadings:
             "pairs share."
         )
 
-    def excess(self, pairs: Pairs, share: Array, line: Line, basis: Array) -> Array:
+    def excess(self, pairs: Pairs, share: Array, basis: Array, slide: Slide) -> Array:
         """Return by how much the score's variance exceeds that of independent readings, in units of the noise's.
 
-        `basis` (3, 2) are directions across the axis; the result is (4, 4) by axis and point, or (2, 2) by the axis.
+        `pairs` are those without the slide, `basis` (3, 2) directions across its axis; the result is by axis, a free
+        point, and slide: (5, 5) or (3, 3).
         """
-        i = self.pair
+        i, line = self.pair, slide.line
         some = pairs.only(i)
         jacobian = residual_and_jacobian(some.rho, some.rho_prime, some.angle, line.axis, line.point)[1]
         parts = [jacobian[:, :, :3] @ basis] + ([jacobian[:, :, 3:] @ basis] if pairs.point is None else [])
+        parts.append(-slide.amount(some)[:, None, None] * line.axis[:, None])
         by = np.concatenate(parts, axis=2) * (np.sqrt(some.weight) * share[i])[:, None, None]
         cosine, sine = (f(some.angle)[:, None, None] for f in (np.cos, np.sin))
         along = line.axis[:, None] * np.einsum("j,njp->np", line.axis, by)[:, None, :]
@@ -87,10 +90,3 @@ class SharedReadings:
         np.add.at(total, self.reading, by)
         found: Array = np.einsum("njp,njq->pq", total, total) - np.einsum("njp,njq->pq", by, by)
         return found
-
-    def inflation(self, pairs: Pairs, amount: Array) -> float:
-        """Return how many times the variance of independent readings a sum Σ w a (e·ρ' - e·ρ) over the pairs has."""
-        root = np.sqrt(pairs.weight) * amount
-        own = np.where(self.before, -1.0, 1.0) * root[self.pair]
-        excess = np.sum(np.bincount(self.reading, own) ** 2) - np.sum(own**2)
-        return float(1 + excess / (2 * np.sum(root**2)))

@@ -16,11 +16,11 @@ from rodgen.kinematics.axis_fit.determinacy import LOST_RADIANS, joint_covarianc
 from rodgen.kinematics.axis_fit.fit import FEW_FREEDOMS, few_freedoms
 from rodgen.kinematics.axis_fit.moments import shown, tangents
 from rodgen.kinematics.axis_fit.pairs import Line
-from rodgen.kinematics.axis_fit.result import AxisFitStatus, nearest
+from rodgen.kinematics.axis_fit.result import TWO_SIDED, AxisFitStatus, nearest
 from rodgen.kinematics.axis_fit.solve import chi_cut
 from rodgen.kinematics.helical_axis.equations import Equations, Factorised, State, first_guess
 from rodgen.kinematics.helical_axis.readings import Readings, read_points, read_poses
-from rodgen.kinematics.helical_axis.result import TWO_SIDED, HelicalAxis
+from rodgen.kinematics.helical_axis.result import HelicalAxis
 
 _EPS = float(np.finfo(float).eps)
 _WIDEST = 30.0

@@ -24,8 +24,6 @@ from rodgen.views import plain, with_html
 
 MOST_SHOWN = 12
 """Motions that a summary has lines for."""
-TWO_SIDED = 1.96
-"""Standard deviations within which 95 % of a normal distribution are."""
 ZERO_CHANCE = 0.05
 """Probability below which a slide is not zero within its uncertainty: the usual 95 %."""
 
