@@ -67,6 +67,12 @@ def of_fleet() -> dict[str, str | bytes]:
     return {"m.toml": files["m.toml"], **few, "data/broken.csv": b"C [deg]\n1\n"}
 
 
+def _without_angle() -> bytes:
+    """Return the pairs of the example without their angles: three balls make each of its moves."""
+    rows = [line.split(b",") for line in (EXAMPLES / "pairs.csv").read_bytes().splitlines()]
+    return b"".join(b",".join(row[:6] + row[7:]) + b"\n" for row in rows)
+
+
 SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
     "telescope": (
         of_example("mount", **{"new.csv": fuzz.rows(EXAMPLES / "machines/mount/mmt_2021.csv", 20)}),
@@ -183,6 +189,18 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
         fit-axis p.csv
         fit-axis p.csv --json --sigma 2um
         fit-axis p.csv --loss huber --point 1,2,3
+        fit-axis p.csv --sigma 4um --sigma-angle 5arcsec --near 0,0,0
+        """,
+    ),
+    "poses": (
+        {"p.csv": (EXAMPLES / "poses.csv").read_bytes(), "t.csv": _without_angle()},
+        """
+        fit-axis p.csv
+        fit-axis p.csv --json --sigma 30um --sigma-angle 0.1mrad --near 0,0,0
+        fit-axis p.csv --instantaneous --near 0,0,0 -o axes.csv
+        fit-axis t.csv
+        fit-axis t.csv --loss huber
+        fit-axis t.csv --instantaneous
         """,
     ),
     "mechanisms": (

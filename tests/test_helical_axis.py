@@ -120,14 +120,14 @@ def test_the_derivation_is_proved() -> None:
 
 @pytest.mark.parametrize("angle", [1e-6, 1e-3, 0.7, 2.0, math.pi - 1e-6, math.pi - 1e-9])
 def test_exact_points_and_poses_give_the_screw(angle: float) -> None:
-    x, y, turn = points([angle], [0.3])
+    x, y, move = points([angle], [0.3])
     place, attitude = poses([angle], [0.3])
     chord = 2 * math.sin(angle / 2)
     lost = (
         10 * 300 * EPS / (100 * chord)
     )  # roundings of coordinates of 300, of arms of 100 that move by the chord
     for fit in (
-        fit_helical_axis(x, y, turn=turn, sigma=1e-9),
+        fit_helical_axis(x, y, move=move, sigma=1e-9),
         fit_pose_axis(place, attitude, sigma=1e-9, sigma_angle=1e-12),
     ):
         assert fit.axis == pytest.approx(AXIS, abs=lost)
@@ -139,8 +139,8 @@ def test_exact_points_and_poses_give_the_screw(angle: float) -> None:
 def test_agrees_with_scipy_on_shared_readings() -> None:
     """All unknowns, the true places of the balls at rest among them, by another solver from the truth."""
     angles, slides = [0.5, 1.0, 1.6], [0.1, 0.0, -0.2]
-    x, y, turn = points(angles, slides, noise=0.05)
-    fit = fit_helical_axis(x, y, turn=turn, sigma=0.05)
+    x, y, move = points(angles, slides, noise=0.05)
+    fit = fit_helical_axis(x, y, move=move, sigma=0.05)
 
     def misses(v: np.ndarray) -> np.ndarray:
         e = unit(AXIS + ACROSS @ v[:2])
@@ -166,10 +166,10 @@ def test_agrees_with_scipy_on_shared_readings() -> None:
 
 
 def test_point_is_the_one_nearest_to_the_origin_asked_for() -> None:
-    x, y, turn = points([1.0], [0.3], noise=0.01)
-    fit = fit_helical_axis(x, y, turn=turn, sigma=0.01, origin=(3, 4, 5))
+    x, y, move = points([1.0], [0.3], noise=0.01)
+    fit = fit_helical_axis(x, y, move=move, sigma=0.01, origin=(3, 4, 5))
     assert (fit.point - fit.origin) @ fit.axis == pytest.approx(0, abs=1e-12)
-    far = fit_helical_axis(x, y, turn=turn, sigma=0.01, origin=np.array([3, 4, 5]) + 1e4 * fit.axis)
+    far = fit_helical_axis(x, y, move=move, sigma=0.01, origin=np.array([3, 4, 5]) + 1e4 * fit.axis)
     assert far.point_uncertainty.max() > 5 * fit.point_uncertainty.max()
     assert far.axis == pytest.approx(fit.axis, abs=1e-12)
 
@@ -178,8 +178,8 @@ def test_point_is_the_one_nearest_to_the_origin_asked_for() -> None:
 
 
 def test_without_a_turn_there_is_no_axis() -> None:
-    x, y, turn = points([0.0], [0.5], noise=0.01)
-    fit = fit_helical_axis(x, y, turn=turn, sigma=0.01)
+    x, y, move = points([0.0], [0.5], noise=0.01)
+    fit = fit_helical_axis(x, y, move=move, sigma=0.01)
     assert fit.status is AxisFitStatus.ANY_AXIS
     assert "no motion turns" in fit.undetermined[0]
     exact = points([0.0], [0.5])
@@ -189,8 +189,8 @@ def test_without_a_turn_there_is_no_axis() -> None:
 @pytest.mark.parametrize("kind", ["points", "poses"])
 def test_half_turns_have_an_axis_without_a_sign(kind: str) -> None:
     if kind == "points":
-        x, y, turn = points([math.pi], [0.5], noise=0.01)
-        fit = fit_helical_axis(x, y, turn=turn, sigma=0.01)
+        x, y, move = points([math.pi], [0.5], noise=0.01)
+        fit = fit_helical_axis(x, y, move=move, sigma=0.01)
     else:
         fit = fit_pose_axis(*poses([math.pi], [0.5], 0.01, 1e-4), sigma=0.01, sigma_angle=1e-4)
     assert fit.status is AxisFitStatus.SIGN_FREE
@@ -209,12 +209,12 @@ def test_the_sign_follows_the_first_motion_that_has_one() -> None:
 
 
 def test_a_slide_within_its_uncertainty_is_called_zero() -> None:
-    x, y, turn = points([1.0], [0.0], noise=0.01)
-    fit = fit_helical_axis(x, y, turn=turn, sigma=0.01)
+    x, y, move = points([1.0], [0.0], noise=0.01)
+    fit = fit_helical_axis(x, y, move=move, sigma=0.01)
     assert fit.no_slide > 0.05
     assert "zero within its uncertainty" in fit.summary()
-    x, y, turn = points([1.0], [0.5], noise=0.01)
-    moved = fit_helical_axis(x, y, turn=turn, sigma=0.01)
+    x, y, move = points([1.0], [0.5], noise=0.01)
+    moved = fit_helical_axis(x, y, move=move, sigma=0.01)
     assert moved.no_slide < 1e-6
     assert "zero within" not in moved.summary()
     assert moved.slides == pytest.approx([0.5], abs=4 * moved.slide_uncertainty[0])
@@ -270,8 +270,8 @@ CASES: dict[str, Callable[[int], HelicalAxis]] = {
 
 
 def _of_points(angles: list[float], slides: list[float], seed: int, **options: Any) -> HelicalAxis:
-    x, y, turn = points(angles, slides, 0.02, seed)
-    return fit_helical_axis(x, y, turn=turn, **options)
+    x, y, move = points(angles, slides, 0.02, seed)
+    return fit_helical_axis(x, y, move=move, **options)
 
 
 @pytest.mark.thorough
@@ -287,10 +287,10 @@ def test_95_percent_intervals_hold_95_percent(case: str) -> None:
 def test_a_shared_reading_is_one_unknown() -> None:
     """The same motions with readings of the rest pose of their own know the axis better."""
     angles = np.radians(60 + 2 * np.arange(10))
-    x, y, turn = points(angles, np.zeros(10), noise=0.02)
-    shared = fit_helical_axis(x, y, turn=turn, sigma=0.02)
+    x, y, move = points(angles, np.zeros(10), noise=0.02)
+    shared = fit_helical_axis(x, y, move=move, sigma=0.02)
     apart = fit_helical_axis(
-        x + 1e-9 * np.random.default_rng(1).normal(size=x.shape), y, turn=turn, sigma=0.02
+        x + 1e-9 * np.random.default_rng(1).normal(size=x.shape), y, move=move, sigma=0.02
     )
     assert shared.axis_uncertainty[0] > 2 * apart.axis_uncertainty[0]
     assert (
@@ -300,14 +300,14 @@ def test_a_shared_reading_is_one_unknown() -> None:
 
 def test_an_angle_reading_that_rows_share_is_one_reading() -> None:
     """Its error moves all balls of its turn alike: with it exact the points know the axis better than they do."""
-    x, y, turn = points([1.0, 1.2], [0, 0], noise=0.01)
+    x, y, move = points([1.0, 1.2], [0, 0], noise=0.01)
     angle = np.repeat([1.0 + 2e-4, 1.2 - 1e-4], 3)
-    free = fit_helical_axis(x, y, turn=turn, sigma=0.01)
-    read = fit_helical_axis(x, y, turn=turn, sigma=0.01, angle=angle, sigma_angle=1e-6)
+    free = fit_helical_axis(x, y, move=move, sigma=0.01)
+    read = fit_helical_axis(x, y, move=move, sigma=0.01, angle=angle, sigma_angle=1e-6)
     assert read.angles == pytest.approx(angle[[0, 3]], abs=1e-6)
     assert read.angle_uncertainty.max() < 1.01e-6 < free.angle_uncertainty.min()
     assert read.dof == free.dof + 2
-    loose = fit_helical_axis(x, y, turn=turn, sigma=0.01, angle=angle, sigma_angle=1.0)
+    loose = fit_helical_axis(x, y, move=move, sigma=0.01, angle=angle, sigma_angle=1.0)
     assert loose.angles == pytest.approx(free.angles, abs=1e-7)
     assert loose.axis_uncertainty == pytest.approx(free.axis_uncertainty, rel=1e-6)
 
@@ -328,7 +328,7 @@ def test_an_angle_reading_that_rows_share_is_one_reading() -> None:
         ),
         (lambda x, y: ((x, y), {"angle": [1, 1, 1.0]}), "need their sigma_angle"),
         (lambda x, y: ((x, y), {"sigma_angle": 1.0}), "there are none"),
-        (lambda x, y: ((x, y), {"turn": [1, 2]}), "one label a row"),
+        (lambda x, y: ((x, y), {"move": [1, 2]}), "one label a row"),
     ],
 )
 def test_bad_points_are_refused_in_words(change: Any, sentence: str) -> None:
@@ -383,23 +383,23 @@ def test_the_command_reads_poses(notation: str, tmp_path: Path, rodgen_command: 
 
 
 def test_the_command_reads_points_without_an_angle(tmp_path: Path, rodgen_command: Command) -> None:
-    x, y, turn = points([0.5, 1.0], [0.3, 0.3], noise=0.01)
+    x, y, move = points([0.5, 1.0], [0.3, 0.3], noise=0.01)
     y[4] += 1.0
     heads = ",".join(f"{p}_{c} [mm]" for p in ("rho", "rho_prime") for c in "xyz")
-    rows = [",".join(f"{v:.6f}" for v in (*a, *b)) + f",turn {k}" for a, b, k in zip(x, y, turn, strict=True)]
+    rows = [",".join(f"{v:.6f}" for v in (*a, *b)) + f",move {k}" for a, b, k in zip(x, y, move, strict=True)]
     file = tmp_path / "turns.csv"
-    file.write_text("\n".join([f"{heads},turn", *rows]) + "\n")
+    file.write_text("\n".join([f"{heads},move", *rows]) + "\n")
     code, text, _ = rodgen_command("fit-axis", file, "--sigma", "0.01mm")
     assert code == 0
-    assert "turn 0" in text
+    assert "move 0" in text
     assert "outliers    line 6 of turns.csv" in text  # the ball that moved
     code, _, error = rodgen_command("fit-axis", file, "--loss", "huber")
     assert (code, error.count("\n")) == (2, 1)
     assert "--loss: a table without known angles" in error
-    file.write_text(file.read_text().replace(",turn", ",Turn", 1))
+    file.write_text(file.read_text().replace(",move", ",Move", 1))
     code, _, error = rodgen_command("fit-axis", file)
     assert (code, error.count("\n")) == (2, 1)
-    assert "no column 'turn' (the nearest is 'Turn')" in error
+    assert "no column 'move' (the nearest is 'Move')" in error
 
 
 def test_a_bad_quaternion_is_named_by_its_line(tmp_path: Path, rodgen_command: Command) -> None:

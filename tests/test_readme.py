@@ -213,11 +213,12 @@ def test_catalogue_of_the_formats_is_complete() -> None:
     assert listed == expected
 
 
-def test_example_pairs_are_those_of_their_script() -> None:
-    spec = importlib.util.spec_from_file_location("make_pairs", ROOT / "examples/make_pairs.py")
+@pytest.mark.parametrize("name", ["pairs", "poses"])
+def test_an_example_is_that_of_its_script(name: str) -> None:
+    spec = importlib.util.spec_from_file_location(f"make_{name}", ROOT / f"examples/make_{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    assert (ROOT / "examples/pairs.csv").read_text().splitlines()[1:] == module.rows()
+    assert (ROOT / f"examples/{name}.csv").read_text().splitlines()[1:] == module.rows()
 
 
 def commands(page: Path) -> list[str]:

@@ -25,11 +25,11 @@ The table, CSV (gzip or not) or Parquet, has one of these headers, with a unit i
 may have further columns:
 
   rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]
-  rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],turn
+  rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],move
   x [mm],y [mm],z [mm],qw,qx,qy,qz
 
 First: a pair of points a row, seen before and after a rotation by a known angle. Second: the angle is not known; three
-points or more of a body make a motion, whose rows have one label in the column turn (without it, all rows are one
+points or more of a body make a motion, whose rows have one label in the column move (without it, all rows are one
 motion). Third: a pose a row, of a body that turns and slides along one axis; an attitude may also be r11 ... r33,
 rx,ry,rz (axis times angle) or roll,pitch,yaw. Angle and slide of each motion are fitted with the axis.
 
@@ -74,7 +74,7 @@ def add_to(command: Command) -> None:
         type=quantity("--sigma-angle", "0.01deg", dimension="angle", positive=True),
         metavar="ANGLE",
         help="standard uncertainty of an attitude, or of a reading of the angle, which is then one that all rows of a "
-        "turn share; goes with --sigma",
+        "move share; goes with --sigma",
     )
     fit.add_argument(
         "--instantaneous",
@@ -187,7 +187,7 @@ def _helical_axis(
         "origin": options.near,
     }
     if isinstance(table, Pairs):
-        return fit_helical_axis(table.rho, table.rho_prime, turn=table.turn, angle=table.angle, **noise)
+        return fit_helical_axis(table.rho, table.rho_prime, move=table.move, angle=table.angle, **noise)
     try:
         attitudes = matrices(table.notation, table.attitude)
     except UnfitAttitudeError as error:

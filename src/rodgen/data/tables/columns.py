@@ -33,7 +33,7 @@ class Column:
     """What its numbers measure. A length is read in the unit of the table's first length column, an angle in radians,
     its rate of change in radians a second, a time in seconds; a plain number has no unit, nor has a name: text."""
     optional: bool = False
-    """Whether a table may be without it; a name that is nearly this one is then an error."""
+    """Whether a table may be without it; its name in other letters, capital or small, is then an error."""
 
 
 @dataclass(frozen=True)
@@ -264,8 +264,10 @@ def _missing(
     hint = nearest_hint(
         column.name, {_split(text)[0]: text for text in texts if _split(text)[0] not in taken}
     )
+    # one letter in another case, as T for a temperature and t for a time, is another name
+    meant = len(column.name) > 1 and column.name.casefold() in (_split(text)[0].casefold() for text in texts)
     expected = f"one such as '{example}'" if example != column.name else f"all of {_header_example(columns)}"
-    return InputFileError(file, place, f"no column {column.name!r}{hint}", expected), bool(hint)
+    return InputFileError(file, place, f"no column {column.name!r}{hint}", expected), meant
 
 
 def _header_example(columns: Sequence[Column]) -> str:

@@ -113,7 +113,7 @@ _MOTIONS = Layouts(
         (
             *PAIR_COLUMNS[:-1],
             Column("angle", "angle", optional=True),
-            Column("turn", "name", optional=True),
+            Column("move", "name", optional=True),
         ),
         *(
             (
@@ -153,7 +153,7 @@ class Pairs(_Motions):
     """The points before and after, in `unit`, (n, 3)."""
     angle: NDArray[np.float64] | None
     """The rotations in radians, (n,); None where the table has none."""
-    turn: NDArray[Any] | None
+    move: NDArray[Any] | None
     """The label of each row's motion, (n,); None where the table has none."""
 
 
@@ -178,7 +178,7 @@ def read_motions(path: str | os.PathLike[str]) -> Pairs | Poses:
     ----------
     path : str or os.PathLike
         CSV or Parquet with the columns ``rho_x … rho_z``, ``rho_prime_x … rho_prime_z`` and perhaps ``angle`` and
-        ``turn``, or with ``x … z``, an attitude as in `rodgen.data.notations` and perhaps ``t``, each with its unit
+        ``move``, or with ``x … z``, an attitude as in `rodgen.data.notations` and perhaps ``t``, each with its unit
         in brackets; ``"-"`` is CSV on standard input.
 
     Returns
@@ -197,8 +197,8 @@ def read_motions(path: str | os.PathLike[str]) -> Pairs | Poses:
         place = (unit, table.file, table.counted, rows.numbers)
         if "rho_x" in values:
             rho, rho_prime = (np.column_stack(rows.values[k : k + 3]) for k in (0, 3))
-            turn = rows.text[0].to_numpy() if rows.text else None
-            return Pairs(*place, rho, rho_prime, values.get("angle"), turn)
+            move = rows.text[0].to_numpy() if rows.text else None
+            return Pairs(*place, rho, rho_prime, values.get("angle"), move)
         notation = next(n for n, names in NOTATIONS.items() if set(names) <= set(values))
         attitude = np.column_stack([values[name] for name in NOTATIONS[notation]])
         return Poses(*place, np.column_stack(rows.values[:3]), notation, attitude, values.get("t"))

@@ -35,7 +35,7 @@ def fit_helical_axis(
     rho: ArrayLike,
     rho_prime: ArrayLike,
     *,
-    turn: Any = None,
+    move: Any = None,
     angle: ArrayLike | None = None,
     sigma: float | None = None,
     sigma_angle: float | None = None,
@@ -51,7 +51,7 @@ def fit_helical_axis(
     ----------
     rho, rho_prime : (N, 3) array_like
         Points before and after, any one length unit: three a motion at least, not on one line.
-    turn : (N,) sequence, optional
+    move : (N,) sequence, optional
         Label of each row's motion; left out, all rows are one motion.
     angle : (N,) array_like, optional
         A reading of the angle of each row's motion in rad, one for all rows of a motion.
@@ -96,7 +96,7 @@ def fit_helical_axis(
         raise RodgenError(
             "readings of the angle need their sigma_angle, and the points' sigma to weigh them against"
         )
-    readings, turns, shifts, row, labels = read_points(rho, rho_prime, turn, angle)
+    readings, turns, shifts, row, labels = read_points(rho, rho_prime, move, angle)
     noise = _given(readings, sigma, sigma_angle)
     state = first_guess(readings, turns, shifts)
     if noise is None:

@@ -80,7 +80,7 @@ def _displacement(before: Array, after: Array) -> tuple[Array, Array]:
 
 
 def read_points(
-    rho: ArrayLike, rho_prime: ArrayLike, turn: Any, angle: Any
+    rho: ArrayLike, rho_prime: ArrayLike, move: Any, angle: Any
 ) -> tuple[Readings, Array, Array, Index, tuple[str, ...]]:
     """Return readings of points, the displacement of each motion, the row of each reading, and the motions' labels."""
     from scipy.sparse import coo_array
@@ -96,12 +96,12 @@ def read_points(
         )
     N = len(x)
     labels, begins, motion = np.unique(
-        np.zeros(N, int) if turn is None else np.asarray(turn), return_index=True, return_inverse=True
+        np.zeros(N, int) if move is None else np.asarray(move), return_index=True, return_inverse=True
     )
     order = np.argsort(begins)  # as they come
     labels, motion = labels[order], np.argsort(order)[motion]
     if motion.shape != (N,):
-        raise RodgenError(f"turn has the shape {motion.shape}; expected one label a row: ({N},)")
+        raise RodgenError(f"move has the shape {motion.shape}; expected one label a row: ({N},)")
     centre, scale = frame_of(np.concatenate([x, y]))
     values = (np.concatenate([x, y]) - centre) / scale
     side = np.concatenate([2 * motion, 2 * motion + 1])
@@ -187,7 +187,7 @@ def proper_rotations(matrix: Array) -> Array:
 
 
 def _check_body(points: Array, label: Any, named: bool) -> None:
-    of = f"turn {str(label)!r}" if named else "the table"
+    of = f"move {str(label)!r}" if named else "the table"
     count = len(np.unique(points, axis=0))
     if count < _FEWEST:
         raise RodgenError(
@@ -209,8 +209,8 @@ def _one_a_turn(angle: Any, motion: Index, labels: Array) -> Array:
     other = np.flatnonzero(angles != found[motion])
     if len(other):
         raise RodgenError(
-            f"angle, row {other[0]} (counted from 0) differs from that of other rows of turn "
-            f"{str(labels[motion[other[0]]])!r}; expected one reading of the angle a turn"
+            f"angle, row {other[0]} (counted from 0) differs from that of other rows of move "
+            f"{str(labels[motion[other[0]]])!r}; expected one reading of the angle a move"
         )
     return np.asarray(found)
 
