@@ -262,6 +262,7 @@ CASES: dict[str, Callable[[int], HelicalAxis]] = {
     "points, shared rest": lambda s: _of_points([1.0, 1.1, 1.2, 1.3, 1.4], [0.3] * 5, s),
     "points, small angle": lambda s: _of_points([0.02], [0.3], s, sigma=0.02),
     "points, near half a turn": lambda s: _of_points([math.pi - 1e-3], [0.3], s, sigma=0.02),
+    "points, read angles": lambda s: _of_read_angles([1.0, 1.2], s),
     "poses, one motion": lambda s: fit_pose_axis(
         *poses([1.0], [0.3], 0.02, 3e-4, s), sigma=0.02, sigma_angle=3e-4
     ),
@@ -274,10 +275,16 @@ def _of_points(angles: list[float], slides: list[float], seed: int, **options: A
     return fit_helical_axis(x, y, move=move, **options)
 
 
+def _of_read_angles(angles: list[float], seed: int) -> HelicalAxis:
+    x, y, move = points(angles, [0.3] * len(angles), 0.02, seed)
+    read = np.array(angles) + 1e-4 * np.random.default_rng(seed + 5000).normal(size=len(angles))
+    return fit_helical_axis(x, y, move=move, sigma=0.02, angle=np.repeat(read, 3), sigma_angle=1e-4)
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("case", CASES)
 def test_95_percent_intervals_hold_95_percent(case: str) -> None:
-    angle = {"shared rest": 1.4, "small": 0.02, "half": math.pi - 1e-3, "shared first": 2.0}
+    angle = {"shared rest": 1.4, "small": 0.02, "read": 1.2, "half": math.pi - 1e-3, "shared first": 2.0}
     angle_of = next((a for words, a in angle.items() if words in case), 1.0)
     shares = coverage(CASES[case], angle_of, 0.3, 300)
     # 3.29 standard deviations of a share of 300 draws: 99.9 %
@@ -321,6 +328,10 @@ def test_an_angle_reading_that_rows_share_is_one_reading() -> None:
         (lambda x, y: ((x[:2], y[:2]), {}), "2 points; without an angle a motion needs three"),
         (lambda x, y: ((np.outer([1, 2, 3], AXIS), np.outer([1, 2, 3], AXIS)), {}), "lie on one line"),
         (lambda x, y: ((x, y[:2]), {}), "do not fit together"),
+        (
+            lambda x, y: ((np.tile(x, (2, 1)), np.concatenate([y, y + 1])), {}),
+            "stands in several rows of the table",
+        ),
         (lambda x, y: ((x, np.where(y == y[1, 1], np.nan, y)), {}), r"rho_prime, row 1 \(counted from 0\)"),
         (
             lambda x, y: ((x, y), {"angle": [1, 1, 2.0], "sigma": 1.0, "sigma_angle": 1.0}),

@@ -106,7 +106,8 @@ def read_points(
     values = (np.concatenate([x, y]) - centre) / scale
     side = np.concatenate([2 * motion, 2 * motion + 1])
     for k, label in enumerate(labels):
-        _check_body(values[:N][motion == k], label, len(labels) > 1)
+        some = motion == k
+        _check_body(values[:N][some], values[N:][some], label, len(labels) > 1)
     reading = np.unique(values + 0.0, axis=0, return_inverse=True)[1].ravel()
     stands = coo_array((np.ones(2 * N), (side, reading)), (2 * len(labels), reading.max() + 1)).tocsr()
     stands.data[:] = 1
@@ -186,12 +187,17 @@ def proper_rotations(matrix: Array) -> Array:
     return np.asarray(u @ vt)
 
 
-def _check_body(points: Array, label: Any, named: bool) -> None:
+def _check_body(points: Array, after: Array, label: Any, named: bool) -> None:
     of = f"move {str(label)!r}" if named else "the table"
     count = len(np.unique(points, axis=0))
     if count < _FEWEST:
         raise RodgenError(
             f"{of} has {count} point{'s' * (count != 1)}; without an angle a motion needs three, not on one line"
+        )
+    if len(np.unique(np.concatenate([points, after], axis=1), axis=0)) > count:
+        raise RodgenError(
+            f"a reading before the motion stands in several rows of {of} with other readings after it; expected a "
+            "label of its motion in each row, move"
         )
     size = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if size[1] <= 64 * _EPS * max(size[0], float(np.abs(points).max())):
