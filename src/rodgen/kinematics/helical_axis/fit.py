@@ -87,7 +87,7 @@ def fit_helical_axis(
     >>> before = [[3, 2, 0], [1, 5, 1], [4, 4, 2]]
     >>> after = [[1, 4, 3], [-2, 2, 4], [-1, 5, 5]]
     >>> fit = fit_helical_axis(before, after, sigma=0.001, origin=(0, 0, 0))
-    >>> fit.axis.round(6).tolist(), fit.point.round(6).tolist(), fit.slides.round(6).tolist()
+    >>> (fit.axis.round(6) + 0.0).tolist(), (fit.point.round(6) + 0.0).tolist(), fit.slides.round(6).tolist()
     ([0.0, 0.0, 1.0], [1.0, 2.0, 0.0], [3.0])
     """
     if angle is None and sigma_angle is not None:
@@ -147,7 +147,7 @@ def fit_pose_axis(
     >>> turns, _ = rodgen.matrix_from_axis_angle([0, 0, 1], np.radians([0, 30, 60, 90]))
     >>> place = np.array([[2, 0, 0], [3**0.5, 1, 0.5], [1, 3**0.5, 1], [0, 2, 1.5]])
     >>> fit = fit_pose_axis(place, turns, sigma=0.01, sigma_angle=1e-4)
-    >>> fit.axis.round(6).tolist(), np.degrees(fit.angles).round(6).tolist(), fit.slides.round(6).tolist()
+    >>> (fit.axis.round(6) + 0.0).tolist(), np.degrees(fit.angles).round(6).tolist(), fit.slides.round(6).tolist()
     ([0.0, 0.0, 1.0], [30.0, 60.0, 90.0], [0.5, 1.0, 1.5])
     """
     readings, turns, shifts = read_poses(position, rotation)

@@ -214,7 +214,7 @@ def instantaneous_axes(
     >>> turns, _ = rodgen.matrix_from_axis_angle([0, 0, 1], 0.5 * t)
     >>> place = np.array([1, 2, 0]) + turns @ [1.0, 0, 0] + 3 * t[:, None] * [0, 0, 1]
     >>> axes = instantaneous_axes(t, place, turns, sigma=1e-3, sigma_angle=1e-4, origin=(0, 0, 0))
-    >>> axes.axis[10].round(3).tolist(), axes.point[10].round(2).tolist(), float(axes.pitch[10].round(2))
+    >>> (axes.axis[10].round(3) + 0.0).tolist(), axes.point[10].round(1).tolist(), float(axes.pitch[10].round(1))
     ([0.0, 0.0, 1.0], [1.0, 2.0, 0.0], 6.0)
     """
     p, R = poses_of(position, rotation)
