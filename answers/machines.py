@@ -73,7 +73,7 @@ def of_template(kind: str, options: dict[str, Any]) -> Question:
         'instrument = "workpiece"', f'instrument = "{instrument}"'
     )
     machine = machine_of(text, f"{kind}.toml")
-    if machine.kinematics.is_closed and kind != "hexapod":
+    if kind in {"tricept", "3-sps-s"}:
         data = Measurements.load(EXAMPLES / kind.replace("3-sps-s", "three_sps_s") / "data.csv")
         columns = {c.text: c.values[:ROWS] for c in data.columns.values()}
         return with_effects(machine, columns, kind)

@@ -230,6 +230,32 @@ def trig_inputs(name: str) -> dict[str, np.ndarray]:
     return {"A": table[:, 0].copy(), "B": table[:, 1].copy(), "D": table[:, 2].copy()}
 
 
+def delta_inputs(name: str) -> dict[str, np.ndarray]:
+    """Positions and joints of deltas: usual, far out, flat, with joints in a line, out of reach, not finite."""
+    rng = np.random.default_rng(33)
+    rows = 24
+    radius = np.repeat([[140.0, 140, 140]], rows, axis=0) + rng.normal(size=(rows, 3))
+    rod = np.repeat([[290.0, 290, 290]], rows, axis=0) + rng.normal(size=(rows, 3))
+    arm = np.repeat([[180.0, 180, 180]], rows, axis=0) + rng.normal(size=(rows, 3))
+    heading = np.radians([210.0, 330, 90]) + 0.01 * rng.normal(size=(rows, 3))
+    carriage = rng.uniform(200, 320, (rows, 3))
+    angle = rng.uniform(-0.8, 0.8, (rows, 3))
+    position = np.column_stack([rng.uniform(-90, 90, (rows, 2)), rng.uniform(-200, -120, rows)])
+    rod[16], radius[16], carriage[16] = 140.0, 140.0, 250.0  # flat, in the middle
+    heading[17] = heading[17, 0]  # one above the other
+    rod[18] = 20.0  # out of reach
+    radius[19, 1], carriage[20, 2], rod[21, 0] = np.nan, np.inf, -1.0
+    angle[20], position[20] = np.inf, np.nan
+    position[22] = radius[22, 0] * np.cos(heading[22, 0]), radius[22, 0] * np.sin(heading[22, 0]), 0.0
+    found = {
+        "linear_delta_direct": {"carriage": carriage},
+        "rotary_delta_direct": {"angle": angle, "arm": arm},
+        "linear_delta_inverse": {"position": position},
+        "rotary_delta_equations": {"position": position, "arm": arm},
+    }[name]
+    return found | {"radius": radius, "rod": rod, "heading": heading}
+
+
 def pair_inputs(name: str) -> dict[str, np.ndarray]:
     """Two random equations, and for what comes after them, what comes before."""
     rng = np.random.default_rng(32)

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from kernel_inputs import (
     chi_inputs,
+    delta_inputs,
     link_inputs,
     loop_inputs,
     pair_inputs,
@@ -144,6 +145,7 @@ SPATIAL_INPUTS = {
     "biquadratic_pair": pair_inputs,
     "robots_6r": robot_inputs,
     "trig_equation": trig_inputs,
+    "delta": delta_inputs,
 }
 """For each derivation of spatial mechanisms the function that gives a kernel's inputs by its name."""
 

@@ -29,7 +29,7 @@ def made(kind: str, code: str | None = None) -> Machine:
 
 def design(kind: str, machine: Machine) -> Measurements:
     """Return commands all over the travel."""
-    if machine.kinematics.is_closed and kind != "hexapod":
+    if kind in {"tricept", "3-sps-s"}:
         return Measurements.load(EXAMPLES / kind.replace("3-sps-s", "three_sps_s") / "data.csv")
     rng = np.random.default_rng(6)
     poses = 80

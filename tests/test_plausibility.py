@@ -20,6 +20,7 @@ from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Measured, Target
 from rodgen.machines.plausibility import kind_of_machine, plausibility
+from rodgen.machines.templates import machine_template
 
 ROOT = Path(__file__).parent.parent
 MOUNT = ROOT / "examples" / "machines" / "mount"
@@ -47,6 +48,7 @@ def robot() -> rodgen.Machine:
 
 def test_every_effect_of_the_catalogue_has_odds_and_the_size_of_each_parameter():
     machines = [robot(), mount(), rodgen.Machine.load(ROOT / "examples/machines/tricept/machine.toml")]
+    machines += [machine_of(machine_template(kind), kind) for kind in ("linear-delta", "rotary-delta")]
     machines += [
         rodgen.Machine.load(path) for path in sorted((ROOT / "examples/machines").glob("*/machine.toml"))
     ]

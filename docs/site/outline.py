@@ -126,7 +126,7 @@ DERIVATIONS = {
         "instantaneous_euler_motion",
         "instantaneous_euler_arm",
     ),
-    "Machines": ("machine_model", "closed_chain", "tricept", "tricept_uncertainty", "three_sps_s"),
+    "Machines": ("machine_model", "closed_chain", "tricept", "tricept_uncertainty", "three_sps_s", "delta"),
     "Robots and loops": (
         "spherical_polygons",
         "trig_equation",
@@ -157,6 +157,7 @@ MODULES = {
     "rodgen.figures": "Figures.",
     "rodgen.tricept": "The Tricept.",
     "rodgen.three_sps_s": "A platform on a ball and three legs.",
+    "rodgen.delta": "Delta robots and printers.",
     "rodgen.instantaneous_euler": "Instantaneous Euler angles.",
     "rodgen.screws": "Lines and screws.",
     "rodgen.spatial": "Robots and closed loops.",

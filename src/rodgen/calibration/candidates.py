@@ -312,7 +312,7 @@ def _words(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
     names |= {"T": o.temperature.get(place)}
     before = machine.carriers(j)
     names |= {"q_before": o.q[:, before[-1]]} if before else {}
-    if machine.joints[j].type == "leg":
+    if machine.joints[j].in_loop:
         return names
     axis = sensitivities.fit.problem.model.axis(sensitivities.fit.solution.theta, j)[0]
     u, v = complete_basis(np.array(machine.joints[j].axis))

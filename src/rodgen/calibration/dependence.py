@@ -630,6 +630,9 @@ def _independent(
         motions = np.concatenate([motions, np.broadcast_to(turned, motions.shape)], axis=2)
     if measurand.is_place:
         return np.asarray(-np.einsum("kni,ni->nik", motions, weight))
-    arm = place - np.asarray(model.machine.measured.origin)
-    away = arm / np.linalg.norm(arm, axis=1, keepdims=True)
+    if measurand.has_origin:
+        arm = place - np.asarray(model.machine.measured.origin)
+        away = arm / np.linalg.norm(arm, axis=1, keepdims=True)
+    else:  # a height
+        away = np.broadcast_to([0.0, 0.0, 1.0], place.shape)
     return np.asarray(-np.einsum("kni,ni,nm->nmk", motions, away, weight))

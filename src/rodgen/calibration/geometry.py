@@ -21,6 +21,10 @@ GEOMETRY = frozenset(
         "base_joint_offset",
         "platform_joint_offset",
         "leg_zero_offset",
+        "delta_radius",
+        "delta_angle",
+        "rod_length",
+        "arm_length",
     }
 )
 """Effects that say that a dimension is not that of the file."""
@@ -65,11 +69,12 @@ def with_geometry(machine: Machine) -> Machine | None:
         if "geometry" in machine.estimate:
             return None
         found = replace(machine, estimate=("geometry", *machine.estimate))
-        for joint in machine.joints:
-            try:
-                found = found.with_effect(found.effect("leg_zero_offset", joint.name))
-            except RodgenError:  # it is there, or no leg
-                continue
+        for name in machine.kinematics.dimensions:
+            for joint in machine.joints:
+                try:
+                    found = found.with_effect(found.effect(name, joint.name))
+                except RodgenError:  # it is there
+                    continue
         return found
     joints = machine.joints[1:] if machine.measured.frame == "free" else machine.joints
     more = tuple(f"{joint.name}.{part}" for joint in joints for part in PARTS.get(joint.type, ()))

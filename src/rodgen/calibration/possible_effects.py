@@ -13,6 +13,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.errors import RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.effects.custom import own_effect
+from rodgen.machines.effects.definition import OF_A_LOOP, TURNING
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.model import Model
 from rodgen.machines.observations import Observations
@@ -68,7 +69,7 @@ def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
     """Return whether the columns that an effect uses are in the data, and vary where they must."""
     names = frozenset[str]().union(*(f.names for f in effect.definition.formulas))
     kind = machine.kind_of(effect.place)
-    if kind in {"revolute", "prismatic", "leg"}:
+    if kind in {"revolute", "prismatic", *OF_A_LOOP}:
         j = machine.number_of(str(effect.place))
         if "T" in names and effect.place not in o.temperature:
             return False
@@ -107,7 +108,7 @@ def bare_effects(machine: Machine) -> Iterator[Effect]:
     joints = {joint.name: joint.type for joint in machine.joints}
 
     def bare(place: str | None, at: str, component: str) -> Effect:
-        angle = component in TURNS or (component == "reading" and at == "revolute")
+        angle = component in TURNS or (component == "reading" and at in TURNING)
         more: dict[str, Any] = {
             "joints": joints,
             "measurand": measurand,
@@ -120,8 +121,8 @@ def bare_effects(machine: Machine) -> Iterator[Effect]:
     for component in motions:
         yield bare(None, "machine", component)
     for name, at in joints.items():
-        for component in ("reading", *(() if at == "leg" else motions)):
-            if at == "leg" or measurand.moving or component != "reading" or at == "revolute":
+        for component in ("reading", *(() if at in OF_A_LOOP else motions)):
+            if at in OF_A_LOOP or measurand.moving or component != "reading" or at == "revolute":
                 yield bare(name, at, component)
 
 

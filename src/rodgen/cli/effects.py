@@ -22,7 +22,8 @@ velocity, T its temperature less the reference, t the time, F the load; U, V, N 
 and the axis; EX, EY, EZ machine axes; M, M_perp, M_across, M_guide moments of a unit force along gravity; bend is
 N × gravity, fork the part along N of n × gravity, n the axis before, upwards; zeta the place in the travel, P1 to P4
 Legendre polynomials of 2 zeta - 1, L the travel; tan_zenith and sin_zenith of the zenith angle; read_x, read_y and
-read_z components of the reading; leg_tension the force in a leg, pulling, per unit load at the target.
+read_z components of the reading; leg_tension the force in a leg, pulling, per unit load at the target. At a tower or
+an arm of a delta U points outwards, V across, N upwards.
 """
 
 _PLACES = {
@@ -31,6 +32,9 @@ _PLACES = {
     "machine": "Of the whole machine (rodgen add MACHINE NAME)",
     "target": "Of a target (rodgen add MACHINE NAME --target T)",
     "leg": "At a leg of a closed chain (rodgen add MACHINE NAME --joint J)",
+    "arm, tower": "At a tower or an arm of a delta (rodgen add MACHINE NAME --joint J)",
+    "tower": "At a tower of a linear delta (rodgen add MACHINE NAME --joint J)",
+    "arm": "At an arm of a rotary delta (rodgen add MACHINE NAME --joint J)",
 }
 _WIDTH = 110
 

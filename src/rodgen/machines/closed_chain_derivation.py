@@ -4,7 +4,8 @@ Each leg joins a point a of the base and a point p of the platform at a length l
 unknowns y of the pose as there are legs. Newton's method starts at the pose on the nominal machine, which comes with
 the row, and takes a few steps, written out. They double the right digits each, so the last one is exact to rounding;
 and the derivative of a step y - J⁻¹F at a solution, where F = 0, is that of the implicit function theorem, -J⁻¹ ∂F.
-This is proved in derivation/closed_chain.py.
+This is proved in derivation/closed_chain.py. A delta needs no steps: its platform is where three spheres meet
+(derivation/delta.py).
 """
 
 from __future__ import annotations
@@ -15,9 +16,18 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rodgen.machines.algebra import solved
-from rodgen.machines.kinematics import NEWTON_STEPS, Hexapod, Kinematics, ThreeSpsS, Tricept
+from rodgen.machines.kinematics import (
+    NEWTON_STEPS,
+    Hexapod,
+    Kinematics,
+    LinearDelta,
+    RotaryDelta,
+    ThreeSpsS,
+    Tricept,
+)
 from rodgen.machines.model_steps import ModelSteps
 from rodgen.machines.structure import Term
+from rodgen.three_spheres import three_spheres
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
@@ -58,10 +68,13 @@ class _OnLegs:
             for name, components in self.family.numbers.items()
         }
         self.number = {name: model.let("number", value) for name, value in self.number.items()}
-        count = len(self.family.legs)
-        self.base = [self.centre(self.drawn_base, k, "base_joint") for k in range(count)]
-        self.own = [self.centre(self.drawn_platform, k, "platform_joint") for k in range(count)]
         self.start = [model.column["start", i] for i in range(self.family.pose_numbers)]
+        self.place_joints(range(len(self.family.legs)))
+
+    def place_joints(self, legs: range) -> None:
+        """Write where the joints of the legs are: on the base, and on the platform in its axes."""
+        self.base = [self.centre(self.drawn_base, k, "base_joint") for k in legs]
+        self.own = [self.centre(self.drawn_platform, k, "platform_joint") for k in legs]
 
     def centre(self, drawn: Callable[[int], Vector], leg: int, component: str) -> Vector:
         """Return a leg's joint on the base, or on the platform in platform axes."""
@@ -364,10 +377,70 @@ class _Hexapod(_OnLegs):
         return step[3:, :].dot(step[3:, :]) + step[:3, :].dot(step[:3, :]) / square
 
 
+class _Delta(_OnLegs):
+    """The platform hangs where three spheres about the upper joints of the rods meet."""
+
+    def place_joints(self, legs: range) -> None:
+        self.base = [self.upper_joint(k) for k in legs]
+        self.own = [self.m.zero] * len(legs)
+
+    def sum_of(self, leg: int, component: str, start: Any) -> Any:
+        """Add what effects change a component of a leg by."""
+        terms = self.m.structure.terms
+        parts = [(n, part) for n in self.terms(leg, component) for part, _ in enumerate(terms[n].parts)]
+        return sum((self.m.term(*part) for part in parts), start)
+
+    def upper_joint(self, leg: int) -> Vector:
+        m = self.m
+        cosine, sine = m.algebra.circle(list(self.family.legs.values())[leg])
+        if self.terms(leg, "heading"):
+            c, s = m.turn(self.sum_of(leg, "heading", 0))
+            cosine, sine = m.let("cosine", cosine * c - sine * s), m.let("sine", sine * c + cosine * s)
+        outwards, across = m.matrix([cosine, sine, 0]), m.matrix([-sine, cosine, 0])
+        m.directions[leg] = {"U": outwards, "V": across, "N": m.matrix([0, 0, 1])}
+        coordinate = m.let("coordinate", self.sum_of(leg, "reading", m.column["q", leg]))
+        out, height = self.reach(leg, coordinate)
+        drawn = m.matrix([out * cosine, out * sine, height])
+        return m.let("joint", self.sum_of(leg, "base_joint", drawn))
+
+    def reach(self, leg: int, coordinate: Any) -> tuple[Any, Any]:
+        """Return how far out, and how high, the upper joint of a rod is drawn."""
+        raise NotImplementedError
+
+    def solved(self, x: Vector) -> tuple[_Pose, Any]:
+        """Return the pose, and 0 or 1: whether the spheres do not meet."""
+        m = self.m
+        rods = [self.sum_of(k, "rod", self.number["L"][0]) for k in range(len(self.base))]
+        meet = three_spheres(m.let, self.base, [m.let("square", rod**2) for rod in rods])
+        meets = meet.ratio > 0
+        below = m.let("below", m.sqrt(m.select(meets, meet.ratio, 1)))
+        down = m.let("down", m.select(meet.normal[2] < 0, below, -below))
+        place = m.let("platform", meet.foot + meet.normal * down)
+        count, unit = len(self.base), m.matrix.eye(3)
+        return _Pose(unit, place, [place] * count, [unit] * count), m.select(meets, 0, 1)
+
+    def carry(self, pose: _Pose, x: Vector) -> Vector:
+        return x + pose.shift if self.m.structure.moving else x
+
+
+class _LinearDelta(_Delta):
+    def reach(self, leg: int, coordinate: Any) -> tuple[Any, Any]:
+        return self.number["R"][0], coordinate
+
+
+class _RotaryDelta(_Delta):
+    def reach(self, leg: int, coordinate: Any) -> tuple[Any, Any]:
+        cosine, sine = self.m.turn(coordinate)
+        arm = self.sum_of(leg, "arm", self.number["A"][0])
+        return self.number["R"][0] + arm * cosine, -arm * sine
+
+
 STEPS_OF: Mapping[type[Kinematics], type[_OnLegs]] = {
     Tricept: _Tricept,
     ThreeSpsS: _ThreeSpsS,
     Hexapod: _Hexapod,
+    LinearDelta: _LinearDelta,
+    RotaryDelta: _RotaryDelta,
 }
 """How each family is derived."""
 

@@ -26,8 +26,8 @@ def derive_programs(structure: Structure) -> list[Program]:
         has the output ``place``: the predicted point or direction, of poses followed by the matrix of the attitude, of
         attitudes and angles this matrix alone;
         ``residual`` measured less predicted, times the weight; ``residual_and_jacobian`` that and
-        ``residual_jacobian``, (components, slots). Of a closed chain also ``pose``: where its platform is, as a start
-        for other values.
+        ``residual_jacobian``, (components, slots). Of a closed chain that needs a start also ``pose``: where its
+        platform is, as a start for other values.
     """
     tape = Tape()
     algebra = on_tape(tape)
@@ -48,7 +48,7 @@ def derive_programs(structure: Structure) -> list[Program]:
             **outputs["residual"],
             "residual_jacobian": (shape, derivatives),
         }
-    if structure.kinematics.is_closed:
+    if structure.kinematics.pose_numbers:
         pose = pose_of(ModelSteps(structure, "pose", algebra)).outputs["pose"]
         outputs["pose"] = {"pose": ((len(pose),), pose)}
     # the change of a freedom is in the geometry already

@@ -47,7 +47,7 @@ def fixed_machine(machine: Machine) -> Machine:
     joints: list[Joint] = []
     tilts: list[Effect] = []
     for j, joint in enumerate(machine.joints):
-        if joint.type == "leg":
+        if joint.in_loop:
             joints.append(joint)
             continue
         axis = joint.axis

@@ -3,6 +3,7 @@
 In a closed chain a coordinate is the length of a leg, from its joint on the base to its joint on the platform. Where
 the platform is follows from all of them together (the direct problem), and may have several answers, the assembly
 modes.
+In a delta a coordinate is the height of a carriage, or the angle of an arm, and the platform only shifts.
 A family of such machines is a class here; how its model is derived stands in
 :mod:`rodgen.machines.closed_chain_derivation`.
 """
@@ -20,7 +21,7 @@ from rodgen.array_types import Array
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 
 if TYPE_CHECKING:
-    from rodgen.kinematics import hexapod, three_sps_s, tricept
+    from rodgen.kinematics import delta, hexapod, three_sps_s, tricept
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -48,9 +49,13 @@ class Kinematics:
     keys : tuple of str
         All that may stand in ``[geometry]``.
     pose_numbers : int
-        How many numbers describe a pose of the platform, for a solver to start from.
+        How many numbers describe a pose of the platform, for a solver to start from; 0 where none is needed.
     is_closed : bool
         Whether it is a closed chain, whose joints are legs.
+    leg : str
+        The type of these joints.
+    dimensions : tuple of str
+        Effects at them that say, beside `numbers`, that a dimension is not that of the file.
     start : tuple of float, length 3, or None
         Rotation vector in radians near which the assembly mode is; None where the file does not say, or need not.
     seen : tuple of tuple of float
@@ -66,6 +71,8 @@ class Kinematics:
     keys: ClassVar[tuple[str, ...]] = ()
     pose_numbers: ClassVar[int] = 0
     is_closed: ClassVar[bool] = False
+    leg: ClassVar[str] = "leg"
+    dimensions: ClassVar[tuple[str, ...]] = ("leg_zero_offset",)
 
     @property
     def start(self) -> Vector | None:
@@ -491,6 +498,126 @@ class Hexapod(OnLegs):
         return hexapod.Geometry(base, platform)
 
 
+@dataclass(frozen=True)
+class _Delta(OnLegs):
+    """Three pairs of rods that shift a platform; its pose is its position, which a model solves for in closed form."""
+
+    R: float
+    L: float
+    """Radius of the rods' upper joints less that of the lower ones; length of the rods."""
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether the rods are longer than the radius at which they begin."""
+        return self.L > 0
+
+    @property
+    def pose_scale(self) -> Array:
+        """The size of the machine."""
+        return np.full(3, self.size)
+
+    def modes(self, legs: Array) -> Array:
+        """Return the position below the upper joints of the rods."""
+        return np.asarray(self._position(legs))[:, None]
+
+    def least_singular_value(self, poses: Array) -> Array:
+        """Return the least singular value of the directions of the rods."""
+        from rodgen.kinematics import delta
+
+        rods: Array = delta.rods(poses, self._geometry())
+        good = np.asarray(np.isfinite(rods).all(axis=(1, 2)))
+        gains = np.linalg.svd(np.where(good[:, None, None], rods, 0.0), compute_uv=False)
+        return np.asarray(np.where(good, gains[:, -1], np.nan))
+
+    def mode_words(self) -> str:
+        """Say where the platform hangs."""
+        return "below the upper joints of the rods"
+
+    def _position(self, legs: Array) -> Array:
+        raise NotImplementedError
+
+    def _geometry(self) -> delta.LinearGeometry | delta.RotaryGeometry:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class LinearDelta(_Delta):
+    """Rods on the carriages of three vertical towers; a coordinate is the height of a carriage."""
+
+    family = "linear-delta"
+    words = "linear delta: rods on the carriages of three towers"
+    legs = MappingProxyType({"A": 210, "B": 330, "C": 90})
+    numbers = MappingProxyType({"R": ("",), "L": ("",)})
+    keys = ("R", "L")
+    leg = "tower"
+    dimensions = ("zero_offset", "delta_angle")
+
+    @property
+    def size(self) -> float:
+        """Length of the rods."""
+        return self.L
+
+    def usual_legs(self) -> Array:
+        """Return the heights with the platform in the middle of the plane z = 0."""
+        return np.full(3, np.sqrt(max(self.L**2 - self.R**2, 0.0)))
+
+    def usual_travel(self, leg: int) -> tuple[float, float]:
+        """Return an eighth of a rod above and below that."""
+        height = float(self.usual_legs()[leg])
+        return height - self.L / 8, height + self.L / 8
+
+    def _position(self, legs: Array) -> Array:
+        from rodgen.kinematics import delta
+
+        return np.asarray(delta.linear_direct(legs, self._geometry())[0])
+
+    def _geometry(self) -> delta.LinearGeometry:
+        from rodgen.kinematics import delta
+
+        heading = tuple(float(x) for x in self.legs.values())
+        return delta.LinearGeometry(self.R, self.L, heading)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class RotaryDelta(_Delta):
+    """Rods at the ends of three arms (Clavel); a coordinate is the angle of an arm, positive downwards."""
+
+    A: float
+    """Length of the arms."""
+
+    family = "rotary-delta"
+    words = "rotary delta: rods at the ends of three arms"
+    legs = MappingProxyType({"A1": 0, "A2": 120, "A3": 240})
+    numbers = MappingProxyType({"R": ("",), "A": ("",), "L": ("",)})
+    keys = ("R", "A", "L")
+    leg = "arm"
+    dimensions = ("zero_offset", "delta_angle")
+
+    @property
+    def size(self) -> float:
+        """Length of an arm."""
+        return self.A
+
+    def usual_legs(self) -> Array:
+        """Return level arms."""
+        return np.zeros(3)
+
+    def usual_travel(self, leg: int) -> tuple[float, float]:
+        """Return an eighth of a turn up and down."""
+        return -np.pi / 4, np.pi / 4
+
+    def _position(self, legs: Array) -> Array:
+        from rodgen.kinematics import delta
+
+        return np.asarray(delta.rotary_direct(legs, self._geometry())[0])
+
+    def _geometry(self) -> delta.RotaryGeometry:
+        from rodgen.kinematics import delta
+
+        heading = tuple(float(x) for x in self.legs.values())
+        return delta.RotaryGeometry(self.R, self.A, self.L, heading)  # type: ignore[arg-type]
+
+
 def _rotation_vectors(turns: Array, middle: Array) -> Array:
     """Return the rotation vectors, (n, 3), from a rotation to others, (n, 9), NaN where these are."""
     found = np.full((len(turns), 3), np.nan)
@@ -500,6 +627,6 @@ def _rotation_vectors(turns: Array, middle: Array) -> Array:
 
 
 FAMILIES: Mapping[str, type[OnLegs]] = MappingProxyType(
-    {made.family: made for made in (Tricept, ThreeSpsS, Hexapod)}
+    {made.family: made for made in (Tricept, ThreeSpsS, Hexapod, LinearDelta, RotaryDelta)}
 )
 """All families of closed chains, by their names in a machine file."""

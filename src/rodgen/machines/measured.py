@@ -1,4 +1,4 @@
-"""What is measured: a point, a direction, a distance or a pose, and all that differs between them.
+"""What is measured: a point, a direction, a distance, a height or a pose, and all that differs between them.
 
 Everything else asks the measurand. Only files call it by its name.
 """
@@ -263,6 +263,23 @@ class Distance(Measurand):
 
 
 @dataclass(frozen=True)
+class Height(Measurand):
+    """A distance from a plate, the plane z = 0 of the measuring frame: positive above it."""
+
+    kind = "height"
+    words = "heights over a plate"
+    columns = components = labels = ("d",)
+    inputs = 1
+    is_place = False
+    rigid: ClassVar[tuple[str, ...]] = ("z", "rx", "ry")
+    unchanged_by = MappingProxyType({"axes": "no height: it has one axis"})
+
+    def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
+        """Return the difference of the heights."""
+        return type(reading)([reading[0] - steps.let("height", place[2] * steps.factor())])
+
+
+@dataclass(frozen=True)
 class Pose(Point):
     """The coordinates of a point of a body, and the body's attitude."""
 
@@ -387,10 +404,10 @@ class Inclination(Angle):
         return steps.let("sine_half", up.dot(place)), steps.let("cosine_half", 1 + level)
 
 
-POINT, DIRECTION, DISTANCE = Point(), Direction(), Distance()
+POINT, DIRECTION, DISTANCE, HEIGHT = Point(), Direction(), Distance(), Height()
 POSE, ORIENTATION, ANGLE_ABOUT, INCLINATION = Pose(), Orientation(), Angle(), Inclination()
 MEASURANDS: Mapping[str, Measurand] = MappingProxyType(
-    {m.kind: m for m in (POINT, DIRECTION, DISTANCE, POSE, ORIENTATION, ANGLE_ABOUT, INCLINATION)}
+    {m.kind: m for m in (POINT, DIRECTION, DISTANCE, HEIGHT, POSE, ORIENTATION, ANGLE_ABOUT, INCLINATION)}
 )
 """All measurands, by their names in machine files."""
 READING_COLUMNS = frozenset(column for m in (POINT, DIRECTION, DISTANCE) for column in m.columns)
@@ -404,7 +421,7 @@ class Measured:
 
     Attributes
     ----------
-    kind : {"point", "direction", "distance", "pose", "orientation", "angle", "inclination"}
+    kind : {"point", "direction", "distance", "height", "pose", "orientation", "angle", "inclination"}
     frame : {"machine", "free"}
         Readings are in machine axes, or in a frame that is found with the rest; of angles the axis about which they are
         read, or the vertical.

@@ -116,7 +116,7 @@ class Model:
         self.travel = _travel(machine, travel)
         self._row_effects = row_effects(machine)
         self._bases = [
-            (np.zeros(3), np.zeros(3)) if joint.type == "leg" else _basis(tuple(joint.axis))
+            (np.zeros(3), np.zeros(3)) if joint.in_loop else _basis(tuple(joint.axis))
             for joint in machine.joints
         ]
         directions = () if machine.measurand.moving else machine.targets

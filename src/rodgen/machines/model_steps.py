@@ -85,6 +85,7 @@ class ModelSteps:
         self.count = 0
         self.done: dict[tuple[Any, ...], Any] = {}
         self.tension: dict[int, Any] = {}
+        self.directions: dict[int, dict[str, Any]] = {}
         self.begins: list[list[Any]] = []
         self.zero = self.matrix.zeros(3, 1)
         self.inputs()
@@ -422,7 +423,8 @@ class ModelSteps:
         if j is None:
             return names
         if self.structure.kinematics.is_closed:
-            return names | ({TENSION: self.tension[j]} if term.uses_tension else {})
+            tension = {TENSION: self.tension[j]} if term.uses_tension else {}
+            return names | self.directions.get(j, {}) | tension
         names["N"] = self.axis[j]
         if term.uses_directions:
             names |= {"U": self.known("u", j), "V": self.known("v", j)}

@@ -95,9 +95,8 @@ def _parameters(machine: MachineData, structure: Structure, runs: Sequence[str])
                 more = _of_effect(machine, again, x)
                 yield made(f"{again.key('')}[{run}].{x}", unit, "remounting", k, r, x, **more)
     if structure.frame:
-        if moving:
-            yield from (made(f"frame.{x}", length, "frame", x) for x in "xyz")
-        yield from (made(f"frame.{x}", machine.angle_unit, "frame", x) for x in ("rx", "ry", "rz"))
+        for x in machine.measurand.rigid:
+            yield made(f"frame.{x}", machine.angle_unit if x in TURNS else length, "frame", x)
     if structure.line:
         line = machine.measurand.line
         yield from (made(f"{line}.{x}", angle, f"{line}.{x}", 0) for x in "ab")
@@ -105,8 +104,9 @@ def _parameters(machine: MachineData, structure: Structure, runs: Sequence[str])
         effect = geometric["frame_shift", None]
         for r, run in enumerate(runs if len(runs) > 1 else [""]):
             prefix = f"{effect.key('')}[{run}]" if len(runs) > 1 else effect.key("")
-            names = [(x, length, x) for x in "xyz"] + [(f"r{x}", angle, f"r{x}") for x in "xyz"]
-            for x, unit, component in names if moving else [(x, angle, f"r{x}") for x in "xyz"]:
+            for component in machine.measurand.rigid:
+                x = component if moving else component.removeprefix("r")
+                unit = angle if component in TURNS else length
                 yield made(f"{prefix}.{x}", unit, "shift", r, component, **_of_effect(machine, effect, x))
     for n, (effect, term) in enumerate(zip(row_effects(machine), structure.terms, strict=True)):
         units = effect.units(machine)

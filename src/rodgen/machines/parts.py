@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from rodgen.data.units import ANGLE, Dimension, unit_factor
 from rodgen.errors import RodgenError, listed, shown, suggestion
-from rodgen.machines.effects.definition import EffectDefinition, coordinate_dimension
+from rodgen.machines.effects.definition import OF_A_LOOP, TURNING, EffectDefinition, coordinate_dimension
 from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
 from rodgen.machines.measured import Measurand, Measured
 from rodgen.views import with_html
@@ -80,14 +80,14 @@ def _three(where: str, vector: Iterable[float]) -> Vector:
 @with_html
 @dataclass(frozen=True)
 class Joint:
-    """A joint, given with all joints at zero, or a leg of a closed chain.
+    """A joint, given with all joints at zero, or one of a closed chain: a leg, a tower or an arm.
 
     Attributes
     ----------
     name : str
-    type : {"prismatic", "revolute", "leg"}
+    type : {"prismatic", "revolute", "leg", "tower", "arm"}
     axis : tuple of float, length 3
-        Unit vector of positive motion, in machine axes; zeros of a leg, which has none of its own.
+        Unit vector of positive motion, in machine axes; zeros in a closed chain, whose family has it.
     point : tuple of float, length 3
         A point on the axis; of a prismatic joint, where its error motion turns.
     travel : tuple of (float, float), or None
@@ -130,14 +130,14 @@ class Joint:
     reading_travel: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        words = {"encoder": ENCODERS, "drive": DRIVES, "branch": BRANCHES, "type": (*JOINT_TYPES, "leg")}
+        words = {"encoder": ENCODERS, "drive": DRIVES, "branch": BRANCHES, "type": (*JOINT_TYPES, *OF_A_LOOP)}
         for key, options in words.items():
             word = getattr(self, key)
             if word and word not in options:
                 hint = suggested_type(word) if key == "type" else suggestion(word, options)
                 raise RodgenError(f"joint {self.name}, {key}: {shown(word)}; expected {hint}")
         axis = _three(f"joint {self.name}, axis", self.axis)
-        if self.type != "leg":
+        if not self.in_loop:
             try:
                 axis = unit_vector(axis)
             except ValueError as error:
@@ -160,7 +160,12 @@ class Joint:
     @property
     def revolute(self) -> bool:
         """Whether it turns; else its coordinate is a length."""
-        return self.type == "revolute"
+        return self.type in TURNING
+
+    @property
+    def in_loop(self) -> bool:
+        """Whether it holds the platform of a closed chain, with others."""
+        return self.type in OF_A_LOOP
 
     @property
     def dimension(self) -> Dimension:
@@ -434,7 +439,7 @@ class MachineData:
         return _named(name, "target", self.targets)
 
     def kind_of(self, place: str | None) -> str:
-        """Return what is at a place: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"target"``, or ``"machine"``.
+        """Return what is at a place: the type of a joint, ``"target"``, or ``"machine"``.
 
         Raises
         ------

@@ -159,6 +159,17 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("leg_thermal_expansion", "leg"): _row(_LEG, "1.2e-5 1/K < 2e-4 1/K"),
     ("leg_backlash", "leg"): _row(_LEG, "10 um < 5 mm"),
     ("leg_compliance", "leg"): _row(_LEG, "5e-5 mm/N < 0.1 mm/N", positive="c"),
+    ("zero_offset", "tower"): _row(_LEG, "0.3 mm < 100 mm"),
+    ("zero_offset", "arm"): _row(_LEG, "0.1 deg < 180 deg"),
+    ("scale", "tower"): _row((0.3, 0.3, 0.3), "3e-4 < 0.05"),
+    ("scale", "arm"): _row((0.1, 0.1, 0.1), "3e-4 < 0.05"),
+    ("backlash", "tower"): _row((0.5, 0.5, 0.5), "0.03 mm < 5 mm"),
+    ("backlash", "arm"): _row((0.5, 0.5, 0.5), "100 arcsec < 2 deg"),
+    **{("delta_radius", at): _row(_LEG, "0.3 mm < 50 mm") for at in ("tower", "arm")},
+    **{("delta_angle", at): _row(_LEG, "0.2 deg < 10 deg") for at in ("tower", "arm")},
+    **{("rod_length", at): _row(_LEG, "0.1 mm < 50 mm") for at in ("tower", "arm")},
+    ("arm_length", "arm"): _row(_LEG, "0.1 mm < 50 mm"),
+    ("tower_lean", "tower"): _row((0.5, 0.5, 0.5), "0.1 deg < 10 deg"),
 }
 """By name and place. Odds are those of one scale, compared with effects that nearly every such machine has:
 

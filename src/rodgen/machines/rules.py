@@ -10,14 +10,14 @@ from rodgen.errors import UnexpectedError, listed, nearest_name, shown, suggesti
 from rodgen.limits import NUMBER
 from rodgen.machines.effects.catalogue import CATALOGUE, NAMES, TERMS
 from rodgen.machines.effects.custom import WORDS
-from rodgen.machines.effects.definition import SKY, EffectDefinition
+from rodgen.machines.effects.definition import OF_A_LOOP, SKY, EffectDefinition
 from rodgen.machines.effects.symbols import own_term, symbols
 from rodgen.machines.measured import READING_COLUMNS
 from rodgen.machines.mounts import names_of_terms
 from rodgen.machines.parts import Effect, MachineData
 from rodgen.machines.structure import TENSION
 
-_JOINTS = frozenset({"revolute", "prismatic", "leg"})
+_JOINTS = frozenset({"revolute", "prismatic", *OF_A_LOOP})
 
 _KEY_WORDS = frozenset({"axis", "point", "target", "frame"})
 """Words that stand in the keys of parameters in the place of an effect's name."""
@@ -126,10 +126,10 @@ def _wrong_place(
         return UnfitEffectError(
             "joint", f"{shown(place)}, but {name} acts on a target", f"target = {names[0]!r}"
         )
-    types = " or ".join(sorted(at & _JOINTS))
+    chain = " or ".join(sorted(at & _JOINTS - OF_A_LOOP.keys()))
+    types = " or ".join([f"a {chain} joint"] * bool(chain) + [OF_A_LOOP[x] for x in OF_A_LOOP if x in at])
     names = [joint.name for joint in machine.joints if joint.type in at]
-    what = "a leg" if at & _JOINTS == {"leg"} else f"a {types} joint"
-    some = what + (f": {listed(names)}" if names else ", which this machine does not have")
+    some = types + (f": {listed(names)}" if names else ", which this machine does not have")
     if place is None:
         return UnfitEffectError("joint", "missing", some)
     if kind == "target":
@@ -139,7 +139,7 @@ def _wrong_place(
     if kind == "leg":
         twins = [d.name for d in CATALOGUE if kind in d.at and d.name == _ON_A_LEG.get(name, f"leg_{name}")]
         some = some if twins == [] else ""
-    on = "a leg" if kind == "leg" else f"a {kind} joint"
+    on = OF_A_LOOP.get(kind, f"a {kind} joint")
     other = f"{shown(twins[0])}, its name on {on}" + (", or " if some else "") if twins else ""
     return UnfitEffectError("joint", f"{shown(place)}, {on}", f"{other}{some}")
 

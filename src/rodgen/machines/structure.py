@@ -29,8 +29,8 @@ from rodgen.machines.parts import Effect, MachineData
 GEOMETRY = {"axis", "point", "target", "frame_shift", "remounting"}
 """Components that change a fixed part of the machine: slots of the geometry, not terms of a row."""
 
-CLOSED = {"base_joint", "platform_joint"}
-"""Components that move a joint centre of a leg."""
+CLOSED = {"base_joint", "platform_joint", "heading", "arm", "rod"}
+"""Components that change a dimension of a closed chain."""
 
 BEAM = {"zeta", "L", "P1", "P2", "P3", "P4"}
 """Names of the catalogue that need the joint's travel."""

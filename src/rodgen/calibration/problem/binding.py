@@ -20,6 +20,7 @@ from rodgen.data.notations import ANGULAR
 from rodgen.data.poses import approach, poses
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
 from rodgen.errors import InputFileError, joined, listed, nearest_hint, shown
+from rodgen.machines.effects.definition import OF_A_LOOP
 from rodgen.machines.measured import MEASURANDS, NOTATIONS, TURNS
 from rodgen.machines.observations import Observations
 from rodgen.stages import stage
@@ -255,7 +256,11 @@ class _Binder:
 
     def kind(self, joint: Joint) -> tuple[Dimension, str]:
         """Return the dimension of a joint's coordinate, and the reason for an error message."""
-        what = f"{joint.name} is a leg" if joint.type == "leg" else f"joint {joint.name} is {joint.type}"
+        what = (
+            f"{joint.name} is {OF_A_LOOP[joint.type]}"
+            if joint.in_loop
+            else f"joint {joint.name} is {joint.type}"
+        )
         return joint.dimension, f" ({what})"
 
     def column(self, name: str, dimension: Dimension, why: str = "") -> Any:

@@ -355,7 +355,7 @@ class Problem:
 
         A model is NaN where its own pose is far from the start, so the starts follow when a fit moves the geometry.
         """
-        if not self.is_closed_chain:
+        if not self.model.structure.kinematics.pose_numbers:
             return False
         start = self.observations.pose_start
         assert start is not None

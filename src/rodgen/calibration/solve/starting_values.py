@@ -13,7 +13,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.attitudes import nearest_attitudes, nearest_frame, nearest_rotation
 from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.machines.effects.definition import StartSearch
-from rodgen.machines.measured import TURNS
+from rodgen.machines.measured import HEIGHT, TURNS
 from rodgen.machines.model import Frame
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 from rodgen.stages import step
@@ -114,6 +114,8 @@ def _in_closed_form(problem: Problem, theta: Array) -> list[Frame]:
     places = problem.places(theta, Frame.identity())
     if not np.isfinite(places).all():  # the fit says so
         return [Frame.identity()]
+    if problem.model.structure.measurand is HEIGHT:  # a plate lies nearly as in the file
+        return [Frame.identity()]
     if problem.model.structure.measurand.has_origin:
         return [_standing(problem, at) for at in trilaterated(places, readings[:, 0])]
     if problem.model.structure.measurand.has_attitude:
@@ -167,6 +169,8 @@ def with_zeros(problem: Problem, theta: Array, free: Sequence[int]) -> Array:
 
 def _others(problem: Problem, theta: Array) -> Iterator[Frame]:
     """Yield frames all around: for distances from all sides, else with the rotations of a cube; the means agree."""
+    if problem.model.structure.measurand is HEIGHT:
+        return
     mean_reading = problem.observations.reading.mean(axis=0)
     mean_place = problem.places(theta, Frame.identity()).mean(axis=0)
     if problem.model.structure.measurand.has_origin:  # how the frame is turned changes nothing

@@ -54,6 +54,10 @@ _KUREKOVA = (
     "E. Kureková et al., Positioning uncertainty of the Tricept type parallel kinematic structure, "
     "Acta IMEKO 4(4) (2015) 9-15"
 )
+_CLAVEL = "R. Clavel, Conception d'un robot parallèle rapide à 4 degrés de liberté, EPFL 1991"
+_VISCHER = (
+    "P. Vischer, R. Clavel, Kinematic calibration of the parallel Delta robot, Robotica 16 (1998) 207-218"
+)
 _MERLET = "J.-P. Merlet, Parallel Robots, 2nd ed., Springer 2006"
 _ALMANAC = (
     "S. E. Urban, P. K. Seidelmann (eds.), Explanatory Supplement to the Astronomical Almanac, "
@@ -81,7 +85,7 @@ def _row(
 
     return EffectDefinition(
         name,
-        frozenset({at}),
+        frozenset(at.split()),
         component,
         parsed(formula),
         parameters,
@@ -686,7 +690,100 @@ _LEG = (
     ),
 )  # fmt: skip
 
-CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_MACHINE, *_TARGET, *_LEG)
+_DELTA = (
+    _row(
+        "zero_offset", "tower", "reading", "a", {"a": "{length}"},
+        meaning="The endstop of the tower is not as high as the firmware believes. The carriage is higher or lower "
+        "than commanded, by the same amount everywhere; the plane of the nozzle tilts about the two others.",
+        usual_size="0.05 to 1 mm before a calibration, 0.01 to 0.03 mm as a switch repeats",
+        remedy="Enter the offset of the endstop in the firmware: position_endstop, or M666.",
+        source=_VISCHER,
+    ),
+    _row(
+        "scale", "tower", "reading", "k*q", {"k": "1"},
+        meaning="The belt or screw of the tower moves the carriage by more or less than commanded: its pitch, or the "
+        "steps per length, are slightly wrong. The error grows with the height of the carriage.",
+        usual_size="1e-4 to 1e-3 with a belt, 1e-5 to 1e-4 with a screw",
+        remedy="Correct the steps per length of the tower in the firmware.",
+        source=_ISO_2,
+    ),
+    _row(
+        "backlash", "tower", "reading", "-b/2*s", {"b": "{length}"},
+        of_drive=True,
+        meaning="There is play in the belt, the carriage or the joints of the rods. The carriage stays behind by half "
+        "of it, on the side where it comes from.",
+        usual_size="0.01 to 0.1 mm",
+        remedy="Tighten the belt, preload the joints of the rods by springs, always approach from one side.",
+        source=_ISO_2,
+    ),
+    _row(
+        "tower_lean", "tower", "base_joint",
+        "q*(sin(a)*U + sin(b)*V + (sqrt(1 - sin(a)**2 - sin(b)**2) - 1)*N)", _in("deg", "a b"),
+        meaning="The tower is not upright: it leans outwards by a, and across by b. The joint of the rod moves aside "
+        "as the carriage rises.",
+        usual_size="0.05 to 0.3 deg",
+        remedy="Square the frame: measure between the towers at top and bottom, and shim.",
+        source=_CLAVEL,
+    ),
+    _row(
+        "zero_offset", "arm", "reading", "a", {"a": "deg"},
+        meaning="The arm is not where the control believes it to be: its reference mark or its switch is elsewhere. "
+        "The angle is wrong by the same amount everywhere.",
+        usual_size="0.01 to 0.5 deg after homing",
+        remedy="Enter the offset as the home position of the arm.",
+        source=_VISCHER,
+    ),
+    _row(
+        "scale", "arm", "reading", "k*q", {"k": "1"},
+        meaning="The gear or belt of the arm turns it by more or less than commanded: a ratio that is slightly wrong. "
+        "The error grows with the angle of the arm.",
+        usual_size="1e-4 to 1e-3 with a belt, 0 with a gear",
+        remedy="Correct the ratio of the arm in the control.",
+        source=_ISO_2,
+    ),
+    _row(
+        "backlash", "arm", "reading", "-b/2*s", {"b": "arcsec"},
+        of_drive=True,
+        meaning="There is play in the gear or belt of the arm. It stays behind by half of it, on the side where it "
+        "comes from.",
+        usual_size="20 arcsec to 0.2 deg",
+        remedy="Preload the gear or tighten the belt, always approach from one side.",
+        source=_ISO_2,
+    ),
+    _row(
+        "arm_length", "arm", "arm", "a", {"a": "{length}"},
+        meaning="The arm is longer or shorter than in the drawing, from its axis to the joints of the rods.",
+        usual_size="0.01 to 0.2 mm",
+        remedy="Measure the arm, or enter its fitted length in the control.",
+        source=_VISCHER,
+    ),
+    _row(
+        "delta_radius", "tower arm", "base_joint", "r*U", {"r": "{length}"},
+        meaning="The joint of the rod is farther from the middle, or nearer to it, than in the drawing: the tower or "
+        "the arm's axis stands off, or the platform's joint. If all three are, a plate looks like a dome or bowl.",
+        usual_size="0.1 to 1 mm on a printer, 0.01 to 0.2 mm on a robot",
+        remedy="Enter the radius in the firmware: delta_radius, or M665 R; or measure and shim the tower.",
+        source=_VISCHER,
+    ),
+    _row(
+        "delta_angle", "tower arm", "heading", "a", {"a": "deg"},
+        meaning="The tower or the arm does not stand where the drawing has it, but turned about the middle. Lines that "
+        "should be square are not, and the plate looks twisted.",
+        usual_size="0.05 to 0.5 deg on a printer, 0.01 to 0.05 deg on a robot",
+        remedy="Enter the angle of the tower in the firmware: angle, or M665 X, Y, Z; or turn the tower's foot.",
+        source=_VISCHER,
+    ),
+    _row(
+        "rod_length", "tower arm", "rod", "a", {"a": "{length}"},
+        meaning="The rods of this tower or arm are longer or shorter than the others. The platform is pulled aside, by "
+        "an error that changes with the direction of the rod.",
+        usual_size="0.02 to 0.3 mm",
+        remedy="Measure the rods against each other and make them equal, or enter the length of each in the firmware.",
+        source=_VISCHER,
+    ),
+)  # fmt: skip
+
+CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_MACHINE, *_TARGET, *_LEG, *_DELTA)
 """All effects, in the order in which ``rodgen effects`` lists them."""
 
 NAMES = tuple(dict.fromkeys(definition.name for definition in CATALOGUE))
@@ -712,8 +809,8 @@ def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...
     Parameters
     ----------
     at : str, optional
-        ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"machine"`` or ``"target"``; left out: all of this name, which may
-        differ between revolute and prismatic joints.
+        ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"tower"``, ``"arm"``, ``"machine"`` or ``"target"``; left out: all
+        of this name, which may differ between types of joints.
 
     Returns
     -------

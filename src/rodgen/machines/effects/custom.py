@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from rodgen.data.units import ANGLE, FORCE, ONE, TEMPERATURE, TIME, Dimension, UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.effects.definition import (
+    OF_A_LOOP,
     SKY,
     EffectDefinition,
     StartSearch,
@@ -58,7 +59,7 @@ def own_effect(
         Names with units; at most 40, each in a formula.
     others : mapping of str to str
         Further components that it changes, each with a formula of the same parameters.
-    at : {"revolute", "prismatic", "leg", "machine", "target"}
+    at : {"revolute", "prismatic", "leg", "tower", "arm", "machine", "target"}
         Where it stands.
     joints : mapping of str to str
         Name and type of each joint of the machine.
@@ -133,7 +134,7 @@ class _Check:
         fitting = {
             "revolute": ("reading", *_MOTIONS),
             "prismatic": ("reading", *_MOTIONS),
-            "leg": ("reading",),
+            **dict.fromkeys(OF_A_LOOP, ("reading",)),
             "target": _MOTIONS[3:] if turns else _MOTIONS[:3],
             "machine": _MOTIONS,
         }[self.at]
@@ -168,7 +169,7 @@ class _Check:
 
     def names(self, formula: Formula, parameters: Mapping[str, str], key: str) -> None:
         for name in sorted(formula.names - parameters.keys() - self.joints.keys()):
-            if name in _OF_JOINT and self.at not in {"revolute", "prismatic", "leg"}:
+            if name in _OF_JOINT and self.at not in {"revolute", "prismatic", *OF_A_LOOP}:
                 raise self.error(
                     key,
                     f"{name!r}, which only a joint has",

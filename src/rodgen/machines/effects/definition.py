@@ -19,6 +19,9 @@ COMPONENTS = {
     "reading": "reading += {formula}",
     "base_joint": "the leg's joint on the base moved by {formula}",
     "platform_joint": "the leg's joint on the platform moved by {formula}, in platform axes",
+    "heading": "the tower or arm turned about z by {formula}",
+    "arm": "the arm longer by {formula}",
+    "rod": "the rod longer by {formula}",
     "translation": "translation {formula}",
     "rotation": "rotation vector {formula}",
     "axis": "the axis turned by the rotation vector {formula}",
@@ -51,6 +54,8 @@ _PLACES = {
     "revolute": "at a revolute joint",
     "prismatic": "at a prismatic joint",
     "leg": "at a leg of a closed chain",
+    "tower": "at a tower of a linear delta",
+    "arm": "at an arm of a rotary delta",
     "machine": "of the whole machine",
     "target": "of a target",
 }
@@ -61,9 +66,15 @@ SKY = frozenset({"z", "azimuth"})
 """Words of users' formulas where directions are measured: zenith angle and azimuth of the line of sight."""
 
 
+OF_A_LOOP = {"leg": "a leg", "tower": "a tower", "arm": "an arm"}
+"""Types of joints that hold a platform together, in words; they have no axis of their own in a file."""
+TURNING = ("revolute", "arm")
+"""Types of joints whose coordinates are angles."""
+
+
 def coordinate_dimension(joint_type: str) -> Dimension:
     """Return the dimension of the coordinate of a joint of this type."""
-    return ANGLE if joint_type == "revolute" else LENGTH
+    return ANGLE if joint_type in TURNING else LENGTH
 
 
 class StartSearch(Enum):
@@ -86,7 +97,7 @@ class EffectDefinition:
 
     name: str
     at: frozenset[str]
-    """Where it may stand: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"machine"``, ``"target"``."""
+    """Where it may stand: ``"revolute"``, ``"prismatic"``, one of `OF_A_LOOP`, ``"machine"``, ``"target"``."""
     component: str
     """What it changes, one of :data:`COMPONENTS`."""
     formula: Formula
@@ -95,7 +106,8 @@ class EffectDefinition:
     force along gravity), bend (N × gravity), fork (the part along N of n × gravity, n the axis before, upwards), zeta
     (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials of 2 zeta - 1), L (length of the travel), q_before
     (coordinate of the joint before), tan_zenith, sin_zenith, read_x, read_y, read_z (components of the reading),
-    leg_tension (force in the leg, tension positive, per unit load along gravity at the target)."""
+    leg_tension (force in the leg, tension positive, per unit load along gravity at the target). At a tower or an arm U
+    points outwards, V across, N upwards."""
     parameters: Mapping[str, str] = field(hash=False)
     """Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
     directions are measured, and ``{move}`` that too, or arcsec where directions are measured."""
@@ -165,7 +177,14 @@ class EffectDefinition:
         """Return the definition for what is measured.
 
         Where it is directions, a frame shift has no translation, and a target has two freedoms; of poses it has six.
+        Of heights a frame shift has three freedoms.
         """
+        if (
+            self.component == "frame_shift"
+            and measurand.moving
+            and len(measurand.rigid) < len(self.parameters)
+        ):
+            return replace(self, parameters={x: self.parameters[x] for x in measurand.rigid})
         if measurand.moving:
             return self.poses if measurand.has_attitude and self.poses else self
         if measurand.has_attitude and self.poses and self.poses.slope:
@@ -331,7 +350,7 @@ def component_dimension(component: str, at: str, measurand: Measurand = POINT) -
         return measurand.dimension
     if component == "factor":
         return ONE
-    return ANGLE if component in {"rotation", "axis", "lift", "rx", "ry", "rz"} else LENGTH
+    return ANGLE if component in {"rotation", "axis", "lift", "heading", "rx", "ry", "rz"} else LENGTH
 
 
 def _wrapped(text: str, title: str) -> list[str]:

@@ -41,6 +41,8 @@ OF_A_JOINT = frozenset({"axis", "point", "u", "v", "start", "length"})
 """Parts of the geometry that each joint has."""
 OF_A_CLOSED_CHAIN = {
     "R": "base_radius",
+    "A": "arm_length",
+    "L": "rod_length",
     "r": "platform_radius",
     "q": "offset",
     "h": "pivot_height",
@@ -110,7 +112,7 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
     structure = _without_parameters(model.structure)
     general = model_kernel(ModelSteps(structure, name, with_residual=False))
     numbers = _Numbers(model, structure, prefix)
-    pose = _pose_kernel(model, structure, numbers) if structure.kinematics.is_closed else None
+    pose = _pose_kernel(model, structure, numbers) if structure.kinematics.pose_numbers else None
     rows, g, e = (list(general.port(port).symbols) for port in ("rows", "g", "e"))
     columns = [
         (c, s) for c, s in zip(structure.columns, rows, strict=True) if c[0] not in {"reading", "weight"}

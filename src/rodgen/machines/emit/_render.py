@@ -56,6 +56,9 @@ STATUSES = (
 )
 
 
+_COORDINATE_OF = {"leg": "length of leg", "tower": "height of the carriage of tower", "arm": "angle of arm"}
+
+
 def _numbers(content: Content) -> list[tuple[str, float, str]]:
     size = [] if content.directions else [("SIZE", content.size, "of the numbers that a place is made of")]
     return [
@@ -167,7 +170,7 @@ def _words_of(content: Content, first: int, brackets: str) -> Iterator[str]:
     yield ""
     for j, joint in enumerate(machine.joints):
         ends = ", {:.9g} to {:.9g}".format(*limits) if (limits := machine.limits[j]) else ""
-        what = "length of leg" if joint.type == "leg" else f"{joint.type} joint"
+        what = _COORDINATE_OF[joint.type] if joint.in_loop else f"{joint.type} joint"
         what = f"reading {shown(joint.reading)} of {what}" if joint.reading else what
         what = what if joint.is_read else f"not used, as it follows: {what}"
         yield f"q{brackets[0]}{j + first}{brackets[1]}  {what} {shown(joint.name)}, {coordinate_unit(machine, j)}{ends}"

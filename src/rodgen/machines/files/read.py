@@ -196,8 +196,8 @@ _MISSING = {
     "joint": "one block for each joint, the base's first",
     "target": "one block or more, each with name and point",
     "geometry": "R, r and what else the family needs in it",
-    "measured": 'kind = "point" (or "direction", "distance", "pose", "orientation", "angle", "inclination") and '
-    'frame = "machine" (or "free") in it',
+    "measured": 'kind = "point" (or "direction", "distance", "height", "pose", "orientation", "angle", "inclination") '
+    'and frame = "machine" (or "free") in it',
 }
 
 
@@ -666,7 +666,7 @@ def _on_legs(top: Table, per_radian: float) -> OnLegs:
 
 
 def _legs(kinematics: Kinematics) -> tuple[Joint, ...]:
-    return tuple(Joint(name, "leg") for name in kinematics.legs)
+    return tuple(Joint(name, kinematics.leg) for name in kinematics.legs)
 
 
 def _targets(top: Table, measurand: Measurand, per_radian: float, *, closed: bool) -> tuple[Target, ...]:

@@ -33,6 +33,8 @@ KINDS = {
     "tricept": "three legs and a passive one in the middle",
     "3-sps-s": "platform on a ball and three legs",
     "hexapod": "platform on six legs (6-UPS)",
+    "linear-delta": "printer or robot whose rods hang on three towers",
+    "rotary-delta": "robot whose rods hang on three arms (Clavel)",
 }
 """What there is, and what it is."""
 
