@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from rodgen.calibration.problem.problem import Problem
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.kinematics.delta import DeltaStatus
+from rodgen.machines.emit import emit
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
@@ -390,3 +392,54 @@ def test_emitted_code_brings_the_nozzle_where_it_should_be(compiler, tmp_path: P
         assert np.abs(hung(joints, L, place) - place).max() < 1e-6
     target = np.zeros(8, int)
     assert np.abs(c.forward(q, target, {}) - module.forward(q, target)).max() < 1e-10
+
+
+def entered(text: str, radius: float = R) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """Radius, rods, angles and changes of position_endstop that the lines for Klipper have."""
+    numbers = {key: re.findall(rf"^(?:# )?{key}: ([+-]?[0-9.]+)", text, re.MULTILINE) for key in KLIPPER}
+    (radius,) = map(float, numbers["delta_radius"])
+    return radius, *(np.array(numbers[key], float) for key in KLIPPER[1:])
+
+
+KLIPPER = ("delta_radius", "arm_length", "angle", "position_endstop")
+
+
+def test_firmware_with_the_emitted_numbers_prints_on_the_plate(tmp_path: Path):
+    """Endstops stay where they are; carriages are counted from them. A printer by plain NumPy carries it out."""
+    effects = [("zero_offset", "B"), ("delta_angle", "B"), ("delta_radius", "C"), ("rod_length", "A")]
+    values = {"geometry.R": 0.8, "B.zero_offset.a": 0.45, "B.delta_angle.a": np.radians(0.35)}
+    values |= {"C.delta_radius.r": -0.6, "A.rod_length.a": 0.2}
+    built = given(printer(effects=effects), values)
+    (file,) = emit(built, "printer", tmp_path)
+    text = file.read_text()
+    heading, radii, true = (
+        PRINTER + np.array([0, 0.35, 0]),
+        R + 0.8 - 0.6 * np.eye(3)[2],
+        L + 0.2 * np.eye(3)[0],
+    )
+    at_endstop = 300 + np.sqrt(L**2 - R**2)  # believed, of each
+    real = at_endstop + np.array([0, 0.45, 0])
+    radius, rods, angles, changes = entered(text)
+    middle = np.array(re.search(r"where x = ([-0-9.]+), y = ([-0-9.]+) is now", text).groups(), float)  # type: ignore[union-attr]
+    towers = carriage_joints(np.zeros(3), radius, angles)[:, :2]
+    below_endstop = 300 + changes + np.sqrt(rods**2 - radius**2)
+
+    def printed(x: float, y: float) -> np.ndarray:
+        carriages = np.sqrt(rods**2 - np.sum((towers - [x, y]) ** 2, axis=1))
+        moved = real - (below_endstop - carriages)
+        return hung(carriage_joints(moved, radii, heading), true, [x, y, 0])
+
+    for x, y in spiral(6, 95):
+        assert np.abs(printed(x, y) - [middle[0] + x, middle[1] + y, 0]).max() < 3e-4  # of four decimals
+    # Marlin moves each carriage down from its endstop and then counts all as at the height H
+    down = np.array(
+        re.findall(r"[XYZ] ([+-][0-9.]+)", text.partition("; M666:")[2].partition("to what")[0]), float
+    )
+    height = float(re.findall(r"; M665 H: ([+-][0-9.]+)", text)[0])
+    assert np.abs(height - down - changes).max() < 2e-4
+    assert down.max() < 1e-4
+
+
+def test_a_robot_has_no_numbers_for_a_printer(tmp_path: Path):
+    with pytest.raises(InputFileError, match="a rotary delta; expected a linear-delta"):
+        emit(machine("rotary-delta", kind="point"), "printer", tmp_path)

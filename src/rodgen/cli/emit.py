@@ -18,6 +18,7 @@ test. C99 or a C++17 header without allocation, MATLAB, NumPy, or JAX. Or write 
   iso230     error motions of each axis over its travel (EXX, EBZ), and location errors (A0C)
   screw      errors of position of each axis, as tables for SINUMERIK and LinuxCNC
   linuxcnc   a kinematics component for halcompile, which corrects the commands
+  printer    radius, rods, angles and endstops of a delta printer, for Klipper, Marlin and RepRapFirmware
 Each file says what of the fitted model is not in it.
 
   rodgen emit machine.toml balls.csv --lang iso230 -o certificate

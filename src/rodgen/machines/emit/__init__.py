@@ -32,6 +32,7 @@ FORMS = {
     "iso230": "error motions and location errors, ISO 230",
     "screw": "errors of position, for SINUMERIK and LinuxCNC",
     "linuxcnc": "kinematics component for LinuxCNC",
+    "printer": "numbers for the firmware of a delta printer",
 }
 """What a machine is written as, and what that is."""
 
@@ -102,7 +103,8 @@ def emit(
         alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified Denavit-Hartenberg
         table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each axis over its travel,
         and location errors, with the names of ISO 230. ``"screw"``: the errors of position of each axis as tables for
-        SINUMERIK and LinuxCNC. ``"linuxcnc"``: a kinematics component with the C code in it. Each file says what of
+        SINUMERIK and LinuxCNC. ``"linuxcnc"``: a kinematics component with the C code in it. ``"printer"``: radius,
+        rods, angles and endstops of a linear delta, for Klipper, Marlin and RepRapFirmware. Each file says what of
         the model is not in it.
     folder : str or os.PathLike
         Is made where there is none. All files are written, or none.
@@ -203,6 +205,10 @@ def _tables(
         if form == "screw":
             return screw_texts(machine, name, note, travel, covariance)
         return iso_texts(machine, name, note, travel, covariance)
+    if form == "printer":
+        from rodgen.machines.emit._printer import printer_text
+
+        return {f"{name}_firmware.txt": printer_text(machine, note)}
     if form == "linuxcnc":
         from rodgen.machines.emit._render import component_texts
 
