@@ -34,6 +34,8 @@ SOURCE is
   a pointing run of TPOINT: alt-azimuth or equatorial, formats 1 to 4; or the log of the MMT's mount.
   a Denavit-Hartenberg table, CSV with the columns theta, d, a and alpha; or TOML.
   a model of TPOINT, alone or with a run: its terms become effects with held parameters.
+  the printer.cfg of a delta printer (Klipper), with the heights that DELTA_CALIBRATE saved, or with a probe log: of
+  Klipper (PROBE), Marlin (G30) or RepRapFirmware (heightmap.csv). A log goes with a machine file, too.
   a machine file, or one of these, with tables of readings: CSV or other text, .xlsx or .mat; one file, or one a target
   or a run. Columns are known by their names, by --column, or by [columns] of the machine file: joints; x y z, or
   x1 y1 z1 x2 … of several targets; roll pitch yaw, rx ry rz or qw qx qy qz; az el or ha dec; target, run, t, T_air, …
@@ -185,12 +187,14 @@ _UNKNOWN = (
 
 _URDF, _TABLE, _RUN, _MODEL = "a URDF", "a Denavit-Hartenberg table", "a pointing run", "a model of TPOINT"
 _MACHINE, _READINGS = "a machine file", "a table of readings"
+_PRINTER, _LOG = "a printer.cfg", "a probe log"
 
 
 def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
     """Return what the sources are, and whether one of them is a machine file already."""
     from rodgen.machines.imports.denavit_hartenberg import machine_from_table
     from rodgen.machines.imports.imported import Imported
+    from rodgen.machines.imports.printers import machine_from_klipper, with_probe_log
     from rodgen.machines.imports.tpoint_model import machine_from_tpoint
     from rodgen.machines.imports.urdf import machine_from_urdf
     from rodgen.machines.machine import Machine
@@ -201,8 +205,8 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
     for kind, files in kinds.items():
         if len(files) > 1 and kind != _READINGS:
             raise InputFileError(files[1], "file", f"{kind}, as is {files[0]}", "one of each kind")
-    alone = [kind for kind in (_URDF, _TABLE, _MACHINE) if kind in kinds]
-    others = kinds.keys() - {_READINGS} - set(alone[:1])
+    alone = [kind for kind in (_URDF, _TABLE, _MACHINE, _PRINTER) if kind in kinds]
+    others = kinds.keys() - {_READINGS, _LOG} - set(alone[:1])
     if alone and others:
         file = kinds[alone[0]][0]
         raise InputFileError(file, "file", f"{alone[0]} together with {min(others)}", "one of the two")
@@ -212,6 +216,8 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
         made = machine_from_table(kinds[_TABLE][0], options.convention)
     elif alone == [_MACHINE]:
         made = Imported(Machine.load(kinds[_MACHINE][0]), ())
+    elif alone == [_PRINTER]:
+        made = machine_from_klipper(kinds[_PRINTER][0])
     elif _RUN in kinds or _MODEL in kinds:
         run, model = (kinds.get(kind, [None])[0] for kind in (_RUN, _MODEL))
         latitude = options.latitude.to("rad")[0] if options.latitude else None
@@ -219,8 +225,10 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
             run, model, latitude=latitude, from_south=options.azimuth == "south", form=options.format
         )
     else:
-        file = kinds[_READINGS][0]
+        file = kinds.get(_READINGS, kinds.get(_LOG, [""]))[0]
         raise InputFileError(file, "file", _UNKNOWN, "a machine file, too: 'rodgen new' makes one")
+    if _LOG in kinds:
+        made = with_probe_log(made, kinds[_LOG][0], *kinds.get(_PRINTER, ()))
     if options.estimate == "geometry":
         if alone not in ([_URDF], [_TABLE]):
             found = "--estimate geometry, and neither a URDF nor a Denavit-Hartenberg table"
@@ -241,6 +249,7 @@ def _imported(options: argparse.Namespace) -> tuple[Imported, bool]:
 def _kind(source: str) -> str:
     """Return what a file is, by its name and what it begins with."""
     from rodgen.machines.imports.denavit_hartenberg import is_table
+    from rodgen.machines.imports.printers import is_printer, is_probe_log
     from rodgen.machines.imports.tpoint_data import is_pointing_run
     from rodgen.machines.imports.tpoint_model import is_model
     from rodgen.machines.imports.urdf import is_urdf
@@ -252,6 +261,8 @@ def _kind(source: str) -> str:
         _URDF: is_urdf(source, start),
         _RUN: is_pointing_run(start),
         _MODEL: is_model(start),
+        _PRINTER: is_printer(start),
+        _LOG: is_probe_log(start),
     }
     return next((name for name, fits in tests.items() if fits), _READINGS)
 

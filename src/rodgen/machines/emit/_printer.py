@@ -82,7 +82,8 @@ def numbers_of(machine: Machine) -> Numbers:
     angles = nominal + (angles - nominal + 180) % 360 - 180
     before = np.sqrt(kinematics.L**2 - kinematics.R**2)
     endstops = of["zero_offset"] + before - np.sqrt(rods**2 - radius**2)
-    return Numbers(radius, rods, angles, endstops, middle)
+    # no -0.0000
+    return Numbers(radius, rods, *(x.round(4) + 0.0 for x in (angles, endstops, middle)))
 
 
 def _of(values: Mapping[str, float], key: str) -> float:
