@@ -356,8 +356,8 @@ def test_firmware_with_the_emitted_numbers_prints_on_the_plate(tmp_path: Path):
     """Endstops stay where they are; carriages are counted from them. A printer by plain NumPy carries it out."""
     effects = [("zero_offset", "B"), ("delta_angle", "B"), ("delta_radius", "C"), ("rod_length", "A")]
     values = {"geometry.R": 0.8, "B.zero_offset.a": 0.45, "B.delta_angle.a": np.radians(0.35)}
-    values |= {"C.delta_radius.r": -0.6, "A.rod_length.a": 0.2}
-    built = given(printer(effects=effects), values)
+    values |= {"target.nozzle.z": -0.7, "C.delta_radius.r": -0.6, "A.rod_length.a": 0.2}
+    built = given(printer(["R", "target"], effects=effects), values)
     (file,) = emit(built, "printer", tmp_path)
     text = file.read_text()
     heading, radii, true = (
@@ -375,7 +375,7 @@ def test_firmware_with_the_emitted_numbers_prints_on_the_plate(tmp_path: Path):
     def printed(x: float, y: float) -> np.ndarray:
         carriages = np.sqrt(rods**2 - np.sum((towers - [x, y]) ** 2, axis=1))
         moved = real - (below_endstop - carriages)
-        return hung(carriage_joints(moved, radii, heading), true, [x, y, 0])
+        return hung(carriage_joints(moved, radii, heading), true, [x, y, 0]) - 0.7 * UP
 
     for x, y in spiral(6, 95):
         assert np.abs(printed(x, y) - [middle[0] + x, middle[1] + y, 0]).max() < 3e-4  # of four decimals

@@ -36,6 +36,8 @@ class Numbers(NamedTuple):
     """By how much higher the nozzle is, at each endstop, than the firmware believes now."""
     middle: Array
     """Where x = y = 0 will be, in coordinates of now."""
+    nozzle: float
+    """By how much higher the nozzle is than in the file, which is part of the endstops."""
 
 
 def printer_text(machine: Machine, note: str) -> str:
@@ -81,9 +83,10 @@ def numbers_of(machine: Machine) -> Numbers:
     nominal = np.array(list(kinematics.legs.values()), float)
     angles = nominal + (angles - nominal + 180) % 360 - 180
     before = np.sqrt(kinematics.L**2 - kinematics.R**2)
-    endstops = of["zero_offset"] + before - np.sqrt(rods**2 - radius**2)
-    # no -0.0000
-    return Numbers(radius, rods, *(x.round(4) + 0.0 for x in (angles, endstops, middle)))
+    nozzle = float(model.target(theta, 0)[0][2] - machine.targets[0].point[2])
+    endstops = of["zero_offset"] + before - np.sqrt(rods**2 - radius**2) + nozzle
+    angles, endstops, middle = (x.round(4) + 0.0 for x in (angles, endstops, middle))  # no -0.0000
+    return Numbers(radius, rods, angles, endstops, middle, nozzle)
 
 
 def _of(values: Mapping[str, float], key: str) -> float:
@@ -92,13 +95,15 @@ def _of(values: Mapping[str, float], key: str) -> float:
 
 def _lines(machine: Machine, numbers: Numbers, note: str) -> Iterator[str]:
     unit = machine.length_unit
-    radius, rods, angles, endstops, middle = numbers
+    radius, rods, angles, endstops, middle, nozzle = numbers
     trims = angles - list(machine.kinematics.legs.values())
     mean, least = float(endstops.mean()), float(endstops.min())
-    others = [e.title for e in machine.effects if e.name not in _TAKEN or e.place is None]
+    others = [e.title for e in machine.effects if e.name not in (*_TAKEN, "target_offset") or e.place is None]
     yield f"# {title_of(machine)}. {note}"
     yield f"# Lengths in {unit}, angles in degrees. 'Now' is what the firmware had when the readings were taken."
     yield f"# Afterwards x = y = 0 is where x = {middle[0]:.4f}, y = {middle[1]:.4f} is now."
+    if abs(nozzle) >= 5e-5:
+        yield f"# Endstops take up that the nozzle is {nozzle:+.4f} higher; of a probe that may be its z offset."
     if others:
         yield f"# Not in it, as firmware has no number for it: {joined(map(shown, others))}."
     yield ""
