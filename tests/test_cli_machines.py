@@ -417,7 +417,7 @@ REFUSED = {
     "compare mount.toml none.csv": "none.csv: file: no such file",
     "add mount.toml refraction none.csv": "none.csv: file: no such file",
     "add mount.toml refractoin": "refractoin: no effect 'refractoin' in the catalogue; expected 'refraction'",
-    "add mount.toml backlash": "mount.toml: backlash: missing; expected a prismatic or revolute joint: 'AZ' or 'EL'",
+    "add mount.toml backlash": "mount.toml: backlash: missing; expected a revolute joint: 'AZ' or 'EL'",
     "add mount.toml backlash --joint C": "mount.toml: backlash at C: no joint or target 'C'",
     "add mount.toml refraction --joint EL": "'EL', but refraction acts on the whole machine; expected no joint",
     "add mount.toml axis_tilt --joint EL": "the same freedom as 'EL.axis' in [estimate]; expected one of the two",

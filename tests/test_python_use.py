@@ -18,7 +18,7 @@ from rodgen.calibration.fit import Fit
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.kinematics import hexapod, instantaneous_euler, screws, spatial, three_sps_s, tricept
+from rodgen.kinematics import delta, hexapod, instantaneous_euler, screws, spatial, three_sps_s, tricept
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.views import Records, html_of_table
@@ -297,6 +297,8 @@ def test_everything_that_is_public_shows_itself_in_a_notebook(name, one):
 
 
 GEOMETRIES = {
+    "LinearGeometry": delta.LinearGeometry(140.0, 290.0),
+    "RotaryGeometry": delta.RotaryGeometry(140.0, 300.0, 750.0),
     "hexapod": hexapod.Geometry(np.eye(6, 3), np.ones((6, 3))),
     "three_sps_s": three_sps_s.Geometry(200.0, 120.0, 260.0),
     "tricept": tricept.Geometry(300.0, 200.0, (0.0, 0.0, -100.0)),
@@ -313,7 +315,11 @@ def functions_of_arrays():
                 continue
             needed = [p for p in inspect.signature(each).parameters.values() if p.default is p.empty]
             given = {p.name: np.ones((2, 7, 5)) for p in needed if "ArrayLike" in str(p.annotation)}
-            given |= {p.name: GEOMETRIES[name] for p in needed if str(p.annotation).endswith("Geometry")}
+            kinds = {p.name: str(p.annotation).rpartition(" ")[2] for p in needed}
+            kinds = {
+                p: kind if kind in GEOMETRIES else name for p, kind in kinds.items() if "Geometry" in kind
+            }
+            given |= {p: GEOMETRIES[kind] for p, kind in kinds.items()}
             if given and given.keys() == {p.name for p in needed}:
                 yield f"{name}.{inner}", each, given
 

@@ -207,9 +207,7 @@ def _about_poses(content: Content) -> Iterator[str]:
     if not isinstance(kinematics, OnLegs):
         return
     mode = kinematics.mode_words()
-    yield from _wrapped(
-        f"The platform is found from the lengths of its legs, {mode}. Where that finds none, all is NaN."
-    )
+    yield from _wrapped(f"The platform is found from its joints, {mode}. Where that finds none, all is NaN.")
 
 
 def _wrapped(text: str) -> list[str]:
