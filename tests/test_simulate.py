@@ -202,7 +202,7 @@ def test_what_a_fit_would_hide_is_not_drawn():
 # what is wrong -----------------------------------------------------------------------------------------
 
 WRONG = {
-    "backlash": "backlash: missing; expected a prismatic or revolute joint: 'C'",
+    "backlash": "backlash: missing; expected a revolute joint: 'C'",
     "backlsh@C": r"no effect 'backlsh' in the catalogue; expected 'backlash'",
     "backlash@D": "no joint or target 'D'",
     "backlash@C:c=1": "hold.c: no parameter of backlash; expected 'b'",
