@@ -47,11 +47,13 @@ def design(kind: str, machine: Machine) -> Measurements:
 def test_a_file_is_simulated_and_found_again(kind):
     machine = made(kind)
     commands = design(kind, machine)
-    noise = "0.5arcsec" if machine.measured.kind == "direction" else "2um"
+    noise = "0.5arcsec" if machine.measured.kind in {"direction", "angle"} else "2um"
     simulated = rodgen.simulate(machine, commands, noise=noise, seed=1)
     columns = {column.text: column.values for name, column in commands.columns.items()}
     columns = {
-        name: values for name, values in columns.items() if not name.startswith(("x ", "y ", "z ", "u"))
+        name: values
+        for name, values in columns.items()
+        if not name.startswith(("x ", "y ", "z ", "u", "angle"))
     }
     data = Measurements.from_frame({**columns, **simulated.columns})
     found = check(machine, data)

@@ -22,6 +22,7 @@ KINDS = {
     "equatorial-fork": "mount with a fork; --latitude",
     "equatorial-german": "mount with a counterweight; --latitude",
     "linear-axis": "one axis under a laser interferometer (ISO 230-2)",
+    "rotary-axis": "one axis whose angle is read (ISO 230-2)",
     "3-axis": "machine tool [w X Y b Z t], or by --code",
     "table-table": "five-axis machine tool [w C A b X Y Z t], or by --code",
     "head-table": "five-axis machine tool [w C b X Y Z B t], or by --code",
