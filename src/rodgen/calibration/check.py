@@ -179,7 +179,8 @@ class NearFit:
         m = self.problem.components
         n = len(squares) * m
         tails = (TAILS + m) * np.sum(np.log1p(squares / (TAILS * scale**2)))
-        free = np.count_nonzero(self.is_of_target & (self.problem.file_values.precision == 0))
+        zeros = [*np.flatnonzero(self.is_of_target), *_zeros(self.model)]
+        free = np.count_nonzero(self.problem.file_values.precision[zeros] == 0)
         error = 2 * n * np.log(self.scale / self.enlarged)
         return float(error + tails + self.prices.sum() + free * np.log(n))
 
@@ -228,6 +229,16 @@ def _compliances(model: Model) -> list[int]:
     return [model.keys[key] for key in keys if key in model.keys]
 
 
+def _zeros(model: Model) -> list[int]:
+    """Return the numbers of the estimated zeros of slides: where a slide counts from is a matter of convention."""
+    machine = model.machine
+    effects = [
+        e for e in machine.effects if e.name == "zero_offset" and machine.kind_of(e.place) == "prismatic"
+    ]
+    keys = [model.keys[e.key("a")] for e in effects]
+    return [i for i in keys if model.parameters[i].hold is None]
+
+
 def fit_near(
     machine: Machine,
     observations: Observations,
@@ -271,6 +282,7 @@ def fit_near(
     square = np.diag(problem.normal_equations(theta, frame)[1])[effects]
     change = CHECK.usual_effect * found.moved * np.sqrt(np.sum(problem.weight**2) / problem.components)
     usual[effects] = np.divide(change, np.sqrt(square), out=np.ones(len(effects)), where=square > 0)
+    usual[[i for i in _zeros(model) if i in free]] = np.inf
     stated, known = stated_deviations(model), model.known[1] > 0
     precision = 1 / np.where(known, stated, np.maximum(stated, usual))
     problem.knows_noise = True

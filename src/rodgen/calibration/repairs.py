@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from functools import partial
 from itertools import combinations, pairwise, permutations, product
 from typing import Any, TypeAlias, TypeVar
@@ -24,11 +25,19 @@ from rodgen.machines.model import Model
 from rodgen.machines.observations import Observations
 from rodgen.machines.parts import BRANCHES, Joint, Target, Vector
 from rodgen.machines.rigid import rotation_vector
+from rodgen.statistics.thresholds import CHECK
 from rodgen.views import plain
 
 LENGTHS = ("mm", "inch", "m", "cm", "ft", "µm")
 ANGLES = ("deg", "rad", "gon", "arcmin", "arcsec", "turn", "mrad")
 """Units that numbers may be in, the likely ones first."""
+SIMPLE = 2e-3
+"""Part by which peaks of a periodogram differ that are equally high."""
+STANDARD_ERRORS = 10.0
+"""Standard errors of a slope within which the simplest ratio is taken: other errors of an axis slope, too."""
+MOST_ROWS, MOST_TEETH, LARGEST_RATIO, MOST_TRIED = 500, 1000, 10.0, 10_000
+"""Rows by which a ratio is estimated, its largest divisor, how large it is where angles are read, and how many are
+tried then."""
 RATIOS = {2.0: "twice", 0.5: "half of", 4.0: "four times", 0.25: "a quarter of"}
 """How far a joint may go of what is commanded: counters count one, two or four edges of a line of an encoder."""
 SAME = 1e-6
@@ -171,7 +180,7 @@ def repairs(machine: Machine, observations: Observations) -> list[Repair]:
         *_of_couplings(machine, moving),
         *_of_readings(machine),
         *_of_units(machine, observations, commanded),
-        *(() if machine.kinematics.is_closed else _of_ratios(commanded)),
+        *(() if machine.kinematics.is_closed else _of_ratios(machine, observations, commanded)),
         *_of_columns(machine, commanded),
         *_of_targets(machine, observations),
         *_of_runs(machine, observations),
@@ -281,14 +290,53 @@ def _of_couplings(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]
             )
 
 
-def _of_ratios(commanded: Sequence[Joint]) -> Iterator[Repair]:
+def _of_ratios(machine: Machine, observations: Observations, commanded: Sequence[Joint]) -> Iterator[Repair]:
     """Yield joints that go another way than is commanded by a factor, as of a gear or of counted edges."""
-    for joint, (ratio, words) in product((j for j in commanded if not j.coordinate), RATIOS.items()):
-        verb, name, text = "turns" if joint.revolute else "moves", joint.column, f"{ratio:g}*{joint.column}"
+    ratios = [Fraction(ratio) for ratio in RATIOS]
+    if len(machine.joints) == 1 and observations.reading.shape[1] == 1:
+        ratio = _ratio(observations.q[:, 0], observations.reading[:, 0], moving=machine.measurand.moving)
+        ratios = [ratio, -ratio] if ratio != 1 else []
+    for joint, ratio in product((j for j in commanded if not j.coordinate), ratios):
+        verb, name = "turns" if joint.revolute else "moves", joint.column
+        size = f"{float(abs(ratio)):g}"
+        text = size if Fraction(size) == abs(ratio) else str(abs(ratio))
+        part = RATIOS.get(float(abs(ratio)), f"{text} of")
+        way, sign = ("the other way and by ", "-") if ratio < 0 else ("by ", "")
         words = (
-            f'{joint.name} {verb} by {words} what its reading says: reading = "{name}", coordinate = "{text}"'
+            f"{joint.name} {verb} {way}{part} what its reading says: "
+            f'reading = "{name}", coordinate = "{sign}{text}*{name}"'
         )
-        yield Repair(words, f"unit {name}", 2, _with_joint(joint.name, reading=name, coordinate=text))
+        change = _with_joint(joint.name, reading=name, coordinate=f"{sign}{text}*{name}")
+        yield Repair(words, f"unit {name}", 2 + (ratio < 0), change)
+
+
+def _ratio(q: Array, reading: Array, *, moving: bool) -> Fraction:
+    """Return the simplest ratio, without its sign, of what one axis moves to what it is commanded; zeros do not count.
+
+    Of distances the median slope. Of angles, of which whole turns do not count, the lowest frequency among the highest
+    peaks of the periodogram of the unit vectors, and the slope of what is left.
+    """
+    q, reading = q[:MOST_ROWS] - q[0], reading[:MOST_ROWS]
+    if moving:
+        i, j = np.triu_indices(len(q), 1)
+        apart = np.abs(q[j] - q[i]) > np.ptp(q) / 4
+        found = float(np.median((reading[j] - reading[i])[apart] / (q[j] - q[i])[apart]))
+        left = reading - found * q - np.median(reading - found * q)
+    else:
+        step = 0.25 / float(np.ptp(q))  # phases differ by an eighth of a radian at most
+        tried = step * np.arange(1, min(LARGEST_RATIO / step, MOST_TRIED))
+        tried = np.stack([tried, -tried], axis=1).ravel()
+        sums = np.exp(1j * (reading - np.outer(tried, q))).sum(axis=1)
+        best = int(np.argmax(np.abs(sums) > (1 - SIMPLE) * np.max(np.abs(sums))))
+        left = np.angle(np.exp(1j * (reading - tried[best] * q)) / sums[best])
+        slope, start = np.polyfit(q, left, 1)
+        found, left = float(tried[best] + slope), left - slope * q - start
+    error = float(np.median(np.abs(left)) / np.std(q) / np.sqrt(len(q)))
+    near = max(error * STANDARD_ERRORS, 1e-6 * abs(found))
+    if abs(abs(found) - 1) < CHECK.imperfect:  # an error of scale, if it is one
+        return Fraction(1)
+    whole = (Fraction(round(abs(found) * d), d) for d in range(1, MOST_TEETH))
+    return next((x for x in whole if x and abs(float(x) - abs(found)) < near), Fraction(1))
 
 
 def _of_legs(machine: Machine) -> Iterator[Repair]:
