@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.array_types import Array, Mask
 from rodgen.calibration.fitted import Fit
-from rodgen.calibration.misidentified import on_misidentified
-from rodgen.calibration.rows import wrong_rows
+from rodgen.calibration.reading_motion import motion_with_reading
+from rodgen.calibration.rows import Rows, wrong_rows
 from rodgen.calibration.words import capitalized, in_component, sized
 from rodgen.data.set_aside import rows_text
 from rodgen.machines.observations import Observations
@@ -63,14 +64,14 @@ def gross_readings(fit: Fit) -> tuple[GrossReading, ...]:
     """
     if fit.outliers.any():
         return ()
-    found = wrong_rows(fit)
+    found = _wrong(fit)
     if not found.any():
         return ()
     # not from what was fitted, where such a row may have turned an axis by a whole turn
     fitted = {fit.problem.model.parameters[i].key for i in fit.free}
     values = {key: value for key, value in fit.machine.values.items() if key not in fitted}
     without = fit.refit(replace(fit.machine, values=values), outliers=found)
-    wrong = wrong_rows(without)
+    wrong = _wrong(without)
     if not np.array_equal(found, wrong):
         without = without.refit(outliers=wrong)
     rows = np.flatnonzero(wrong)
@@ -80,6 +81,19 @@ def gross_readings(fit: Fit) -> tuple[GrossReading, ...]:
         GrossReading(int(row), component, off, others, stars)
         for row, off, component in zip(rows, *_worst(without, rows), strict=True)
     )
+
+
+def _wrong(fit: Fit) -> Mask:
+    """Return the rows that are wrong even if scales and play of joints are missing: at a reversal play makes a step."""
+    found = wrong_rows(fit)
+    if not found.any():
+        return found
+    o, columns = fit.problem.observations, list[Array]()
+    for j in np.flatnonzero(np.ptp(o.q, axis=0) > 0):
+        motion = motion_with_reading(fit, o, int(j), weighted=True)
+        drivers = np.column_stack([o.q[:, j], o.s[:, j]])
+        columns.append(motion[:, :, None] * drivers[:, None, :])
+    return wrong_rows(fit, Rows.of(fit, np.concatenate(columns, axis=2))) if columns else found
 
 
 def _worst(fit: Fit, rows: NDArray[np.int_]) -> tuple[list[float], list[str]]:
