@@ -19,8 +19,8 @@ NUMPY = {name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log",
 RNG = np.random.default_rng(20)
 NUMBERS = dict(
     zip(
-        "q s v t T F M M_perp L tan_zenith sin_zenith fork q_before leg_tension read_x read_y read_z".split(),
-        RNG.uniform(0.5, 2.5, 17),
+        "q s v acc t T F M M_perp L tan_zenith sin_zenith fork q_before leg_tension read_x read_y read_z".split(),
+        RNG.uniform(0.5, 2.5, 18),
         strict=True,
     )
 )
@@ -86,6 +86,7 @@ EXPECTED = {
     ("revolute", "backlash"): ("reading", {"b": AS}, lambda p, w: -p["b"] / 2 * w.s),
     ("revolute", "backlash_gradient"): ("reading", {"k": "1"}, lambda p, w: -p["k"] * w.s * w.q),
     ("revolute", "servo_lag"): ("reading", {"tau": "s"}, lambda p, w: -p["tau"] * w.v),
+    ("revolute", "acceleration_lag"): ("reading", {"k": "s**2"}, lambda p, w: -p["k"] * w.acc),
     ("revolute", "gravity_windup"): (
         "reading", {"k": "arcsec/mm", "k2": "arcsec/mm"}, lambda p, w: p["k"] * w.M + p["k2"] * w.M_perp),
     ("revolute", "load_windup"): ("reading", {"k": "arcsec/N/mm"}, lambda p, w: p["k"] * w.F * w.M),
@@ -99,6 +100,7 @@ EXPECTED = {
     ("prismatic", "backlash"): ("reading", {"b": MM}, lambda p, w: -p["b"] / 2 * w.s),
     ("prismatic", "backlash_gradient"): ("reading", {"k": "1"}, lambda p, w: -p["k"] * w.s * w.q),
     ("prismatic", "servo_lag"): ("reading", {"tau": "s"}, lambda p, w: -p["tau"] * w.v),
+    ("prismatic", "acceleration_lag"): ("reading", {"k": "s**2"}, lambda p, w: -p["k"] * w.acc),
     ("prismatic", "thermal_offset"): ("reading", {"k": "mm/K"}, lambda p, w: p["k"] * w.T),
     ("prismatic", "periodic_drive_error"): (
         "reading", {"a": MM, "b": MM, "P": MM},
@@ -219,8 +221,13 @@ VOCABULARY = {
 @pytest.mark.parametrize(("at", "name"), EXPECTED)
 def test_an_effects_units_make_what_its_component_takes(at, name, kind):
     definition = row(at, name).for_measurand(MEASURANDS[kind])
-    coordinate = ANGLE if at in {"revolute", "arm"} else LENGTH
-    names = VOCABULARY | {"q": coordinate, "q_before": ANGLE, "v": coordinate / TIME}
+    coordinate = ANGLE if at == "revolute" else LENGTH
+    names = VOCABULARY | {
+        "q": coordinate,
+        "q_before": ANGLE,
+        "v": coordinate / TIME,
+        "acc": coordinate / TIME**2,
+    }
     names |= dict.fromkeys(("M", "M_perp", "M_across", "M_guide"), ONE if kind == "direction" else LENGTH)
     names |= {
         name: parse_unit(unit).dimension for name, unit in definition.units("mm", MEASURANDS[kind]).items()

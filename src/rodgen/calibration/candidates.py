@@ -310,6 +310,7 @@ def _words(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
     j = machine.number_of(place)
     names |= {"q": o.q[:, j], "s": o.s[:, j].astype(float), "v": o.v[:, j]}
     names |= {"T": o.temperature.get(place)}
+    names |= {"acc": o.covariates.get(f"a_{machine.joints[j].column}")}
     before = machine.carriers(j)
     names |= {"q_before": o.q[:, before[-1]]} if before else {}
     if machine.joints[j].in_loop:

@@ -75,6 +75,8 @@ def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
             return False
         if "v" in names and not np.any(o.v[:, j]):
             return False
+        if "acc" in names and not np.ptp(o.covariates.get(f"a_{machine.joints[j].column}", 0.0)) > 0:
+            return False
         if "s" in names and not (o.approach_known[j] or o.approach_assumed[j]):
             return False
         if "q_before" in names and not np.ptp(o.q[:, machine.carriers(j)[-1]]) > 0:

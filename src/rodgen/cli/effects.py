@@ -18,12 +18,12 @@ Terms of TPOINT that the catalogue lacks (FLOP, DNP, PDD2, harmonics such as X2H
 own.
 
 In the formulas q is the joint's coordinate, q_before that of the joint before, s its direction of approach, v its
-velocity, T its temperature less the reference, t the time, F the load; U, V, N are unit vectors that complete the axis,
-and the axis; EX, EY, EZ machine axes; M, M_perp, M_across, M_guide moments of a unit force along gravity; bend is
-N × gravity, fork the part along N of n × gravity, n the axis before, upwards; zeta the place in the travel, P1 to P4
-Legendre polynomials of 2 zeta - 1, L the travel; tan_zenith and sin_zenith of the zenith angle; read_x, read_y and
-read_z components of the reading; leg_tension the force in a leg, pulling, per unit load at the target. At a tower or
-an arm of a delta U points outwards, V across, N upwards.
+velocity, acc its acceleration, T its temperature less the reference, t the time, F the load; U, V, N are unit vectors
+that complete the axis, and the axis; EX, EY, EZ machine axes; M, M_perp, M_across, M_guide moments of a unit force
+along gravity; bend is N × gravity, fork the part along N of n × gravity, n the axis before, upwards; zeta the place in
+the travel, P1 to P4 Legendre polynomials of 2 zeta - 1, L the travel; tan_zenith and sin_zenith of the zenith angle;
+read_x, read_y and read_z components of the reading; leg_tension the force in a leg, pulling, per unit load at the
+target.
 """
 
 _PLACES = {

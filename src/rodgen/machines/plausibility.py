@@ -115,6 +115,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("backlash", "revolute"): _row((0.5, 0.5, 0.2), "30 arcsec < 2 deg", robot="100 arcsec < 2 deg"),
     ("backlash_gradient", "revolute"): _row((0.03, 0.03, 0.01), "4e-6 < 0.01"),
     ("servo_lag", "revolute"): _row((0.3, 0.2, 0.2), "10 ms < 5 s"),
+    ("acceleration_lag", "revolute"): _row((0.3, 0.2, 0.2), "1e-4 s**2 < 1 s**2"),
     ("gravity_windup", "revolute"): _row(
         (0.3, 1, 0.1), "20 arcsec < 2 deg", positive="k", robot="2 arcmin < 2 deg"
     ),
@@ -134,6 +135,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("backlash", "prismatic"): _row((0.5, 0.5, 0.5), "10 um < 5 mm"),
     ("backlash_gradient", "prismatic"): _row((0.05, 0.05, 0.05), "5e-6 < 0.01"),
     ("servo_lag", "prismatic"): _row((0.3, 0.2, 0.2), "10 ms < 5 s"),
+    ("acceleration_lag", "prismatic"): _row((0.3, 0.2, 0.2), "1e-4 s**2 < 1 s**2"),
     ("thermal_offset", "prismatic"): _row((0.5, 0.3, 0.3), "5 um/K < 1 mm/K"),
     ("thermal_expansion", "prismatic"): _row((0.5, 0.5, 0.5), "1.2e-5 1/K < 2e-4 1/K"),
     ("gravity_sag", "prismatic"): _row((0.3, 0.3, 0.3), "20 um < 10 mm", positive="tip own mid"),
@@ -224,7 +226,10 @@ _BY_KEY: Mapping[tuple[str, object], Mapping[str, float]] = {
     ("drive", "friction"): {"scale": 10.0, **dict.fromkeys(_DRIVEN, 0.1)},
     ("drive", "screw"): {"periodic_drive_error": 2.0},
     ("drive", "harmonic"): {"periodic_drive_error": 3.0, "backlash": 0.3, **dict.fromkeys(WINDUPS, 3.0)},
-    ("passive", True): {"servo_lag": 0.0},  # errors of a drive are refused there anyway
+    ("passive", True): {
+        "servo_lag": 0.0,
+        "acceleration_lag": 0.0,
+    },  # errors of a drive are refused there anyway
 }
 """Factors on the odds by what a joint's block says. An encoder on the axis sees what the drive does, so that neither
 play nor windup of the drive is an error of the reading (what the axis carries may bend, still), and has a whole number

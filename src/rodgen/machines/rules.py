@@ -189,8 +189,12 @@ def _check_acts(machine: MachineData, effect: Effect) -> None:
         raise UnfitEffectError("name", found, "another effect")
 
 
+LAGS = frozenset({"servo_lag", "acceleration_lag"})
+"""Effects of a servo."""
+
+
 def _check_drive(machine: MachineData, effect: Effect) -> None:
-    of_reading = effect.name.startswith("encoder_") or effect.name == "servo_lag"
+    of_reading = effect.name.startswith("encoder_") or effect.name in LAGS
     if of_reading and not effect.definition.own and not machine.joint(str(effect.place)).is_read:
         found = f"{effect.title}, an error of readings, where the joint has none"
         raise UnfitEffectError("name", found, "another effect, or a joint with a reading")

@@ -355,6 +355,8 @@ def _term(machine: MachineData, effect: Effect, coupled: Sequence[Coupling | Non
             columns[name] = (name, joint)
         elif joint is not None and name == "q_before" and not definition.own:
             columns[name] = ("q", machine.carriers(joint)[-1])
+        elif joint is not None and name == "acc" and not definition.own:
+            columns[name] = ("x", f"a_{machine.joints[joint].column}")
         elif name in {"t", "F"}:
             columns[name] = (name, 0)
         elif definition.own:

@@ -122,14 +122,16 @@ class Pool:
         """Find what is varied beside positions: sides, loads, and the surroundings of some rows of the data."""
         o, joints = self.o, self.machine.joints
         names = [(e.place, formula.names) for e in effects for formula in e.definition.formulas]
-        users = {column: {place for place, of in names if column in of} for column in "svTF"}
+        users = {column: {place for place, of in names if column in of} for column in (*"svTF", "acc")}
         self.moving = (np.ptp(self.travel, axis=1) > 0) & [joint.is_read for joint in joints]
         turning = users["s"] | users["v"]
         varied = [j for j, joint in enumerate(joints) if joint.name in turning and self.moving[j]]
         self.varied = varied[:MOST_SIDES]
         one_way = np.abs(o.s.sum(axis=0, dtype=int)) == o.n  # as measured: a change would be one more
         self.sides = sorted({*self.varied, *np.flatnonzero(one_way).tolist()})
+        accelerated = {joint.column for joint in joints if joint.name in users["acc"]}
         columns = [np.abs(o.v[:, j]) for j, joint in enumerate(joints) if joint.name in users["v"]]
+        columns += [values for name, values in o.covariates.items() if name[2:] in accelerated]
         columns += [values for name, values in o.temperature.items() if name in users["T"]]
         extremes = {int(f(x)) for x in columns if np.ptp(x) > 0 for f in (np.argmin, np.argmax)}
         loads = {0.0} if o.load is None else {float(o.load[-1])}

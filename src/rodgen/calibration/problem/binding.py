@@ -51,6 +51,8 @@ _QUANTITIES = {
     TEMPERATURE: ("temperature", "degC"),
     LENGTH / TIME: ("speed", "mm/s"),
     ANGLE / TIME: ("angular speed", "deg/s"),
+    LENGTH / TIME**2: ("acceleration", "mm/s^2"),
+    ANGLE / TIME**2: ("angular acceleration", "deg/s^2"),
 }
 """The name of each dimension in messages, and an example of its units."""
 
@@ -626,8 +628,13 @@ class _Binder:
     def covariates(self) -> dict[str, NDArray[np.float64]]:
         """Return every column of numbers without a meaning of its own."""
         found = {}
+        accelerations = {f"a_{joint.column}": joint for joint in self.read}
         for name, column in self.columns.items():
             if name in self.own or hasattr(column, "codes"):
+                continue
+            if name in accelerations:
+                dimension, why = self.kind(accelerations[name])
+                found[name] = self._scaled(self.column(name, dimension / TIME**2, why))
                 continue
             is_temperature = name.startswith("T_")
             is_temperature |= column.unit is not None and parse_unit(column.unit).dimension == TEMPERATURE

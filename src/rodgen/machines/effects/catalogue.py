@@ -274,6 +274,15 @@ _REVOLUTE = (
         source=_ALTINTAS,
     ),
     _row(
+        "acceleration_lag", "revolute", "reading", "-k*acc", {"k": "s**2"},
+        meaning="The axis is read while its speed changes, and stays behind its command in proportion to the "
+        "acceleration: the servo does not feed the torque forward, or the drive between motor and axis winds up under "
+        "the inertia that it moves.",
+        usual_size="1e-5 to 1e-3 s²: 1/ω² of the servo or of the drive, 1e-4 s² at 16 Hz",
+        remedy="Use acceleration feed-forward, a lower jerk, or a stiffer drive; or read where it does not accelerate.",
+        source=_ALTINTAS,
+    ),
+    _row(
         "gravity_windup", "revolute", "reading", "k*M + k2*M_perp", _in("arcsec/{arm}", "k k2"),
         of_drive=True, later_joints=True,
         meaning="The drive and the tube wind up under the weight that they carry, as far as the encoder does not see "
@@ -461,6 +470,15 @@ _PRISMATIC = (
         "error grows with the speed, changes its sign with it, and is gone at rest.",
         usual_size="0.01 to 50 ms",
         remedy="Use velocity feed-forward or a higher position gain, or correct the delay of the trigger.",
+        source=_ALTINTAS,
+    ),
+    _row(
+        "acceleration_lag", "prismatic", "reading", "-k*acc", {"k": "s**2"},
+        meaning="The carriage is read while its speed changes, and stays behind its command in proportion to the "
+        "acceleration: the servo does not feed the force forward, or screw, belt or coupling yield under the mass that "
+        "they move.",
+        usual_size="1e-5 to 1e-3 s²: 1/ω² of the servo or of the drive, 1e-4 s² at 16 Hz",
+        remedy="Use acceleration feed-forward, a lower jerk, or a stiffer drive; or read where it does not accelerate.",
         source=_ALTINTAS,
     ),
     _row(

@@ -193,7 +193,7 @@ def _called_for(diagnosis: Diagnosis, rows: DrawnRows) -> Iterator[Against]:
         own = joints.get(str(place))
         if own is not None and own.number is not None:
             reading = own.number if definition.component == "reading" else None
-            by = {"T": f"T_{own.name}", "F": "load", "v": f"v_{own.name}"}
+            by = {"T": f"T_{own.name}", "F": "load", "v": f"v_{own.name}", "acc": f"a_{own.name}"}
             for name, column in by.items():
                 if name in names and column in known:
                     yield Against(known[column], reading)
