@@ -6,11 +6,10 @@ is integrated in time, a screw has a profile of its pitch.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 ARCSEC = 1 / 3600
@@ -82,9 +81,29 @@ def servo(
     return at, v, a
 
 
-def written(path: Path, columns: dict[str, Sequence[Any] | Array], digits: int = 6) -> Path:
-    """Write a table."""
-    rows = zip(*columns.values(), strict=True)
-    lines = [",".join(f"{x:.{digits}f}" if isinstance(x, float) else str(x) for x in row) for row in rows]
-    path.write_text("\n".join([",".join(columns), *lines, ""]))
-    return path
+def moves(random: np.random.Generator, reach: float) -> tuple[Array, Array]:
+    """Return times, in steps of 0.1 ms, and set points of ten moves from place to place, each of least jerk."""
+    parts, at = [], 0.0
+    for _ in range(10):
+        steps, goal = int(1e4 * random.uniform(0.5, 1.5)), random.uniform(-reach, reach)
+        part = np.arange(steps) / steps
+        parts.append(at + (goal - at) * part**3 * (10 - 15 * part + 6 * part**2))
+        at = goal
+    q = np.concatenate(parts)
+    return 1e-4 * np.arange(len(q)), q
+
+
+def pitch(q: Array, size: float, lead: float) -> Array:
+    """Return the error of a screw whose nut or bearing wobbles once a turn."""
+    return size * np.sin(2 * np.pi * q / lead + 0.4)
+
+
+ISO = np.array([36.0, 253.0, 497.0, 761.0, 948.0])
+"""Target positions of ISO 230-2 on an axis of a metre, not at even distances, mm."""
+
+
+def bidirectional(positions: Array, runs: int = 5) -> tuple[Array, NDArray[np.int_], list[str]]:
+    """Return positions, directions of approach and runs of a test by ISO 230-2: up and down, so many times."""
+    way = np.concatenate([positions, positions[::-1]])
+    side = np.repeat([1, -1], len(positions))
+    return np.tile(way, runs), np.tile(side, runs), [str(k // len(way) + 1) for k in range(runs * len(way))]
