@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.array_types import Array, Mask
+from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.words import capitalized, two_digits
@@ -89,6 +89,12 @@ class Correlation:
     def claimed(self) -> bool:
         """Whether the dependence is beyond chance, so that it is reported; one that is less is only allowed for."""
         return bool(self.text)
+
+    @property
+    def position(self) -> Ints | None:
+        """Number of the position of each row, (n,); None where few are read again."""
+        poses = None if self._motion is None else self._motion.poses
+        return None if poses is None or poses.position is None else np.asarray(poses.position[poses.of])
 
     @property
     def gain(self) -> float:

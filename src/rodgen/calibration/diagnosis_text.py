@@ -161,10 +161,10 @@ def only_together(diagnosis: Diagnosis) -> str:
         for step, (before, after) in zip(steps, pairwise(held_out[: len(steps) + 1]), strict=True)
         if before is not None and after is not None and after >= before
     ]
-    if not alone:
-        return ""
     others = [form.effect.title for form in diagnosis.unexplained]
     others = others or [s.effect.title for s in diagnosis.steps if s.effect.title not in alone]
+    if not (alone and others):
+        return ""
     return f"{joined(alone)} lower{'s' * (len(alone) == 1)} the error only together with {joined(others)}."
 
 

@@ -717,12 +717,27 @@ def _dependences(
 
     Errors that poses share, or that wander, are estimated with all candidates beside them; so a wander is as small as
     it can be. Where nothing is missing it is larger; where an effect does what looks like a wander, there is none.
+    Where readings of a position share errors, also with what candidates change within positions: else play, which
+    they scatter by there, hides that a position has any error.
     """
     alone = estimate_correlation(rows, (), None, beside, runs=runs)
     columns, tries = [c.columns for c in nuisance], [c.tries for c in nuisance]
     there = [*(c.columns for c in known), *beside]
     found = estimate_correlation(rows, columns, tries, there, runs=runs, alone=None if known else alone)
-    return [found, *([] if alone.independent else [alone]), *([] if found.independent else [INDEPENDENT])]
+    competing = [found, *([] if alone.independent else [alone])]
+    if (position := alone.position) is not None and alone.size("position") and not found.size("position"):
+        within = [_within(x, position) for x in (*columns, *there)]
+        competing.append(estimate_correlation(rows, within, None, beside, runs=runs, alone=alone))
+    return [*competing, *([] if found.independent else [INDEPENDENT])]
+
+
+def _within(columns: Array, position: Ints) -> Array:
+    """Return columns, (n, m, k), less their means at each position, (n,)."""
+    sums = np.zeros((int(position.max()) + 1, *columns.shape[1:]))
+    np.add.at(sums, position, columns)
+    left = columns - (sums / np.bincount(position)[:, None, None])[position]
+    hidden = np.linalg.norm(left, axis=(0, 1)) < HIDDEN * np.linalg.norm(columns, axis=(0, 1))
+    return np.asarray(left * ~hidden)
 
 
 def _space(rows: Sensitivities, model: Array, correlation: Correlation) -> Space:

@@ -14,6 +14,7 @@ from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fitted import Estimate, Fit
 from rodgen.calibration.sensitivities import Sensitivities
 from rodgen.calibration.words import chance, odds_text, sized, uncapitalized
+from rodgen.data.poses import groups, positions
 from rodgen.data.poses import moved_one_way as joints_one_way
 from rodgen.errors import joined
 from rodgen.machines.machine import Effect, Machine
@@ -49,12 +50,20 @@ def disagreement(final: Fit, correlation: Correlation) -> str:
     if lack.ratio > VERDICT.wander:
         return (
             f"The residuals are {lack.ratio:.3g} times {noise}. {correlation.text} No effect explains this dependence "
-            "beyond chance."
+            f"beyond chance.{_more_positions(final.observations) if correlation.size('position') else ''}"
         )
     if lack.against == "stated" and correlation.white > VERDICT.independent_error:
         independent = f"The independent error of a reading is {correlation.white:.3g} times {noise}"
         return f"{independent}, and {uncapitalized(correlation.text)}"
     return ""
+
+
+def _more_positions(o: Observations) -> str:
+    """Return that errors belong to positions of which there are too few, as a sentence after others."""
+    moved = np.flatnonzero(np.ptp(o.q, axis=0) > 0)
+    count = int(groups([positions(o.q[:, j]) for j in moved], o.n).max(initial=0)) + 1
+    names = joined([o.machine.joints[j].name for j in moved])
+    return f" {count} positions of {names} do not tell what it follows: measure at more positions, each from both sides."
 
 
 def uneven(final: Fit) -> str:
