@@ -27,8 +27,9 @@ TAUS = 12
 """Number of time constants tried, from the time between two poses to three times the whole duration."""
 WAVES_STEP = 0.5
 """Step, in waves over the range of the joint, of the periods that are tried."""
-MOST_WAVES = 60.0
-"""Most waves over the range that are tried; a shorter period must be given in the machine file."""
+MOST_WAVES = 200.0
+"""Most waves over the range that are tried: a lead of 5 mm over a metre, two waves a turn of 100 teeth. A shorter
+period must be given in the machine file."""
 FEWEST_WAVES = 2.0
 """Fewer waves imitate any smooth curve; an eccentricity and an ellipticity have effects of their own."""
 ASSUMED_ORDER = 0.1
