@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -273,23 +274,24 @@ def _confirmed(state: _State) -> _State:
         out = [c for c in evidence.candidates if c.driver and c.key in refused]
         evidence = state.evidence.including(out).without(refused)
         chosen = select(evidence) if len(refused) <= MOST_REFUSED else []
-        evidence, chosen = _with_forms(evidence, chosen)
+        evidence, chosen = _with_forms(evidence, chosen, 0 if IDLE in refused.values() else MOST_FORMS)
         fits, failed = _with_effects(state.base, evidence, chosen)
         zero = [] if failed else _zero(chosen, fits)
-        if failed is None and not zero:
+        idle = [] if failed or zero else _idle_forms(chosen, fits)
+        if failed is None and not zero and not idle:
             return replace(state, evidence=evidence, chosen=chosen, fits=fits, refused=refused)
-        refused |= {c.key: ZERO for c in zero}
+        refused |= {c.key: ZERO for c in zero} | {c.key: IDLE for c in idle}
         if failed is not None:
             refused[failed[0].key] = failed[1]
 
 
 @stage("forms outside the catalogue")
-def _with_forms(evidence: Evidence, chosen: list[Candidate]) -> tuple[Evidence, list[Candidate]]:
+def _with_forms(evidence: Evidence, chosen: list[Candidate], most: int) -> tuple[Evidence, list[Candidate]]:
     """Return the evidence with forms outside the catalogue among its candidates, and the cheapest set of all."""
     if finer := sharpened(evidence, chosen):
         evidence = evidence.including(finer)
-        chosen = select(evidence, chosen)
-    for _ in range(MOST_FORMS):
+        chosen = select(evidence)
+    for _ in range(most):
         proposals = propose(evidence, chosen)
         if not proposals:
             break
@@ -343,6 +345,15 @@ def _zero(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
     return found[:1] if fits[-1].dependence.independent else found
 
 
+IDLE = "poses that a fit did not see are predicted no better with {}"
+
+
+def _idle_forms(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
+    """Return forms with which poses left out are predicted no better."""
+    pairs = zip(chosen, pairwise(fits), strict=True)
+    return [c for c, (one, more) in pairs if c.driver and more.held_out().rises_from(one.held_out())]
+
+
 # The answer ------------------------------------------------------------------------------------------------------
 
 
@@ -380,6 +391,8 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
     forms = _forms(state, estimates, held_out)
     rms = Rms(fits[0].rms, last.rms, held_out[0].rms, held_out[-1].rms, last.noise.value, last.unit)
     correlation = evidence.correlation
+    if correlation.independent and chosen:
+        correlation = evidence.correlation_for(chosen)
     if not correlation.independent and chosen:
         correlation = last.dependence.correlation
     # candidates that are not there may hide a wander, and a wander what is there
@@ -497,11 +510,10 @@ def _forms(state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut
 
 def _on_refused(state: _State) -> list[str]:
     """Return why effects that the evidence selects are not reported, in a sentence for each reason."""
-    found, titles = [], dict[str, dict[str, None]]()
-    for c in state.evidence.candidates:  # of a form nobody has asked
-        if c.key in state.refused and not c.driver:
-            titles.setdefault(state.refused[c.key], {})[c.effect.title] = None
-    for why, out in titles.items():
+    found, forms = [], {c.key for c in state.evidence.candidates if c.driver}
+    for why in dict.fromkeys(why for key, why in state.refused.items() if key not in forms):
+        out = [key for key, one in state.refused.items() if one == why and key not in forms]
+        titles = joined([state.base.machine.effect(*key).title for key in out], most=NAMES)
         are, it = ("is", "it") if len(out) == 1 else ("are", "them")
         found.append(f"{joined([*out], most=NAMES)} {are} not reported: {why.format(it)}.")
     return found
