@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.open_questions import OpenQuestions
-from rodgen.calibration.pointing import pointing
+from rodgen.errors import joined
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
 from rodgen.methods import method
@@ -398,10 +398,19 @@ class Diagnosis(HasOdds, Result):
             (step.effect, *(a.effect for a in step.indistinguishable_from if len(a.effects) == 1))
             for step in self.steps
         ]
+        play = [ranked for ranked in self.ranking if ranked.effect.name == "backlash"]
+        sides, why = [r.effect for r in play if r.visible < COST.visible], ""
+        if sides:
+            why = f"Come from the other side, too: play of {joined([str(e.place) for e in sides])} shows only then."
+        if self.correlation is not None and self.correlation.claimed and self.correlation.size("position"):
+            sides = [r.effect for r in play]
+            why = "Read at positions that were not read yet, from both sides: what their errors follow shows only then."
         return OpenQuestions(
             final=self.final_with_forms,
             found=tuple(one.effect for one in self.found),
             alternatives=tuple(each for each in alternatives if len(each) > 1),
+            sides=tuple(sides),
+            why=why,
         )
 
     def plan(self, n: int = 12) -> Plan:

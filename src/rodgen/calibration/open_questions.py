@@ -20,6 +20,10 @@ class OpenQuestions:
     """Effects and forms that were found; None where none were looked for."""
     alternatives: tuple[tuple[Effect, ...], ...] = ()
     """An effect that was found, and those that the data cannot tell from it."""
+    sides: tuple[Effect, ...] = ()
+    """Play of joints that are to be approached from both sides."""
+    why: str = ""
+    """The reason for that, in a sentence."""
 
 
 class HasOpenQuestions(Protocol):

@@ -63,7 +63,8 @@ def _more_positions(o: Observations) -> str:
     moved = np.flatnonzero(np.ptp(o.q, axis=0) > 0)
     count = int(groups([positions(o.q[:, j]) for j in moved], o.n).max(initial=0)) + 1
     names = joined([o.machine.joints[j].name for j in moved])
-    return f" {count} positions of {names} do not tell what it follows: measure at more positions, each from both sides."
+    what = f"{count} positions of {names} do not tell what it follows"
+    return f" {what}: measure at more positions, each from both sides."
 
 
 def uneven(final: Fit) -> str:

@@ -39,6 +39,8 @@ OPEN = 1e-2
 """Prior information of these values: what the data do not determine changes a usual reading by ten deviations."""
 STEEP = 4.0
 """Exponent of the soft minimum of all gains: the least of them counts most."""
+EQUAL = 1e-9
+"""Differences of what readings are good for that are rounding."""
 SWEEPS = 3
 """How often every reading is exchanged at most; the search ends before where a sweep gains less than a thousandth."""
 
@@ -177,12 +179,23 @@ class Design:
         That are to be distinguished; where there are none, parameters of the first model are sharpened.
     directions : ndarray, shape (r, k), optional
         These parameters, in its scaled ones; all where left out.
+    places : ndarray, shape (n, d), optional
+        Where readings are. Of those that are as good as the best the one farthest from all others is taken (Kennard and
+        Stone 1969).
+    taken : ndarray, shape (N, d), optional
+        Where the data were read; needed with `places`.
     """
 
     def __init__(
-        self, models: Sequence[Linearized], pairs: Sequence[Pair], directions: Array | None = None
+        self,
+        models: Sequence[Linearized],
+        pairs: Sequence[Pair],
+        directions: Array | None = None,
+        places: Array | None = None,
+        taken: Array | None = None,
     ) -> None:
         self.pairs, self.models = pairs, models
+        self.places, self.taken = places, taken
         self.n = len(models[0].residual)
         self.j = {k: models[k].derivative for k in ({p.wrong for p in pairs} or {0})}
         self.directions = np.eye(models[0].root.shape[1]) if directions is None else directions
@@ -226,17 +239,27 @@ class Design:
             value[picked] = -np.inf  # the same reading once more would share what was wrong with it
         return np.asarray(value)
 
+    def _best(self, values: Array, picked: list[int]) -> int:
+        """Return the reading of the highest value, of equal ones the farthest from those picked and from the data."""
+        if self.places is None or self.taken is None:
+            return int(np.argmax(values))
+        equal = np.flatnonzero(values > np.max(values) - EQUAL)
+        there = np.unique(np.concatenate([self.taken, self.places[picked]]), axis=0)
+        apart = np.linalg.norm(self.places[equal][:, None] - there, axis=2).min(axis=1)
+        return int(equal[np.argmax(apart)])
+
     def chosen(self, n: int, sweeps: int = SWEEPS) -> list[int]:
         """Return the numbers of n readings; each is exchanged so many times at most."""
         picked: list[int] = []
         for left in range(n - 1, -1, -1):
-            picked.append(int(np.argmax(self._values(picked, left / self.n))))
+            picked.append(self._best(self._values(picked, left / self.n), picked))
         best = -np.inf
         for _ in range(sweeps):
             before = best
             for i in range(n):
-                values = self._values(picked[:i] + picked[i + 1 :], 0.0)
-                picked[i] = int(np.argmax(values))
+                others = picked[:i] + picked[i + 1 :]
+                values = self._values(others, 0.0)
+                picked[i] = self._best(values, others)
                 best = float(values[picked[i]])
             if not best > before + 1e-3 * abs(before):
                 break

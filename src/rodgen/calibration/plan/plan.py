@@ -180,7 +180,12 @@ def plan(
             return apart
     free = [final.parameters[i].key for i in final.free]
     keys = [key for key in free if any(effect.owns(key) for effect in questions.found)]
-    sharper = plan_for(final, (), n, wanted=keys, asked=False, constraints=constraints)
+    keys += [key for effect in questions.sides if (key := effect.key("b")) not in keys]
+    asked = bool(questions.why)
+    sharper = plan_for(final, (), n, wanted=keys, asked=asked, constraints=constraints)
+    if asked:
+        goals = [replace(goal, sentences=(questions.why, *goal.sentences)) for goal in sharper.goals]
+        sharper = replace(sharper, goals=tuple(goals))
     notes = tuple(dict.fromkeys((*apart.notes, *sharper.notes)))
     return replace(sharper, goals=(*apart.goals, *sharper.goals), notes=notes)
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 from rodgen.calibration.fitted import Fit
@@ -32,9 +33,9 @@ MOST_SIDES = 3
 """Joints that are considered from both sides, at most."""
 ENDS = 1.25
 """How much wider than the travel positions are spread: those beyond an end stand at it, where most is seen."""
-STEPS = 100
+STEPS = 101
 """Positions are rounded to a power of ten of their unit, such that the travel has at least this many: finer ones would
-only be the same reading again and again."""
+only be the same reading again and again. A metre has 1000, as on every tenth millimetre a screw stands alike."""
 FINER = (1, 8, 64)
 """By what factors more positions are looked at where constraints leave few of them."""
 ENOUGH_READINGS = 200
@@ -301,6 +302,12 @@ class Pool:
             and joint.column not in self.constraints.limits
             and not (joint.revolute and turned[j])
         ]
+
+    def places_of(self, q: Array, s: NDArray[np.int8]) -> Array:
+        """Return where readings are, (n, d), in parts of the travel; one side is as far from the other as the ends."""
+        span = np.ptp(self.travel, axis=1)
+        at = q[:, span > 0] / span[span > 0]
+        return np.concatenate([at, s[:, self.varied] / 2], axis=1)
 
     def ordered(self, picked: Sequence[int]) -> Rows:
         """Return some of the readings in the order in which they are to be taken, with the directions it makes."""

@@ -98,7 +98,11 @@ class Sharpening:
         self.gains: list[Gain] = []
         if not (lacking and self.pool.without_travel) if self.as_a_whole else seen:
             directions = None if self.as_a_whole else model.root[[free.index(key) for key in seen]].T
-            picked = Design([model], [], directions).chosen(min(n, self.pool.rows.n))
+            places, taken = (
+                self.pool.places_of(self.pool.rows.q, self.pool.rows.s),
+                self.pool.places_of(o.q, o.s),
+            )
+            picked = Design([model], [], directions, places, taken).chosen(min(n, self.pool.rows.n))
             self.rows = self.pool.ordered(picked)
             (then,) = linearized([self.fit], self.pool.surroundings.observations(self.rows), 1.0, [model])
             after = self.fit.estimates_with(then.jacobian.reshape(-1, len(free)))
