@@ -53,6 +53,7 @@ def table_of(name: str) -> dict[str, np.ndarray]:
         unit = "deg/s" if joint.type == "revolute" else "mm/s"
         table[f"dir_{joint.name}"] = random.choice([-1.0, 1.0], ROWS)
         table[f"v_{joint.name} [{unit}]"] = random.uniform(-2, 2, ROWS)
+        table[f"a_{joint.name} [{unit}^2]"] = random.uniform(-2, 2, ROWS)
         table[f"T_{joint.name} [degC]"] = random.uniform(15, 30, ROWS)
     if "t" not in there:
         table["t [s]"] = np.sort(random.uniform(0, 4000, ROWS))
@@ -151,7 +152,7 @@ def test_effects_whose_columns_are_not_in_the_data_are_no_candidates():
     table = {
         k: v
         for k, v in table_of("rotary_table").items()
-        if not k.startswith(("v_", "T_", "dir_", "t ", "load"))
+        if not k.startswith(("v_", "a_", "T_", "dir_", "t ", "load"))
     }
     base = fit(
         Machine.load(EXAMPLES / "rotary_table" / "machine.toml"),
@@ -161,7 +162,8 @@ def test_effects_whose_columns_are_not_in_the_data_are_no_candidates():
     names = {e.name for e in catalogue_effects(base.machine, base.observations)}
     whole = {e.name for e in catalogue_effects(base.machine, fitted("rotary_table").observations)}
     gone = {
-        "servo_lag", "thermal_offset", "thermal_axis_drift", "load_windup", "warm_up_drift", "linear_drift",
+        "servo_lag", "acceleration_lag", "thermal_offset", "thermal_axis_drift", "load_windup", "warm_up_drift",
+        "linear_drift",
     }  # fmt: skip
     assert gone < whole
     assert not gone & names
