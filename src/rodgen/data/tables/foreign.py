@@ -386,4 +386,4 @@ def is_number(cell: Any) -> bool:
 
 
 def _is_name(cell: Any) -> bool:
-    return isinstance(cell, str) and bool(re.search(r"[^\W\d_]", cell))
+    return isinstance(cell, str) and bool(re.search(r"[^\W\d_]|[↑↓]", cell))  # a letter, or a run: "1 ↑"
