@@ -223,6 +223,17 @@ def test_the_pitch_error_of_a_screw_is_found_beside_its_scale(stated: dict[str, 
 
 
 @pytest.mark.thorough
+def test_a_grid_does_not_tell_a_lead_from_its_alias() -> None:
+    q = np.arange(0, 1000.1, 7.0)
+    found = diagnosed("linear-axis", slid(q, q + pitch(q, 4e-3, 10)))
+    assert named(found) == {"periodic_drive_error"}
+    assert (
+        "At positions 7 mm apart a wave of 23.3 mm is the same as one of 10 mm: state the period of X"
+        in said(found)
+    )
+
+
+@pytest.mark.thorough
 def test_a_screw_that_warms_up_grows() -> None:
     q, run = np.tile(np.linspace(0, 1000, 21), 6), np.repeat(np.arange(6), 21)
     warm = np.array([0, 1.5, 3, 5, 6.5, 7.5])[run] + noise(0.05, 126, 2)
@@ -292,3 +303,34 @@ def test_eight_positions_tell_an_eccentric_encoder_from_play() -> None:
         "rotary-axis", turned(q, encoder(q, off_centre=5e-5) - 0.0015 * s, 2e-4, run=run, dir_C=s)
     )
     assert named(found) == {"backlash", "encoder_eccentricity"}
+
+
+# what to measure next
+
+
+def planned(diagnosis: Diagnosis, n: int = 12) -> tuple[dict[str, list[Any]], str]:
+    plan = diagnosis.plan(n)
+    return dict(plan.rows), " ".join(plan.summary().split())
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("off_centre", [0.0, 2e-4])
+def test_an_axis_that_came_from_one_side_is_to_be_reversed(off_centre: float) -> None:
+    found = diagnosed("rotary-axis", turned(FULL_TURN, encoder(FULL_TURN, off_centre=off_centre), 2e-4))
+    rows, text = planned(found)
+    q = rows["C [deg]"]
+    assert q == sorted(q, reverse=True)
+    assert q[0] - q[-1] > 300  # over the whole turn
+    assert "Come from the other side, too: play of C shows only then." in text
+
+
+def test_errors_of_five_positions_ask_for_others_from_both_sides() -> None:
+    q, s, run = bidirectional(ISO)
+    found = diagnosed("linear-axis", slid(q, q + pitch(q, 6e-3, 10), 6e-4, run=run, dir_X=s))
+    rows, text = planned(found)
+    way = np.array(rows["X [mm]"])
+    assert rows["dir_X"] == [1] * 6 + [-1] * 6
+    assert sorted(way[:6]) == sorted(way[6:])
+    assert np.abs(way[:, None] - ISO).min() > 50
+    assert len(set(np.round(way[:6] % 10))) > 2  # a lead of 10 mm shows
+    assert "Read at positions that were not read yet, from both sides" in text

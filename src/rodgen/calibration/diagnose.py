@@ -42,6 +42,7 @@ from rodgen.calibration.held_out import HeldOut
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.blocks import observed
 from rodgen.calibration.remarks import (
+    aliased,
     disagreement,
     lifted,
     moved_one_way,
@@ -434,6 +435,7 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
     if unread := unread_targets(subject.fitted.observations):
         notes.append(f"No row has the target{'s' * (len(unread) > 1)} {joined(unread)}.")
     notes += map(capitalized, lifted(last.machine, [step.effect for step in steps], last.estimates))
+    notes += aliased(last, [step.effect for step in steps])
     notes += on_preferred(evidence, chosen, subject.prefer)
     if steps and rest:
         notes.append(f"This is not all: {uncapitalized(rest)}")

@@ -13,10 +13,12 @@ from rodgen.calibration.dependence import Correlation
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fitted import Estimate, Fit
 from rodgen.calibration.sensitivities import Sensitivities
+from rodgen.calibration.solve.starting_values import grid_step
 from rodgen.calibration.words import chance, odds_text, sized, uncapitalized
 from rodgen.data.poses import groups, positions
 from rodgen.data.poses import moved_one_way as joints_one_way
 from rodgen.errors import joined
+from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.observations import Observations
 from rodgen.machines.plausibility import plausibility
@@ -156,6 +158,26 @@ def lifted(machine: Machine, effects: Sequence[Effect], estimates: Mapping[str, 
     for cause, names in places.items():
         if names:
             yield f"{cause} lifts {joined(dict.fromkeys(names))}: is gravity the right way round?"
+
+
+def aliased(final: Fit, effects: Sequence[Effect]) -> Iterator[str]:
+    """Yield a sentence for each searched period that positions on a grid do not tell from another one."""
+    model, o = final.problem.model, final.observations
+    for effect in effects:
+        name = next((n for n, x in effect.definition.searched.items() if x is StartSearch.PERIOD), "")
+        joint = next((x for x in final.machine.joints if x.name == effect.place), None)
+        if not name or joint is None or joint.period is not None:
+            continue
+        step = grid_step(np.unique(o.q[~final.outliers, final.machine.number_of(joint.name)]))
+        index = model.keys[effect.key(name)]
+        period, unit = final.solution.theta[index], model.parameters[index]
+        if not step or not period > step:
+            continue
+        here, there, apart = (f"{x / unit.factor:.3g}" for x in (period, 1 / (1 / step - 1 / period), step))
+        yield (
+            f"At positions {apart} {unit.unit} apart a wave of {here} {unit.unit} is the same as one of {there} "
+            f"{unit.unit}: state the period of {joint.name}, or measure at uneven distances."
+        )
 
 
 def on_preferred(

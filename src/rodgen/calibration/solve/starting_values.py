@@ -329,10 +329,18 @@ def wave_falls(base: Array, residual: Array, follows: Array, q: Array, frequenci
 
 def most_waves(places: Array) -> float:
     """Return the most waves over the way that the places can show: on a grid half its steps, else any number."""
+    if len(places) < 2:
+        return 0.0
+    step = grid_step(places)
+    return float(min((places[-1] - places[0]) / step / 2, MOST_WAVES)) if step else MOST_WAVES
+
+
+def grid_step(places: Array) -> float:
+    """Return the step of the grid that places, in order, lie on; 0 where they lie on none."""
     steps = np.diff(places)
     multiples = steps / steps.min(initial=np.inf)
-    on_grid = bool(np.all(np.abs(multiples - np.round(multiples)) < GRID))
-    return float(min(multiples.sum() / 2, MOST_WAVES)) if on_grid else MOST_WAVES
+    on_grid = len(steps) > 0 and bool(np.all(np.abs(multiples - np.round(multiples)) < GRID))
+    return float(steps.min()) if on_grid else 0.0
 
 
 def linear_falls(

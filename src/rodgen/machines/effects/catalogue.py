@@ -170,8 +170,10 @@ _REVOLUTE = (
             "NRX": "b at the elevation axis", "NRY": "a at the elevation axis",
         },
         meaning="The graduated disc of the encoder sits off the axis, or the axis runs out below it. The reading is "
-        "fast on one side of the turn and slow on the other: one wave in each turn.",
-        usual_size="2 to 40 arcsec: 10 µm of eccentricity on a graduation of 100 mm are 41 arcsec",
+        "fast on one side of the turn and slow on the other: one wave in each turn. Offsets of the two signals of a "
+        "resolver or a magnetic encoder do the same.",
+        usual_size="2 to 40 arcsec: 10 µm of eccentricity on a graduation of 100 mm are 41 arcsec; a resolver some "
+        "arcmin, a magnet on a shaft up to a degree",
         remedy="Centre the disc with a dial gauge, read it with two heads on opposite sides, or enter the wave in "
         "the control's compensation table.",
         source=f"{_HEIDENHAIN}; {_SLOCUM}",
@@ -181,8 +183,9 @@ _REVOLUTE = (
         iso="ECC (twice per turn)",
         tpoint=_waves(_=2),
         meaning="The graduation is out of round: a disc clamped on a bent hub, a drum pressed oval, a tape whose "
-        "ends meet badly. Two waves in each turn; two heads on opposite sides do not see them.",
-        usual_size="0.5 to 10 arcsec",
+        "ends meet badly. Two waves in each turn; two heads on opposite sides do not see them. Unequal "
+        "signals of a resolver, or such that are not 90 degrees apart, do the same.",
+        usual_size="0.5 to 10 arcsec; a resolver some arcmin",
         remedy="Clamp the disc without bending it, read it with four heads, or enter the wave in the control.",
         source=f"{_HEIDENHAIN}; {_SLOCUM}",
     ),
