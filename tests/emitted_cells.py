@@ -51,8 +51,8 @@ OF_FRAME = {"frame", "linear_drift", "warm_up_drift", "frame_shift"}
 """Those that are not where the frame is free."""
 OF_READING = {
     "zero_offset", "scale", "encoder_eccentricity", "encoder_ellipticity", "periodic_drive_error", "backlash",
-    "backlash_gradient", "servo_lag", "gravity_windup", "coupling", "load_windup", "fork_flexure", "thermal_offset",
-    "thermal_expansion", "bearing_waves",
+    "backlash_gradient", "servo_lag", "acceleration_lag", "gravity_windup", "coupling", "load_windup", "fork_flexure",
+    "thermal_offset", "thermal_expansion",
 }  # fmt: skip
 SIX = tuple(f"L{k}" for k in range(1, 7))
 

@@ -133,10 +133,16 @@ def data_for(
         data[f"v_{name} [{length}/s]"] = rng.uniform(-20, 20, rows) * (1 if slides else 0.02)
         data[f"T_{name} [degC]"] = rng.uniform(15, 35, rows)
     names = [t["name"] for t in file["target"]]
+    more = np.random.default_rng(9)  # the other columns stay as they were
     data["target"] = np.array([names[i % len(names)] for i in range(rows)])
     data["run"] = np.array([f"r{runs * i // rows}" for i in range(rows)])
     data["t [s]"] = np.sort(rng.uniform(0, 4000, rows))
     data["load [N]"] = rng.uniform(0, 80, rows)
+    for j in file["joint"]:
+        slides = j["type"] == "prismatic"
+        data[f"a_{j['name']} [{'mm' if slides else 'rad'}/s^2]"] = more.uniform(-20, 20, rows) * (
+            1 if slides else 0.02
+        )
     kind = file["measured"]["kind"]
     readings = rng.normal(size=(rows, 3))
     if kind == "direction":

@@ -337,6 +337,10 @@ def servo_lag(j: Joint, tau: float = 0) -> Change:
     return {"reading": -tau * j.speed}
 
 
+def acceleration_lag(j: Joint, k: float = 0) -> Change:
+    return {"reading": -k * j.column("acceleration")}
+
+
 def gravity_windup(j: Joint, k: float = 0, k2: float = 0, **later: float) -> Change:
     reading = k * (j.moment() @ j.n) + k2 * (j.moment(j.turned(j.arm)) @ j.n)
     for parameter, value in later.items():
@@ -476,6 +480,7 @@ _BOTH: dict[str, Callable[..., Change]] = {
         backlash,
         backlash_gradient,
         servo_lag,
+        acceleration_lag,
         thermal_offset,
         thermal_lag,
     )
@@ -804,7 +809,7 @@ class Simulated:
                 radian=self.radian,
                 period=joint.get("period"),
                 travel=joint.get("travel"),
-                _columns={**columns, "T": warm},
+                _columns={**columns, "T": warm, "acceleration": columns.get(f"a_{name}")},
             )
             change: Change = {
                 "reading": np.zeros(rows),

@@ -72,8 +72,8 @@ def machines(
 
 OF_READING = {
     "zero_offset", "scale", "encoder_eccentricity", "encoder_ellipticity", "encoder_harmonics",
-    "periodic_drive_error", "backlash", "backlash_gradient", "servo_lag", "gravity_windup", "coupling", "load_windup",
-    "fork_flexure", "thermal_offset", "thermal_expansion", "bearing_waves",
+    "periodic_drive_error", "backlash", "backlash_gradient", "servo_lag", "acceleration_lag", "gravity_windup",
+    "coupling", "load_windup", "fork_flexure", "thermal_offset", "thermal_expansion",
 }  # fmt: skip
 
 

@@ -70,7 +70,14 @@ def step(case: Case, key: str, values: dict[str, float]) -> float:
         "mm/K": 0.05,
         "mm/s": 1e-4,
     }
-    steps |= {"arcsec/N/mm": 5e-8, "arcsec/N": 2e-5, "arcsec/K": 1e-4, "mm/N": 0.01, "arcsec/s": 5e-7}
+    steps |= {
+        "arcsec/N/mm": 5e-8,
+        "arcsec/N": 2e-5,
+        "arcsec/K": 1e-4,
+        "mm/N": 0.01,
+        "arcsec/s": 5e-7,
+        "s**2": 2e-3,
+    }
     return steps[parameter.unit] / 5
 
 
