@@ -293,9 +293,10 @@ def _of_couplings(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]
 def _of_ratios(machine: Machine, observations: Observations, commanded: Sequence[Joint]) -> Iterator[Repair]:
     """Yield joints that go another way than is commanded by a factor, as of a gear or of counted edges."""
     ratios = [Fraction(ratio) for ratio in RATIOS]
-    if len(machine.joints) == 1 and observations.reading.shape[1] == 1:
+    alone = machine.joints[0] if len(machine.joints) == 1 else None
+    if alone is not None and machine.measured.kind == ("angle" if alone.revolute else "distance"):
         ratio = _ratio(observations.q[:, 0], observations.reading[:, 0], moving=machine.measurand.moving)
-        ratios = [ratio, -ratio] if ratio != 1 else []
+        ratios = [ratio * (-1 if _falls(machine) else 1)] if abs(ratio) != 1 else []
     for joint, ratio in product((j for j in commanded if not j.coordinate), ratios):
         verb, name = "turns" if joint.revolute else "moves", joint.column
         size = f"{float(abs(ratio)):g}"
@@ -311,7 +312,7 @@ def _of_ratios(machine: Machine, observations: Observations, commanded: Sequence
 
 
 def _ratio(q: Array, reading: Array, *, moving: bool) -> Fraction:
-    """Return the simplest ratio, without its sign, of what one axis moves to what it is commanded; zeros do not count.
+    """Return the simplest ratio of what is read to what one axis is commanded; zeros do not count.
 
     Of distances the median slope. Of angles, of which whole turns do not count, the lowest frequency among the highest
     peaks of the periodogram of the unit vectors, and the slope of what is left.
@@ -335,8 +336,19 @@ def _ratio(q: Array, reading: Array, *, moving: bool) -> Fraction:
     near = max(error * STANDARD_ERRORS, 1e-6 * abs(found))
     if abs(abs(found) - 1) < CHECK.imperfect:  # an error of scale, if it is one
         return Fraction(1)
+    sign = -1 if found < 0 else 1
     whole = (Fraction(round(abs(found) * d), d) for d in range(1, MOST_TEETH))
-    return next((x for x in whole if x and abs(float(x) - abs(found)) < near), Fraction(1))
+    return sign * next((x for x in whole if x and abs(float(x) - abs(found)) < near), Fraction(1))
+
+
+def _falls(machine: Machine) -> bool:
+    """Return whether what is read falls while the only joint of a machine moves on."""
+    (joint,), measured = machine.joints, machine.measured
+    if machine.measurand.moving:
+        along = np.subtract(machine.targets[0].point, measured.origin or (0.0, 0.0, 0.0))
+    else:
+        along = np.array(measured.about or joint.axis)
+    return bool(np.dot(along, joint.axis) < 0)
 
 
 def _of_legs(machine: Machine) -> Iterator[Repair]:
