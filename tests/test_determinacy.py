@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 from simulated_fits import fit_to, joint, machine_file, measure
 
 from rodgen.calibration.determinacy import Direction
-from rodgen.calibration.determinacy.determinacy import sparse
+from rodgen.calibration.determinacy.determinacy import _with_prior, sparse
 from rodgen.calibration.fit import Fit
 
 C = joint("C", "revolute", (0, 0, 1))
@@ -209,3 +211,21 @@ def test_echelon_form_has_the_fewest_parts() -> None:
     np.testing.assert_allclose(found[:, pivots], np.eye(2), atol=1e-12)
     assert sorted(np.sum(np.abs(found) > 1e-12, axis=1)) == [2, 3]
     assert np.linalg.matrix_rank(np.concatenate([found, sparse_ones]), tol=1e-9) == 2
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e6, 1e12])
+def test_a_prior_far_finer_than_the_readings_decides(scale):
+    """More rows of a prior than directions that the readings leave: 1 + SSᵀ has no inverse in doubles."""
+    rng = np.random.default_rng(5)
+    root, unit = rng.standard_normal((4, 2)) * scale, rng.standard_normal((5, 4)) * scale
+    found, rows = _with_prior(root, SimpleNamespace(unit=unit), 1.0)
+    with mpmath.workdps(80):
+        exact, seen = (
+            mpmath.matrix(root.tolist()),
+            mpmath.matrix(rows.tolist()) * mpmath.matrix(root.tolist()),
+        )
+        expected = exact * (mpmath.eye(2) + seen.T * seen) ** -1 * exact.T
+    expected = np.array(expected.tolist(), float)
+    assert len(rows) > 2
+    # rounding, times the condition of what the prior sees, which is below a hundred
+    np.testing.assert_allclose(found @ found.T, expected, atol=1e-13 * np.abs(expected).max())

@@ -366,7 +366,8 @@ def _nearest(root: Array, null: Array, scale: Array, near: NearFile, square: Arr
 def _with_prior(root: Array, pull: Pull, factor: float) -> tuple[Array, Array]:
     """Return a root of a covariance with the file as a prior, and the rows that say more than the readings.
 
-    Roots, because rounding makes variances negative where a large covariance is reduced to a small one.
+    Roots, because rounding makes variances negative where a large covariance is reduced to a small one: with S what the
+    prior sees of C, the covariance is C (1 + SᵀS)⁻¹ Cᵀ.
 
     Parameters
     ----------
@@ -376,10 +377,9 @@ def _with_prior(root: Array, pull: Pull, factor: float) -> tuple[Array, Array]:
         What the covariance is multiplied by in the end.
     """
     rows = pull.unit[factor * np.sum((pull.unit @ root) ** 2, axis=1) > SAYS_LESS]
-    prior = rows * np.sqrt(factor)
-    seen = prior @ root
-    gain = np.linalg.solve(np.eye(len(prior)) + seen @ seen.T, seen @ root.T)
-    return np.concatenate([root - gain.T @ seen, gain.T], axis=1), rows
+    _, values, vt = svd(rows @ root * np.sqrt(factor), full_matrices=True)
+    values = np.concatenate([values, np.zeros(len(vt) - len(values))])
+    return root @ vt.T / np.hypot(1.0, values), rows
 
 
 def _of_normal_equations(square: Array) -> tuple[Array, Array, Array] | None:
