@@ -115,6 +115,18 @@ def test_the_machine_stands_where_the_robot_does(robot, q):
     )
 
 
+def test_blank_lines_may_stand_above_the_declaration(tmp_path, rodgen_command: Run):
+    path = tmp_path / "robot.urdf"
+    path.write_text("\n \n" + UR10.read_text())
+    code, out, err = rodgen_command("import", path, "--tip", "wrist_3_link", "-o", tmp_path / "m.toml")
+    assert (code, err) == (0, "")
+    assert "wrist_3_joint" in out
+    path.write_text("\n\n<robot>\n<link></robot>\n")
+    code, _, err = rodgen_command("import", path, "-o", tmp_path / "n.toml")
+    assert code == 2
+    assert "robot.urdf: line 4: no XML" in err
+
+
 @pytest.mark.parametrize("exact", [True, False])
 def test_ur10_stands_where_its_urdf_says(tmp_path, exact):
     text, path = UR10.read_text(), tmp_path / "ur10.urdf"

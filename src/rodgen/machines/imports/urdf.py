@@ -101,10 +101,11 @@ class UrdfJoint:
 
 def _root(file: str) -> ElementTree.Element:
     content = read_input(file, _EXPECTED)
+    begun = content.lstrip()  # robots' parsers take blank lines above the declaration
     try:
-        root = ElementTree.fromstring(content)
+        root = ElementTree.fromstring(begun)
     except ElementTree.ParseError as error:
-        line, _ = error.position
+        line = error.position[0] + content[: len(content) - len(begun)].count(b"\n")
         what = str(error).partition(":")[0]
         raise InputFileError(file, f"line {line}", f"no XML ({what})", _EXPECTED) from None
     except (ValueError, LookupError):  # an encoding that is not known, or not that of the text
