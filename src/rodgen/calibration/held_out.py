@@ -262,9 +262,10 @@ class _Without:
         for rows, jacobian in self.whitened.jacobian_blocks():
             for k in np.unique(fold[rows]):
                 here = fold[rows] == k
-                part = jacobian[here].reshape(-1, r)
+                left = residuals[rows[here]].ravel()
+                part = jacobian[here].reshape(len(left), r)
                 self.shares[k] += part.T @ part
-                self.pulls[k] += part.T @ residuals[rows[here]].ravel()
+                self.pulls[k] += part.T @ left
         self.unpredicted, self.because = self._alone(fold)
 
     def fitted(self, problem: Problem, k: int) -> Solution:
