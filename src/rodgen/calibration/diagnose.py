@@ -291,7 +291,7 @@ def _with_forms(evidence: Evidence, chosen: list[Candidate], most: int) -> tuple
     """Return the evidence with forms outside the catalogue among its candidates, and the cheapest set of all."""
     if finer := sharpened(evidence, chosen):
         evidence = evidence.including(finer)
-        chosen = select(evidence)
+        chosen = select(evidence, chosen)
     for _ in range(most):
         proposals = propose(evidence, chosen)
         if not proposals:
@@ -512,10 +512,11 @@ def _forms(state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut
 
 def _on_refused(state: _State) -> list[str]:
     """Return why effects that the evidence selects are not reported, in a sentence for each reason."""
-    found, forms = [], {c.key for c in state.evidence.candidates if c.driver}
-    for why in dict.fromkeys(why for key, why in state.refused.items() if key not in forms):
-        out = [key for key, one in state.refused.items() if one == why and key not in forms]
-        titles = joined([state.base.machine.effect(*key).title for key in out], most=NAMES)
+    found, titles = [], dict[str, dict[str, None]]()
+    for c in state.evidence.candidates:  # of a form nobody has asked
+        if c.key in state.refused and not c.driver:
+            titles.setdefault(state.refused[c.key], {})[c.effect.title] = None
+    for why, out in titles.items():
         are, it = ("is", "it") if len(out) == 1 else ("are", "them")
         found.append(f"{joined([*out], most=NAMES)} {are} not reported: {why.format(it)}.")
     return found

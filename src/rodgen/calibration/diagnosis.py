@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.open_questions import OpenQuestions
+from rodgen.calibration.pointing import pointing
 from rodgen.errors import joined
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine

@@ -182,6 +182,8 @@ class Evidence:
     curves: bool = False
     refused: Collection[tuple[str, str | None]] = ()
     """Name and place of candidates that are in no set: full fits did not confirm them."""
+    held: Sequence[Candidate] = ()
+    """Candidates that are in every set, as one choice that the sets do not pay."""
     _estimates: dict[frozenset[Candidate], list[Estimated]] = field(default_factory=dict, repr=False)
     _bounds: dict[frozenset[Candidate], Array] = field(default_factory=dict, repr=False)
 
@@ -538,6 +540,18 @@ class Evidence:
     def without(self, keys: Collection[tuple[str, str | None]]) -> Evidence:
         """Return the evidence with some candidates in no set, by name and place; what they are stays known."""
         return replace(self, refused=frozenset(keys))
+
+    def holding(self, some: Sequence[Candidate]) -> Evidence:
+        """Return the evidence with some candidates in every set, as one cause."""
+        others = [c for c in self.candidates if c not in some]
+        return replace(
+            self,
+            candidates=others,
+            held=tuple(some),
+            _estimates={},
+            _bounds={},
+            _log_choices=self.log_choices,
+        )
 
     def promising(self, sets: Sequence[Sequence[Candidate]], most: int) -> list[list[Candidate]]:
         """Return for each set the candidates that may lower its cost most when they join, by a bound of their fall."""

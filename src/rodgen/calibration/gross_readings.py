@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Mask
 from rodgen.calibration.fitted import Fit
+from rodgen.calibration.misidentified import on_misidentified
 from rodgen.calibration.reading_motion import motion_with_reading
 from rodgen.calibration.rows import Rows, wrong_rows
 from rodgen.calibration.words import capitalized, in_component, sized

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Index
 from rodgen.statistics.columns import directions_above, orthonormal_basis, project_out
-from rodgen.statistics.decompositions import eigh
+from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.whitening import Moments, MotionDeviations, SharedMotion, Weighted, Whitener, sums
 
 MOST_EFFECTS = 6
@@ -142,13 +142,15 @@ class RestrictedLikelihood:
         self.fixed = fixed
         self.dof = readings - fixed
         self.groups = groups
-        self.shortest = moments.poses.spacing
-        """The least correlation time."""
-        self.longest = max(LONGEST_VARIANCE * moments.poses.duration, 4 * self.shortest)
-        """The greatest."""
+        self.poses = moments.poses
+        self.count = moments.gram.shape[1]
         self.least = least
         self.price = float(np.log(max(self.dof, 2)))
         """What a variance, or a column, costs."""
+
+    def deviations(self, found: VarianceComponents) -> MotionDeviations:
+        """Return the standard deviation along each degree of freedom."""
+        return found.deviations(self.groups, self.count)
 
     def at(self, names: Sequence[str], sizes: Sequence[float], time: float) -> VarianceComponents:
         """Evaluate the restricted likelihood, of which the variance of the readings' own errors is the best."""
@@ -157,7 +159,7 @@ class RestrictedLikelihood:
     def _weighed(self, there: VarianceComponents) -> tuple[VarianceComponents, Weighted | None]:
         """Return components with their likelihood, and the products that it was made of; None where it is zero."""
         try:
-            weighted = Weighted(self.moments, there.deviations(self.groups, self.moments.gram.shape[1]))
+            weighted = Weighted(self.moments, self.deviations(there))
         except np.linalg.LinAlgError:
             return there, None
         found = self._likely(
@@ -244,7 +246,8 @@ class RestrictedLikelihood:
         there, weighted = self._weighed(_unweighed((*now.names, *names), sizes, time))
         of, known = slice(len(now.sizes), len(sizes)), len(sizes) + now.wanders
         slope, information = (x[..., :known] for x in self._derivatives(there, weighted))
-        inverse = np.linalg.pinv(information[:known], hermitian=True)
+        rounding = known * float(np.finfo(float).eps)
+        inverse = lstsq(information[:known], np.eye(known), relative=rounding)
         step, spread = (inverse @ slope)[of], inverse.diagonal()[of]
         rising = np.flatnonzero((step > 0) & (spread > 0))
         found = np.clip(SMALLEST * np.sqrt(1 + 2 * step[rising]), 4 * SMALLEST, LARGEST)
@@ -271,6 +274,66 @@ class RestrictedLikelihood:
             return self.independent
         starts = [self.at(now.names, [part * x for x in now.sizes], now.time) for part in (1.0, 0.4, 0.1)]
         return self.climbed(max(starts, key=lambda x: x.likelihood))
+
+    @property
+    def shortest(self) -> float:
+        """The least correlation time."""
+        return self.poses.spacing
+
+    @property
+    def longest(self) -> float:
+        """The greatest correlation time."""
+        return max(LONGEST_VARIANCE * self.poses.duration, 4 * self.shortest)
+
+    # whether there is anything: a balanced design, at independent readings
+
+    def signs(self, kinds: Sequence[str]) -> Iterator[tuple[float, str, float, float]]:
+        """Yield, of each component, by how much it raises twice the log likelihood, its name, and a start.
+
+        The start is a size and a time. A wander is seen by what stretches of time share, of 2, 4, 8, ... poses.
+        """
+        if self._triangle is None:
+            return
+        onto = self.moments.onto @ np.linalg.inv(self._triangle).T  # of orthonormal columns
+        products = np.concatenate([self.moments.gram, onto], axis=2)
+        for kind in kinds:
+            if kind != "wander":
+                level = None if kind == "pose" else getattr(self.poses, kind)
+                yield from self._signs_of(kind, products if level is None else sums(products, level), np.inf)
+                continue
+            found, counts, time = products, np.bincount(self.poses.run), self.poses.spacing / 2
+            while counts.max() > 1 and len(found) > 2:
+                if (odd := counts % 2 > 0).any():
+                    found = np.insert(found, np.cumsum(counts)[odd], 0.0, axis=0)
+                found, counts, time = found[::2] + found[1::2], (counts + 1) // 2, 2 * time
+                yield from self._signs_of(kind, found, time)
+
+    def _signs_of(self, kind: str, products: Array, time: float) -> Iterator[tuple[float, str, float, float]]:
+        """Yield signs from the products of each level's motion with all motions and columns, (levels, k, k + K).
+
+        With A = P H Hᵀ P, P the projection onto what the fixed effects leave, the component has f = (tr A)² / tr A²
+        directions (Satterthwaite 1946), on each of which it adds c = tr A² / tr A times its variance. Where all are
+        alike the likelihood is greatest at the ratio of the mean squares of both kinds of directions.
+        """
+        n = self.dof
+        for group, of in self.groups.items():
+            g, o, z = products[:, of, of], products[:, of, self.count : -1], products[:, of, -1]
+            flat = o.reshape(o.shape[0] * o.shape[1], o.shape[2])
+            inner = flat.T @ flat
+            mean = float(np.einsum("lii->", g)) - float(inner.trace())
+            square = float(np.vdot(g, g)) - 2 * float(np.vdot(o, g @ o)) + float(np.vdot(inner, inner))
+            if not (mean > 0 and square > SAME * mean**2):
+                continue
+            f, along = mean**2 / square, n * float(np.vdot(z, z)) / mean  # mean square, of 1 in all
+            rest = max(n - f, SAME * n)
+            others = max(n - f * along, SAME * n) / rest
+            if along > others:
+                worth = -f * math.log(along) - rest * math.log(others)
+                size = math.sqrt(
+                    (along / others - 1) * mean / square / (OF_STRETCH if kind == "wander" else 1)
+                )
+                size = min(max(size, 4 * SMALLEST), LARGEST)
+                yield worth, f"{kind} {group}", size, min(time, self.longest)
 
     # maxima
 
