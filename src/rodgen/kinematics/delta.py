@@ -139,7 +139,7 @@ def linear_direct(carriages: ArrayLike, geometry: LinearGeometry) -> tuple[Any, 
     --------
     >>> from rodgen import delta
     >>> printer = delta.LinearGeometry(radius=120, rod=200)
-    >>> delta.linear_direct([160, 160, 160], printer)[0] + 0.0
+    >>> delta.linear_direct([160, 160, 160], printer)[0].round(9) + 0.0
     array([0., 0., 0.])
     """
     position, status = _answer(kernels.linear_delta_direct, carriages, geometry)
@@ -164,7 +164,7 @@ def rotary_direct(angles: ArrayLike, geometry: RotaryGeometry) -> tuple[Any, Any
     --------
     >>> from rodgen import delta
     >>> robot = delta.RotaryGeometry(radius=100, arm=200, rod=500)
-    >>> delta.rotary_direct([0, 0, 0], robot)[0] + 0.0
+    >>> delta.rotary_direct([0, 0, 0], robot)[0].round(9) + 0.0
     array([   0.,    0., -400.])
     """
     position, status = _answer(kernels.rotary_delta_direct, angles, geometry)

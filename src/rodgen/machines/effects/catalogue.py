@@ -846,7 +846,7 @@ def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...
     Examples
     --------
     >>> [sorted(d.at) for d in definitions("backlash")]
-    [['revolute'], ['prismatic']]
+    [['revolute'], ['prismatic'], ['tower'], ['arm']]
     >>> definitions("backlsh")
     Traceback (most recent call last):
     rodgen.machines.effects.catalogue.UnknownEffectError: no effect 'backlsh'; expected 'backlash', perhaps; \
