@@ -239,6 +239,20 @@ def rotation_vectors() -> np.ndarray:
     return np.concatenate([random, border, extreme])
 
 
+def helical_inputs() -> dict[str, np.ndarray]:
+    """Points before and after screws of all angles; and velocities, some along and across the angular one, and none."""
+    rng = np.random.default_rng(4)
+    angle = np.array([0.3, -1.0, 2.5, 1e-3, 1e-8, np.pi, np.pi - 1e-8, 7.0, 0.0, 1.0, np.nan, 1.0])
+    n = len(angle)
+    values = {name: rng.normal(size=(n, 3)) for name in ("before", "reading", "point", "position", "origin")}
+    values |= {"axis": unit(rng.normal(size=(n, 3))), "angle": angle, "slide": rng.normal(size=n)}
+    omega, velocity = rng.normal(size=(2, n, 3))
+    omega[-3:-1] = [[0, 0, 1e-6], [0, 0, 0]]
+    velocity[0], velocity[1], velocity[2] = omega[0], np.cross(omega[1], velocity[1]), 0
+    values["before"][-1], omega[-1] = [np.inf, 0, 0], [np.nan, 0, 1]
+    return {**values, "omega": omega, "velocity": velocity}
+
+
 def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
     """Arrays (n, ...) for every input."""
     names = {p.name for p in kernel.inputs}
@@ -253,6 +267,8 @@ def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
         values = parameter_inputs(kernel.name)
     elif kernel.name.startswith("tricept_"):
         values = tricept_inputs(names)
+    elif MODULE_OF[kernel.name] == "helical_axis":
+        values = helical_inputs()
     elif "rho_prime" in names:
         values = pairs()
         n = len(values["angle"])

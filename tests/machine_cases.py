@@ -30,6 +30,7 @@ READINGS = {
     "point": ("x", "y", "z"),
     "direction": ("ux", "uy", "uz"),
     "distance": ("d",),
+    "height": ("d",),
     "pose": ("x", "y", "z", "rx", "ry", "rz"),
     "angle": ("angle",),
 }

@@ -221,7 +221,7 @@ VOCABULARY = {
 @pytest.mark.parametrize(("at", "name"), EXPECTED)
 def test_an_effects_units_make_what_its_component_takes(at, name, kind):
     definition = row(at, name).for_measurand(MEASURANDS[kind])
-    coordinate = ANGLE if at == "revolute" else LENGTH
+    coordinate = ANGLE if at in {"revolute", "arm"} else LENGTH
     names = VOCABULARY | {
         "q": coordinate,
         "q_before": ANGLE,

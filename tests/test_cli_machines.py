@@ -59,7 +59,7 @@ def test_fit_prints_values_with_their_uncertainties(folder):
     assert "EL.axis.b                -1209.2         5.4  arcsec" in done.stdout
     # the flexure that is missing makes successive stars alike; of independent readings the std would be 3.8
     assert (
-        "Successive poses share errors; the standard deviations allow for that, and are up to 3.4 times"
+        "Successive poses share errors; the standard deviations allow for that, and are up to 3.3 times"
         in done.stdout
     )
 

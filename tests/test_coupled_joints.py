@@ -73,7 +73,7 @@ def machines(
 OF_READING = {
     "zero_offset", "scale", "encoder_eccentricity", "encoder_ellipticity", "encoder_harmonics",
     "periodic_drive_error", "backlash", "backlash_gradient", "servo_lag", "acceleration_lag", "gravity_windup",
-    "coupling", "load_windup", "fork_flexure", "thermal_offset", "thermal_expansion",
+    "coupling", "load_windup", "fork_flexure", "thermal_offset", "thermal_expansion", "bearing_waves",
 }  # fmt: skip
 
 

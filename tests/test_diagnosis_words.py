@@ -73,14 +73,16 @@ def alias(*names: str, odds: float) -> Alias:
 def test_the_verdict_names_the_alternatives_that_are_nearly_as_probable():
     found = with_alternatives(alias("scale", odds=0.4), alias("backlash", odds=0.02))
     assert headline(found) == (
-        "These are missing: gravity_windup at EL (here indistinguishable from scale at EL) and refraction; the error "
-        "falls from 2.71 to 0.659 arcsec. The odds for that are more than a million to 1."
+        "These are missing: gravity_windup at EL (here indistinguishable from scale at EL) and refraction (TX); "
+        "the error falls from 2.71 to 0.659 arcsec. The odds for that are more than a million to 1."
     )
     assert alternatives(found.steps[0]) == [
         "scale at EL, about as probable",
         "backlash at EL, 50 times less probable",
     ]
-    assert "gravity_windup at EL and refraction; " in headline(with_alternatives(alias("scale", odds=0.02)))
+    assert "gravity_windup at EL and refraction (TX); " in headline(
+        with_alternatives(alias("scale", odds=0.02))
+    )
     many = [alias(name, odds=0.1) for name in ("scale", "backlash", "servo_lag")]
     assert "(here indistinguishable from 3 others)" in headline(with_alternatives(*many))
 
@@ -134,7 +136,9 @@ def test_dimensions_that_are_not_those_of_the_file_are_named_first():
         fits=(second, mount().final),
         rms=mount().rms,
     )
-    assert "writes. Apart from that, this is missing: refraction; the error falls from 0." in headline(beside)
+    assert "writes. Apart from that, this is missing: refraction (TX); the error falls from 0." in headline(
+        beside
+    )
     assert len(rungs(beside)) == 3
     assert "+ refraction" in report_page(beside)
 

@@ -39,10 +39,10 @@ def test_more_cells_than_the_limit_are_not_kept(
     monkeypatch.setattr("rodgen.data.tables.table.CELLS", 5)
     with pytest.raises(InputFileError, match="more than 5 cells; expected at most 5 cells"):
         Measurements.from_frame({"C [deg]": [0, 90, 180], "d [mm]": [1, 2, 3]})
-    pairs = str(Path(__file__).parent.parent / "examples" / "pairs.csv")  # 30 rows of 7 cells
-    monkeypatch.setattr("rodgen.data.tables.table.CELLS", 209)
-    assert "more than 209 cells" in error_of(capsys, "fit-axis", pairs)
-    monkeypatch.setattr("rodgen.data.tables.table.CELLS", 210)
+    pairs = str(Path(__file__).parent.parent / "examples" / "pairs.csv")  # 30 rows of 8 cells
+    monkeypatch.setattr("rodgen.data.tables.table.CELLS", 239)
+    assert "more than 239 cells" in error_of(capsys, "fit-axis", pairs)
+    monkeypatch.setattr("rodgen.data.tables.table.CELLS", 240)
     assert main(["fit-axis", pairs]) == 0
 
 

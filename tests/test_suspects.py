@@ -23,7 +23,12 @@ def test_what_an_effect_would_leave_is_what_it_leaves(mount):
     found = suspects(mount)
     by_title = {s.effect.title: s for s in found.listed}
     assert len(by_title) == len(found.listed)
-    for title in ("tube_flexure (TF)", "refraction (TX)", "encoder_ellipticity at EL", "scale at EL"):
+    for title in (
+        "tube_flexure (TF)",
+        "refraction (TX)",
+        "encoder_ellipticity at EL (HECE2, HESE2)",
+        "scale at EL",
+    ):
         suspect = by_title[title]
         after = fit(mount.machine.with_effect(suspect.effect), mount.observations)
         explained = found.explained(suspect.effect)
@@ -52,7 +57,7 @@ def test_what_a_diagnosis_would_name_stands_first(mount):
     found = suspects(mount).listed
     assert found[0].effect.title == "tube_flexure (TF)"
     assert [s.effect.title for s in found if s.like is None][:2] == ["tube_flexure (TF)", "refraction (TX)"]
-    imitating = next(s for s in found if s.effect.title == "encoder_ellipticity at EL")
+    imitating = next(s for s in found if s.effect.title == "encoder_ellipticity at EL (HECE2, HESE2)")
     assert imitating.like.title == "tube_flexure (TF)"
     with_flexure = suspects(fit(mount.machine.add("tube_flexure"), mount.observations)).listed
     assert with_flexure[0].effect.title == "refraction (TX)"
