@@ -48,6 +48,8 @@ DECLARE_ALL(delta_linear_delta_direct)
 DECLARE_ALL(delta_rotary_delta_direct)
 DECLARE_ALL(delta_linear_delta_inverse)
 DECLARE_ALL(delta_rotary_delta_equations)
+DECLARE_ALL(helical_axis_screw_residual)
+DECLARE_ALL(helical_axis_velocity_axis)
 DECLARE_ALL(instantaneous_euler_chi_from_quaternion)
 DECLARE_ALL(instantaneous_euler_chi_from_matrix)
 DECLARE_ALL(instantaneous_euler_chi_from_zyx)
@@ -205,6 +207,14 @@ NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8,
 static const char types_delta_rotary_delta_equations[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_helical_axis_screw_residual[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_helical_axis_velocity_axis[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_instantaneous_euler_chi_from_quaternion[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
@@ -564,6 +574,10 @@ static const struct definition definitions[] = {
    ALL_LOOPS(delta_linear_delta_inverse), types_delta_linear_delta_inverse},
   {"rotary_delta_equations", "(3),(3),(3),(3),(3)->(3),(3),(3)", "Coefficients of the equations a cos(angle) + b sin(angle) + c = 0 of the arms of a rotary delta.", 5, 3, 8,
    ALL_LOOPS(delta_rotary_delta_equations), types_delta_rotary_delta_equations},
+  {"screw_residual", "(3),(3),(),(),(3),(3)->(3),(3,11)", "Derivatives of screw_residual.", 6, 2, 8,
+   ALL_LOOPS(helical_axis_screw_residual), types_helical_axis_screw_residual},
+  {"velocity_axis", "(3),(3),(3),(3)->(9),(9,9)", "Derivatives of velocity_axis.", 4, 2, 6,
+   ALL_LOOPS(helical_axis_velocity_axis), types_helical_axis_velocity_axis},
   {"chi_from_quaternion", "(4)->(3),()", "Instantaneous Euler angles of a unit quaternion.", 1, 2, 3,
    ALL_LOOPS(instantaneous_euler_chi_from_quaternion), types_instantaneous_euler_chi_from_quaternion},
   {"chi_from_matrix", "(3,3)->(3),()", "Instantaneous Euler angles of a rotation matrix.", 1, 2, 3,

@@ -25,6 +25,8 @@ _MODULES = {
     "rotary_delta_direct": "delta",
     "linear_delta_inverse": "delta",
     "rotary_delta_equations": "delta",
+    "screw_residual": "helical_axis",
+    "velocity_axis": "helical_axis",
     "chi_from_quaternion": "instantaneous_euler",
     "chi_from_matrix": "instantaneous_euler",
     "chi_from_zyx": "instantaneous_euler",

@@ -23,7 +23,7 @@ that complete the axis, and the axis; EX, EY, EZ machine axes; M, M_perp, M_acro
 along gravity; bend is N × gravity, fork the part along N of n × gravity, n the axis before, upwards; zeta the place in
 the travel, P1 to P4 Legendre polynomials of 2 zeta - 1, L the travel; tan_zenith and sin_zenith of the zenith angle;
 read_x, read_y and read_z components of the reading; leg_tension the force in a leg, pulling, per unit load at the
-target.
+target. At a tower or an arm of a delta U points outwards, V across, N upwards.
 """
 
 _PLACES = {

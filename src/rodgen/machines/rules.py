@@ -126,10 +126,11 @@ def _wrong_place(
         return UnfitEffectError(
             "joint", f"{shown(place)}, but {name} acts on a target", f"target = {names[0]!r}"
         )
-    chain = " or ".join(sorted(at & _JOINTS - OF_A_LOOP.keys()))
-    types = " or ".join([f"a {chain} joint"] * bool(chain) + [OF_A_LOOP[x] for x in OF_A_LOOP if x in at])
+    types = {joint.type for joint in machine.joints} & at or at & _JOINTS
+    chain = " or ".join(sorted(types - OF_A_LOOP.keys()))
+    words = [f"a {chain} joint"] * bool(chain) + [word for x, word in OF_A_LOOP.items() if x in types]
     names = [joint.name for joint in machine.joints if joint.type in at]
-    some = types + (f": {listed(names)}" if names else ", which this machine does not have")
+    some = " or ".join(words) + (f": {listed(names)}" if names else ", which this machine does not have")
     if place is None:
         return UnfitEffectError("joint", "missing", some)
     if kind == "target":

@@ -271,7 +271,9 @@ def _missing(
 
 
 def _header_example(columns: Sequence[Column]) -> str:
-    return ",".join(f"{c.name}{_UNITS[c.quantity]}" for c in columns if not c.optional)
+    return ",".join(
+        f"{c.name}{_UNITS[c.quantity]}" for c in columns if not c.optional or c.quantity == "angle"
+    )
 
 
 def _is_number(text: str) -> bool:

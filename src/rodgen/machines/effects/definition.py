@@ -107,7 +107,7 @@ class EffectDefinition:
     (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials of 2 zeta - 1), L (length of the travel), q_before
     (coordinate of the joint before), acc (its acceleration), tan_zenith, sin_zenith, read_x, read_y, read_z
     (components of the reading), leg_tension (force in the leg, tension positive, per unit load along gravity at the
-    target)."""
+    target). At a tower or an arm U points outwards, V across, N upwards."""
     parameters: Mapping[str, str] = field(hash=False)
     """Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
     directions are measured, and ``{move}`` that too, or arcsec where directions are measured."""

@@ -348,7 +348,7 @@ _PARTS = {
     "shift_rotation": "frame shift, rotation",
     "target": "target {target}",
     "target_rotation": "attitude of target {target}",
-    "R": "radius of the joints on the base, of a delta less that of those on the platform, {length}",
+    "R": "radius of the joints on the base, {length}",
     "A": "length of the arms, {length}",
     "L": "length of the rods, {length}",
     "r": "radius of the joints on the platform, {length}",
@@ -358,6 +358,7 @@ _PARTS = {
     **{f"P{k}": f"joint of leg {k} on the platform, in its axes, {{length}}" for k in range(1, 7)},
     "begin": "of a pose to begin with: lengths of the legs, position, unit quaternion",
 }
+_OF_A_DELTA = {"R": "radius of the rods' upper joints less that of the lower ones, {length}"}
 
 
 def constant_words(scope: Scope, constant: Constant) -> str:
@@ -372,7 +373,8 @@ def constant_words(scope: Scope, constant: Constant) -> str:
     if part in OF_A_JOINT:
         joint = machine.joints[number]
         words |= {"joint": shown(joint.name), "coordinate": coordinate_unit(machine, number)}
-    return _PARTS[part].format(**words, target=shown(machine.targets[0].name))
+    parts = _PARTS | (_OF_A_DELTA if machine.joints[0].type in {"tower", "arm"} else {})
+    return parts[part].format(**words, target=shown(machine.targets[0].name))
 
 
 def coordinate_unit(machine: Machine, joint: int) -> str:
