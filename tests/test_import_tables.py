@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import datetime
 import io
 import re
@@ -15,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+from scipy.spatial.transform import Rotation
 
 from rodgen.data.measurements import Measurements
 from rodgen.data.tables.foreign import read_foreign
@@ -309,6 +311,25 @@ def test_ur10_s_measurements_fit_its_urdf(tmp_path, rodgen_command: Run):
     assert "nothing looks wrong" in out
     # 2.0 mm in SOURCE.txt, of an independent fit with frame and target free
     assert Machine.load(machine).fit(Measurements.load(data)).rms == pytest.approx(2.0, abs=0.05)
+
+
+def test_a_robot_gets_a_target_for_each_that_a_row_reads(tmp_path, rodgen_command: Run):
+    """Three reflectors on a flange, in one row a pose: a URDF has one point there, and none of theirs."""
+    machine, data, table = tmp_path / "m.toml", tmp_path / "d.csv", tmp_path / "t.csv"
+    head, *rows = csv.reader((UR10 / "calibration.csv").read_text().splitlines())
+    values = np.array(rows, float)
+    # a point of the board a hand away; roll, pitch and yaw as URDF has them
+    aside = Rotation.from_euler("xyz", values[:, 3:6]).apply([0.1, 0.0, 0.05])
+    names = [*head[:3], "x2", "y2", "z2", *head[6:]]
+    every = np.hstack([values[:, :3], values[:, :3] + aside, values[:, 6:]])
+    with table.open("w", newline="") as file:
+        csv.writer(file).writerows([names, *every.tolist()])
+    links = ("--base", "base_link", "--tip", "wrist_3_link")
+    code, out, err = rodgen_command("import", UR10 / "robot.urdf", table, *links, "-o", machine, "-d", data)
+    assert (code, err) == (0, "")
+    assert "Readings of 2 targets in a row: wrist_3_link_1 is 'x1' 'y1' 'z1' and" in out
+    assert [target.name for target in Machine.load(machine).targets] == ["wrist_3_link_1", "wrist_3_link_2"]
+    assert Measurements.load(data).rows == 2 * len(rows)
 
 
 def test_ur10_s_attitudes_are_read_where_they_are_named(tmp_path, rodgen_command: Run):

@@ -271,7 +271,7 @@ def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[s
     """Return what was imported with the readings of tables."""
     from rodgen.errors import UnexpectedError
     from rodgen.machines.files.read import column_source
-    from rodgen.machines.imports.tables import measurements_of, numbered
+    from rodgen.machines.imports.tables import measurements_of, numbered, with_targets
     from rodgen.machines.measured import NOTATIONS
     from rodgen.machines.parts import ColumnSource
 
@@ -301,6 +301,8 @@ def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[s
     fresh = _MACHINE not in kinds
     machine = made.machine
     files = kinds[_READINGS]
+    if _URDF in kinds or _TABLE in kinds:
+        machine = with_targets(machine, files[0])
     columns, notes, places = measurements_of(machine, files, stated, units, ballbar, attitudes=fresh)
     names = {name.partition(" [")[0] for name in columns}
     if fresh and any(names >= set(notation) for notation in NOTATIONS.values()):
