@@ -105,14 +105,14 @@ def test_effects_are_added_taken_back_and_added_again(files):
         await walker.sees("Error 2.71 arcsec per reading")
         await walker.until(lambda: walker.desk.suspects is not None)
         await walker.sees("odds more than a million, would leave 0.969 arcsec")
-        await walker.sees("indistinguishable from tube_flexure")
-        await walker.does("Add tube_flexure", 1)
+        await walker.sees("indistinguishable from tube_flexure (TF)")
+        await walker.does("Add tube_flexure (TF)", 1)
         await walker.sees("Error 0.969")
         await walker.until(lambda: walker.desk.suspects is not None)
-        await walker.does("Add refraction", 2)
+        await walker.does("Add refraction (TX)", 2)
         await walker.sees("Error 0.659")
         await walker.sees(
-            "refraction shows in these data: with it the readings are more than a million times more probable"
+            "refraction (TX) shows in these data: with it the readings are more than a million times more probable"
         )
         await walker.until(lambda: walker.desk.suspects is not None)
         await walker.sees("Below this, no better than nothing:")
@@ -120,7 +120,7 @@ def test_effects_are_added_taken_back_and_added_again(files):
         await walker.sees("Error 0.969")
         await walker.does("Redo", 2)
         await walker.sees("Error 0.659")
-        await walker.does("Remove tube_flexure", 3)
+        await walker.does("Remove tube_flexure (TF)", 3)
         await walker.sees("Error 1.889")
         await walker.does("Go back to: + refraction", 2)
 
@@ -269,8 +269,8 @@ def test_a_diagnosis_runs_in_the_background_and_its_steps_are_taken_or_left(file
         await walker.press("Diagnose")
         await walker.until(lambda: walker.desk.diagnosis is not None)
         await walker.sees("Suggestions of the diagnosis")
-        await walker.does("Take tube_flexure", 1)
-        await walker.until(lambda: not walker.named("Take tube_flexure").enabled)
+        await walker.does("Take tube_flexure (TF)", 1)
+        await walker.until(lambda: not walker.named("Take tube_flexure (TF)").enabled)
         await walker.press("Diagnose")
         await walker.until(lambda: walker.desk.work is not None)
         walker.desk.work.stop()
