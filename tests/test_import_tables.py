@@ -332,6 +332,29 @@ def test_a_robot_gets_a_target_for_each_that_a_row_reads(tmp_path, rodgen_comman
     assert Measurements.load(data).rows == 2 * len(rows)
 
 
+def test_a_robot_has_one_target_where_its_place_is_named(tmp_path, rodgen_command: Run):
+    """Forces and torques beside x, y, z are no targets, nor a second triple where columns say which one is read."""
+    text = (UR10 / "calibration.csv").read_text()
+    head, *rows = text.splitlines()
+    other = head.replace("x1,y1,z1", "x,y,z").replace("phi", "").replace("x1,y1,z1", "f_x,f_y,f_z")
+    tables = {
+        "forces": (other + ",t_x,t_y,t_z", [row + ",0,0,1" for row in rows], ()),
+        "stated": (
+            head + ",x2,y2,z2",
+            [row + ",0,0,1" for row in rows],
+            [f"--column={x}={x}1" for x in "xyz"],
+        ),
+    }
+    for name, (first, lines, options) in tables.items():
+        machine, data, table = (tmp_path / f"{name}{end}" for end in (".toml", "_d.csv", ".csv"))
+        table.write_text("\n".join([first, *lines]))
+        links = ("--base", "base_link", "--tip", "wrist_3_link", *options)
+        code, _, err = rodgen_command("import", UR10 / "robot.urdf", table, *links, "-o", machine, "-d", data)
+        assert (code, err) == (0, ""), name
+        assert [target.name for target in Machine.load(machine).targets] == ["wrist_3_link"]
+        assert Measurements.load(data).rows == len(rows)
+
+
 def test_ur10_s_attitudes_are_read_where_they_are_named(tmp_path, rodgen_command: Run):
     machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
     named = [

@@ -513,7 +513,7 @@ def _forms(state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut
 def _on_refused(state: _State) -> list[str]:
     """Return why effects that the evidence selects are not reported, in a sentence for each reason."""
     found, titles = [], dict[str, dict[str, None]]()
-    for c in state.evidence.candidates:  # of a form nobody has asked
+    for c in state.evidence.candidates:  # a refused form has no name that a reader knows
         if c.key in state.refused and not c.driver:
             titles.setdefault(state.refused[c.key], {})[c.effect.title] = None
     for why, out in titles.items():

@@ -301,7 +301,7 @@ def _with_readings(options: argparse.Namespace, made: Imported, kinds: Mapping[s
     fresh = _MACHINE not in kinds
     machine = made.machine
     files = kinds[_READINGS]
-    if _URDF in kinds or _TABLE in kinds:
+    if (_URDF in kinds or _TABLE in kinds) and not {"x", "y", "z"} & stated.keys():
         machine = with_targets(machine, files[0])
     columns, notes, places = measurements_of(machine, files, stated, units, ballbar, attitudes=fresh)
     names = {name.partition(" [")[0] for name in columns}

@@ -12,7 +12,7 @@ import datetime
 import math
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any
@@ -413,22 +413,26 @@ def _take_readings(columns: _Columns, machine: Machine) -> dict[str, dict[str, F
             ):
                 columns.notes.append(f"{pair[0]} and {pair[1]} are directions: {mount.frame}.")
                 return {}
-    if readings == ("x", "y", "z") and not any(column.name in readings for column in columns.table.columns):
-        taken = {id(column) for column, _ in columns.found.values()}
-        if wide := _in_a_row(column for column in columns.table.columns if id(column) not in taken):
-            return _named_targets(columns, machine, wide)
+    taken = {id(column) for column, _ in columns.found.values()}
+    if readings == ("x", "y", "z") and (wide := _in_a_row(columns.table, taken)):
+        return _named_targets(columns, machine, wide)
     for name in readings:
         _take_named(columns, name, (), machine)
     return {}
 
 
-def _in_a_row(columns: Iterable[ForeignColumn]) -> dict[str, dict[str, ForeignColumn]]:
-    """Return the columns of x, y and z of each target of a row; empty where these are not in its columns' names."""
-    every = [*columns]
+def _in_a_row(table: ForeignTable, taken: Collection[int] = ()) -> dict[str, dict[str, ForeignColumn]]:
+    """Return the columns of x, y and z of each target of a row; empty where these are not in its columns' names.
+
+    Columns x, y and z are those of one target, whatever else has three parts. Those whose id is taken are others.
+    """
+    if any(column.name in ("x", "y", "z") for column in table.columns):
+        return {}
     for pattern in _WIDE:
         wide: dict[str, dict[str, ForeignColumn]] = {}
-        for column in every:
-            if match := pattern.fullmatch(column.name):
+        for column in table.columns:
+            match = pattern.fullmatch(column.name)
+            if match and id(column) not in taken:
                 wide.setdefault(match["target"], {})[match["axis"].lower()] = column
         if wide := {target: axes for target, axes in wide.items() if len(axes) == 3}:
             return wide
@@ -451,7 +455,7 @@ def with_targets(machine: Machine, file: str) -> Machine:
         When the file is no table.
     """
     (target,) = machine.targets
-    several = _in_a_row(read_foreign(file).columns)
+    several = _in_a_row(read_foreign(file))
     if len(several) < 2:
         return machine
     return replace(machine, targets=tuple(replace(target, name=f"{target.name}_{name}") for name in several))
