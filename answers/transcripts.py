@@ -174,7 +174,7 @@ SESSIONS: dict[str, tuple[dict[str, str | bytes], str]] = {
     "wrong file": (
         of_example("rotary_table", **{"m.toml": fuzz.TURNTABLE.replace(b"[0, 0, 1]", b"[0, 0, -1]", 1)}),
         """
-        check m.toml d.csv -o mended.toml
+        check m.toml d.csv -o repaired.toml
         check m.toml d.csv --json
         fit m.toml d.csv
         diagnose m.toml d.csv

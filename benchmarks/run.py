@@ -32,7 +32,7 @@ def main() -> None:
     if arguments.page:
         write(json.loads(RESULTS.read_text()))
         return
-    warnings.simplefilter("ignore")  # what a peer's package warns of on import is not this script's to mend
+    warnings.simplefilter("ignore")  # what a peer's package warns of on import is not this script's to repair
     if arguments.only not in report.SUBJECTS:  # these see to their own peers, if any
         environments.ensure(environments.PEERS, environments.HERE / "requirements-peers.txt")
         environments.append_to_path(environments.PEERS)

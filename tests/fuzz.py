@@ -365,7 +365,7 @@ def rows(file: Path, count: int) -> bytes:
 COMMANDS = [  # NAME stands for each of MACHINES
     "fit NAME.toml NAME.csv -o f.toml --residuals r.csv",
     "fit NAME.toml NAME.csv --json --loss huber",
-    "check NAME.toml NAME.csv -o c.toml --mended-data c.csv",
+    "check NAME.toml NAME.csv -o c.toml --repaired-data c.csv",
     "compare NAME.toml NAME.csv --json",
     "predict NAME.toml NAME.csv NAME.csv -o p.csv",
     "emit NAME.toml NAME.csv --lang c -o code",

@@ -100,7 +100,7 @@ def test_the_right_repair_is_named(bench: str, damage, words: str, tmp_path: Pat
     damage(files)
     found = checked(files, tmp_path)
     assert found.wrong
-    assert any(words in mend.words for mend in found.repairs), str(found)
+    assert any(words in repair.words for repair in found.repairs), str(found)
 
 
 @pytest.mark.thorough("1")
@@ -136,12 +136,12 @@ def called(*arguments: object) -> int:
 def test_the_command_names_writes_and_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine, data = damaged_trunnion(tmp_path)
     machine.write_text(machine.read_text() + "# a note\n")
-    mended = tmp_path / "mended.toml"
-    assert called("check", machine, data, "-o", mended) == 1
+    repaired = tmp_path / "repaired.toml"
+    assert called("check", machine, data, "-o", repaired) == 1
     assert "A turns the other way: axis = [1, 0, 0]; with that the error is 0.00" in capsys.readouterr().out
-    assert Machine.load(mended).joint("A").axis == (1.0, 0.0, 0.0)
-    assert mended.read_text().endswith("# a note\n")
-    assert called("check", mended, data, "--json") == 0
+    assert Machine.load(repaired).joint("A").axis == (1.0, 0.0, 0.0)
+    assert repaired.read_text().endswith("# a note\n")
+    assert called("check", repaired, data, "--json") == 0
     assert json.loads(capsys.readouterr().out)["wrong"] is False
     assert called("emit", machine, data, "--lang", "c", "-o", tmp_path / "code") == 2
     assert "A turns the other way" in capsys.readouterr().err
@@ -159,39 +159,41 @@ def test_a_diagnosis_does_not_explain_wrong_files(tmp_path: Path) -> None:
     assert diagnosis.steps == ()
 
 
-def test_mended_data_are_those_before_the_damage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_repaired_data_are_those_before_the_damage(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     files = right_files("trunnion", tmp_path)
     right = files.numbers("C")
     files.put("C", np.radians(right))
     machine, data = files.write(tmp_path)
-    mended = tmp_path / "mended.csv"
-    assert called("check", machine, data, "--mended-data", mended) == 1
-    np.testing.assert_allclose(Measurements.load(mended).columns["C"].values, right, rtol=1e-11)
-    assert called("check", machine, mended) == 0
-    assert called("check", machine, data, "-o", tmp_path / "mended.toml") == 2
-    assert "--mended-data" in capsys.readouterr().err
-    assert not (tmp_path / "mended.toml").exists()
+    repaired = tmp_path / "repaired.csv"
+    assert called("check", machine, data, "--repaired-data", repaired) == 1
+    np.testing.assert_allclose(Measurements.load(repaired).columns["C"].values, right, rtol=1e-11)
+    assert called("check", machine, repaired) == 0
+    assert called("check", machine, data, "-o", tmp_path / "repaired.toml") == 2
+    assert "--repaired-data" in capsys.readouterr().err
+    assert not (tmp_path / "repaired.toml").exists()
 
 
-def test_mended_data_say_which_rows_are_dropped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_repaired_data_say_which_rows_are_dropped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = right_files("trunnion", tmp_path)
     for name in "xyz":
         files.put(name, np.roll(files.numbers(name), 2))  # two balls a pose: a pose later
     machine, data = files.write(tmp_path)
-    mended, n = tmp_path / "mended.csv", len(files.numbers("x"))
-    assert called("check", machine, data, "--mended-data", mended, "--json") == 1
+    repaired, n = tmp_path / "repaired.csv", len(files.numbers("x"))
+    assert called("check", machine, data, "--repaired-data", repaired, "--json") == 1
     repair = json.loads(capsys.readouterr().out)["repairs"][0]
     lost = repair["commands_without_readings"], repair["readings_without_commands"]
     assert lost == ([n - 2, n - 1], [0, 1])
-    assert repair["rows"] == Measurements.load(mended).rows == n - 2
-    assert called("check", machine, data, "--mended-data", mended) == 1
+    assert repair["rows"] == Measurements.load(repaired).rows == n - 2
+    assert called("check", machine, data, "--repaired-data", repaired) == 1
     said = capsys.readouterr().out
     assert (
-        f"mended.csv has {n - 2} of {n} rows: the commands of lines {n} and {n + 1} of data.csv and the "
+        f"repaired.csv has {n - 2} of {n} rows: the commands of lines {n} and {n + 1} of data.csv and the "
         in said
     )
     assert "readings of lines 2 and 3 of data.csv have no partner." in said
-    assert called("check", machine, mended) == 0
+    assert called("check", machine, repaired) == 0
 
 
 def machine_of_a_table_that_turns_the_other_way(folder: Path) -> Path:
@@ -300,7 +302,7 @@ def test_a_file_that_cannot_be_edited_is_written_anew(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", WRONG)
 @pytest.mark.parametrize("number", range(0, 56, 7))
-def test_damage_of_every_kind_is_mended_on_every_machine(kind: str, number: int) -> None:
+def test_damage_of_every_kind_is_repaired_on_every_machine(kind: str, number: int) -> None:
     record = one(number, kind)
     if "skipped" not in record:
         assert record["told"]

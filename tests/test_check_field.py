@@ -136,7 +136,7 @@ def test_a_marker_that_was_mounted_anew_gets_a_target_in_each_run(
 ) -> None:
     folder, machine, data = FIELD / "mounted_anew", tmp_path / "m.toml", tmp_path / "d.csv"
     files = [str(folder / "machine.toml"), str(folder / "data.csv")]
-    assert main(["check", *files, "-o", str(machine), "--mended-data", str(data)]) == 1
+    assert main(["check", *files, "-o", str(machine), "--repaired-data", str(data)]) == 1
     said = capsys.readouterr().out
     assert "each run alone fits: the target sits differently in each run (turned by 20° and 38°)" in said
     assert main(["check", str(machine), str(data)]) == 0

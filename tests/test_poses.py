@@ -470,7 +470,7 @@ def test_simulated_poses_have_the_noise_that_was_typed():
 
 
 @pytest.mark.slow
-def test_attitudes_that_are_the_inverse_are_a_mistake_that_a_check_mends():
+def test_attitudes_that_are_the_inverse_are_a_mistake_that_a_check_repairs():
     file = ARM | {"joint": [ARM["joint"][0], ARM["joint"][3]]}
     columns, attitude = measured(file=file)
     data = Measurements.from_frame({**columns, **written("matrix", attitude.swapaxes(1, 2))})

@@ -13,7 +13,7 @@ from rodgen.calibration.ladder import ladder
 from rodgen.data.measurements import Measurements
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Machine
-from rodgen.workbench.actions import Add, Aside, Back, Known, Mend, Remove, Tie, Written
+from rodgen.workbench.actions import Add, Aside, Back, Known, Remove, Repair, Tie, Written
 from rodgen.workbench.session import Session
 
 MOUNT = Path(__file__).parents[1] / "examples/machines/mount"
@@ -173,15 +173,15 @@ def test_a_session_file_that_is_none_is_one_sentence(session, tmp_path, change, 
 
 
 @pytest.mark.slow
-def test_a_mended_order_of_joints_binds_columns_anew(tmp_path):
+def test_a_repaired_order_of_joints_binds_columns_anew(tmp_path):
     folder = MOUNT.parent / "positioner"
     head, theta, phi = (folder / "machine.toml").read_text().partition("\n[[target]]")[0].split("[[joint]]")
     rest = (folder / "machine.toml").read_text().partition("\n[[target]]")[2]
     wrong = f"{head}[[joint]]{phi}\n[[joint]]{theta}\n[[target]]{rest}"
     (tmp_path / "machine.toml").write_text(wrong)
     session = Session.open(tmp_path / "machine.toml", folder / "data.csv")
-    before, mend = session.state.fit.rms, next(m for m in session.state.check.repairs if not m.of_data)
-    assert session.do(Mend(mend.words)).fit.rms < 0.1 * before
+    before, repair = session.state.fit.rms, next(m for m in session.state.check.repairs if not m.of_data)
+    assert session.do(Repair(repair.words)).fit.rms < 0.1 * before
 
 
 def test_to_import_rodgen_imports_no_page():

@@ -244,15 +244,15 @@ def test_a_parameter_is_tied_to_another_and_untied(files):
 
 
 @pytest.mark.slow
-def test_a_wrong_sign_is_told_and_mended_by_one_click(files):
+def test_a_wrong_sign_is_told_and_repaired_by_one_click(files):
     text = files[0].read_text()
     files[0].write_text(text.replace("axis = [0, 0, -1]", "axis = [0, 0, 1]"))
     session = Session.open(*files)
 
     async def user(walker):
         await walker.sees("This looks like a wrong file")
-        mend = next(m.words for m in session.state.check.repairs)
-        await walker.does(f"Mend: {mend}", 1)
+        repair = next(m.words for m in session.state.check.repairs)
+        await walker.does(f"Repair: {repair}", 1)
         await walker.sees("Error 2.71 arcsec")
         await walker.until(lambda: "check" in session.state.__dict__)
         assert not session.state.check.wrong

@@ -381,7 +381,7 @@ class Check(Result):
         return {
             **plain(self, "machine=machine.name data=observations.data.file"),
             **self.observations.not_here,
-            **plain(self, "wrong suspicions error=before error_mended=after unit notes"),
+            **plain(self, "wrong suspicions error=before error_repaired=after unit notes"),
             "repairs": [repair.to_dict(self.observations) for repair in self.repairs],
         }
 

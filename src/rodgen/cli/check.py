@@ -35,15 +35,15 @@ def add_to(command: Command) -> None:
     check.add_argument(
         "-o",
         "--output",
-        metavar="MENDED.toml",
+        metavar="REPAIRED.toml",
         type=OutputFile,
-        help="write the mended machine file, with its comments",
+        help="write the repaired machine file, with its comments",
     )
     check.add_argument(
-        "--mended-data",
+        "--repaired-data",
         metavar="FILE",
         type=OutputFile,
-        help="write the mended data: .csv, .csv.gz or .parquet",
+        help="write the repaired data: .csv, .csv.gz or .parquet",
     )
     add_json(check)
 
@@ -58,23 +58,23 @@ def _run(options: argparse.Namespace) -> int:
     with stage("reading"):
         machine = Machine.load(options.machine)
     found = check(machine, load_data(options.data))
-    mend = found.repairs[0] if found.repairs else None
-    if options.output or options.mended_data:
-        if mend is None:
-            why = "no single change mends the files" if found.wrong else "nothing is wrong with the files"
+    repair = found.repairs[0] if found.repairs else None
+    if options.output or options.repaired_data:
+        if repair is None:
+            why = "no single change repairs the files" if found.wrong else "nothing is wrong with the files"
             raise InputFileError(options.machine, "file", why, "no output")
         for path, changed, right, other in (
-            (options.output, mend.of_machine, "a machine file that is right", "--mended-data"),
-            (options.mended_data, mend.of_data, "data that are right", "-o"),
+            (options.output, repair.of_machine, "a machine file that is right", "--repaired-data"),
+            (options.repaired_data, repair.of_data, "data that are right", "-o"),
         ):
             if path and not changed:
-                why = f"{right}, as {mend.words}"
+                why = f"{right}, as {repair.words}"
                 raise InputFileError(path, "file", why, f"{other} for what is wrong")
-        mended, observations = mend.applied(found.machine, found.observations)
+        repaired, observations = repair.applied(found.machine, found.observations)
         if options.output:
-            write_file(options.output, text_with_geometry(options.machine, mended).encode())
-        if options.mended_data:
-            write_repaired_data(observations, found.observations, options.mended_data)
+            write_file(options.output, text_with_geometry(options.machine, repaired).encode())
+        if options.repaired_data:
+            write_repaired_data(observations, found.observations, options.repaired_data)
     fit = None
     if not found.wrong:
         with contextlib.suppress(RodgenError):  # nothing to fit
@@ -83,22 +83,22 @@ def _run(options: argparse.Namespace) -> int:
     show_result(
         options,
         lambda: found.to_dict() | used,
-        lambda: "\n".join([found.summary(), *_mending(options, found, mend)]),
+        lambda: "\n".join([found.summary(), *_repairing(options, found, repair)]),
     )
     if fit is not None:
         remark_on_readings(fit)
     return FAILED if found.wrong else OK
 
 
-def _mending(options: argparse.Namespace, found: Check, mend: Repair | None) -> Iterator[str]:
-    """Yield which mended files were written, or which option writes them."""
-    written = [path for path in (options.output, options.mended_data) if path]
+def _repairing(options: argparse.Namespace, found: Check, repair: Repair | None) -> Iterator[str]:
+    """Yield which repaired files were written, or which option writes them."""
+    written = [path for path in (options.output, options.repaired_data) if path]
     if written:
-        yield f"Mended: {', '.join(written)}"
-        if options.mended_data and mend:
-            yield f"{options.mended_data} has {mend.on_rows(found.observations)}"
+        yield f"Repaired: {', '.join(written)}"
+        if options.repaired_data and repair:
+            yield f"{options.repaired_data} has {repair.on_rows(found.observations)}"
         return
-    if mend and mend.of_data:
-        yield "The data must be changed; --mended-data FILE writes them."
-    if mend and mend.of_machine:
-        yield "-o MENDED.toml writes the machine file with that change."
+    if repair and repair.of_data:
+        yield "The data must be changed; --repaired-data FILE writes them."
+    if repair and repair.of_machine:
+        yield "-o REPAIRED.toml writes the machine file with that change."

@@ -69,7 +69,7 @@ def combination(
         return name
 
     def quantity(found: re.Match[str]) -> str:
-        if found["unit"] in names:  # "2 J2", which the formula's parser knows how to mend
+        if found["unit"] in names:  # "2 J2", which the formula's parser knows how to repair
             return found[0]
         unit = parse_unit(found["unit"])
         factor = Fraction(unit.factor(length_unit))

@@ -30,8 +30,8 @@ __all__ = [
     "Aside",
     "Back",
     "Known",
-    "Mend",
     "Remove",
+    "Repair",
     "Tie",
     "Written",
     "action_of",
@@ -300,29 +300,29 @@ class Back(_OfRows):
 
 
 @dataclass(frozen=True)
-class Mend(Action):
-    """The machine file is mended where a check finds it wrong.
+class Repair(Action):
+    """The machine file is repaired where a check finds it wrong.
 
     Attributes
     ----------
     words : str
-        Which of the changes that mend it, as the check words it.
+        Which of the changes that repair it, as the check words it.
     """
 
-    kind = "mend"
+    kind = "repair"
     words: str
 
     @property
     def title(self) -> str:
         """What it does, in a few words."""
-        return f"mended: {self.words}"
+        return f"repaired: {self.words}"
 
     def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
-        for mend in state.check.repairs:
-            if mend.words == self.words and not mend.of_data:
-                mended, _ = mend.applied(state.machine, state.observations)
-                return text_with_geometry(state.file, mended, state.text)
+        for repair in state.check.repairs:
+            if repair.words == self.words and not repair.of_data:
+                repaired, _ = repair.applied(state.machine, state.observations)
+                return text_with_geometry(state.file, repaired, state.text)
         offered = (
             "; ".join(m.words for m in state.check.repairs if not m.of_data) or "nothing is wrong with it"
         )
@@ -330,7 +330,7 @@ class Mend(Action):
 
 
 ACTIONS: dict[str, Callable[..., Action]] = {
-    made.kind: made for made in (Add, Written, Remove, Known, Tie, Aside, Back, Mend)
+    made.kind: made for made in (Add, Written, Remove, Known, Tie, Aside, Back, Repair)
 }
 """What an action of a session file is, by its key ``do``."""
 

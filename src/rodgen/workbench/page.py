@@ -21,7 +21,7 @@ from rodgen.output import figures
 from rodgen.output.figures.drawn_rows import DrawnRows
 from rodgen.output.numbers import noise_name
 from rodgen.statistics.digits import last_decimal
-from rodgen.workbench.actions import Add, Aside, Back, Mend
+from rodgen.workbench.actions import Add, Aside, Back, Repair
 from rodgen.workbench.drawing import Drawn, drawn, overlay
 from rodgen.workbench.keep import Keeping
 from rodgen.workbench.model import Model, keys
@@ -672,17 +672,17 @@ class Page:
         with anew(self.wrong):
             ui.label(check.sentence)
             with ui.element("div").classes("line"):
-                for mend in check.repairs[:4]:
-                    if not mend.of_data:
-                        button(f"Mend: {mend.words}", partial(self._mend, mend.words))
-            if any(mend.of_data for mend in check.repairs[:1]):
+                for repair in check.repairs[:4]:
+                    if not repair.of_data:
+                        button(f"Repair: {repair.words}", partial(self._repair, repair.words))
+            if any(repair.of_data for repair in check.repairs[:1]):
                 ui.label(
                     f"The data are at fault; the command 'rodgen check {self.state.file} {self.desk.session.data_file} "
-                    "--mended-data FILE' writes mended ones."
+                    "--repaired-data FILE' writes repaired ones."
                 ).classes("soft")
 
-    async def _mend(self, words: str) -> None:
-        await self.desk.do(Mend(words))
+    async def _repair(self, words: str) -> None:
+        await self.desk.do(Repair(words))
         await asyncio.to_thread(lambda: self.state.check)
         self._fill_wrong()
 
