@@ -69,7 +69,7 @@ check-types: .venv/dev
 # The floors, in pyproject.toml: no import upward and no cycle, imports inside functions included.
 check-imports: .venv/dev ## check that no import leads upward and none is circular
 	$(BIN)/lint-imports --no-cache
-	$(BIN)/python -m pytest -q tests/test_house.py -k "circle or private"
+	$(BIN)/python -m pytest -q tests/test_house.py -k "circle or private or scripts"
 
 # The tests state the place of a fault, these the words.
 check-messages: .venv/test ## check that messages about malformed files are as frozen

@@ -5,12 +5,13 @@ from __future__ import annotations
 import ast
 import functools
 import graphlib
-import importlib
+import importlib.util
 import inspect
 import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -201,6 +202,31 @@ def test_modules_import_each_other_in_no_circle() -> None:
         for module, file in MODULES.items()
     }
     assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(MODULES)
+
+
+def _imported_names(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield module and name of what a script imports from the package, imports inside functions included."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "rodgen":
+            yield from ((node.module, alias.name) for alias in node.names)
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, "") for alias in node.names if alias.name.startswith("rodgen."))
+
+
+@pytest.mark.parametrize("folder", ["answers", "benchmarks", "docs", "examples", "study"])
+def test_scripts_import_what_there_is(folder: str) -> None:
+    """These run seldom: a name that was moved would be missed until then."""
+    names = {(p, *name) for p in sorted((ROOT / folder).rglob("*.py")) for name in _imported_names(p)}
+    assert names
+    missing = []
+    for path, module, name in sorted(names):
+        try:
+            there = not name or hasattr(importlib.import_module(module), name)
+            there = there or bool(importlib.util.find_spec(f"{module}.{name}"))
+        except ModuleNotFoundError:
+            there = False
+        missing += [f"{path.relative_to(ROOT)}: {module} {name}"] * (not there)
+    assert not missing
 
 
 def test_only_the_top_says_which_function_a_method_is() -> None:
