@@ -38,6 +38,7 @@ derivation = Derivation(
     title="One axis from many pairs: the likelihood is a quadratic on the sphere",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems", eq. (1)',
+    kernels_in="those of the solver: 'rodgen kernels axis'",
 )
 d = derivation
 

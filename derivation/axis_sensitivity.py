@@ -50,6 +50,7 @@ derivation = Derivation(
     title="How the axis of a rotation depends on the data",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems", eq. (1)',
+    kernels_in="those of the solver: 'rodgen kernels axis'",
 )
 d = derivation
 

@@ -46,6 +46,7 @@ derivation = Derivation(
     source='Kureková et al., "Positioning uncertainty of the Tricept type parallel kinematic structure", '
     'and Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler '
     'Angle"',
+    kernels_in="those of a machine: 'rodgen emit MACHINE.toml'",
 )
 d = derivation
 

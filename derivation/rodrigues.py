@@ -72,6 +72,7 @@ derivation = Derivation(
     title="The axis of a rotation, from one point and the angle",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems"',
+    kernels_in="those of the solver: 'rodgen kernels axis'",
 )
 d = derivation
 

@@ -152,6 +152,12 @@ def test_a_derivation_without_kernels_is_refused(tmp_path, rodgen_command):
     assert not (tmp_path / "k2").exists()
 
 
+def test_a_derivation_without_kernels_says_where_they_are(tmp_path, rodgen_command):
+    code, _, err = rodgen_command("kernels", "axis_fit", "-o", tmp_path / "k2")
+    assert code == 2
+    assert "expected those of the solver: 'rodgen kernels axis'" in err
+
+
 JSON = {
     "fit-axis": [str(EXAMPLES.parent / "pairs.csv"), "--json"],
     "effects": ["backlash", "--json"],

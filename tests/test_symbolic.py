@@ -1,6 +1,7 @@
 """Proofs are proofs: what is false, open or badly refuted does not pass."""
 
 import random
+import re
 
 import pytest
 import sympy as sp
@@ -239,6 +240,7 @@ def test_report_and_markdown_show_the_verdicts(derivation, slip):
     slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")
     report = derivation.report()
     assert "0 proved, 1 refuted, 1 open" in report
+    assert re.search(r"\nhypotenuse  refuted +\d+  c = x \+ y\n    Sides do not add\.\n", report)
     page = slip._repr_markdown_()
     assert "**hypotenuse**, printed, I.47." in page
     assert "Refuted (E1)" in page

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
 
 FUNCTIONS = {
     "Diagnosis.summary": "rodgen.calibration.diagnosis_text.as_text",
+    "Derivation.report": "rodgen.symbolic.display.report",
     "Entry._repr_markdown_": "rodgen.symbolic.display.markdown",
     "Entry.steps": "rodgen.symbolic.display.steps",
     "Fit.check": "rodgen.calibration.check.check",

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 
 _DERIVE = """\
-Run a derivation, prove every statement in it, and print what was proved, what was found wrong in the source, and the
-time taken.
+Run a derivation, prove every statement in it, and print each formula with its verdict, the argument, and the time
+taken; what was found wrong in the source is refuted.
 
 The script is plain Python (jupytext percent format when it is to become a notebook) that leaves a
 rodgen.symbolic.Derivation in the module-level name 'derivation'.
@@ -37,8 +37,7 @@ rodgen.symbolic.Derivation in the module-level name 'derivation'.
 
 _KERNELS = """\
 Write the kernels of a derivation: a NumPy module, and C source and header; with --target the kernels in other
-languages. With --check nothing is written: differences are shown as a
-diff, and the exit code is 1.
+languages. With --check nothing is written: differences are shown as a diff, and the exit code is 1.
 """
 
 
@@ -94,9 +93,8 @@ def _kernels(options: argparse.Namespace) -> int:
 
     derivations = _loaded(options.derivation)
     if not any(derivation.kernels for derivation in derivations):
-        raise InputFileError(
-            options.derivation, "kernels", "none: it proves statements only", "a derivation with kernels"
-        )
+        where = derivations[0].kernels_in or "a derivation with kernels"
+        raise InputFileError(options.derivation, "kernels", "none: it proves statements only", where)
     folder = Path(options.output)
     own = options.derivation is None
     # rodgen's own kernels are a NumPy extension, too

@@ -145,11 +145,6 @@ class Entry:
         return tuple(sorted(found, key=str))
 
     @property
-    def length(self) -> int:
-        """Number of characters of the formula, written out as SymPy prints it."""
-        return sum(len(sp.sstr(claim)) for claim in self.claims)
-
-    @property
     def method(self) -> str:
         """How the entry was decided, in plain words."""
         if self.because or self.verdict == "open":
@@ -367,14 +362,17 @@ class Derivation:
         Short name, a Python identifier.
     title, source : str
         What is derived, and the paper or book it is found in.
+    kernels_in : str, optional
+        Of one that proves statements only: where the code is that evaluates them.
     """
 
-    def __init__(self, name: str, *, title: str, source: str) -> None:
+    def __init__(self, name: str, *, title: str, source: str, kernels_in: str = "") -> None:
         if not (name.isidentifier() and name.isascii()):
             raise DerivationError(f"{name!r} is not a name for a derivation; expected a plain identifier")
         self.name = name
         self.title = title
         self.source = source
+        self.kernels_in = kernels_in
         self.symbols: list[SymbolRow] = []
         self.entries: dict[str, Entry] = {}
         self.kernels = Kernels()
@@ -571,23 +569,6 @@ class Derivation:
         """
         return latex_lines(formula, self._names, width, most)
 
-    def report(self) -> str:
-        """Return a text table of the entries: verdict, time in ms, length in characters, and the argument."""
-        lines = [f"{self.title} ({self.source})", ""]
-        width = max((len(id) for id in self.entries), default=2)
-        lines.append(f"{'id':{width}}  verdict     ms  chars  method")
-        for entry in self.entries.values():
-            lines.append(
-                f"{entry.id:{width}}  {entry.verdict:7}  {1e3 * entry.seconds:5.0f}  {entry.length:5d}  "
-                f"{entry.method}"
-            )
-        counts = [sum(e.verdict == v for e in self.entries.values()) for v in ("proved", "refuted", "open")]
-        proofs = sum(entry.seconds for entry in self.entries.values())
-        lines += ["", "{} proved, {} refuted, {} open; {:.1f} s in proofs".format(*counts, proofs)]
-        if self.seconds:
-            lines[-1] += f", {self.seconds:.1f} s from the first line to the last kernel"
-        return "\n".join(lines)
-
     def undeclared(self) -> list[str]:
         """Return a line for each entry whose formula has symbols that the table of symbols did not hold before it.
 
@@ -607,6 +588,8 @@ class Derivation:
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(self.entries.values())
+
+    report = cast("Callable[..., str]", methods.method())  # by rodgen.symbolic.display, as rodgen.facade says
 
     def _repr_markdown_(self) -> str:
         self._shown = len(self.symbols)

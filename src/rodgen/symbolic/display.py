@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -129,6 +130,24 @@ def plain(claim: sp.Basic) -> str:
     if isinstance(claim, sp.MatrixBase):
         return "(" + ", ".join(plain(part) for part in claim) + ")"
     return str(sp.sstr(claim))
+
+
+def report(derivation: Derivation) -> str:
+    """Return the entries as text: id, verdict, time in ms, formula, and the argument below it."""
+    width = max((len(entry.id) for entry in derivation), default=2)
+    lines = [f"{derivation.title} ({derivation.source})", "", f"{'id':{width}}  verdict     ms  formula"]
+    for entry in derivation:
+        formula = "; ".join(map(plain, entry.claims))
+        if len(formula) > WIDTH:
+            formula = f"{formula[:WIDTH]}… ({len(formula)} characters)"
+        lines.append(f"{entry.id:{width}}  {entry.verdict:7}  {1e3 * entry.seconds:5.0f}  {formula}")
+        lines += textwrap.wrap(entry.method, 110, initial_indent=" " * 4, subsequent_indent=" " * 4)
+    counts = [sum(entry.verdict == v for entry in derivation) for v in ("proved", "refuted", "open")]
+    proofs = sum(entry.seconds for entry in derivation)
+    lines += ["", "{} proved, {} refuted, {} open; {:.1f} s in proofs".format(*counts, proofs)]
+    if derivation.seconds:
+        lines[-1] += f", {derivation.seconds:.1f} s from the first line to the last kernel"
+    return "\n".join(lines)
 
 
 def markdown(entry: Entry) -> str:
