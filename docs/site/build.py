@@ -22,6 +22,7 @@ import notebooks
 import reference
 from links import DeadLinkError, Links
 from outline import DERIVATIONS, MODULES, NAMES, OUTLINE
+from papers import PAPERS, paper_page
 from sphinx.cmd.build import main as sphinx
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -81,6 +82,10 @@ def collect(names: list[str]) -> None:
     titles = {name: record["title"] for name, record in records.items()}
     source.write("explanation/derivations.md", derivations_page(records))
     source.write("explanation/errata.md", errata_page(records))
+    for page, (title, those) in PAPERS.items():
+        of_paper = {name: records[name] for name in those}
+        text = paper_page(ROOT, title, of_paper, {name: shown_entries(name) for name in those})
+        source.write(f"explanation/{page}.md", text)
     source.write("reference/effects.md", reference.effects_page())
     source.write("reference/kernels.md", reference.kernels_page(ROOT, titles))
     for name, text in reference.command_pages().items():
@@ -156,6 +161,12 @@ def errata_page(records: dict[str, dict]) -> str:
                 "",
             ]
     return "\n".join(lines)
+
+
+def shown_entries(name: str) -> set[str]:
+    """Return the entries that the page of a derivation shows: places to which links lead."""
+    content = json.loads((notebooks.FOLDER / f"{name}.ipynb").read_text(encoding="utf-8"))
+    return set(_ANCHOR.findall("\n".join(_texts(content))))
 
 
 def notebook(content: dict, links: Links, file: str) -> str:

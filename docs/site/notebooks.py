@@ -40,6 +40,15 @@ if "derivation" in globals():
     _record |= {{
         "title": derivation.title,
         "source": derivation.source,
+        "entries": [
+            {{
+                "latex": [*map(derivation.latex, entry.claims)],
+                **{{key: getattr(entry, key) for key in ("id", "place", "origin", "verdict")}},
+            }}
+            for entry in derivation
+        ],
+        "kernels": {{name: getattr(kernel, "source", "") for name, kernel in derivation.kernels.items()}},
+        "kernels_in": derivation.kernels_in,
         "proved": _verdicts.count("proved"),
         "refuted": _verdicts.count("refuted"),
         "errata": _errata(derivation, form="markdown") if "refuted" in _verdicts else "",

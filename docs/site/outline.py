@@ -100,6 +100,10 @@ OUTLINE = (
         {
             "diagnosis_evidence": "docs/diagnosis_evidence.md",
             "solver_method": "docs/solver_method.md",
+            "rodrigues_problem": "",
+            "tricept_uncertainty": "",
+            "spatial_mechanisms": "",
+            "instantaneous_euler_angles": "",
             "derivations": "",
             "errata": "",
             "trust": "docs/trust.md",
