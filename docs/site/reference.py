@@ -28,6 +28,8 @@ PLACES = {
     "machine": "The whole machine",
     "target": "Targets",
     "leg": "Legs",
+    "tower": "Towers of a linear delta",
+    "arm": "Arms of a rotary delta",
 }
 
 
