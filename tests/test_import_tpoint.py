@@ -53,8 +53,13 @@ def sexagesimal(degrees: float) -> str:
 
 
 def altaz(A, E):
-    """To the right and up on the sky, of azimuth from north through east: the star less what the axes say."""
+    """To the right and up on the sky, of azimuth from north through east: the star less what the axes say.
+
+    Signs are those of TPOINT, which counts azimuth from south through east and calls left positive: with S = 180 deg -
+    A a harmonic HAfAn moves by -f(nS), HEfAn by f(nS). The pointing software of APEX has the same signs.
+    """
     sin, cos, one, none = np.sin, np.cos, np.ones_like(A), np.zeros_like(A)
+    S = np.pi - A
     return {
         "IA": (-cos(E), none), "IE": (none, one), "CA": (-one, none), "NPAE": (-sin(E), none),
         "AN": (-sin(A) * sin(E), -cos(A)), "AW": (-cos(A) * sin(E), sin(A)),
@@ -63,9 +68,16 @@ def altaz(A, E):
         "NRX": (-cos(E), sin(E)), "NRY": (sin(E), cos(E)),
         "TF": (none, -cos(E)), "TX": (none, -1 / np.tan(E)),
         "FLOP": (none, one), "HACA3": (cos(3 * A) * cos(E), none), "HESE2": (none, sin(2 * E)),
-        "PEE2": (none, E**2), "PSE": (E, none), "PZZ3": (none, -((np.pi / 2 - E) ** 3)),
+        "HASA3": (-sin(3 * S) * cos(E), none), "HASA2": (-sin(2 * S) * cos(E), none),
+        "HACA2": (-cos(2 * A) * cos(E), none), "HACA4": (-cos(4 * S) * cos(E), none),
+        "HACA8": (-cos(8 * S) * cos(E), none), "HASA8": (-sin(8 * S) * cos(E), none),
+        "HESA": (none, sin(A)), "HECA": (none, -cos(A)), "HESA2": (none, -sin(2 * A)), "HECA2": (none, cos(2 * A)),
+        "HESA3": (none, sin(3 * A)), "HECA3": (none, -cos(3 * A)), "HESA4": (none, sin(4 * S)),
+        "HVSA2": (-sin(2 * S) * sin(E), none), "HVCA": (-cos(S) * sin(E), none),
+        "HASA2CE": (-sin(2 * S) * cos(E) ** 2, none), "HASE2": (-sin(2 * E) * cos(E), none),
+        "PEE2": (none, E**2), "PSE": (-E, none), "PZZ3": (none, -((np.pi / 2 - E) ** 3)),
         "HASA12": (sin(12 * A) * cos(E), none),
-        "HSCA2": (cos(2 * A), none), "HZSZ4": (none, -sin(4 * (np.pi / 2 - E))), "HZCA": (none, -cos(A)),
+        "HSCA2": (-cos(2 * S), none), "HZSZ4": (none, -sin(4 * (np.pi / 2 - E))), "HZCA": (none, -cos(S)),
     }  # fmt: skip
 
 

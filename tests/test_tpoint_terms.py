@@ -52,7 +52,10 @@ TERMS = {
     ("HHCD1SH2", "equatorial"): lambda h, d: (np.cos(d) * np.sin(2 * h), 0),
     ("DNP", "equatorial"): lambda h, d: (np.sin(h) * np.tan(d), 0),
     ("HACA3", "altaz"): lambda a, e: (np.cos(3 * a), 0),
-    ("HSSE2", "altaz"): lambda a, e: (np.sin(2 * e) / np.cos(e), 0),
+    ("HASA3", "altaz"): lambda a, e: (-np.sin(3 * a), 0),
+    ("HVSA2", "altaz"): lambda a, e: (np.sin(2 * a) * np.tan(e), 0),
+    ("HVCA2", "altaz"): lambda a, e: (-np.cos(2 * a) * np.tan(e), 0),
+    ("HSSE2", "altaz"): lambda a, e: (-np.sin(2 * e) / np.cos(e), 0),
     ("HESA1", "altaz"): lambda a, e: (0, np.sin(a)),
     ("FLOP", "altaz"): lambda a, e: (0, np.ones_like(a)),
 }

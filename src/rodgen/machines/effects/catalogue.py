@@ -99,9 +99,12 @@ _LETTERS = {"azimuth": "A", "elevation": "E", "polar": "H", "declination": "D"}
 
 
 def _waves(**times: int) -> dict[str, str]:
-    """Return TPOINT's harmonics of the reading of each axis by itself, by endings of parameters."""
+    """Return TPOINT's even harmonics of the reading of each axis by itself, by endings of parameters.
+
+    Azimuth counts from south, and is positive to the left.
+    """
     return {
-        f"H{letter}{function}{letter}{n}": f"{x}{ending.strip('_')} at the {axis} axis"
+        f"H{letter}{function}{letter}{n}": f"{'-' * (letter + function == 'AC')}{x}{ending[1:]} at the {axis} axis"
         for axis, letter in _LETTERS.items()
         for ending, n in times.items()
         for function, x in (("S", "b"), ("C", "a"))
@@ -341,9 +344,9 @@ _REVOLUTE = (
         _in("arcsec", "a2 b2 a3 b3"),
         of_directions=True,
         tpoint={
-            f"H{second}{function}{first}{n}": f"{x}{n} at the {axis} axis"
+            f"H{second}{function}{first}{n}": f"{'-' * (negative == f'{first}{function}{n}')}{x}{n} at the {axis} axis"
             for axis, second, first in (("elevation", "E", "A"), ("declination", "D", "H"))
-            for n in (2, 3)
+            for n, negative in ((2, "AS2"), (3, "AC3"))  # of azimuth from south
             for function, x in (("S", "b"), ("C", "a"))
         },
         meaning="The bearing or the track on which the axis before turns is not flat, or its supports yield unequally. "

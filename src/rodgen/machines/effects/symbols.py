@@ -116,10 +116,11 @@ def _motion(slides: bool, along: bool, direction: int, error: str) -> Iterator[t
 
 Level: TypeAlias = tuple[Sequence[float], Sequence[float]]
 EAST_AND_NORTH: Level = ((1, 0, 0), (0, 1, 0))
-_JOINTS = {"H": "HA", "D": "DEC", "A": "AZ", "E": "EL", "X": "HA", "S": "AZ"}
-_ACROSS = {"X": "DEC", "S": "EL"}
+_JOINTS = {"H": "HA", "D": "DEC", "A": "AZ", "E": "EL", "X": "HA", "S": "AZ", "V": "AZ"}
+_TIMES = {"X": "/cos(DEC)", "S": "/cos(EL)", "V": "*tan(EL)"}
+_SHIFTED = {"X": "across on the sky", "S": "across on the sky", "V": "as by a lean of the elevation axis"}
 _FUNCTIONS = {"S": "sin", "C": "cos"}
-_HARMONIC = re.compile(r"H(?P<result>[HDXAESZ])(?P<factors>(?:[SC][HDAEZ](?:[1-9]\d?)?){1,2})")
+_HARMONIC = re.compile(r"H(?P<result>[HDXAESVZ])(?P<factors>(?:[SC][HDAEZ](?:[1-9]\d?)?){1,2})")
 _OLD_HARMONIC = re.compile(r"(?P<result>[HDX])(?P<times>[1-9])(?P<of>[HD])(?P<function>[SC])")
 _POLYNOMIAL = re.compile(r"P(?P<result>[HDXAESZ])(?P<factors>(?:[HDEZ][1-9]?){1,2})")
 
@@ -208,18 +209,19 @@ def own_term(name: str, level: Level = EAST_AND_NORTH) -> OwnTerm | None:
         return None
     result = found["result"]
     joint = _JOINTS.get(result)
-    waves = []
+    waves, negative = [], result in "ASVZ"
     for function, of, times in factors:
         coordinate = "z" if of == "Z" else "q" if _JOINTS[of] == joint else _JOINTS[of]
         once = times in ("", "1")
         if function:
+            # of azimuth from south through east: pi less that of the joint
+            negative ^= of == "A" and (function == "C") == bool(int(times or 1) % 2)
             waves.append(f"{_FUNCTIONS[function]}({'' if once else f'{times}*'}{coordinate})")
         else:
             waves.append(coordinate if once else f"{coordinate}**{times}")
     what = "A polynomial" if text.startswith("P") else "A harmonic"
+    size = f"{'-' * negative}a*{'*'.join(waves)}"
     if joint is None:
-        return _vertical(text, f"{what}, by which zenith distances grow.", f"-a*{'*'.join(waves)}", level)
-    divided = f"/cos({_ACROSS[result]})" if result in _ACROSS else ""
-    shifted = "across on the sky" if divided else f"along {joint}"
-    meaning = f"{what}, by which readings are shifted {shifted}."
-    return OwnTerm(text, meaning, joint, (("reading", f"a*{'*'.join(waves)}{divided}"),))
+        return _vertical(text, f"{what}, by which zenith distances grow.", size, level)
+    meaning = f"{what}, by which readings are shifted {_SHIFTED.get(result, f'along {joint}')}."
+    return OwnTerm(text, meaning, joint, (("reading", f"{size}{_TIMES.get(result, '')}"),))
