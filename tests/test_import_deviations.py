@@ -52,6 +52,31 @@ def test_an_iso_230_2_table_is_the_axis_it_was_made_of(tmp_path, rodgen_command:
     )
 
 
+def test_units_of_positions_and_of_deviations_are_one_option(tmp_path, rodgen_command: Run):
+    (tmp_path / "m.toml").write_text(machine_template("linear-axis"))
+    rows = [(0.0, 0.0), (50.0, 12.0), (100.0, 20.0)]
+    files = {}
+    for name, header in (("with", "X [cm],deviation [um]"), ("without", "X,deviation")):
+        files[name] = tmp_path / f"{name}.csv"
+        files[name].write_text(f"{header}\n" + "".join(f"{p},{d}\n" for p, d in rows))
+    command = ("import", tmp_path / "m.toml")
+    assert rodgen_command(*command, files["with"], "-d", tmp_path / "a.csv")[0] == 0
+    code, _, err = rodgen_command(
+        *command, files["without"], "-d", tmp_path / "b.csv", "--units", "cm,deg,um"
+    )
+    assert (code, err) == (0, "")
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+    code, _, err = rodgen_command(*command, files["without"], "-d", tmp_path / "c.csv", "--units", "cm,deg")
+    assert code == 2
+    assert err.endswith(
+        "without.csv: column 'deviation': no unit; expected its unit in brackets, such as [um], or "
+        "--units mm,deg,um: of lengths, angles and deviations\n"
+    )
+    code, _, err = rodgen_command(*command, files["without"], "-d", tmp_path / "c.csv", "--units", "cm,deg,s")
+    assert code == 2
+    assert "'cm,deg,s' is not a unit of length and one of angle" in err
+
+
 @pytest.mark.parametrize("column", ["radius [mm]", "deviation [um]"])
 def test_a_ballbar_s_circle_is_the_squareness_it_was_made_of(column, tmp_path, rodgen_command: Run):
     # Y leans towards X by 80 urad: a point that is commanded to (X, Y) is at (X + 80e-6 Y, Y)

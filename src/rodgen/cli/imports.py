@@ -93,9 +93,9 @@ def _add_options(made: argparse.ArgumentParser) -> None:
     )
     made.add_argument(
         "--units",
-        metavar="LENGTH,ANGLE",
+        metavar="LENGTH,ANGLE[,DEVIATION]",
         type=_units,
-        help="of a table: units of columns without, such as mm,deg",
+        help="of a table: units of columns without, such as mm,deg; of a table of deviations also theirs: mm,deg,um",
     )
     made.add_argument(
         "--ballbar",
@@ -327,15 +327,18 @@ def _ballbar(text: str) -> tuple[str, Quantity]:
     return plane, quantity("--ballbar", "XY=150mm", positive=True)(size)
 
 
-def _units(text: str) -> tuple[str, str]:
+def _units(text: str) -> tuple[str, ...]:
     """Read --units."""
     from rodgen.data.units import UnitError, conversion_factor
 
     with contextlib.suppress(UnitError, ValueError):
-        length, angle = (part.strip() for part in text.split(","))
-        conversion_factor(length, "length", "mm")
+        length, angle, *deviation = units = tuple(part.strip() for part in text.split(","))
+        for unit in (length, *deviation):
+            conversion_factor(unit, "length", "mm")
         conversion_factor(angle, "angle", "deg")
-        return length, angle
+        if len(units) < 4:
+            return units
     raise argparse.ArgumentTypeError(
-        f"{shown(text)} is not a unit of length and one of angle, such as mm,deg"
+        f"{shown(text)} is not a unit of length and one of angle, such as mm,deg, or these and one of deviations, such "
+        "as mm,deg,um"
     )

@@ -31,7 +31,7 @@ _PASS = re.compile(
 )
 
 
-def as_distances(machine: Machine, table: ForeignTable) -> ForeignTable:
+def as_distances(machine: Machine, table: ForeignTable, units: Sequence[str] = ()) -> ForeignTable:
     """Return a table of deviations at positions as distances; any other table as it is.
 
     Parameters
@@ -41,6 +41,8 @@ def as_distances(machine: Machine, table: ForeignTable) -> ForeignTable:
     table : ForeignTable
         A column of positions, called by the joint or ``position`` where there is one joint; and a column ``deviation``,
         or one for each run and direction, such as ``1 ↑``, ``1 ↓``, ``2 ↑``.
+    units : sequence of str
+        Length, angle, and deviation, of columns that give none.
 
     Returns
     -------
@@ -68,13 +70,11 @@ def as_distances(machine: Machine, table: ForeignTable) -> ForeignTable:
         what = f"the column {shown(position.header)} of a machine with the joints {joined(joints)}"
         expected = f"--column JOINT={shown(position.name)}, or the joint's name in its place"
         raise InputFileError(table.file, table.header, what, expected)
-    commanded = np.array(table.numbers(position)) * _factor(
-        table, position, "angle" if joint.revolute else "length", machine
-    )
+    commanded = _numbers(table, position, "angle" if joint.revolute else "length", machine, units)
     rows = np.arange(len(commanded))
     orders, offs, runs, ways = [], [], list[str](), list[float]()
     for column, found in passes:
-        off = np.array(table.numbers(column)) * _factor(table, column, "length", machine)
+        off = _numbers(table, column, "length", machine, units[2:])
         order = rows
         if found is not None:
             up = found["way"].lower() in _UP
@@ -107,7 +107,9 @@ def as_distances(machine: Machine, table: ForeignTable) -> ForeignTable:
     )
 
 
-def of_ballbar(machine: Machine, table: ForeignTable, plane: str, radius: float) -> ForeignTable:
+def of_ballbar(
+    machine: Machine, table: ForeignTable, plane: str, radius: float, units: Sequence[str] = ()
+) -> ForeignTable:
     """Return a ballbar's table as commands and distances.
 
     Parameters
@@ -120,6 +122,8 @@ def of_ballbar(machine: Machine, table: ForeignTable, plane: str, radius: float)
         Two machine axes, such as ``"XY"``: the angle is from the first to the second.
     radius : float
         Nominal, in the machine's unit of length.
+    units : sequence of str
+        Length, angle, and deviation, of columns that give none.
 
     Raises
     ------
@@ -138,7 +142,7 @@ def of_ballbar(machine: Machine, table: ForeignTable, plane: str, radius: float)
         raise InputFileError(
             table.file, table.header, f"columns {listed([c.header for c in table.columns])}", expected
         )
-    turn = np.array(table.numbers(angle)) * _factor(table, angle, "angle", machine)
+    turn = _numbers(table, angle, "angle", machine, units)
     first, second = (np.eye(3)["XYZ".index(axis)] for axis in plane)
     way = np.outer(np.cos(turn), first) + np.outer(np.sin(turn), second)
     places = np.array(machine.measured.origin) + radius * way
@@ -156,10 +160,10 @@ def of_ballbar(machine: Machine, table: ForeignTable, plane: str, radius: float)
             machine.file or machine.name, "[[joint]]", found, f"axes that move in the plane {plane}"
         )
     if length is not None:
-        measured = np.array(table.numbers(length)) * _factor(table, length, "length", machine)
+        measured = _numbers(table, length, "length", machine, units)
     else:
         assert off is not None
-        measured = radius + np.array(table.numbers(off)) * _factor(table, off, "length", machine)
+        measured = radius + _numbers(table, off, "length", machine, units[2:])
     used = {id(angle), id(length), id(off)}
     columns = [
         *_commands(machine, q),
@@ -175,13 +179,20 @@ def _first(table: ForeignTable, names: Sequence[str]) -> ForeignColumn | None:
     return next((column for column in table.columns if column.name.strip().lower() in names), None)
 
 
-def _factor(table: ForeignTable, column: ForeignColumn, quantity: Quantity, machine: Machine) -> float:
-    """Return the factor from a column's unit to the machine's length, or to rad."""
+def _numbers(
+    table: ForeignTable, column: ForeignColumn, quantity: Quantity, machine: Machine, units: Sequence[str]
+) -> Array:
+    """Return a column in the machine's length, or in rad; `units` are of length and angle where it gives none."""
     place = f"column {shown(column.header)}"
-    if not column.unit:
-        raise InputFileError(table.file, place, "no unit", "its unit in brackets, such as [um] or [deg]")
+    unit = column.unit or "".join(units[quantity == "angle" :][:1])
+    if not unit:
+        expected = (
+            "its unit in brackets, such as [um], or --units mm,deg,um: of lengths, angles and deviations"
+        )
+        raise InputFileError(table.file, place, "no unit", expected)
     with in_file(table.file, place):
-        return conversion_factor(column.unit, quantity, "rad" if quantity == "angle" else machine.length_unit)
+        factor = conversion_factor(unit, quantity, "rad" if quantity == "angle" else machine.length_unit)
+    return np.array(table.numbers(column)) * factor
 
 
 def _distances(machine: Machine, q: Array) -> Array:

@@ -64,7 +64,7 @@ def measurements_of(
     machine: Machine,
     files: Sequence[str],
     stated: Mapping[str, ColumnSource],
-    units: tuple[str, str] | None = None,
+    units: tuple[str, ...] | None = None,
     ballbar: tuple[str, float] | None = None,
     *,
     attitudes: bool = False,
@@ -77,8 +77,8 @@ def measurements_of(
         Tables with the same columns; several are one a target, by their names, or one a run.
     stated : mapping of str to ColumnSource
         What is known of columns.
-    units : tuple of (str, str), optional
-        Length and angle of columns that give none.
+    units : tuple of str, optional
+        Length and angle of columns that give none, and of deviations.
     ballbar : tuple of (str, float), optional
         Plane and nominal radius of circles; see :func:`rodgen.machines.imports.deviations.of_ballbar`.
     attitudes : bool
@@ -99,10 +99,10 @@ def measurements_of(
     for table, file, stem in zip(tables, files, stems, strict=True):
         here = stated
         if ballbar:
-            table = of_ballbar(machine, table, *ballbar)
+            table = of_ballbar(machine, table, *ballbar, units or ())
         else:
             named = _named_by_joints(machine, table, stated)
-            distances = as_distances(machine, named)
+            distances = as_distances(machine, named, units or ())
             if distances is not named:
                 joints = {joint.name for joint in machine.joints}
                 table, here = distances, {n: source for n, source in stated.items() if n not in joints}
@@ -206,7 +206,7 @@ def _of_table(
     machine: Machine,
     table: ForeignTable,
     stated: Mapping[str, ColumnSource],
-    units: tuple[str, str] | None,
+    units: tuple[str, ...] | None,
     attitudes: bool,
     *,
     is_target: bool,
@@ -553,7 +553,7 @@ def _converted(
     machine: Machine,
     keep: list[int],
     wide: Mapping[str, Mapping[str, ForeignColumn]],
-    units: tuple[str, str] | None,
+    units: tuple[str, ...] | None,
 ) -> tuple[dict[str, list[Any]], list[int]]:
     """Return the columns of measurements, and of each row its number in the table; rows with a blank cell stay out."""
     table = columns.table
@@ -617,7 +617,7 @@ def _unit(
     name: str,
     column: ForeignColumn,
     source: ColumnSource,
-    units: tuple[str, str] | None,
+    units: tuple[str, ...] | None,
 ) -> tuple[str, float]:
     """Return the unit of a column of measurements, and the factor from theirs; an empty unit where there is none."""
     unit = source.unit or column.unit
