@@ -263,6 +263,16 @@ def test_one_endstop_alone_is_one_step():
     assert [(step.effect.name, step.effect.place) for step in found.steps] == [("zero_offset", "A")]
 
 
+def test_a_far_endstop_beside_a_wrong_radius_is_no_scale():
+    rows = probed(offset=[0, 3.0, 0], radius=R + 6)
+    found = diagnose(machine(kind="height", estimate=("R",)), Measurements.from_frame(rows))
+    assert [(step.effect.name, step.effect.place) for step in found.steps] == [("zero_offset", "B")]
+    assert found.fits[-1].rms == pytest.approx(0.012, rel=0.35)  # three deviations of 44 readings
+    for key, value in {"geometry.R": 6.0, "B.zero_offset.a": 3.0}.items():
+        estimate = found.estimates[key]
+        assert abs(estimate.value - value) < 4 * estimate.std
+
+
 def test_a_good_printer_has_no_errors():
     found = diagnose(printer(), Measurements.from_frame(probed(30, seed=4)))
     assert not found.steps

@@ -168,7 +168,8 @@ def _dearer(
     """Return how much dearer a set is with other effects in the place of some, as far as formulas are exact.
 
     What the effects in question explain they explain to a part `Evidence.imperfect`: a difference in chi-square that is
-    smaller says nothing.
+    smaller says nothing. What says nothing is no more than what the other effects cost by what they leave: where they
+    leave far more, that grows with its logarithm.
     """
     tried = [*rest, *new]
     more = evidence.cost(tried) - evidence.cost(chosen)
@@ -179,7 +180,8 @@ def _dearer(
     variance, whole = evidence.variance(model, chosen), evidence.explained(chosen, model)
     known = evidence.imperfect**2 * (whole - evidence.explained(rest, model)) / variance
     better = (whole - evidence.explained(tried, model)) / variance
-    return more - min(max(better, -known), known)
+    left = max(evidence.misfit(tried) - evidence.misfit(chosen), 0.0)
+    return more - min(max(better, -known), known, left)
 
 
 @dataclass(frozen=True)
