@@ -28,7 +28,7 @@ from simulated_fits import fit_to, measure
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.diagnosis import Diagnosis
 from rodgen.calibration.plan import Plan, PlanError, plan, plan_for
-from rodgen.calibration.plan.rows import as_text
+from rodgen.calibration.plan.rows import Rows, as_text, ordered
 from rodgen.calibration.problem.binding import bind
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
@@ -121,6 +121,34 @@ def test_people_read_no_more_digits_than_they_can_set():
 def test_other_side_is_asked_for_and_the_order_of_the_rows_brings_it(trials):
     found = trials["one_side"].plan(30)
     assert (approach(np.array(found.rows["C [rad]"])) < 0).all()
+
+
+@pytest.mark.parametrize("sides", [[], [0]], ids=["free", "from one side"])
+def test_no_stretch_of_a_planned_way_turned_round_makes_it_shorter(sides):
+    random = np.random.default_rng(3)
+    q, start = random.uniform(0, 1, (14, 6)), random.uniform(0, 1, 6)
+    n, whole = len(q), np.zeros(len(q))
+    some = Rows(q, np.ones((n, 6), np.int8), whole.astype(int), whole, whole.astype(int))
+    found = ordered(some, sides, np.ones(6), start)
+
+    def cost(order):
+        """Time of joints that move together, of equal speed; far more where one comes from the wrong side."""
+        way = np.concatenate([start[None], found.q[list(order)]])
+        moved = np.diff(way, axis=0)
+        return np.abs(moved).max(axis=1).sum() + 100 * np.sum(moved[:, sides] < 0)
+
+    least = cost(range(n))
+    for i in range(n):
+        for j in range(i + 1, n):
+            turned = [*range(i), *range(j, i - 1, -1), *range(j + 1, n)]
+            assert cost(turned) > least - 1e-9
+    left, at, greedy = [*range(n)], start, []
+    while left:
+        greedy.append(min(left, key=lambda k: np.abs(found.q[k] - at).max()))
+        left.remove(greedy[-1])
+        at = found.q[greedy[-1]]
+    assert least <= cost(greedy)
+    assert not sides or (np.diff([start[0], *found.q[:, 0]]) < 0).sum() <= 1  # back once at most
 
 
 def test_another_load_is_asked_for(trials):

@@ -7,10 +7,13 @@ import pytest
 from machine_cases import joint, machine_file, toml
 from simulated_fits import fit_to, measure
 
+from rodgen.calibration.fit import fit
 from rodgen.calibration.plan import Plan, load_constraints, plan
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
+from rodgen.machines.files.read import machine_of
+from rodgen.machines.templates import machine_template
 
 TABLE = machine_file(
     [
@@ -99,7 +102,45 @@ def test_altitude_and_formulas(mount, planned):
     assert (np.arcsin(places(MOUNT, found)[:, 2]) > np.radians(20)).all()
     assert (EL < 1.2).all()
     assert (np.sin(AZ) * EL < 0.5).all()
-    assert (np.array(planned(mount, wanted=["EL.axis", "AZ.axis"]).rows["EL [rad]"]) < 0.3).any()
+    low = planned(mount, 'allowed = ["altitude > 10 deg"]', wanted=["EL.axis", "AZ.axis"])
+    assert (np.array(low.rows["EL [rad]"]) < 0.3).any()
+
+
+def test_stars_are_neither_low_nor_in_the_zenith_unless_that_is_asked_for(mount, planned):
+    found = planned(mount, wanted=["EL.axis", "AZ.axis"])
+    altitude = np.degrees(np.arcsin(places(MOUNT, found)[:, 2]))
+    assert ((altitude > 19.99) & (altitude < 80.01)).all()  # the fitted mount, not the nominal one
+    assert "Stars are taken at altitudes of 20 to 80 deg" in " ".join(found.notes)
+    assert not found.sky
+
+
+def test_a_german_mount_s_stars_have_altitudes_and_both_sides_of_its_pier(planned):
+    latitude, random = np.radians(45.0), np.random.default_rng(2)
+    built = machine_of(machine_template("equatorial-german", latitude=latitude), "german.toml")
+    ha, dec = random.uniform(-60, 60, 40), random.uniform(-10, 60, 40)
+    over = np.arange(40) % 2 == 1  # the other side of the pier: through the pole
+    h, d = np.radians(np.where(over, ha + 180, ha)), np.radians(np.where(over, 180 - dec, dec))
+    ux, uy, uz = np.cos(d) * np.cos(h), -np.cos(d) * np.sin(h), np.sin(d)
+    columns = {"HA [deg]": np.degrees(h), "DEC [deg]": np.degrees(d), "ux": ux, "uy": uy, "uz": uz}
+    noise = 1e-5 * random.normal(size=(3, 40))
+    columns |= {name: columns[name] + x for name, x in zip(("ux", "uy", "uz"), noise, strict=True)}
+    found = planned(fit(built, Measurements.from_frame(columns)), wanted=["HA.axis", "target"])
+    h, d = (np.radians(found.rows[name]) for name in ("HA [deg]", "DEC [deg]"))
+    # spherical trigonometry; the fitted mount is within its noise of the nominal one
+    sine = np.sin(latitude) * np.sin(d) + np.cos(latitude) * np.cos(d) * np.cos(h)
+    assert np.array(found.sky["altitude [deg]"]) == pytest.approx(np.degrees(np.arcsin(sine)), abs=0.02)
+    assert all(20 <= x <= 80 for x in found.sky["altitude [deg]"])
+    west, north = (
+        np.cos(d) * np.sin(h),
+        np.cos(latitude) * np.sin(d) - np.sin(latitude) * np.cos(d) * np.cos(h),
+    )
+    turned = np.degrees(np.arctan2(-west, north)) - found.sky["azimuth [deg]"]
+    assert np.abs((turned + 180) % 360 - 180).max() < 0.05
+    sides = np.cos(d) > 0
+    assert 0 < sides.sum() < found.count
+    assert f"{sides.sum()} readings are on one side of the pier" in " ".join(found.notes)
+    assert "altitude [deg]  azimuth [deg]" in found.summary()
+    assert "altitude" not in found.csv()
 
 
 def test_boxes_are_kept_out_of(table, planned):

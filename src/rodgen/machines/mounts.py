@@ -44,6 +44,12 @@ class Mount:
         x, y = (sin, cos) if self is ALTAZ else (cos, -sin)
         return np.stack([x, y, np.sin(second)], axis=-1)
 
+    def horizontal(self, directions: ArrayLike, gravity: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+        """Return altitude and azimuth, from north through east to 2 pi, of unit vectors (n, 3), rad."""
+        up, east = -np.asarray(gravity, float), np.array([1.0, 0, 0] if self is ALTAZ else [0, 1.0, 0])
+        x, y, z = np.stack([east, np.cross(up, east), up]) @ np.asarray(directions).T
+        return np.arcsin(np.clip(z, -1, 1)), np.arctan2(x, y) % (2 * math.pi)
+
 
 BORESIGHT = "boresight"
 """What the target of a mount is called: that with which its telescope points."""

@@ -35,6 +35,7 @@ from rodgen.machines.files.toml import (
     parse,
     read_text,
 )
+from rodgen.machines.mounts import mount_of
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
@@ -65,6 +66,14 @@ class Region:
         with np.errstate(all="ignore"):
             value = self.formula.evaluate({**names, "pi": math.pi}, _NUMPY, float)
             return np.asarray(value > self.bound if self.above else value < self.bound)
+
+
+_ALTITUDE = Formula.parse("altitude", file="", place="")
+WELL_SEEN = (
+    Region("altitude > 20 deg", _ALTITUDE, True, math.radians(20)),
+    Region("altitude < 80 deg", _ALTITUDE, False, math.radians(80)),
+)
+"""Stars lower down shimmer in the air, and a mount follows higher ones badly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +124,13 @@ class Constraints:
         found = bind(bare, poses, allow_missing_readings=True)
         found.demand_rows()
         return replace(self, poses=found)
+
+    def of_stars(self, machine: Machine) -> Constraints:
+        """Return the same with the altitudes at which a mount sees stars well, unless some are stated."""
+        stated = any("altitude" in region.formula.names for region in self.regions)
+        if stated or mount_of(machine) is None or self.poses is not None or self.places is not None:
+            return self
+        return replace(self, regions=(*self.regions, *WELL_SEEN))
 
     def travel(self, machine: Machine, travel: Array) -> Array:
         """Return the travel within the limits, (J, 2).

@@ -184,6 +184,8 @@ class Design:
         Stone 1969).
     taken : ndarray, shape (N, d), optional
         Where the data were read; needed with `places`.
+    sides : ndarray of bool, shape (n,), optional
+        On which of two sides each is; as many are chosen on either where both have enough.
     """
 
     def __init__(
@@ -193,8 +195,9 @@ class Design:
         directions: Array | None = None,
         places: Array | None = None,
         taken: Array | None = None,
+        sides: Mask | None = None,
     ) -> None:
-        self.pairs, self.models = pairs, models
+        self.pairs, self.models, self.sides = pairs, models, sides
         self.places, self.taken = places, taken
         self.n = len(models[0].residual)
         self.j = {k: models[k].derivative for k in ({p.wrong for p in pairs} or {0})}
@@ -239,8 +242,14 @@ class Design:
             value[picked] = -np.inf  # the same reading once more would share what was wrong with it
         return np.asarray(value)
 
-    def _best(self, values: Array, picked: list[int]) -> int:
-        """Return the reading of the highest value, of equal ones the farthest from those picked and from the data."""
+    def _best(self, values: Array, picked: list[int], n: int) -> int:
+        """Return the reading of the highest value, of equal ones the farthest from those picked and from the data.
+
+        None of a side that has its half of n already.
+        """
+        if self.sides is not None and 2 * np.bincount(self.sides, minlength=2).min() >= n:
+            full = 2 * np.bincount(self.sides[picked], minlength=2) >= n + n % 2
+            values = np.where(full[self.sides.astype(int)], -np.inf, values)
         if self.places is None or self.taken is None:
             return int(np.argmax(values))
         equal = np.flatnonzero(values > np.max(values) - EQUAL)
@@ -252,14 +261,14 @@ class Design:
         """Return the numbers of n readings; each is exchanged so many times at most."""
         picked: list[int] = []
         for left in range(n - 1, -1, -1):
-            picked.append(self._best(self._values(picked, left / self.n), picked))
+            picked.append(self._best(self._values(picked, left / self.n), picked, n))
         best = -np.inf
         for _ in range(sweeps):
             before = best
             for i in range(n):
                 others = picked[:i] + picked[i + 1 :]
                 values = self._values(others, 0.0)
-                picked[i] = self._best(values, others)
+                picked[i] = self._best(values, others, n)
                 best = float(values[picked[i]])
             if not best > before + 1e-3 * abs(before):
                 break

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from textwrap import TextWrapper
 from typing import Any
 
@@ -12,14 +12,16 @@ import numpy as np
 
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.open_questions import HasOpenQuestions, OpenQuestions
-from rodgen.calibration.plan.constraints import Constraints
+from rodgen.calibration.plan.constraints import WELL_SEEN, Constraints
 from rodgen.calibration.plan.goals import MOST_READINGS, Gain, Goal, PlanError
-from rodgen.calibration.plan.rows import as_csv, as_text, table
+from rodgen.calibration.plan.pool import Pool
+from rodgen.calibration.plan.rows import Rows, as_csv, as_text, table
 from rodgen.calibration.plan.separation import Separation
 from rodgen.calibration.plan.sharpening import Sharpening
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.errors import joined, shown
 from rodgen.machines.machine import Effect
+from rodgen.machines.mounts import mount_of
 from rodgen.views import Result
 
 __all__ = ["Plan", "PlanError", "plan", "plan_for"]
@@ -42,14 +44,17 @@ class Plan(Result):
         What limits the plan, and what else is to be known.
     needed : int or None
         How many readings would settle what these do not; None where these do, or no number would.
+    sky : mapping of str to list
+        Altitudes and azimuths of the stars, deg, of a mount whose rows say hour angle and declination; else empty.
     """
 
     rows: Mapping[str, list[Any]]
     goals: tuple[Goal, ...]
     notes: tuple[str, ...]
     needed: int | None
+    sky: Mapping[str, list[Any]] = field(default_factory=dict)
 
-    _keys = "readings=count needed resolvable reached rows goals notes"
+    _keys = "readings=count needed resolvable reached rows sky goals notes"
 
     @property
     def count(self) -> int:
@@ -104,7 +109,7 @@ class Plan(Result):
             return
         if self.count:
             yield f"What to measure: {self.count} reading{'s' * (self.count != 1)}"
-            yield from (f"    {line}" for line in as_text(self.rows))
+            yield from (f"    {line}" for line in as_text({**self.rows, **self.sky}))
             yield "What it settles"
         else:
             sharpens = all(goal.kind == "sharpen" and goal.gains for goal in self.goals)
@@ -237,8 +242,9 @@ def plan_for(
         else:
             found = Sharpening(fit, o, texts, constraints, most, asked)
         rows = {} if found.rows is None else table(fit.machine, found.pool.surroundings, found.rows)
+        sky = {} if found.rows is None else found.pool.sky(found.rows)
     notes = [*found.notes, *_notes(found)] if found.goals else found.notes
-    return Plan(rows, tuple(found.goals), tuple(notes), found.needed)
+    return Plan(rows, tuple(found.goals), tuple(notes), found.needed, sky)
 
 
 def _notes(found: Separation | Sharpening) -> Iterator[str]:
@@ -263,6 +269,7 @@ def _notes(found: Separation | Sharpening) -> Iterator[str]:
     if "run" in pool.o.columns_given:
         run = pool.o.run_names[pool.o.run[-1]]
         yield f"The rows continue run {run}, in its set-up; after a new set-up give them a run of their own."
+    yield from _on_stars(pool, found.rows)
     if far := pool.out_of_reach:
         balls = f"ball{'s' * (len(far) > 1)} {joined(map(str, far))}"
         yield f"Out of reach within the travel and the limits: {balls} of the artefact."
@@ -270,3 +277,16 @@ def _notes(found: Separation | Sharpening) -> Iterator[str]:
         yield "The target keeps out of the boxes in the planned readings, not on the ways between them."
     if isinstance(found, Separation):
         yield from found.not_enough()
+
+
+def _on_stars(pool: Pool, rows: Rows) -> Iterator[str]:
+    """Yield where a mount's stars are to be, and how many on each side of its pier."""
+    if pool.constraints.regions[-2:] == WELL_SEEN:
+        yield (
+            "Stars are taken at altitudes of 20 to 80 deg, within the travel of the file; --constraints states others, "
+            'such as allowed = ["altitude > 10 deg"].'
+        )
+    if mount_of(pool.machine) is not None and (over := int(np.sum(np.cos(rows.q[:, 1]) < 0))):
+        first, second = (f"{n} reading{'s' * (n != 1)}" for n in (rows.n - over, over))
+        name = pool.machine.joints[1].name
+        yield f"{first} are on one side of the pier, and {second}, {name} beyond 90 deg, on the other."

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.array_types import Array
+from rodgen.array_types import Array, Mask
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.plan.constraints import Constraints
 from rodgen.calibration.plan.rows import Rows, Surroundings, ordered
@@ -22,6 +22,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import attainable
 from rodgen.errors import InputFileError, joined
 from rodgen.machines.machine import Effect
+from rodgen.machines.mounts import ALTAZ, mount_of
 from rodgen.machines.observations import Observations
 from rodgen.statistics.decompositions import svd
 
@@ -112,12 +113,19 @@ class Pool:
     def __init__(
         self, fit: Fit, o: Observations, effects: Sequence[Effect], constraints: Constraints
     ) -> None:
-        self.fit, self.o, self.machine, self.constraints = fit, o, fit.machine, constraints
+        self.fit, self.o, self.machine = fit, o, fit.machine
+        self.constraints = constraints.of_stars(self.machine)
         self.travel = constraints.travel(self.machine, fit.problem.model.travel)
         self.surroundings = Surroundings(o)
         self.out_of_reach: list[int] = []
         self._vary(effects)
-        self.rows = self._readings()
+        try:
+            self.rows = self._readings()
+        except InputFileError:
+            if self.constraints is constraints:
+                raise
+            self.constraints = constraints  # a mount that sees no star where stars are seen well
+            self.rows = self._readings()
 
     def _vary(self, effects: Sequence[Effect]) -> None:
         """Find what is varied beside positions: sides, loads, and the surroundings of some rows of the data."""
@@ -244,6 +252,21 @@ class Pool:
         predicted, room = self._predicted(pool), 0.5 * (high - low)
         inside = np.all((predicted > low - room) & (predicted < high + room), axis=1)
         return pool.take(inside) if inside.sum() > 1 else pool
+
+    @property
+    def over(self) -> Mask | None:
+        """Which readings are on the other side of a mount's pier; None of other machines, and where none is."""
+        over = np.cos(self.rows.q[:, 1]) < 0 if mount_of(self.machine) is not None else np.zeros(1, bool)
+        return over if over.any() and self.constraints.poses is None else None
+
+    def sky(self, rows: Rows) -> dict[str, list[float]]:
+        """Return altitude and azimuth of the stars of a mount that does not count by them; empty of others."""
+        mount = mount_of(self.machine)
+        if mount is None or mount is ALTAZ:
+            return {}
+        found = mount.horizontal(self._places(rows), self.machine.gravity)
+        names = ("altitude [deg]", "azimuth [deg]")
+        return {name: np.degrees(x).round(2).tolist() for name, x in zip(names, found, strict=True)}
 
     def _places(self, pool: Rows) -> Array:
         """Return where the target is, or the direction, in machine axes, (n, 3)."""

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 WRONG = 100.0
 """What a wrong direction of approach counts, in ways through the whole travel."""
+SHORTER = 1e-9
+"""Part of the whole travel that is rounding."""
 DIGITS = 9
 TO_BE_SET, TO_BE_MET = 4, 2
 """Digits of the range of a column that people read, as of positions, and of temperatures, which can hardly be set."""
@@ -147,25 +149,42 @@ def ordered(rows: Rows, sides: Sequence[int], span: Array, start: Array) -> Rows
 
 
 def _poses(q: Array, s: NDArray[np.int8], sides: Sequence[int], start: Array) -> Ints:
-    """Return the order of poses: to the nearest each time, or up and down the joint whose side counts most."""
-    left, nearest, at = list(range(len(q))), [], start
-    while left:
-        k = min(left, key=lambda i: float(np.abs(q[i] - at).max()))
-        left.remove(k)
-        nearest.append(k)
-        at = q[k]
+    """Return the order of poses: to the nearest each time, or up and down a joint whose side counts; then shortened.
+
+    Joints move together: a way takes as long as its longest part.
+    """
+    at = np.concatenate([start[None], q])
+    moved = np.sign(at[:, sides] - at[:, None, sides])
+    wrong = (moved != 0) & (moved != np.concatenate([s[:1], s])[:, sides])
+    costs = np.abs(at - at[:, None]).max(axis=2, initial=0.0) + WRONG * wrong.sum(axis=2)
+    free, nearest = np.where(np.arange(len(at)), 0.0, np.inf), [0]
+    while len(nearest) < len(at):
+        nearest.append(int(np.argmin(costs[nearest[-1]] + free)))
+        free[nearest[-1]] = np.inf
     orders = [np.array(nearest)]
     for j in sides:
         for first in (1, -1):
-            orders.append(np.lexsort((s[:, j] * q[:, j], s[:, j] != first)))
+            orders.append(np.append(0, 1 + np.lexsort((s[:, j] * q[:, j], s[:, j] != first))))
+    return _shortened(min(orders, key=lambda order: costs[order[:-1], order[1:]].sum()), costs)[1:] - 1
 
-    def cost(order: Ints) -> float:
-        way = np.concatenate([start[None], q[order]])
-        made = np.stack([approach(way[:, j])[1:] for j in sides], axis=1) if len(sides) else np.zeros((1, 0))
-        wrong = (made != 0) & (made != s[order][:, sides])
-        return float(np.abs(np.diff(way, axis=0)).max(axis=1).sum() + WRONG * np.sum(wrong))
 
-    return min(orders, key=cost)
+def _shortened(order: Ints, costs: Array) -> Ints:
+    """Return a way in which to turn no stretch round is cheaper (2-opt: Croes 1958); its first place stays."""
+    open_end = np.pad(costs, ((0, 1), (0, 1)))
+    i, j = np.triu_indices(len(order) - 1, 1)
+    while len(i):
+        way = np.append(order, len(order))
+        forth = np.append(0.0, np.cumsum(open_end[way[:-1], way[1:]]))
+        back = np.append(0.0, np.cumsum(open_end[way[1:], way[:-1]]))
+        before, first, last, after = way[i], way[i + 1], way[j + 1], way[j + 2]
+        turned = open_end[before, last] + back[j + 1] - back[i + 1] + open_end[first, after]
+        gain = forth[j + 2] - forth[i] - turned
+        best = int(np.argmax(gain))
+        if gain[best] < SHORTER:
+            break
+        stretch = slice(i[best] + 1, j[best] + 2)
+        order = np.concatenate([order[: stretch.start], order[stretch][::-1], order[stretch.stop :]])
+    return order
 
 
 # the table -------------------------------------------------------------------------------------------------------

@@ -186,7 +186,7 @@ class Separation:
 
     def _fewest(self, n: int) -> Rows:
         """Return the fewest readings that are enough, or n."""
-        design = Design(self.models, self.pairs)
+        design = Design(self.models, self.pairs, sides=self.pool.over)
         tried: dict[int, Rows] = {}
 
         def enough(size: int) -> bool:

@@ -102,7 +102,8 @@ class Sharpening:
                 self.pool.places_of(self.pool.rows.q, self.pool.rows.s),
                 self.pool.places_of(o.q, o.s),
             )
-            picked = Design([model], [], directions, places, taken).chosen(min(n, self.pool.rows.n))
+            design = Design([model], [], directions, places, taken, self.pool.over)
+            picked = design.chosen(min(n, self.pool.rows.n))
             self.rows = self.pool.ordered(picked)
             (then,) = linearized([self.fit], self.pool.surroundings.observations(self.rows), 1.0, [model])
             after = self.fit.estimates_with(then.jacobian.reshape(-1, len(free)))

@@ -496,11 +496,12 @@ def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
 
 
 def _plan(plan: Plan) -> Content:
-    rows = [[_cell(value) for value in row] for row in zip(*plan.rows.values(), strict=True)]
+    columns = {**plan.rows, **plan.sky}
+    rows = [[_cell(value) for value in row] for row in zip(*columns.values(), strict=True)]
     return {
         "notes": [plain(note, LONG * 2) for note in plan.notes],
         "goals": [_goal(goal) for goal in plan.goals],
-        "columns": [plain(name) for name in plan.rows],
+        "columns": [plain(name) for name in columns],
         "rows": rows,
         "csv": plan.csv() if rows else "",
     }
