@@ -14,14 +14,13 @@ from rodgen.calibration.fitted import Fit
 from rodgen.calibration.open_questions import HasOpenQuestions, OpenQuestions
 from rodgen.calibration.plan.constraints import WELL_SEEN, Constraints
 from rodgen.calibration.plan.goals import MOST_READINGS, Gain, Goal, PlanError
-from rodgen.calibration.plan.pool import Pool
-from rodgen.calibration.plan.rows import Rows, as_csv, as_text, table
+from rodgen.calibration.plan.pool import Planned
+from rodgen.calibration.plan.rows import as_csv, as_text, table
 from rodgen.calibration.plan.separation import Separation
 from rodgen.calibration.plan.sharpening import Sharpening
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.errors import joined, shown
 from rodgen.machines.machine import Effect
-from rodgen.machines.mounts import mount_of
 from rodgen.views import Result
 
 __all__ = ["Plan", "PlanError", "plan", "plan_for"]
@@ -235,7 +234,7 @@ def plan_for(
     constraints = constraints or Constraints()
     most = min(int(n), constraints.session or int(n))
     o = fit.observations.take(~fit.outliers) if fit.outliers.any() else fit.observations
-    found: Separation | Sharpening
+    found: Planned
     with one_thread_in_blas():
         if alternatives:
             found = Separation(fit, o, alternatives, constraints, most, trusted)
@@ -247,7 +246,7 @@ def plan_for(
     return Plan(rows, tuple(found.goals), tuple(notes), found.needed, sky)
 
 
-def _notes(found: Separation | Sharpening) -> Iterator[str]:
+def _notes(found: Planned) -> Iterator[str]:
     """Yield sentences on what limits a plan: the travel, the run, the constraints, and the number of readings."""
     pool = found.pool
     if pool.without_travel and not all(goal.reached for goal in found.goals):
@@ -269,7 +268,11 @@ def _notes(found: Separation | Sharpening) -> Iterator[str]:
     if "run" in pool.o.columns_given:
         run = pool.o.run_names[pool.o.run[-1]]
         yield f"The rows continue run {run}, in its set-up; after a new set-up give them a run of their own."
-    yield from _on_stars(pool, found.rows)
+    if pool.constraints.regions[-2:] == WELL_SEEN:
+        yield (
+            "Stars are taken at altitudes of 20 to 80 deg, within the travel of the file; --constraints states others, "
+            'such as allowed = ["altitude > 10 deg"].'
+        )
     if far := pool.out_of_reach:
         balls = f"ball{'s' * (len(far) > 1)} {joined(map(str, far))}"
         yield f"Out of reach within the travel and the limits: {balls} of the artefact."
@@ -277,16 +280,3 @@ def _notes(found: Separation | Sharpening) -> Iterator[str]:
         yield "The target keeps out of the boxes in the planned readings, not on the ways between them."
     if isinstance(found, Separation):
         yield from found.not_enough()
-
-
-def _on_stars(pool: Pool, rows: Rows) -> Iterator[str]:
-    """Yield where a mount's stars are to be, and how many on each side of its pier."""
-    if pool.constraints.regions[-2:] == WELL_SEEN:
-        yield (
-            "Stars are taken at altitudes of 20 to 80 deg, within the travel of the file; --constraints states others, "
-            'such as allowed = ["altitude > 10 deg"].'
-        )
-    if mount_of(pool.machine) is not None and (over := int(np.sum(np.cos(rows.q[:, 1]) < 0))):
-        first, second = (f"{n} reading{'s' * (n != 1)}" for n in (rows.n - over, over))
-        name = pool.machine.joints[1].name
-        yield f"{first} are on one side of the pier, and {second}, {name} beyond 90 deg, on the other."

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array, Mask
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.plan.constraints import Constraints
+from rodgen.calibration.plan.goals import Goal
 from rodgen.calibration.plan.rows import Rows, Surroundings, ordered
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import attainable
@@ -119,13 +120,7 @@ class Pool:
         self.surroundings = Surroundings(o)
         self.out_of_reach: list[int] = []
         self._vary(effects)
-        try:
-            self.rows = self._readings()
-        except InputFileError:
-            if self.constraints is constraints:
-                raise
-            self.constraints = constraints  # a mount that sees no star where stars are seen well
-            self.rows = self._readings()
+        self.rows = self._readings()
 
     def _vary(self, effects: Sequence[Effect]) -> None:
         """Find what is varied beside positions: sides, loads, and the surroundings of some rows of the data."""
@@ -340,3 +335,24 @@ class Pool:
         return replace(
             rows.as_moved(start), s=np.where(stated, rows.s, rows.as_moved(start).s).astype(np.int8)
         )
+
+
+class Planned:
+    """What a plan is made of.
+
+    Attributes
+    ----------
+    pool : Pool
+    rows : Rows or None
+        In the order in which the readings are to be taken; None where none would tell more.
+    goals : list of Goal
+    notes : list of str
+    needed : int or None
+        How many readings would be enough, where these are not.
+    """
+
+    pool: Pool
+    rows: Rows | None = None
+    goals: list[Goal]
+    notes: list[str]
+    needed: int | None = None

@@ -19,7 +19,7 @@ from rodgen.calibration.fitted import Fit
 from rodgen.calibration.plan.constraints import Constraints
 from rodgen.calibration.plan.design import Design, Linearized, Pair, linearized
 from rodgen.calibration.plan.goals import MOST_READINGS, Gain, Goal
-from rodgen.calibration.plan.pool import Pool
+from rodgen.calibration.plan.pool import Planned, Pool
 from rodgen.calibration.plan.rows import Rows
 from rodgen.errors import InputFileError, joined
 from rodgen.machines.machine import Effect
@@ -51,7 +51,7 @@ class Rival:
     """Number of its free parameters that belong to the effect."""
 
 
-class Separation:
+class Separation(Planned):
     """A plan of readings that tell effects apart.
 
     Parameters
@@ -68,17 +68,6 @@ class Separation:
     trusted : bool
         Whether a diagnosis, which knows how readings depend on each other, says that the alternatives cannot be told
         apart: where they differ by more in independent readings, the readings are not independent.
-
-    Attributes
-    ----------
-    pool : Pool
-    rows : Rows or None
-        In the order in which the readings are to be taken; None where none would tell anything apart.
-    goals : list of Goal
-        One for each of the alternatives.
-    notes : list of str
-    needed : int or None
-        How many readings would be enough, where these are not.
     """
 
     def __init__(
@@ -91,8 +80,6 @@ class Separation:
         trusted: bool,
     ) -> None:
         self.o, self.notes = o, list[str]()
-        self.rows: Rows | None = None
-        self.needed: int | None = None
         self.rivals: list[Rival] = []
         groups = [self._fitted(fit, each, alternatives) for each in alternatives]
         effects = [e for each in alternatives for e in each]

@@ -11,8 +11,7 @@ from rodgen.calibration.fitted import Estimate, Fit
 from rodgen.calibration.plan.constraints import Constraints
 from rodgen.calibration.plan.design import Design, linearized
 from rodgen.calibration.plan.goals import Gain, Goal, PlanError
-from rodgen.calibration.plan.pool import Pool
-from rodgen.calibration.plan.rows import Rows
+from rodgen.calibration.plan.pool import Planned, Pool
 from rodgen.errors import RodgenError, joined, listed, shown
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.observations import Observations
@@ -24,7 +23,7 @@ KEYS = 6
 """Keys of parameters that a sentence names; the others are counted."""
 
 
-class Sharpening:
+class Sharpening(Planned):
     """A plan of readings that determine parameters, or lower their standard deviations.
 
     Parameters
@@ -40,23 +39,11 @@ class Sharpening:
     asked : bool
         Whether a user asked for these parameters. Otherwise no readings are planned that sharpen none of them.
 
-    Attributes
-    ----------
-    pool : Pool
-    rows : Rows or None
-        In the order in which the readings are to be taken; None where none would tell more.
-    goals : list of Goal
-        One.
-    notes : list of str
-    needed : None
-
     Raises
     ------
     PlanError
         When a wanted key is unknown.
     """
-
-    needed = None
 
     def __init__(
         self, fit: Fit, o: Observations, wanted: Sequence[str], constraints: Constraints, n: int, asked: bool
@@ -82,8 +69,7 @@ class Sharpening:
         effects = [e for e in machine.effects if any(map(e.owns, self.keys))]
         self.pool = Pool(self.fit, o, effects, constraints)
         self.notes = [] if fit.dependence.independent else [fit.dependence.text]
-        self.rows: Rows | None = None
-        self.goals: list[Goal] = []
+        self.goals = []
         if not free:
             self.notes = ["Nothing is estimated that measurements could sharpen."]
             return
