@@ -91,10 +91,10 @@ def candidates(
             waves.append(effect)
         else:
             found += [replace(with_searched(sensitivities, effect, x), tries=tries) for x in values]
-    if waves:
-        found += promising_waves(sensitivities, waves, found)
-    order = {effect.identity: i for i, effect in enumerate(effects)}
     found = [replace(candidate, prior=priors[candidate.key]) for candidate in found]
+    if waves:
+        found += [replace(c, prior=priors[c.key]) for c in promising_waves(sensitivities, waves, found)]
+    order = {effect.identity: i for i, effect in enumerate(effects)}
     return sorted(found, key=lambda c: order[c.key])
 
 
@@ -189,10 +189,10 @@ def with_searched(sensitivities: Sensitivities, effect: Effect, searched: Mappin
 def promising_waves(
     sensitivities: Sensitivities, effects: Sequence[Effect], others: Sequence[Candidate]
 ) -> Iterator[Candidate]:
-    """Yield waves of the periods that take away most of the residuals, given the model, and given all others, too.
+    """Yield waves of the periods that take away most of the residuals, given the model, and given others, too.
 
-    A wave that is hidden by another effect shows once that one is projected out; one that another effect could
-    imitate shows given the model alone.
+    A wave that is hidden by another effect shows once that one is projected out: all others, or those that nearly every
+    machine has, such as wrong dimensions; one that another effect could imitate shows given the model alone.
     """
     n, _m = sensitivities.residual.shape
     some = np.unique(np.linspace(0, n - 1, min(n, WAVE_ROWS)).astype(int)) if n > WAVE_ROWS else np.arange(n)
@@ -200,9 +200,10 @@ def promising_waves(
     model = sensitivities.model[some].reshape(len(residual), -1)
     bases = [orthonormal_basis(model)]
     once = {c.key: c for c in others}.values()
-    whole = np.concatenate([model, *(c.columns[some].reshape(len(residual), -1) for c in once)], axis=1)
-    if whole.shape[1] < len(residual) // 2:
-        bases.append(orthonormal_basis(whole))
+    for given in ([c for c in once if c.prior.log_odds >= 0], once):
+        whole = np.concatenate([model, *(c.columns[some].reshape(len(residual), -1) for c in given)], axis=1)
+        if given and whole.shape[1] < len(residual) // 2:
+            bases.append(orthonormal_basis(whole))
     lefts = [project_out(base, residual) for base in bases]
     for effect in effects:
         tried = list(_tried(sensitivities, effect))
