@@ -65,9 +65,8 @@ def drivers_of(o: Observations) -> list[Driver]:
         if word(driver, driver.joint, o.machine) and driver.levels > 1 and np.isfinite(driver.span)
     ]
     joints = sorted((driver for driver in every if driver.kind == "joint"), key=lambda d: d.span)
-    still = {
-        driver.revolute: STANDS_STILL * driver.span for driver in joints
-    }  # by the widest, which is the last
+    # by the widest, which is the last
+    still = {driver.revolute: STANDS_STILL * driver.span for driver in joints}
     return [d for d in every if d.kind != "joint" or d.span > still[d.revolute]]
 
 
@@ -416,9 +415,8 @@ def effect_of(
         texts.append(factor.texts(str(word(driver, place, machine)), numbers))
         dimensions.append([driver.dimension**p for p in factor.powers])
     wanted = component_dimension(component, machine.kind_of(place), machine.measurand)
-    columns = [
-        drivers[factor.driver].unit for factor in term.factors if drivers[factor.driver].kind == "column"
-    ]
+    own = [drivers[factor.driver] for factor in term.factors]
+    columns = [driver.unit for driver in own if driver.kind == "column"]
     coefficients: dict[str, str] = {}
     parts = list[str]()
     for several, of in zip(itertools.product(*texts), itertools.product(*dimensions), strict=True):
