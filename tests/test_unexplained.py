@@ -355,6 +355,25 @@ def test_a_chosen_period_is_sharpened() -> None:
     assert best.searched["P"] == pytest.approx(47.3, rel=1e-4)
 
 
+@pytest.mark.thorough
+def test_two_waves_of_one_screw_are_effects_of_its_drive_and_no_forms() -> None:
+    random = np.random.default_rng(5)
+    columns = commands(GANTRY, random)
+    waves = [
+        0.2 * np.sin(2 * np.pi * columns["X [mm]"] / 47.3),
+        0.1 * np.cos(2 * np.pi * columns["X [mm]"] / 31.7),
+    ]
+    base = fitted(
+        machine_of(GANTRY), measured(GANTRY, columns, {"X.reading": lambda c: sum(waves)}, 0.004, random)
+    )
+    chosen = selected(base)
+    assert {c.key for c in chosen} == {("periodic_drive_error", "X"), ("periodic_drive_error_2", "X")}
+    assert [c.driver for c in chosen] == ["", ""]
+    periods = sorted(p for c in chosen for p in (*c.searched.values(), *c.effect.hold.values()))
+    # a full fit refines them: within a twentieth of a wave over the 17 that the slide has
+    assert periods == pytest.approx([31.7, 47.3], rel=0.05 / 17)
+
+
 # the block -------------------------------------------------------------------------------------------------------
 
 

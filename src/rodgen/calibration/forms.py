@@ -20,12 +20,13 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from rodgen.array_types import Array, Ints, Mask
-from rodgen.calibration.candidates import Candidate, with_searched
+from rodgen.calibration.candidates import FEWEST_WAVES, Candidate, with_searched
 from rodgen.calibration.evidence import Columns, Evidence
 from rodgen.calibration.form_terms import Term, drivers_of, effect_of, terms, word
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.sensitivities import Place, is_direct
 from rodgen.machines.drivers import Driver
+from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
 from rodgen.machines.plausibility import Plausibility
@@ -48,6 +49,7 @@ GROSS, FEW_POSES = 0.01, 6
 """How often a pose is wrong for a reason of its own, and how many of them may be there in place of a form."""
 MOST = 10
 """Forms that are proposed."""
+DRIVE_ERROR = "periodic_drive_error"
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
 FEW_ROWS = 200
 """Rows that tell, at least, how much of every term is beyond what is known: it is a property of the poses, whatever the
@@ -85,7 +87,7 @@ def propose(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
     """Return the most promising forms outside the catalogue, ten at most, given chosen candidates.
 
     Each would lower the cost of the chosen set, of that without one effect, or of none: what effects hide shows once
-    they are taken out, and what they imitate shows without them.
+    they are taken out, and what they imitate shows without them. Beside a wave of a joint, its drive's.
     """
     search = _Search.of(evidence)
     if search is None:
@@ -93,10 +95,15 @@ def propose(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
     every = (*evidence.candidates, *evidence.unseen)
     known = [c for c in every if c.effect.definition.own or c.key in evidence.refused]
     with one_thread_in_blas():
+        views = search.views(chosen)
+        drives = [c for given, scored in views for c in search.drives(given, scored)]
         # the best of each view, then the second of each
-        views = [search.forms(given, pieces, known) for given, pieces in search.views(chosen)]
-        turns = itertools.chain.from_iterable(itertools.zip_longest(*views))
-        return list(itertools.islice(filter(None, turns), MOST))
+        of_views = [search.forms(given, scored, known) for given, scored in views]
+        turns = itertools.chain.from_iterable(itertools.zip_longest(*of_views))
+        forms = list(itertools.islice(filter(None, turns), MOST))
+        # of those that are alike, one
+        alike = {(*c.key, *(f"{value:.4g}" for value in _searched(c).values())): c for c in drives}
+        return [*forms, *sharpened(evidence, chosen), *alike.values()]
 
 
 def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
@@ -104,25 +111,55 @@ def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate
 
     At a period of the grid a wave leaves a part of itself, which a form of just the right period would take away.
     """
-    found, sensitivities = list[Candidate](), evidence.sensitivities
+    found = list[Candidate]()
     for c in chosen:
         if len(c.searched) != 1 or c.effect.definition.own or is_direct(c.effect):
             continue
         given = _Given.of(evidence, [other for other in chosen if other is not c])
-        ((name, value),) = c.searched.items()
-        reach = math.log(2)
-        if c.effect.definition.searched[name] is StartSearch.PERIOD:  # half a wave more or less
-            j = sensitivities.fit.machine.number_of(str(c.effect.place))
-            reach = min(reach, value / 2 / float(np.ptp(sensitivities.observations.q[:, j])))
-        for k in range(ROUNDS):
-            values = value * np.exp(reach * np.linspace(-1, 1, 9) / 4**k)
-            near = [with_searched(sensitivities, c.effect, {name: float(one)}).columns for one in values]
-            best = int(np.argmax(given.falls(near)))
-            value, columns = float(values[best]), near[best]
-        before, after = given.falls([c.columns, columns])
+        finer = _sharper(given, c)
+        before, after = given.falls([c.columns, finer.columns])
         if after - before > LOST * (given.left - after) / given.dof:
-            found.append(replace(c, searched={name: value}, columns=columns))
+            found.append(finer)
     return found
+
+
+def _searched(c: Candidate) -> dict[str, float]:
+    """Return the searched values of an effect, also those that it holds."""
+    return {**c.effect.hold, **c.searched}
+
+
+def _sharper(given: _Given, c: Candidate) -> Candidate:
+    """Return an effect with its searched value where it explains most of what a set leaves."""
+    sensitivities, ((name, value),) = given.evidence.sensitivities, c.searched.items()
+    reach, columns = math.log(2), c.columns
+    if c.effect.definition.searched[name] is StartSearch.PERIOD:  # half a wave more or less
+        j = sensitivities.fit.machine.number_of(str(c.effect.place))
+        reach = min(reach, value / 2 / float(np.ptp(sensitivities.observations.q[:, j])))
+    for k in range(ROUNDS):
+        values = value * np.exp(reach * np.linspace(-1, 1, 9) / 4**k)
+        near = [with_searched(sensitivities, c.effect, {name: float(one)}).columns for one in values]
+        best = int(np.argmax(given.falls(near)))
+        value, columns = float(values[best]), near[best]
+    return replace(c, searched={name: value}, columns=columns)
+
+
+def _further_wave(evidence: Evidence, c: Candidate, there: Sequence[Candidate]) -> Candidate:
+    """Return a wave of a drive that has others already, as an effect that a user could have written."""
+    machine, definition, place = evidence.base.machine, c.effect.definition, str(c.effect.place)
+    taken = {one.effect.name for one in there} | {e.name for e in machine.effects}
+    own = own_effect(
+        next(name for k in itertools.count(2) if (name := f"{DRIVE_ERROR}_{k}") not in taken),
+        definition.component,
+        definition.formula.text,
+        c.effect.units(machine),
+        f"The same drive has a further wave. {definition.meaning}",
+        at=machine.kind_of(place),
+        file=machine.file or machine.name,
+        place=f"wave at {place}",
+    )
+    effect = Effect(own, place, {key: float(f"{value:.12g}") for key, value in c.searched.items()})
+    names, tries = tuple(map(effect.key, c.short_names)), c.tries * math.sqrt(evidence.dof)
+    return replace(c, effect=effect, names=names, searched={}, tries=tries)
 
 
 @dataclass(frozen=True)
@@ -161,9 +198,8 @@ class _Search:
         if chosen and any(scored and scored[-1][0] < price for _, scored in views):
             views += self._searched([])
         pieces = [piece for _, scored in views for cost, piece in scored if cost < price]
-        parts = (
-            [*(tuple(c for c in chosen if c is not one) for one in chosen), ()] if pieces and chosen else []
-        )
+        fewer = [tuple(c for c in chosen if c is not one) for one in chosen]
+        parts = [*fewer, ()] if pieces and chosen else []
         given = [_Given.of(self.evidence, part) for part in dict.fromkeys(parts)]
         return [*views, *((one, self._exact(one, pieces)) for one in given)]
 
@@ -190,6 +226,30 @@ class _Search:
                 continue
             found.append(self._candidate(refined, columns, [c.effect for c in found]))
             yield found[-1]
+
+    def drives(self, given: _Given, scored: Sequence[Scored]) -> Iterator[Candidate]:
+        """Yield the wave of a joint's drive beside the best form that is a wave of that joint: it is plain physics.
+
+        One more wave of a drive that has another already is an effect of its own.
+        """
+        evidence, known = self.evidence, {c.key: c for c in self.evidence.candidates}
+        words = evidence.base.machine.quantities.keys() | evidence.base.observations.data.columns.keys()
+        terms = [piece.term for cost, piece in scored if cost < 0]
+        waves = [term.factors[0] for term in terms if self._reading_wave(term) is not None]
+        of_drivers = {wave.driver: wave.values[0] for wave in reversed(waves) if wave.kind == "wave"}
+        for number, frequency in of_drivers.items():
+            driver = self.drivers[number]
+            c = known.get((DRIVE_ERROR, driver.joint))
+            if c is None or c.key in evidence.refused or words & c.effect.definition.parameters.keys():
+                continue
+            every = [one for one in given.chosen if one.effect.place == driver.joint]
+            there = [one for one in every if one.effect.name.startswith(DRIVE_ERROR)]
+            periods = [p for one in there for p in _searched(one).values()]
+            c = _sharper(given, replace(c, searched=dict.fromkeys(c.searched, 2 * math.pi / frequency)))
+            count = driver.span / next(iter(c.searched.values()))
+            # half a wave away is what a coarse period leaves
+            if count >= FEWEST_WAVES and all(abs(driver.span / p - count) > 0.5 for p in periods):
+                yield c if c.key not in {one.key for one in there} else _further_wave(evidence, c, there)
 
     def _is_variant(self, given: _Given, piece: Piece, others: Sequence[Array]) -> bool:
         """Return whether a piece explains what one of other forms does, given by orthonormal columns."""
@@ -263,9 +323,7 @@ class _Search:
     def _exact(self, given: _Given, pieces: Sequence[Piece]) -> list[Scored]:
         """Return pieces with their costs by all rows, the cheapest first."""
         pieces = list(dict.fromkeys(pieces))
-        prices = self._prices([piece.term for piece in pieces])[
-            [piece.at for piece in pieces], range(len(pieces))
-        ]
+        prices = [self._prices([term])[at, 0] for term, at in pieces]
         costs = given.gains(self._falls(given, pieces)) + prices
         return [(float(costs[i]), pieces[i]) for i in np.argsort(costs, kind="stable")]
 
@@ -323,12 +381,9 @@ class _Search:
             for (number, piece), own in zip(tried, falls, strict=True):
                 if own > fall[number]:
                     fall[number], refined[number] = own, piece
-        enough, digits = (
-            fall - LOST * (given.left - fall) / given.dof,
-            range(DIGITS, 0, -1),
-        )  # the fewest last
+        enough, digits = fall - LOST * (given.left - fall) / given.dof, range(DIGITS, 0, -1)
         short = [Piece(term.rounded(some, self.drivers), at) for some in digits for term, at in refined]
-        falls = self._falls(given, short).reshape(DIGITS, -1)
+        falls = self._falls(given, short).reshape(DIGITS, -1)  # the fewest last
         for some, number in np.argwhere(falls >= enough).tolist():
             refined[number] = short[some * len(pieces) + number]
         return refined
@@ -404,7 +459,9 @@ class _Given:
     def of(cls, evidence: Evidence, chosen: Sequence[Candidate], model: Columns | None = None) -> _Given:
         """Return what candidates leave under a noise model; that under which they cost least without."""
         model = model or evidence.model_for(chosen)
-        index = np.concatenate([np.zeros(0, int), *(evidence.parts[id(c)] for c in chosen)])
+        index = np.concatenate(
+            [np.zeros(0, int), *(evidence.parts[id(c)] for c in (*evidence.held, *chosen))]
+        )
         basis = orthonormal_basis(model.across[:, index])
         y = project_out(basis, model.space.residual)
         left, dof = float(y @ y), max(evidence.dof - basis.shape[1], 1)
