@@ -221,7 +221,7 @@ def test_twenty_three_poses_of_a_robot_show_nothing_beyond_their_two_millimetres
     assert found.verdict in ("nothing_missing", "cannot_tell")
     assert found.steps == ()
     assert found.unexplained == ()
-    assert found.rms.before_held_out == pytest.approx(2.33, abs=0.02)
+    assert found.rms.before_held_out == pytest.approx(2.42, abs=0.02)
 
 
 @pytest.mark.slow

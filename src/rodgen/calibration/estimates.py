@@ -154,8 +154,8 @@ def held_out(fit: Fit, folds: int | None = None, *, progress: Progress | None = 
     Parameters
     ----------
     folds : int, optional
-        Into how many parts the poses are dealt; left out: each of up to 100 poses is one, else 10 parts, or 5 of
-        more than 50 000 rows.
+        Into how many parts the poses are dealt; left out: 5 groups of neighbouring postures; where poses do not form a
+        cloud, each of up to 100 is a part, else there are 10, or 5 of more than 50 000 rows.
     progress : callable, optional
         As of :func:`fit`.
     """

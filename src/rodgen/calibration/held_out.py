@@ -1,9 +1,14 @@
 """How well a fit predicts poses that it did not see.
 
-The poses are dealt into folds, each spread over the whole run. The fit without the poses of one fold predicts these; so
-every pose is predicted once by a fit that did not know it. Which weights at later joints were taken in, which rows are
-outliers, and where the machine stands along directions of which its file says more than the readings, is as in the
-full fit: elsewhere the noise of a few poses would lead far.
+The fit without the poses of one fold predicts these; so every pose is predicted once by a fit that did not know it.
+Where several joints move, a fold is a group of neighbouring postures. A robot works in postures unlike those measured:
+many joints have more postures than any calibration visits, and those of a smooth program have neighbours that share
+whatever the model lacks. Poses of one axis, and stars, are dealt into folds that are spread over the whole run instead:
+there a calibration covers the travel, or the sky, and what is used later lies between its readings.
+
+Which weights at later joints were taken in, which rows are outliers, and where the machine stands along directions of
+which its file says more than the readings, is as in the full fit: elsewhere the noise of a few poses would lead far.
+Where a fold alone settles what its file leaves open, the others cannot predict it, and there is no error.
 
 In coordinates in which all information is the identity, a fold has a share S of it and pulls at the full fit by
 g = Bᵀr, B the derivative of its residuals r. Without it the fit is, to first order, (1 - S)⁻¹ g away. Where the others
@@ -26,19 +31,22 @@ from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import NearFile, Solution, minimise, moved
 from rodgen.calibration.whitened import Whitened
 from rodgen.calibration.words import sized
-from rodgen.data.poses import groups
+from rodgen.data.poses import groups, positions
 from rodgen.errors import RodgenError, joined
 from rodgen.machines.model import Frame
 from rodgen.machines.observations import Observations
 from rodgen.stages import each, stage
 from rodgen.statistics.decompositions import eigh
-from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
+from rodgen.statistics.leave_out import ALONE, deal, neighbours, undo_leverage
+from rodgen.statistics.thresholds import EVIDENCE
 from rodgen.views import Result
 
 ONE_AT_A_TIME = 100
 """Up to so many poses each is a fold of its own."""
-FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
-"""Folds of more poses, and folds where there are this many rows, so that every fit takes seconds."""
+FOLDS, FEW_FOLDS, MANY_ROWS = 10, 5, 50_000
+"""Folds of more poses; groups of neighbouring postures, and folds of so many rows that a fit takes long."""
+SETTLED = 10.0
+"""Times that readings tell a parameter better than its machine file from which on they settle it."""
 FEWEST_APART = 5
 """Replicates are kept together where the poses are at so many different places at least."""
 NAMED = 3
@@ -55,16 +63,18 @@ class HeldOut(Result):
     Attributes
     ----------
     rms : float or None
-        Per scalar reading, in `unit`, without outliers; None where no pose can be predicted from others.
+        Per scalar reading, in `unit`, without outliers; None where poses cannot be predicted from others.
     unit : str
     folds : int
         How many fits were made.
     poses : int
         How many poses were dealt.
+    by : {"posture", "pose"}
+        Whether a fold is a group of neighbouring postures, or has poses of the whole run.
     unpredicted : tuple of int
         Rows that are left out, because only their own fold determines something that they depend on.
     because : tuple of str
-        Keys of the parameters that this is.
+        Keys of the parameters that this is; where there is no error, of those that others do not hold.
     converged : bool
         Whether every fit ended.
     """
@@ -73,11 +83,12 @@ class HeldOut(Result):
     unit: str
     folds: int
     poses: int
+    by: str
     unpredicted: tuple[int, ...] = ()
     because: tuple[str, ...] = ()
     converged: bool = True
 
-    _keys = "rms unit folds poses unpredicted because converged text"
+    _keys = "rms unit folds poses by unpredicted because converged text"
 
     @property
     def text(self) -> str:
@@ -85,18 +96,36 @@ class HeldOut(Result):
         return " ".join(self._sentences())
 
     def rises_from(self, before: HeldOut) -> bool:
-        """Return whether it is no smaller than before; False where one of them is not known."""
-        return self.rms is not None and before.rms is not None and not self.rms < before.rms
+        """Return whether it is no smaller than before; False where one of them is not known, or is that of others."""
+        same = self.unpredicted == before.unpredicted
+        return same and self.rms is not None and before.rms is not None and not self.rms < before.rms
+
+    @property
+    def how(self) -> str:
+        """How the poses were held out."""
+        if self.by == "posture":
+            return f"by posture ({self.folds} groups of neighbouring postures)"
+        return "one at a time" if self.folds == self.poses else f"in {self.folds} folds"
+
+    @property
+    def note(self) -> str:
+        """What stands below a table of such errors; empty where poses of the whole run are all predicted."""
+        said = [] if self.rms is None or self.by == "pose" else [f"Held out {self.how}."]
+        return " ".join([*said, *self._restrictions()])
 
     def _sentences(self) -> Iterator[str]:
-        if self.rms is None:
+        if self.rms is not None:
+            rms = sized(self.rms, self.unit, ".3g")
+            yield f"On {self.poses} poses held out {self.how} the rms is {rms}."
+        yield from self._restrictions()
+
+    def _restrictions(self) -> Iterator[str]:
+        names = joined(self.because, most=NAMED)
+        if self.rms is None and self.because and not self.unpredicted:
+            yield f"The poses cannot be held out {self.how}: without one of these the others do not hold {names}."
+        elif self.rms is None:
             yield "No pose can be predicted from the others, so that there is no held-out error."
-        else:
-            how = "one at a time" if self.folds == self.poses else f"in {self.folds} folds"
-            poses = f"{self.poses} poses, {how}"
-            yield f"On poses that the fit did not see the rms is {sized(self.rms, self.unit, '.3g')} ({poses})."
         if self.unpredicted:
-            names = joined(self.because, most=NAMED)
             rows = f"{len(self.unpredicted)} row{'s' * (len(self.unpredicted) != 1)}"
             yield f"Left out: {rows} without which nothing determines {names}."
         if not self.converged:
@@ -157,7 +186,7 @@ def held_out_geometry(fit: Fit) -> HeldOutGeometry | None:
     )
     if any(f"{part}." in str(tie) for part in parts for tie in nominal.ties.values()):
         return None
-    return HeldOutGeometry(fit.held_out(FOLDS), fit.refit(nominal).held_out(FOLDS))
+    return HeldOutGeometry(fit.held_out(), fit.refit(nominal).held_out())
 
 
 @stage("error on poses left out")
@@ -169,8 +198,9 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
     fit : Fit
         To all poses.
     folds : int, optional
-        Into how many parts the poses are dealt, 2 or more; as many as there are poses, if that is fewer. Left out:
-        each of up to 100 poses alone where the fit converged, else 10, or 5 of more than 50 000 rows.
+        Into how many parts the poses are dealt, 2 or more; as many as there are poses, if that is fewer. Left out: 5
+        groups of neighbouring postures; where these are none, each of up to 100 poses alone where the fit converged,
+        else 10, or 5 of more than 50 000 rows.
 
     Raises
     ------
@@ -184,18 +214,24 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
         some = fit.refit(observations=replace(o, blocks=None), outliers=fit.outliers)
         found = held_out(some, folds=folds)
         return replace(found, rms=found.rms and found.rms * fit.rms / some.rms)
-    pose, poses = _poses_to_deal(o)
+    places = _postures(o)
+    by, pose, poses = (
+        ("pose", *_poses_to_deal(o)) if places is None else ("posture", places[0], len(places[1]))
+    )
     if folds is None:
-        many = FOLDS_OF_MANY if o.n > MANY_ROWS else FOLDS
-        folds = poses if poses <= ONE_AT_A_TIME and fit.solution.converged else many
+        many = FEW_FOLDS if places is not None or o.n > MANY_ROWS else FOLDS
+        alone = places is None and poses <= ONE_AT_A_TIME and fit.solution.converged
+        folds = poses if alone else many
     folds = min(folds, poses)
     if folds < 2:
-        return HeldOut(None, fit.unit, 0, poses)
-    fold = deal(poses, folds)[pose]
+        return HeldOut(None, fit.unit, 0, poses, by)
+    fold = (deal(poses, folds) if places is None else neighbours(places[1], folds))[pose]
     problem = Problem(fit.problem.model, o)
     squares, converged = 0.0, True
     with one_thread_in_blas():
         without = _Without(fit, fold, folds)
+        if without.unheld:
+            return HeldOut(None, fit.unit, folds, poses, by, because=without.unheld)
         wanted = ~fit.outliers & ~without.unpredicted
         predicted = [k for k in range(folds) if (wanted & (fold == k)).any()]
         for k in each("error on poses left out", predicted):
@@ -210,10 +246,31 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
         fit.unit,
         folds,
         poses,
+        by,
         tuple(fit.observations.given(np.flatnonzero(without.unpredicted)).tolist()),
         without.because,
         converged,
     )
+
+
+def _postures(o: Observations) -> tuple[Ints, Array] | None:
+    """Return the number of each row's posture, (n,), and the postures in parts of the travels, (postures, J).
+
+    None where they do not form a cloud: one joint moves, or all move together, or they are few; and of stars.
+    """
+    if o.machine.measurand.is_direction:
+        return None
+    place = groups([positions(column) for column in o.q.T], o.n)
+    travel = np.ptp(o.travel, axis=1)
+    points = o.q[np.unique(place, return_index=True)[1]] / np.where(travel > 0, travel, 1.0)
+    spread = np.linalg.eigvalsh(np.atleast_2d(np.cov(points.T, bias=True)))
+    if (
+        len(points) < FEWEST_APART
+        or len(spread) < 2
+        or not spread[-2] > EVIDENCE.same_position**2 * spread[-1]
+    ):
+        return None
+    return place, points
 
 
 def _poses_to_deal(o: Observations) -> tuple[Ints, int]:
@@ -245,13 +302,16 @@ class _Without:
         Rows that depend on what only their own fold determines.
     because : tuple of str
         Keys of the parameters that this is.
+    unheld : tuple of str
+        Keys of the parameters that all readings settle, and of which the file says more than those without some fold.
     """
 
     def __init__(self, fit: Fit, fold: Ints, folds: int) -> None:
         self.fit, self.fold = fit, fold
         _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
         near = NearFile(fit.problem, np.asarray(fit.free, int))
-        self.flat = near.idle(square, fit.solution.cost / fit.problem.freedom(len(fit.free)))
+        variance = fit.solution.cost / fit.problem.freedom(len(fit.free))
+        self.flat = near.idle(square, variance)
         self.largest = near.largest(square)
         self.whitened = Whitened(fit)
         r = self.whitened.root.shape[1]
@@ -267,6 +327,18 @@ class _Without:
                 self.shares[k] += part.T @ part
                 self.pulls[k] += part.T @ left
         self.unpredicted, self.because = self._alone(fold)
+        self.unheld = self._unheld(near, variance)
+
+    def _unheld(self, near: NearFile, variance: float) -> tuple[str, ...]:
+        found, square = dict[str, None](), self.whitened.inverse.T @ self.whitened.inverse
+        loose = len(near.idle(square, SETTLED**2 * variance))
+        for share in self.shares:
+            rest = np.eye(len(share)) - share
+            idle = near.idle(self.whitened.inverse.T @ rest @ self.whitened.inverse, variance)
+            if len(idle) > loose + np.count_nonzero(eigh(rest)[0] < ALONE):
+                parts = [np.sum((rows * self.largest) ** 2, axis=0) for rows in (idle, self.flat)]
+                found[self.fit.parameters[near.index[np.argmax(parts[0] - parts[1])]].key] = None
+        return tuple(found)
 
     def fitted(self, problem: Problem, k: int) -> Solution:
         """Return the fit without a fold, to a problem from which its rows are left out.

@@ -56,3 +56,35 @@ def deal(count: int, folds: int) -> NDArray[np.int_]:
     random = np.random.default_rng(0)
     stretches = -(-count // folds)
     return np.concatenate([random.permutation(folds) for _ in range(stretches)])[:count]
+
+
+def neighbours(points: Array, folds: int) -> NDArray[np.int_]:
+    """Return the fold of each of several points, (count,), so that each fold has neighbours, and as many as the others.
+
+    The points are cut in two across the direction in which they spread most, and so are the parts.
+
+    Parameters
+    ----------
+    points : ndarray, shape (count, J)
+    folds : int
+        At most as many as there are points.
+
+    Examples
+    --------
+    >>> neighbours(np.array([[0.0, 0.0], [9.0, 1.0], [0.0, 1.0], [9.0, 0.0], [5.0, 0.0], [5.0, 1.0]]), 3).tolist()
+    [0, 2, 0, 2, 1, 1]
+    """
+    found = np.zeros(len(points), int)
+    parts = [(np.arange(len(points)), 0, folds)]
+    while parts:
+        some, first, count = parts.pop()
+        if count == 1:
+            found[some] = first
+            continue
+        _, directions = eigh(np.cov(points[some].T, bias=True))
+        widest = directions[:, -1] * np.sign(directions[np.argmax(np.abs(directions[:, -1])), -1])
+        order = some[np.argsort(points[some] @ widest, kind="stable")]
+        less = count // 2
+        cut = len(some) * less // count
+        parts += [(order[:cut], first, less), (order[cut:], first + less, count - less)]
+    return found
