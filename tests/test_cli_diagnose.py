@@ -92,7 +92,9 @@ def test_further_measurements_are_reported_separately(folder, rodgen_command):
     code, out, err = rodgen_command(*command, "--json")
     rms = parsed(out)["rms"]
     assert (code, err) == (0, "")
-    assert rms["before_test"] == pytest.approx(rms["before_held_out"], rel=0.15)
+    # those lie between the poses that were seen; without their neighbours the missing effect is predicted worse
+    assert rms["before_test"] < rms["before_held_out"] < 1.25 * rms["before_test"]
+    assert parsed(out)["held_out_by"] == "posture"
     assert rms["after_test"] == pytest.approx(0.002, rel=0.15)  # the noise that is stated
     code, out, _ = rodgen_command(*command)
     assert code == 0

@@ -369,6 +369,8 @@ class Diagnosis(HasOdds, Result):
             **self.base.observations.not_here,
             **plain(self, "odds outliers rms steps unexplained dependence=final_with_forms.dependence"),
         }
+        if self.rms.before_held_out is not None:
+            found["held_out_by"] = self.base.held_out().by
         if on_sky := pointing(self.final_with_forms):
             found["pointing"] = on_sky.to_dict()
         if self.geometry is not None:

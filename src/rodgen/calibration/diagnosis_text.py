@@ -153,7 +153,7 @@ def in_uncertainties(diagnosis: Diagnosis) -> tuple[float, float, str] | None:
 
 
 def only_together(diagnosis: Diagnosis) -> str:
-    """Return a sentence on effects that lower no error without others or forms; empty where there are none."""
+    """Return a sentence on effects with which poses held out are predicted no better; empty where there are none."""
     steps = diagnosis.steps
     held_out = [rung.rms_held_out for rung in rungs(diagnosis)][-len(diagnosis.found) - 1 :]
     alone = [
@@ -163,8 +163,10 @@ def only_together(diagnosis: Diagnosis) -> str:
     ]
     others = [form.effect.title for form in diagnosis.unexplained]
     others = others or [s.effect.title for s in diagnosis.steps if s.effect.title not in alone]
-    if not (alone and others):
+    if not alone:
         return ""
+    if not others:
+        return f"Poses held out are predicted no better with {joined(alone)}."
     return f"{joined(alone)} lower{'s' * (len(alone) == 1)} the error only together with {joined(others)}."
 
 
@@ -309,8 +311,10 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
         yield f"{title:{width}}  {three_digits(fitted * factor):>9}  {shown:>9}  {odds}".rstrip()
     if rms.noise is not None:
         yield f"{'noise':{width}}  {three_digits(rms.noise * factor):>9}"
-    if only_together(d):
-        yield only_together(d)
+    fits = (d.base, d.final_with_forms)
+    for said in (*dict.fromkeys(fit.held_out().note for fit in fits), only_together(d)):
+        if said:
+            yield from textwrap.wrap(said, WIDTH)
     if rms.before_test is not None and rms.after_test is not None:
         before, after = (three_digits(x * factor) for x in (rms.before_test, rms.after_test))
         yield f"On the further measurements: {before} before, {after} after."

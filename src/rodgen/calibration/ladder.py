@@ -119,8 +119,11 @@ class Ladder(Result):
             row = f"{rung.title:{width}}  {errors[0]:>9}  {errors[1]:>9}  {len(rung.fit.free):10}"
             yield row + (f"  {odds_text(rung.step.odds)}" if rung.step else "")
         yield self.noise.text
-        held_out = [rung.held_out for rung in self.rungs]
-        yield from dict.fromkeys(one.text for one in held_out if one.rms is None or one.unpredicted)
+        yield from dict.fromkeys(rung.held_out.note for rung in self.rungs if rung.held_out.note)
+        for before, after in pairwise(self.rungs):
+            grows = len(after.fit.machine.effects) > len(before.fit.machine.effects)
+            if grows and after.held_out.rises_from(before.held_out):
+                yield f"{after.title}: poses held out are predicted no better with it."
         for rung in self.rungs:
             if count := int(rung.fit.outliers.sum()):
                 # outliers of a fit, or rows that a session sets aside

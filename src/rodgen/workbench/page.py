@@ -258,7 +258,7 @@ class Page:
                         self._rung(number, state, figure)
             if known:
                 rung = self.state.rung
-                for sentence in (rung.verdict, self._noise()):
+                for sentence in (rung.verdict, rung.held_out.note, self._noise()):
                     if sentence:
                         ui.label(sentence).classes("soft")
 

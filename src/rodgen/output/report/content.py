@@ -86,6 +86,7 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
         "facts": list(_facts(diagnosis, shown)),
         "joints": list(_joints(diagnosis)),
         "rungs": list(_rungs(diagnosis, shown)),
+        "how_held_out": "" if diagnosis.rms.before_held_out is None else f" {fit.held_out().how}",
         "has_test": diagnosis.rms.before_test is not None or diagnosis.rms.after_test is not None,
         "steps": [_step(diagnosis, step, i, shown, radii) for i, step in enumerate(diagnosis.steps, 1)],
         "unexplained": list(_unexplained(diagnosis, shown)),
