@@ -240,7 +240,7 @@ def extended(fit: Fit, effect: Effect, start: Mapping[str, float]) -> Fit:
         if p.key in there or (p.hold is None and not p.optional and effect.owns(p.key))
     ]
     with one_thread_in_blas():
-        solution = minimise(problem, problem.model.start(), fit.solution.frame, free)
+        solution = minimise(problem, problem.model.start(), fit.solution.frame, free, creeps=False)
         if not solution.converged:
             return refit(fit, machine, outliers=fit.outliers)
         solution, free = with_later_weights(problem, solution, free)

@@ -54,6 +54,9 @@ ROUNDING = 1e-13
 """A predicted fall of the cost below this part of it is rounding: sums of many squares are good to about that."""
 PATIENCE = 40
 """Iterations of a fit that goes anywhere; with fewer steps a fit ends unless it creeps where only noise leads it."""
+CREEPING = 0.25
+"""Variances that as many iterations bring together at least where a fit need not creep on: half a standard deviation,
+where `CHANCE` is two. A valley that bends allows short steps only, along which the cost may fall for hundreds."""
 SHRINKS = 0.1
 """Part that a step leaves of a time constant at least."""
 LARGE = 0.1
@@ -102,6 +105,7 @@ def minimise(
     max_iterations: int = MAX_ITERATIONS,
     damping: float = DAMPING,
     kept: Array | None = None,
+    creeps: bool = True,
 ) -> Solution:
     """Adjust some parameters until the cost falls no more.
 
@@ -119,16 +123,21 @@ def minimise(
     damping : float
         The first; `NEAR` where the start is so near that the whole step will do.
     kept : ndarray, shape (w, free), optional
-        Combinations of the free parameters that stay as they are; see :meth:`NearFile.idle`.
+        Combinations of the free parameters that stay as they are; see :meth:`NearFile.idle`. Such a fit does not creep.
+    creeps : bool
+        Whether a fit goes on that creeps along a narrow valley, where the readings hardly tell one place from another.
 
     Returns
     -------
     Solution
         Its cost is never above that of the start.
     """
+    creeps &= kept is None
 
     def search(patience: int) -> Solution:
-        return _descended(problem, theta, frame, free, progress, max_iterations, damping, kept, patience)
+        return _descended(
+            problem, theta, frame, free, progress, max_iterations, damping, kept, patience, creeps
+        )
 
     begun = problem.starts
     found = search(PATIENCE)
@@ -154,6 +163,7 @@ def _descended(
     damping: float,
     kept: Array | None,
     patience: int,
+    creeps: bool,
 ) -> Solution:
     """Return where the cost is least; after `patience` iterations no step goes far for what noise may bring."""
     index = np.asarray(free, int)
@@ -174,6 +184,7 @@ def _descended(
     unit = np.eye(len(index))
     refused = False  # a step, because a closed chain did not close there
     before = 0.0  # what the step before was predicted to bring
+    costs = [cost]
     for iteration in range(1, max_iterations + 1):
         scaled, scale = unit_diagonal(square[block])
         downhill = -gradient[index] / scale
@@ -228,6 +239,9 @@ def _descended(
         damping = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), LEAST_DAMPING)
         growth, refused = GROWTH, False
         theta, frame, cost = new_theta, new_frame, new_cost
+        costs.append(cost)
+        if not creeps and iteration > PATIENCE and costs[-1 - PATIENCE] - cost < CREEPING * cost / left:
+            return Solution(theta, frame, cost, iteration)
         if problem.follow(theta, frame):
             cost, square, gradient = problem.normal_equations(theta, frame)
         if progress:

@@ -128,7 +128,7 @@ def with_later_weights(problem: Problem, solution: Solution, free: list[int]) ->
         parameters = len(free) + 1
         if max(promised) < _needed(problem, solution, parameters):
             break
-        better = minimise(problem, solution.theta, solution.frame, [*free, index])
+        better = minimise(problem, solution.theta, solution.frame, [*free, index], creeps=False)
         if solution.cost - better.cost < _needed(problem, solution, parameters, index, better.theta[index]):
             continue
         solution, free = better, [*free, index]
@@ -169,7 +169,7 @@ def _still_called_for(problem: Problem, solution: Solution, free: list[int]) -> 
             break
         theta[index] = 0.0
         fewer = [i for i in free if i != index]
-        without = minimise(problem, theta, solution.frame, fewer)
+        without = minimise(problem, theta, solution.frame, fewer, creeps=False)
         if without.cost - solution.cost > needed:
             break
         solution, free = without, fewer
