@@ -250,3 +250,17 @@ def test_what_the_fitted_parameters_imitate_is_not_seen():
     across = half[:, 1] - model @ np.linalg.lstsq(model, half[:, 1])[0]
     assert evidence.visible(every[2]) == pytest.approx(np.linalg.norm(across) / np.linalg.norm(half[:, 1]))
     assert ranking(evidence)[0].effect.name == "half"
+
+
+def test_candidates_beside_others_are_weighed_as_if_those_were_fitted_parameters():
+    found, readings = few_candidates()
+    others, some = [found[0], found[1], found[4]], found[2:4]
+    beside = evidence_of(found, readings).beside(some)
+    model = np.column_stack([np.ones(60), *(c.columns.reshape(60, -1) for c in some)])
+    fitted = evidence_of(others, readings, model)
+    assert beside.dof == fitted.dof
+    for chosen in ([others[0]], others[:2], others):
+        # rounding of products of sixty readings
+        assert beside.explained(chosen) == pytest.approx(fitted.explained(chosen), rel=1e-9)
+        more, less = (e.misfit([]) - e.misfit(chosen) for e in (beside, fitted))
+        assert more == pytest.approx(less, rel=1e-9)

@@ -111,6 +111,16 @@ class Columns:
         """Return columns, (N, K), that are beyond the fitted parameters, with their products."""
         return cls(space, across, across.T @ across, across.T @ space.residual)
 
+    def beyond(self, index: Ints, width: Array) -> Columns:
+        """Return the columns as if some of them, (q,), of that width, were those of fitted parameters."""
+        there = self.across[:, index] * width
+        basis, space = orthonormal_basis(there), self.space
+        across = project_out(basis, self.across)
+        across *= np.linalg.norm(across, axis=0) >= HIDDEN * np.linalg.norm(self.across, axis=0)
+        every = np.concatenate([space.basis, basis], axis=1)
+        cost = space.log_determinant + _log_determinant(there)
+        return Columns.of(Space(every, project_out(basis, space.residual), cost, space.whiten), across)
+
     @property
     def square(self) -> float:
         """|y|²."""
@@ -182,8 +192,6 @@ class Evidence:
     curves: bool = False
     refused: Collection[tuple[str, str | None]] = ()
     """Name and place of candidates that are in no set: full fits did not confirm them."""
-    held: Sequence[Candidate] = ()
-    """Candidates that are in every set, as one choice that the sets do not pay."""
     _estimates: dict[frozenset[Candidate], list[Estimated]] = field(default_factory=dict, repr=False)
     _bounds: dict[frozenset[Candidate], Array] = field(default_factory=dict, repr=False)
 
@@ -394,7 +402,7 @@ class Evidence:
 
     def _index(self, chosen: Collection[Candidate]) -> Ints:
         """Return the numbers of the columns of a set, in their order."""
-        parts = [self.parts[id(c)] for c in (*self.held, *chosen)]
+        parts = [self.parts[id(c)] for c in chosen]
         return np.sort(np.concatenate([np.zeros(0, int), *parts]))
 
     def weighed(self, sets: Iterable[list[Candidate]]) -> list[list[Candidate]]:
@@ -404,7 +412,7 @@ class Evidence:
             key = frozenset(chosen)
             if key not in self._estimates:
                 index = self._index(chosen)
-                many = not self.curves and any(len(c.names) > FEW_COLUMNS for c in (*self.held, *chosen))
+                many = not self.curves and any(len(c.names) > FEW_COLUMNS for c in chosen)
                 alike.setdefault((len(index), many), {})[key] = index
         for (_, many), some in alike.items():
             self._estimates |= zip(some, self._weigh(np.array([*some.values()]), many), strict=True)
@@ -425,14 +433,20 @@ class Evidence:
         first = ~np.any(np.tril(same, -1), axis=2)
         narrow = np.where(same.sum(axis=2) > 1, NARROWEST, 1.0)
         usual, times, there = known["usual"], np.ones(index.shape), np.ones((1, *pull.shape))
-        for _ in range(3):
+        for last in (False, False, True):
             width = usual * times * there
-            values, vectors = eigh(width[..., None] * gram * width[..., None, :])
-            values, along = np.maximum(values, 0.0), ((width * pull)[..., None, :] @ vectors)[..., 0, :]
-            real = values > ROUNDING * values[..., -1:]
-            explained = np.sum(np.where(real, along**2 / np.where(real, values, 1.0), 0.0), axis=-1)
+            scaled, force = width[..., None] * gram * width[..., None, :], width * pull
+            if last:
+                values, vectors = eigh(scaled)
+                values, along = np.maximum(values, 0.0), (force[..., None, :] @ vectors)[..., 0, :]
+                real = values > ROUNDING * values[..., -1:]
+                explained = np.sum(np.where(real, along**2 / np.where(real, values, 1.0), 0.0), axis=-1)
+            else:  # in a tenth of the time
+                largest = np.max(np.diagonal(scaled, axis1=-2, axis2=-1), axis=-1, initial=0.0)
+                rounding = ROUNDING * largest + 1e-300
+                explained = np.sum(force * _ridge(scaled, force, rounding), axis=-1)
             variance = np.maximum((square - explained) / max(n - k, 1), floor)
-            theta = width * (vectors @ (along / (values + variance[..., None]))[..., None])[..., 0]
+            theta = width * _ridge(scaled, force, variance)
             ratio = np.abs(theta) / np.where(usual > 0, usual, np.inf)
             ratio = np.max(np.where(same, ratio[..., None, :], 0.0), axis=-1, initial=0.0)
             times = np.clip(ratio, narrow, WIDEST)
@@ -541,13 +555,16 @@ class Evidence:
         """Return the evidence with some candidates in no set, by name and place; what they are stays known."""
         return replace(self, refused=frozenset(keys))
 
-    def holding(self, some: Sequence[Candidate]) -> Evidence:
-        """Return the evidence with some candidates in every set, as one cause."""
-        others = [c for c in self.candidates if c not in some]
+    def beside(self, some: Sequence[Candidate]) -> Evidence:
+        """Return the evidence of the other candidates as if the columns of some were those of fitted parameters."""
+        index = self._index(some)
+        models = [model.beyond(index, self.known["usual"][index]) for model in self.models]
+        fitted = models[0].space.basis.shape[1] - self.models[0].space.basis.shape[1]
         return replace(
             self,
-            candidates=others,
-            held=tuple(some),
+            candidates=[c for c in self.candidates if c not in some],
+            models=models,
+            dof=self.dof - fitted,
             _estimates={},
             _bounds={},
             _log_choices=self.log_choices,
@@ -661,6 +678,12 @@ def _least(costs: Callable[[Array], Array], start: Array, floor: Array) -> Array
         best = np.where(bend > 0, np.maximum(best + move, floor), best)
         step /= 10
     return np.asarray(best[..., 0])
+
+
+def _ridge(gram: Array, pull: Array, added: Array) -> Array:
+    """Return the solutions x of (G + added) x = pull, (..., k), of products (..., k, k) and numbers (...)."""
+    unit = np.eye(gram.shape[-1])
+    return np.asarray(np.linalg.solve(gram + added[..., None, None] * unit, pull[..., None])[..., 0])
 
 
 def _rank(gram: Array) -> int:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.selection import select
@@ -30,6 +32,8 @@ GEOMETRY = frozenset(
 """Effects that say that a dimension is not that of the file."""
 SEVERAL = 3
 """Effects from which on a geometry is asked for: two are two."""
+TRIED = 3
+"""Dimensions, those that seem to be worth least, without each of which a geometry is weighed."""
 PARTS = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
 
 
@@ -44,14 +48,17 @@ def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
     if not off:
         return 0.0
     price = 2 * (evidence.log_choices + math.log(len(evidence.base.machine.joints)) + len(off) * math.log(2))
-    rest = select(evidence.holding(off))
+    rest = select(evidence.beside(off))
     given = evidence.choice(rest)
 
     def cost(off: Sequence[Candidate]) -> float:
         return evidence.cost([*rest, *off]) - evidence.choice([*rest, *off]) + given
 
     while off:
-        fewer = [[c for c in off if c is not one] for one in off]
+        whole = [*off, *rest]
+        dearer = np.array(evidence.dearer_without(whole)[: len(off)]) + evidence.choice(whole)
+        dearer -= [evidence.choice([c for c in whole if c is not one]) for one in off]
+        fewer = [[*off[:k], *off[k + 1 :]] for k in np.argsort(dearer, kind="stable")[:TRIED].tolist()]
         evidence.weighed([*rest, *some] for some in fewer)
         best = min(fewer, key=cost)
         if cost(best) > cost(off):
