@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Any
 
 import numpy as np
@@ -190,15 +190,17 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                 if reason := why_undecidable(base, checked=True):
                     return _undecided(subject, base, reason)
                 evidence = Evidence.of(base, prefer=subject.prefer)
-        state = _confirmed(_State(base, evidence, stretch=stretch))
-        if geometry is None and number < ROUNDS - 1:  # effects are looked for beside it
-            several = len(state.chosen) + len(state.refused) >= SEVERAL
-            gain = gain_of_geometry(state.evidence.without(()), state.chosen) if several else 0.0
-            whole = _with_geometry(base) if gain > 0 else None
-            if whole is not None:
-                geometry = WrongGeometry(whole.machine.estimate, log10_of(gain), base, base.held_out().rms)
-                subject, base, known = replace(subject, fitted=whole), whole, frozenset()
-                continue
+        selected = _State(base, evidence, select(evidence), [base], stretch=stretch)
+        asked = geometry is None and number < ROUNDS - 1
+        found = _wrong_geometry(selected) if asked else None
+        if found is None:
+            state = _confirmed(selected)
+            if asked and (state.refused or len(selected.chosen) < SEVERAL):
+                found = _wrong_geometry(state)
+        if found is not None:  # effects are looked for beside it
+            geometry, base = found
+            subject, known = replace(subject, fitted=base), frozenset()
+            continue
         rows = Rows.of(state.last)
         outliers = wrong_rows(state.last, rows)
         again = frozenset(c.key for c in state.chosen if not c.effect.definition.follows_time)
@@ -211,12 +213,12 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
             base = base.refit(subject.fitted.machine, outliers=outliers)
             if reason := why_undecidable(base, checked=True):
                 return _undecided(subject, base, reason)
-    found = _assembled(subject, state)
+    answer = _assembled(subject, state)
     if geometry is None:
-        return found
-    verdict = "wrong_geometry" if found.verdict in {"nothing_missing", "cannot_tell"} else found.verdict
-    rms = replace(found.rms, before=geometry.before.rms, before_held_out=geometry.rms_held_out)
-    return replace(found, geometry=geometry, verdict=verdict, rms=rms)
+        return answer
+    verdict = "wrong_geometry" if answer.verdict in {"nothing_missing", "cannot_tell"} else answer.verdict
+    rms = replace(answer.rms, before=geometry.before.rms, before_held_out=geometry.rms_held_out)
+    return replace(answer, geometry=geometry, verdict=verdict, rms=rms)
 
 
 def _rows(evidence: Evidence) -> Rows:
@@ -254,6 +256,16 @@ def _stretch(state: _State, rows: Rows) -> DisplacedStretch | None:
     return found if found is not None and found.gain > likelier else None
 
 
+def _wrong_geometry(state: _State) -> tuple[WrongGeometry, Fit] | None:
+    """Return the geometry of the file as one cause, with the fit of it; None where it is not likelier than effects."""
+    base, several = state.base, len(state.chosen) + len(state.refused) >= SEVERAL
+    gain = gain_of_geometry(state.evidence.without(()), state.chosen) if several else 0.0
+    whole = _with_geometry(base) if gain > 0 else None
+    if whole is None:
+        return None
+    return WrongGeometry(whole.machine.estimate, log10_of(gain), base, base.held_out().rms), whole
+
+
 @stage("further fits")
 def _with_geometry(base: Fit) -> Fit | None:
     """Return the fit with all dimensions estimated; None where it fails, or predicts poses left out no better."""
@@ -268,22 +280,29 @@ def _with_geometry(base: Fit) -> Fit | None:
 
 
 def _confirmed(state: _State) -> _State:
-    """Return the cheapest set of effects of which full fits confirm every one."""
-    refused, evidence = dict(state.refused), state.evidence
+    """Return the cheapest set of effects of which full fits confirm every one.
+
+    Forms are proposed beside the set that was selected, and, where fits refused some of that, beside what they confirm.
+    """
+    evidence, chosen, refused = state.evidence, state.chosen, dict(state.refused)
+    were, fits, most, again = chosen, state.fits, MOST_FORMS, False
     while True:
-        # new forms must not be like refused ones
-        out = [c for c in evidence.candidates if c.driver and c.key in refused]
-        evidence = state.evidence.including(out).without(refused)
-        chosen = select(evidence) if len(refused) <= MOST_REFUSED else []
-        evidence, chosen = _with_forms(evidence, chosen, 0 if IDLE in refused.values() else MOST_FORMS)
-        fits, failed = _with_effects(state.base, evidence, chosen)
+        evidence, chosen = _with_forms(evidence, chosen, most)
+        fits, failed = _with_effects(fits, were, evidence, chosen)
         zero = [] if failed else _zero(chosen, fits)
         idle = [] if failed or zero else _idle_forms(chosen, fits)
-        if failed is None and not zero and not idle:
+        if failed is None and not zero and not idle and not again:
             return replace(state, evidence=evidence, chosen=chosen, fits=fits, refused=refused)
         refused |= {c.key: ZERO for c in zero} | {c.key: IDLE for c in idle}
         if failed is not None:
             refused[failed[0].key] = failed[1]
+        were, out = chosen, failed is not None or bool(zero or idle)
+        most, again = 0 if out else MOST_FORMS, out and IDLE not in refused.values()
+        if out:
+            # without a form that predicts nothing there is none
+            evidence = (state.evidence if idle else evidence).without(refused)
+            kept = [c for c in chosen if c in evidence.candidates and c.key not in refused]
+            chosen = select(evidence, kept) if len(refused) <= MOST_REFUSED else []
 
 
 @stage("forms outside the catalogue")
@@ -305,11 +324,16 @@ def _with_forms(evidence: Evidence, chosen: list[Candidate], most: int) -> tuple
 
 @stage("further fits")
 def _with_effects(
-    base: Fit, evidence: Evidence, chosen: Sequence[Candidate]
+    known: Sequence[Fit], were: Sequence[Candidate], evidence: Evidence, chosen: Sequence[Candidate]
 ) -> tuple[list[Fit], tuple[Candidate, str] | None]:
-    """Fit the model with one effect after the other; an effect with which there is no fit is returned, with why."""
-    fits = [base]
-    for c, own in zip(chosen, evidence.sizes(chosen), strict=True):
+    """Fit the model with one effect after the other; an effect with which there is no fit is returned, with why.
+
+    The fits of a set before, `were`, are known as far as it begins with the same effects.
+    """
+    alike = takewhile(lambda pair: pair[0] is pair[1], zip(were, chosen, known[1:], strict=False))
+    fits = [known[0], *(fit for *_, fit in alike)]
+    base, first = fits[0], len(fits) - 1
+    for c, own in [*zip(chosen, evidence.sizes(chosen), strict=True)][first:]:
         start = {c.effect.key(name): value for name, value in c.searched.items()}
         if not c.driver:
             start |= dict(zip(c.names, own.tolist(), strict=True))
