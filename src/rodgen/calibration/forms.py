@@ -459,9 +459,7 @@ class _Given:
     def of(cls, evidence: Evidence, chosen: Sequence[Candidate], model: Columns | None = None) -> _Given:
         """Return what candidates leave under a noise model; that under which they cost least without."""
         model = model or evidence.model_for(chosen)
-        index = np.concatenate(
-            [np.zeros(0, int), *(evidence.parts[id(c)] for c in (*evidence.held, *chosen))]
-        )
+        index = np.concatenate([np.zeros(0, int), *(evidence.parts[id(c)] for c in chosen)])
         basis = orthonormal_basis(model.across[:, index])
         y = project_out(basis, model.space.residual)
         left, dof = float(y @ y), max(evidence.dof - basis.shape[1], 1)
