@@ -17,7 +17,8 @@ from linear_evidence import evidence_of
 from scipy import integrate, linalg, optimize, stats
 
 from rodgen.calibration.candidates import Candidate
-from rodgen.calibration.selection import equals, ranking, select
+from rodgen.calibration.selection import equals, ordered, ranking, select
+from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.plausibility import Plausibility, Size
 
 N = 400
@@ -139,6 +140,21 @@ def test_one_effect_may_be_in_the_place_of_any_three_of_four() -> None:
     readings = 3.0 * columns.sum(axis=1) + random.normal(size=N)
     (found, *_) = equals(evidence_of([*parts, whole], readings), parts)
     assert ([c.effect.place for c in found.replaced], found.candidates) == (["B", "C", "D"], (whole,))
+
+
+@pytest.mark.parametrize("turning", [2, 6])
+def test_the_ladder_of_a_robot_is_physical_whatever_explains_most(turning):
+    random = np.random.default_rng(3)
+    columns, names = random.normal(size=(N, 4)), ["backlash", "gravity_windup", "axis_offset", "zero_offset"]
+    definitions = {e.name: e for e in CATALOGUE if "revolute" in e.at}
+    found = [candidate(name, "A", column) for name, column in zip(names, columns.T, strict=True)]
+    for c in found:
+        c.effect.definition = definitions[c.effect.name]
+    joints = [SimpleNamespace(revolute=True)] * turning
+    machine = SimpleNamespace(joints=joints, measurand=SimpleNamespace(is_direction=False))
+    readings = columns @ [8.0, 4.0, 2.0, 1.0] + 0.1 * random.normal(size=N)
+    evidence = evidence_of(found, readings, base=SimpleNamespace(machine=machine))
+    assert [c.effect.name for c in ordered(evidence, found)] == (names if turning == 2 else names[::-1])
 
 
 @pytest.mark.parametrize("times", [0.2, 3.0, 20.0])

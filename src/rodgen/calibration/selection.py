@@ -12,6 +12,7 @@ import numpy as np
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.diagnosis import Ranked
 from rodgen.calibration.evidence import Evidence
+from rodgen.machines.plausibility import kind_of_machine
 from rodgen.stages import stage
 from rodgen.statistics.thresholds import COST
 
@@ -45,11 +46,20 @@ def select(evidence: Evidence, before: Sequence[Candidate] = ()) -> list[Candida
 
 
 def ordered(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
-    """Return a set in the order in which its effects lower the cost most, those of the catalogue before forms."""
+    """Return a set in the order in which its effects lower the cost most, those of the catalogue before forms.
+
+    Of a robot zeros come first, then its other dimensions, then weight and loads.
+    """
     left, found = list(chosen), list[Candidate]()
+    robot = kind_of_machine(evidence.base.machine) == "robot"
     while left:
         larger = evidence.weighed([*found, c] for c in left)
-        found = min(larger, key=lambda some: (bool(some[-1].driver), evidence.cost(some)))
+
+        def place(some: Sequence[Candidate]) -> tuple[bool, int, float]:
+            last = some[-1]
+            return bool(last.driver), last.effect.definition.rung if robot else 0, evidence.cost(some)
+
+        found = min(larger, key=place)
         left = [c for c in left if c is not found[-1]]
     return found
 

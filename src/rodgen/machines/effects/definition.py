@@ -62,6 +62,11 @@ _PLACES = {
 _WIDTH = 100
 
 
+DIMENSIONS = frozenset({"axis", "point", "target", "base_joint", "platform_joint", "heading", "rod", "arm"})
+"""What a dimension that is off changes."""
+WEIGHTS = frozenset({"M", "M_perp", "M_across", "M_guide", "F", "bend", "fork", "leg_tension"})
+"""Words of formulas for moments, loads and the bending by weight."""
+
 SKY = frozenset({"z", "azimuth"})
 """Words of users' formulas where directions are measured: zenith angle and azimuth of the line of sight."""
 
@@ -149,6 +154,19 @@ class EffectDefinition:
         """All its formulas."""
         slope = () if self.slope is None else (self.slope,)
         return (self.formula, *slope, *(formula for _, formula in self.others))
+
+    @property
+    def rung(self) -> int:
+        """Where it stands in the ladder of a robot: 0 a zero, 1 another dimension, 2 weight and loads, 3 the rest."""
+        if (
+            self.component == "reading"
+            and len(self.parameters) == 1
+            and not self.formula.names - set(self.parameters)
+        ):
+            return 0
+        if self.component in DIMENSIONS:
+            return 1
+        return 2 if self.formula.names & WEIGHTS else 3
 
     @property
     def follows_time(self) -> bool:
