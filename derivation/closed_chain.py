@@ -25,15 +25,19 @@
 # 1. that the derivatives obtained in that way are those of the solution, by the implicit function theorem;
 # 2. that the steps move the platform as they should, for the Tricept, the 3-SPS-S and the hexapod;
 # 3. what force a load puts into each leg, and how far the load sinks if the legs are springs.
+#
+# What is proved are the functions of `rodgen.symbolic.legs`, of which the models are built.
 
 # %%
 import sympy as sp
 
 from rodgen.symbolic import (
     Derivation,
+    Formulas,
     cross,
     dot,
     equal,
+    legs,
     matrix_from_rodrigues_vector,
     rodrigues,
     rot,
@@ -49,6 +53,7 @@ derivation = Derivation(
     kernels_in="those of a machine: 'rodgen emit MACHINE.toml'",
 )
 d = derivation
+FORMULAS = Formulas()
 
 # %% [markdown]
 # ## Symbols
@@ -147,36 +152,101 @@ d.check(
 ).prove(because="As before, the term with the derivative of J⁻¹ vanishes with F.")
 
 # %% [markdown]
+# The functions take half the square of each leg, less half of that of its length, and as slopes the leg times the
+# derivative of its end:
+
+# %%
+base = sp.Matrix(sp.symbols("a_1 a_2 a_3", real=True))
+end = sp.Matrix([sp.Function(f"p_{i}")(*y) for i in (1, 2, 3)])
+half_square = sp.Symbol("h_l", real=True)
+closed = legs.half_gap(FORMULAS, end - base, half_square)
+by_pose, by_legs = (
+    d.matrix(name, latex, quantity, "length", value=value.xreplace(rates), rows=1, columns=2)
+    for rates in [{f.diff(x): sp.Symbol(f"{f.func.__name__}_{x.name}", real=True) for f in end for x in y}]
+    for name, latex, quantity, value in (
+        (
+            "leg_by_pose",
+            r"\frac{\partial F_k}{\partial\vec y}",
+            "slopes of half the square of a leg",
+            sp.Matrix([[closed.diff(x) for x in y]]).doit(),
+        ),
+        (
+            "leg_slopes",
+            r"J_k",
+            "its slopes, as they are computed",
+            legs.slopes(FORMULAS, [end - base], [end.jacobian(y)]),
+        ),
+    )
+)
+d.check(
+    "closed-leg",
+    equal(by_pose, by_legs),
+    text="The slopes are the derivatives of the equations.",
+).prove()
+
+# %% [markdown]
 # Six equations are solved without a choice of pivots by their normal equations, $J^TJ\,\vec s=-J^T\vec F$, whose matrix
 # is positive definite. It is the same step:
 
 # %%
 square = sp.Matrix(2, 2, sp.symbols("J_11 J_12 J_21 J_22", real=True))
 gap = sp.Matrix(sp.symbols("F_1 F_2", real=True))
-by_normal = d.matrix(
-    "step_by_normal_equations",
-    r"(J^TJ)^{-1}J^T\vec F",
-    "step of the normal equations, with the opposite sign",
-    "1",
-    value=(square.T * square).inv() * square.T * gap,
-    rows=2,
-    columns=1,
-)
-direct = d.matrix(
-    "step_by_inverse",
-    r"J^{-1}\vec F",
-    "Newton's step, with the opposite sign",
-    "1",
-    value=square.inv() * gap,
-    rows=2,
-    columns=1,
+by_normal, by_normal_transposed, direct, direct_transposed = (
+    d.matrix(name, latex, quantity, "1", value=value, rows=2, columns=1)
+    for name, latex, quantity, value in (
+        (
+            "step_by_normal_equations",
+            r"(J^TJ)^{-1}J^T\vec F",
+            "step of the normal equations, with the opposite sign",
+            legs.solution(FORMULAS, square, gap),
+        ),
+        (
+            "transposed_by_normal_equations",
+            r"J(J^TJ)^{-1}\vec F",
+            "solution of the transposed equations",
+            legs.transposed_solution(FORMULAS, square, gap),
+        ),
+        ("step_by_inverse", r"J^{-1}\vec F", "Newton's step, with the opposite sign", square.inv() * gap),
+        ("transposed_by_inverse", r"J^{-T}\vec F", "the same of the transposed", square.inv().T * gap),
+    )
 )
 d.check(
     "normal-equations",
     equal(by_normal, direct),
-    text="The normal equations have Newton's step as their solution.",
+    equal(by_normal_transposed, direct_transposed),
+    text="The normal equations have Newton's step as their solution, and the transposed ones that of the transposed.",
     assumptions=["the matrix of slopes has an inverse"],
-).prove(because="(JᵀJ)⁻¹ is J⁻¹ J⁻ᵀ, and J⁻ᵀ Jᵀ is the unit matrix.")
+).prove(because="(JᵀJ)⁻¹ is J⁻¹ J⁻ᵀ, and J⁻ᵀ Jᵀ is the unit matrix; J (JᵀJ)⁻¹ is J⁻ᵀ.")
+
+# %% [markdown]
+# They are solved by the factors $LDL^T$ of their matrix; three equations by the inverse:
+
+# %%
+lower = sp.Matrix(3, 3, sp.symbols("A_1 A_2 A_3 A_2 A_4 A_5 A_3 A_5 A_6", real=True))
+right = sp.Matrix(sp.symbols("b_1 b_2 b_3", real=True))
+any_three = sp.Matrix(3, 3, sp.symbols("J_1_1 J_1_2 J_1_3 J_2_1 J_2_2 J_2_3 J_3_1 J_3_2 J_3_3", real=True))
+by_factors = d.vector(
+    "by_factors",
+    r"A\vec x",
+    "a symmetric matrix times the solution by its factors",
+    "1",
+    value=lower * sp.Matrix(legs.solved(FORMULAS.let, lower, right)),
+)
+b_vector = d.vector("b_vector", r"\vec b", "right sides of the system", "1", value=right)
+by_inverse = d.matrix(
+    "by_inverse",
+    r"J\,J^{-1}",
+    "a matrix times its inverse, as it is computed",
+    "1",
+    value=any_three * legs.inverse(FORMULAS, any_three),
+)
+d.check(
+    "factors",
+    equal(by_factors, b_vector),
+    equal(by_inverse, sp.Identity(3)),
+    text="The solution by factors solves the system, and the inverse is the inverse.",
+    assumptions=["no pivot vanishes", "the matrix has an inverse"],
+).prove()
 
 # %% [markdown]
 # ## How the platform turns
@@ -189,7 +259,26 @@ d.check(
 # %%
 Oy = rot("y", beta)
 Ox = rot("x", alpha).T
-P = Oy * Ox
+P = legs.tricept_turn(FORMULAS, *((sp.cos(angle), sp.sin(angle)) for angle in (alpha, beta)))
+stroke = d.symbol("stroke", "z", "way of the platform along its own z axis", "length")
+own = sp.Matrix(b.components)
+by_unknowns, rates_of_b = (
+    d.matrix(name, latex, quantity, "length", value=value)
+    for name, latex, quantity, value in (
+        (
+            "point_by_unknowns",
+            r"\frac{\partial\vec p}{\partial(\alpha,\beta,z)}",
+            "derivative of a point of the platform",
+            (P * own + P[:, 2] * stroke).jacobian([alpha, beta, stroke]),
+        ),
+        (
+            "point_rates",
+            r"(-O_y\vec e_1\times\vec p,\;\vec e_2\times\vec p,\;P\vec e_3)",
+            "the same, as it is computed",
+            legs.tricept_rates(FORMULAS, P, (sp.cos(beta), sp.sin(beta)), P * own + P[:, 2] * stroke),
+        ),
+    )
+)
 by_alpha, by_beta, platform = (
     d.matrix(name, letter, quantity, "1", value=value)
     for name, letter, quantity, value in (
@@ -209,6 +298,8 @@ d.check(
     "tricept-turns",
     equal(by_alpha, -skew(about_x) * platform),
     equal(by_beta, skew(about_y) * platform),
+    equal(platform, Oy * Ox),
+    equal(by_unknowns, rates_of_b),
     text="The derivatives of the Tricept's rotation are turns about these two axes.",
 ).prove(
     because="Both sides are matrices of sines and cosines of α and β; their elements agree. The sign of the first is "
@@ -222,11 +313,39 @@ d.check(
 
 # %%
 tau = d.vector("tau", r"\vec\tau", "half the Rodrigues vector of the step", "1", value=turn / 2)
+turned_x = d.vector(
+    "turned_x",
+    r"\vec x+\frac{2(\vec\tau\times\vec x+\vec\tau\times(\vec\tau\times\vec x))}{1+(\vec\tau,\vec\tau)}",
+    "x after the step, as it is computed",
+    "length",
+    value=legs.turned_by_step(FORMULAS, sp.eye(3), sp.Matrix(turn.components)) * sp.Matrix(x.components),
+)
 d.check(
     "step-turns",
-    equal(x + 2 * (cross(tau, x) + cross(tau, cross(tau, x))) / (1 + dot(tau, tau)), rodrigues(x, turn)),
+    equal(turned_x, rodrigues(x, turn)),
     text="The step as it is computed is Rodrigues' formula.",
 ).prove(because="With θ = 2τ both denominators are 1 + |τ|², and both numerators 2τ × x + 2τ × (τ × x).")
+
+# %% [markdown]
+# Where the search for a pose starts, a rotation is given as a unit quaternion $(w,\vec v)$; it is that with the
+# Rodrigues vector $2\vec v/w$:
+
+# %%
+scalar = d.symbol("scalar", "w", "scalar of a unit quaternion", "1")
+v = d.vector("v", r"\vec v", "its vector", "1")
+of_quaternion = d.matrix(
+    "of_quaternion",
+    r"R(w,\vec v)",
+    "matrix of a unit quaternion, as it is computed",
+    "1",
+    value=legs.matrix_of_quaternion(FORMULAS, scalar, sp.Matrix(v.components)),
+)
+d.check(
+    "quaternion",
+    equal(scalar**2 * (of_quaternion * x), scalar**2 * rodrigues(x, 2 * v / scalar)),
+    text="The matrix turns by that Rodrigues vector.",
+    assumptions=[equal(scalar**2 + dot(v, v), 1), sp.Ne(scalar, 0)],
+).prove(modulo={scalar: scalar**2 + dot(v, v) - 1})
 
 # %% [markdown]
 # Newton's method needs no more than the first order of the step, and that is the one of a small turn:
@@ -241,9 +360,17 @@ first_order = d.vector(
     "length",
     value=scaled.diff(size).subs(size, 0),
 )
+by_turn = d.matrix(
+    "by_turn",
+    r"\frac{\partial(\vec\theta\times\vec x)}{\partial\vec\theta}",
+    "its derivative by the turn, as it is computed",
+    "length",
+    value=legs.turn_rates(FORMULAS, sp.Matrix(x.components)),
+)
 d.check(
     "step-is-small",
     equal(first_order, cross(turn, x)),
+    equal(first_order, by_turn * turn),
     text="To first order the step moves each point by the cross product with the turn.",
 ).prove(because="In Rodrigues' formula for s θ the part of first order in s is s θ × x.")
 
@@ -287,10 +414,13 @@ d.check(
 # $\sum_k (t_k/l_k)\,J_k^T=\vec m$, where $J_k$ is the row $k$. Its solution is $t_k=l_k\,(J^{-T}\vec m)_k$:
 
 # %%
-J = sp.Matrix(3, 3, sp.symbols("J_1_1 J_1_2 J_1_3 J_2_1 J_2_2 J_2_3 J_3_1 J_3_2 J_3_3", real=True))
+J = any_three
 m = sp.Matrix(sp.symbols("m_1 m_2 m_3", real=True))
-lengths = sp.Matrix(sp.symbols("l_1 l_2 l_3", positive=True))
-tension = sp.Matrix([lengths[k] * (J.inv().T * m)[k] for k in range(3)])
+spans = [sp.Matrix(sp.symbols(f"d_{k}1 d_{k}2 d_{k}3", real=True)) for k in (1, 2, 3)]
+lengths = [sp.sqrt(dot(span, span)) for span in spans]
+# gravity along the first axis, and m as the rates of the load along it
+rates = sp.Matrix.vstack(m.T, sp.zeros(2, 3))
+tension = legs.tensions(FORMULAS, spans, J, rates, sp.Matrix([1, 0, 0]))
 load = d.vector("m", r"\vec m", "load on the three unknowns", "length", value=m)
 pull = d.vector(
     "pull",

@@ -38,8 +38,7 @@ from enum import IntEnum
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import EPS, LARGEST, Derivation, cross, dot, equal, select
-from rodgen.three_spheres import three_spheres
+from rodgen.symbolic import EPS, LARGEST, Derivation, Formulas, cross, dot, equal, legs, select
 
 derivation = Derivation(
     "delta",
@@ -80,11 +79,11 @@ d
 # \alpha=\tfrac12(\vec a^2+L_1^2-L_2^2),\quad\beta=\tfrac12(\vec b^2+L_1^2-L_3^2),$$
 #
 # and $\vec p=\vec g\pm t\,\vec n$ with $t^2=(L_1^2-\vec g^2)/\vec n^2$. The proof runs the very function that the
-# models of machines run, `rodgen.three_spheres`.
+# models of machines run, `three_spheres` of `rodgen.symbolic.legs`.
 
 # %%
 first, second = (sp.Matrix(3, 1, list(v.components)) for v in (a, b))
-meet = three_spheres(lambda name, value: value, [sp.zeros(3, 1), first, second], squares)
+meet = legs.three_spheres(Formulas(), [sp.zeros(3, 1), first, second], squares)
 point = meet.foot + t * meet.normal
 solved = d.vector(
     "solution", r"\vec g+t\,\vec n", "the point that is computed, for either sign of t", "length", value=point
@@ -165,9 +164,8 @@ d.check(
 
 # %%
 along, across = x * sp.cos(phi) + y * sp.sin(phi) - R, y * sp.cos(phi) - x * sp.sin(phi)
-reach = R + A * sp.cos(theta)
-elbow = sp.Matrix([reach * sp.cos(phi), reach * sp.sin(phi), -A * sp.sin(theta)])
-gap = sp.Matrix([x, y, z]) - elbow
+upper = legs.elbow(R, A, (sp.cos(theta), sp.sin(theta)))
+gap = sp.Matrix([x, y, z]) - legs.upper_joint(Formulas(), (sp.cos(phi), sp.sin(phi)), *upper)
 cosine, sine = -2 * A * along, 2 * A * z
 constant = along**2 + across**2 + z**2 + A**2 - L**2
 rod_of_arm = d.symbol(
@@ -257,7 +255,8 @@ def direct_outputs(k, centres, rod, valid):
     """Write the position below three joints, and its status."""
     squares = [k.let(f"square_{n}", value**2) for n, value in enumerate(rod, 1)]
     counted = iter(range(100))
-    meet = three_spheres(lambda name, value: k.let(f"{name}_{next(counted)}", value), centres, squares)
+    algebra = Formulas(let=lambda name, value: k.let(f"{name}_{next(counted)}", value))
+    meet = legs.three_spheres(algebra, centres, squares)
     a, b = centres[1] - centres[0], centres[2] - centres[0]
     bound = k.let("bound", ROUNDING * (2 * squares[0] - meet.height))
     area_bound = k.let("area_bound", ROUNDING**2 * a.dot(a) * b.dot(b))
@@ -295,7 +294,7 @@ def linear_delta_direct():
     carriage = k.input("carriage", 3, unit="length", doc="height of each carriage")
     radius, rod, heading = geometry_inputs(k)
     centres = [
-        k.let(f"joint_{n}", sp.Matrix([r * sp.cos(at), r * sp.sin(at), height]))
+        k.let(f"joint_{n}", legs.upper_joint(Formulas(), (sp.cos(at), sp.sin(at)), r, height))
         for n, (r, at, height) in enumerate(zip(radius, heading, carriage, strict=True), 1)
     ]
     return direct_outputs(k, centres, rod, sound(k, [*carriage, *radius, *rod, *heading], rod))
@@ -311,8 +310,9 @@ def rotary_delta_direct():
     radius, arm, rod, heading = geometry_inputs(k, ("arm", "length of each arm"))
     centres = []
     for n, (r, length, turn, at) in enumerate(zip(radius, arm, angle, heading, strict=True), 1):
-        reach = k.let(f"reach_{n}", r + length * sp.cos(turn))
-        elbow = sp.Matrix([reach * sp.cos(at), reach * sp.sin(at), -length * sp.sin(turn)])
+        reach, height = legs.elbow(r, length, (sp.cos(turn), sp.sin(turn)))
+        upper = k.let(f"reach_{n}", reach), height
+        elbow = legs.upper_joint(Formulas(), (sp.cos(at), sp.sin(at)), *upper)
         centres.append(k.let(f"elbow_{n}", elbow))
     valid = sound(k, [*angle, *radius, *arm, *rod, *heading], [*arm, *rod])
     return direct_outputs(k, centres, rod, valid)

@@ -33,14 +33,21 @@
 # - what an error motion means, and where it must be put (*Where an error motion enters*);
 # - which changes no reading can reveal (*What no reading can determine*);
 # - how directions, refraction, gravity and sagging beams enter.
+#
+# Nothing is proved of a copy: the formulas below are what the functions of `rodgen.symbolic.rigid_motions` return when
+# they are given letters, and the models of machines are what the same functions return when they are given the numbers
+# of a program.
 
 # %%
+
+from dataclasses import replace
 
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
 from rodgen.symbolic import (
     Derivation,
+    Formulas,
     Letter,
     cross,
     dot,
@@ -51,6 +58,7 @@ from rodgen.symbolic import (
     select,
     skew,
 )
+from rodgen.symbolic import rigid_motions as motions
 
 derivation = Derivation(
     "machine_model",
@@ -92,21 +100,29 @@ Q = d.matrix("Q", "Q", "any rotation: of the joints before, of a frame", "1", va
 E = d.matrix("E", "E", "the rotation of an error motion", "1", value=any_rotation("E"))
 epsilon = sp.Symbol("epsilon", real=True)
 unit = {n.components[2]: dot(n, n) - 1}
+FORMULAS = Formulas()
+FIRST, SECOND = (Formulas(select=lambda condition, *cases, taken=taken: cases[taken]) for taken in (0, 1))
+"""What a function computes where the condition of its cases holds, and where it does not."""
+
+
+def circle(angle: sp.Expr) -> motions.Turn:
+    """Cosine and sine of an angle."""
+    return sp.cos(angle), sp.sin(angle)
 
 
 def turned(v: sp.Basic, angle: sp.Expr = q, axis: sp.Basic = n) -> sp.Basic:
     """Rodrigues' formula: v turned about a unit axis."""
-    return sp.cos(angle) * v + sp.sin(angle) * cross(axis, v) + (1 - sp.cos(angle)) * dot(axis, v) * axis
+    return motions.turned(FORMULAS, v, axis, circle(angle))
 
 
 def turn(v: sp.Basic, angle: sp.Expr = q) -> sp.Basic:
     """What a rotary joint does to a point."""
-    return P + turned(v - P, angle)
+    return motions.turned_about(FORMULAS, v, n, P, circle(angle))
 
 
 def slide(v: sp.Basic) -> sp.Basic:
     """What a linear joint does to a point."""
-    return v + q * n
+    return motions.slid(v, n, q)
 
 
 def letter(name: str, latex: str, quantity: str, value: sp.Basic, its_unit: str = "length") -> sp.Basic:
@@ -451,7 +467,7 @@ COEFFICIENTS = ("S", "K", "T")
 
 def by_vector(v: sp.Basic, w: sp.Basic = w) -> sp.Basic:
     """Turn v by a rotation vector, whose length S and K know."""
-    return v + S * cross(w, v) + K * cross(w, cross(w, v))
+    return v + motions.change_by_quotients(FORMULAS, v, w, S, K)
 
 
 W_x = letter("W_x", r"R(\vec w)\,\vec x", "x turned by w, with the letters S and K", by_vector(x))
@@ -504,7 +520,9 @@ at_zero = slope(
     0,
 )
 d.check(
-    "at-zero", equal(at_zero, cross(w, x)), text="At zero L is the identity: a small turn adds w × x."
+    "at-zero",
+    equal(x + at_zero, motions.turned_a_little(FORMULAS, x, w)),
+    text="At zero L is the identity: a small turn adds w × x.",
 ).prove()
 
 # %%
@@ -528,22 +546,18 @@ d.check(
 # by at most $\frac{\varphi^m}{m!}$ times the largest value of its $m$-th derivative.
 
 # %%
-TERMS = 8
+TERMS = motions.TERMS
 square = d.symbol("square", r"\varphi^2", "square of an angle φ", "rad²")
 small = d.symbol("small", r"\varphi", "an angle", "rad")
 
 
-def series(square: sp.Expr, first: int) -> sp.Expr:
-    """The sum of (-square)^k / (2k + first)! by Horner's rule: S for 1, K for 2, T for 3."""
-    value = sp.S.Zero
-    for k in reversed(range(TERMS)):
-        value = sp.Rational((-1) ** k, sp.factorial(2 * k + first)) + square * value
-    return value
-
-
 S_8, K_8, T_8 = (
     d.symbol(
-        f"{name}_8", f"{name}_8", f"eight terms of the series of {name}", "1", value=series(square, first)
+        f"{name}_8",
+        f"{name}_8",
+        f"eight terms of the series of {name}",
+        "1",
+        value=motions.series(square, first),
     )
     for first, name in enumerate(COEFFICIENTS, start=1)
 )
@@ -607,7 +621,7 @@ beta_S, beta_K, beta_T = (
         rf"\beta_{name}",
         f"what may be left out of {name} below φ² = 1/4",
         "1",
-        value=sp.Rational(1, 4) ** TERMS / sp.factorial(2 * TERMS + first),
+        value=sp.Rational(motions.SERIES_BELOW) ** TERMS / sp.factorial(2 * TERMS + first),
     )
     for first, name in enumerate(COEFFICIENTS, start=1)
 )
@@ -632,6 +646,29 @@ d.check(
     equal((1 - sp.cos(2 * h)) / (2 * h) ** 2, 2 * (sp.sin(h) / (2 * h)) ** 2),
     text="Beyond, K is 2 sin²(φ/2)/φ², in which nothing cancels.",
 ).prove()
+
+# %% [markdown]
+# The function that turns by a rotation vector has these two cases:
+
+# %%
+computed, computed_small = (
+    letter(
+        name,
+        rf"R_{{{where}}}(\vec w)\,\vec x",
+        f"x turned by w, as it is computed {words} φ² = 1/4",
+        motions.turned_by_vector(case, x, w),
+    )
+    for name, where, words, case in (
+        ("computed", r"\geq", "from", SECOND),
+        ("computed_small", "<", "below", FIRST),
+    )
+)
+d.check(
+    "quotients",
+    equal(computed, W_x),
+    equal(computed_small, x + S_8 * cross(w, x) + K_8 * cross(w, cross(w, x))),
+    text="It is the rotation by w, with the quotients from φ² = 1/4 on and with the series below.",
+).prove(given={square: norm(w) ** 2})
 
 # %% [markdown]
 # ### The tilted axis
@@ -729,6 +766,21 @@ d.check(
     equal(W_transposed, by_vector(x, -w)),
     text="An error motion backwards: the translation first, then the turn by −w about the same point.",
 ).prove(given={S: S, K: K})
+
+# %%
+moved, moved_back = (
+    letter(name, latex, quantity, move(SECOND, x, P, s, w))
+    for name, latex, quantity, move in (
+        ("moved", r"D\vec x", "x, moved by an error motion, as it is computed", motions.moved),
+        ("moved_back", r"D^{-1}\vec x", "x, moved back, as it is computed", motions.moved_back),
+    )
+)
+d.check(
+    "error-motion",
+    equal(moved, P + by_vector(x - P) + s),
+    equal(moved_back, P + by_vector(x - s - P, -w)),
+    text="Error motions are computed so.",
+).prove()
 
 # %%
 back = letter("back", r"J^{-1}D^{-1}\vec x", "x, passed backwards", undone(P + E.T * (x - s - P)))
@@ -846,7 +898,7 @@ D_x = letter(
     "D_x",
     r"D\vec x",
     "what an error motion makes of x, P + R(w)(x − P) + t",
-    P + by_vector(x - P) + translation,
+    motions.moved(SECOND, x, P, translation, w),
 )
 by_t = slope(
     "by_t",
@@ -1094,16 +1146,17 @@ res_1, res_2 = (
     )
     for i, e in ((1, e_1), (2, e_2))
 )
+residual_along = motions.stereographic(FORMULAS, m, y)
 between = d.symbol("between", r"\psi", "angle between measured and seen direction", "rad")
 d.check(
     "residual",
-    equal(res_1, -2 * dot(e_1, y) / (1 + dot(m, y))),
+    equal(res_1, residual_along(e_1)),
     equal(res_1**2 + res_2**2, 4 * (1 - dot(m, y)) / (1 + dot(m, y))),
     equal((2 * sp.tan(between / 2)) ** 2, 4 * (1 - sp.cos(between)) / (1 + sp.cos(between))),
     text="The residual is 2 tan(ψ/2) long, of the angle ψ between the directions: with m · y = cos ψ both squares are "
     "the same. It is the angle but for ψ³/12, alike in all directions, and finite up to opposite ones.",
 ).prove(
-    equal(res_1, -2 * dot(e_1, y) / (1 + dot(m, y))),
+    equal(res_1, residual_along(e_1)),
     equal(res_1**2 + res_2**2, 4 * (1 - dot(m, y)) / (1 + dot(m, y))),
     equal((2 * sp.tan(h)) ** 2, 4 * (1 - sp.cos(2 * h)) / (1 + sp.cos(2 * h))),
     given=in_basis,
@@ -1166,16 +1219,33 @@ lift_vector = letter(
     "lift_vector", r"\vec w_a", "rotation vector of the lift, f x × h", f * cross(ray, up), "rad"
 )
 raised = {up: (0, 0, 1)}
+computed_lift, computed_small_lift = (
+    letter(
+        name,
+        latex,
+        f"the ray, lifted, as it is computed {where} α² = 1/4",
+        motions.lifted(replace(case, sqrt=lambda known: f * sine), ray, up, cosine, f),
+        "1",
+    )
+    for name, latex, where, case in (
+        ("computed_lift", r"\vec y_\geq", "from", SECOND),
+        ("computed_small_lift", r"\vec y_<", "below", FIRST),
+    )
+)
 ray_unit = {ray.components[2]: dot(ray, ray) - 1}
 d.check(
     "lift",
     equal(lifted, ray + S * cross(lift_vector, ray) + K * cross(lift_vector, cross(lift_vector, ray))),
     equal(norm(lift_vector) ** 2, f**2 * (norm(ray) ** 2 * norm(up) ** 2 - cosine**2)),
     equal(dot(up, lifted), cosine * sp.cos(f * sine) + sine * sp.sin(f * sine)),
+    equal(f**2 * (1 - cosine**2), (f * sine) ** 2),
+    equal(computed_lift, lifted),
+    equal(computed_small_lift, (1 - square * K_8) * ray + f * S_8 * (up - cosine * ray)),
     text="The lift is the rotation by the vector f x × h: S and K of f²σ² = f²(1 − c²) are smooth at the zenith, and "
-    "no root is taken of a difference. The zenith angle falls by α: its cosine becomes cos(ζ − α).",
+    "no root is taken of a difference. The zenith angle falls by α: its cosine becomes cos(ζ − α). So it is computed, "
+    "with the series of S and K where α is small.",
     assumptions=[equal(norm(ray), 1), equal(norm(up), 1)],
-).prove(given={**raised, phi: f * sine}, modulo=ray_unit)
+).prove(given={**raised, phi: f * sine, square: f**2 * (1 - cosine**2)}, modulo=ray_unit)
 
 # %%
 by_refraction = slope(
@@ -1208,6 +1278,14 @@ d.check(
     assumptions=[equal(above, low)],
 ).prove(given={above: low})
 
+# %%
+d.check(
+    "air",
+    equal(1 / motions.air_depth(FIRST, cosine), 1 / cosine),
+    equal(1 / motions.air_depth(SECOND, above), beyond),
+    text="The function computes both cases, with $c_0=0.087$.",
+).prove(given={low: sp.Rational(motions.TANGENT_TO)})
+
 # %% [markdown]
 # ### Flexures in hour angle and declination
 #
@@ -1236,14 +1314,20 @@ star, zenith, pole, west, north = (
         ("north", r"\vec e_\delta", "north of the direction", [-sin_d * cos_h, -sin_d * sin_h, cos_d]),
     )
 )
+fork = motions.fork_bend(SECOND, west, pole, -zenith)
 droop = cos_l * sin_h * west + (cos_l * cos_h * sin_d - sin_l * cos_d) * north
 d.check(
     "flexures",
     equal(dot(star, zenith) * star - zenith, droop),
-    equal(cross(cross(west, -zenith), star), (cos_l * cos_h * cos_d + sin_l * sin_d) * west),
-    equal(dot(west, cross(pole, -zenith)) * cross(west, star), cos_l * cos_h * north),
+    equal(
+        cross(motions.shaft_bend(FORMULAS, west, -zenith), star),
+        (cos_l * cos_h * cos_d + sin_l * sin_d) * west,
+    ),
+    equal(fork * cross(west, star), cos_l * cos_h * north),
+    equal(motions.fork_bend(FIRST, west, -pole, -zenith), fork),
     text="Per unit of a: the tube droops by TPOINT's TF; the shaft of the declination axis leans by −DAF, to the "
-    "west by the cosine of the zenith angle; the fork by FO = a cos φ₀. West on the sky is cos δ times the hour angle.",
+    "west by the cosine of the zenith angle; the fork by FO = a cos φ₀, whichever way the axis is named on which it "
+    "stands. West on the sky is cos δ times the hour angle.",
 ).prove()
 
 # %% [markdown]
@@ -1261,27 +1345,28 @@ d.check(
 
 # %%
 m_i = [sp.ImmutableMatrix(d.value(Q)[:, i]) for i in range(3)]
-r_i = [turned(column, 2 * h) for column in m_i]
+r_i = [turned(column, 2 * h, sp.Matrix(n.components)) for column in m_i]
+both_sums = motions.quaternion_between(FORMULAS, m_i, r_i)
 across_axes = letter(
     "across_axes",
     r"\sum_i\vec m_i\times\vec r_i",
     "sum of the products of predicted axes and these turned by 2h about n",
-    sum((cross(column, read) for column, read in zip(m_i, r_i, strict=True)), sp.zeros(3, 1)),
+    both_sums[0],
     "1",
 )
 along_axes = d.symbol(
     "along_axes",
-    r"\sum_i\vec m_i\cdot\vec r_i",
-    "sum of the scalar products of the same axes",
+    r"1+\sum_i\vec m_i\cdot\vec r_i",
+    "1 and the sum of the scalar products of the same axes",
     "1",
-    value=sum(dot(column, read) for column, read in zip(m_i, r_i, strict=True)),
+    value=both_sums[1],
 )
 d.check(
     "attitude-residual",
     equal(across_axes, 2 * sp.sin(2 * h) * n),
-    equal(along_axes, 1 + 2 * sp.cos(2 * h)),
+    equal(along_axes, 2 + 2 * sp.cos(2 * h)),
     equal(4 * sp.sin(2 * h) / (2 + 2 * sp.cos(2 * h)), 2 * sp.tan(h)),
-    text="Of axes that were turned by 2h about n, the quotient of twice the first sum by 1 and the second is "
+    text="Of axes that were turned by 2h about n, the quotient of twice the first sum by the second is "
     "2 tan(h) n, the Rodrigues vector of that turn, whatever the attitude is.",
 ).prove(modulo=unit)
 
@@ -1290,12 +1375,11 @@ turned_axes = slope(
     "turned_axes",
     r"\frac{\partial\vec\theta}{\partial\epsilon}",
     "derivative of the residual, at zero, when the prediction turns by ε ω",
-    2
-    * sum(
-        (cross(column + epsilon * cross(omega, column), column) for column in m_i),
-        sp.zeros(3, 1),
-    )
-    / (1 + sum(dot(column + epsilon * cross(omega, column), column) for column in m_i)),
+    motions.rodrigues_between(
+        FORMULAS,
+        [motions.turned_a_little(FORMULAS, m, epsilon * sp.Matrix(omega.components)) for m in m_i],
+        m_i,
+    ),
     epsilon,
     0,
 )
@@ -1319,14 +1403,51 @@ d.check(
     "angle-residual",
     equal(2 * sp.sin(2 * h), 4 * sp.cos(h) * sp.sin(h)),
     equal(2 + 2 * sp.cos(2 * h), 4 * sp.cos(h) ** 2),
-    equal(
-        2
-        * (sp.sin(alpha) * sp.cos(half_twist) - sp.cos(alpha) * sp.sin(half_twist))
-        / (sp.cos(alpha) * sp.cos(half_twist) + sp.sin(alpha) * sp.sin(half_twist)),
-        2 * sp.tan(alpha - half_twist),
-    ),
+    equal(motions.angle_between(*circle(half_twist), *circle(alpha)), 2 * sp.tan(alpha - half_twist)),
     text="The sums are 4 cos h times sin h n and cos h. From cosines and sines of the half angles, by any common "
     "factor, the residual is 2 tan of half of what the reading is beyond the prediction.",
+).prove()
+
+# %%
+line = d.vector("line", r"\vec e", "unit vector about which angles are read", "1")
+unit_axes = [sp.eye(3)[:, i] for i in range(3)]
+turned_units = [turned(column, 2 * h, sp.Matrix(n.components)) for column in unit_axes]
+near, far = (
+    [
+        d.symbol(
+            f"{part}_{name}", f"{letter}_{name[0]}", f"as {part} of half the twist, {where}", "1", value=value
+        )
+        for part, letter, value in zip(
+            ("sine", "cosine"),
+            "sc",
+            motions.half_twist(case, sp.Matrix(line.components), unit_axes, turned_units),
+            strict=True,
+        )
+    ]
+    for name, where, case in (
+        ("near", "up to a quarter turn", FIRST),
+        ("far", "beyond", SECOND),
+    )
+)
+d.check(
+    "half-twist",
+    *(equal(s * sp.cos(h), c * sp.sin(h) * dot(n, line)) for s, c in (near, far)),
+    text="Of a body that was turned by 2h about n, the two numbers are as sine and cosine of half of its twist about e "
+    "in both cases.",
+).prove(modulo={**unit, line.components[2]: dot(line, line) - 1})
+
+# %% [markdown]
+# An inclinometer reads how a line $\vec x$ of the body rises over the horizon: by the angle $\varphi$ with
+# $\sin\varphi=\vec h\cdot\vec x$ and $\cos\varphi=|\vec h\times\vec x|$.
+
+# %%
+rise, level = motions.half_tilt(replace(FORMULAS, sqrt=lambda known: sp.cos(2 * h)), up, ray)
+d.check(
+    "inclination",
+    equal(dot(up, ray) ** 2 + dot(cross(up, ray), cross(up, ray)), norm(up) ** 2 * norm(ray) ** 2),
+    equal(rise, dot(up, ray)),
+    equal(sp.sin(2 * h) * sp.cos(h), level * sp.sin(h)),
+    text="With φ = 2h, sin φ and 1 + cos φ are as sine and cosine of half the angle.",
 ).prove()
 
 # %% [markdown]
@@ -1340,7 +1461,8 @@ d.check(
 # %%
 g = d.vector("g", r"\vec g", "direction of gravity in that body", "1")
 arm = d.vector("arm", r"\vec r", "from the joint's point to the mean of the targets", "length")
-moment = letter("moment", r"\vec M", "moment of a unit force along g", cross(arm, g))
+moment = letter("moment", r"\vec M", "moment of a unit force along g", motions.moment(FORMULAS, arm, g))
+rate = motions.moment_rate(FORMULAS, n, g)
 M = d.symbol("M", "M", "part of the moment about the axis", "length", value=dot(n, moment))
 quarter = letter(
     "quarter", r"\vec r_\perp", "the arm, turned by 90° about the axis", cross(n, arm) + dot(n, arm) * n
@@ -1352,7 +1474,7 @@ M_perp = d.symbol(
     "length",
     value=dot(n, cross(quarter, g)),
 )
-across = letter("across", r"\vec M_a", "part of the moment across the axis", moment - M * n)
+across = letter("across", r"\vec M_a", "part of the moment across the axis", motions.across(moment, n, M))
 R_arm = letter("R_arm", r"R\,\vec r", "the arm, turned by q about the axis", turned(arm))
 d.check(
     "moment-in-the-pose",
@@ -1367,6 +1489,7 @@ d.check(
     "moment-about-the-axis",
     equal(dot(n, cross(arm + along * n, g)), M),
     equal(dot(cross(n, arm), g), M),
+    equal(motions.moment_about(FORMULAS, rate, arm), M),
     text="M does not depend on which point of the axis is taken. And it is how fast the load comes down as the joint "
     "turns: a joint that gives way to its load has a positive coefficient.",
 ).prove()
@@ -1376,6 +1499,7 @@ d.check(
     "moment-turned",
     equal(quarter, R_arm),
     equal(M_perp, dot(n, arm) * dot(n, g) - dot(arm, g)),
+    equal(M_perp, motions.moment_turned(FORMULAS, n, rate, arm)),
     text="For q = 90° the turned arm is that of M⊥; and M⊥ is, with the minus sign, the scalar product of the parts of "
     "arm and gravity that lie across the axis.",
 ).prove(given={q: sp.pi / 2}, modulo=unit)
@@ -1404,10 +1528,43 @@ d.check(
     "weight is that of one at the point of the next joint and one there after a quarter turn, `k_NAME` and `k2_NAME`.",
 ).prove(modulo=unit)
 
+# %% [markdown]
+# The weights of later links act at the points $\vec P_k$ of later joints. Here a rotary joint carries a linear one, and
+# that another rotary one.
+
 # %%
-guide_arm = cross(arm - q * n, g)
+points = [d.vector(f"P_{k}", rf"\vec P_{k}", f"point of joint {k}", "length") for k in (2, 3, 4)]
+n_s = d.vector("n_s", r"\vec n_2", "unit vector along the linear joint", "1")
+n_t = d.vector("n_t", r"\vec n_3", "unit vector of the axis of the second rotary joint", "1")
+slid_by = d.symbol("slid_by", "q_2'", "coordinate of the linear joint", "length")
+turned_by = d.symbol("turned_by", "q_3'", "coordinate of the second rotary joint", "rad")
+links = [
+    motions.Link(n, circle(q), q, P, points[0]),
+    motions.Link(n_s, None, slid_by, points[0], points[1]),
+    motions.Link(n_t, circle(turned_by), turned_by, points[1], points[2]),
+]
+at_last = motions.turned_about(FORMULAS, points[2], n_t, points[1], circle(turned_by))
+places = [
+    turn(points[0]),
+    turn(motions.slid(points[1], n_s, slid_by)),
+    turn(motions.slid(at_last, n_s, slid_by)),
+]
+link_arm = places[0] - P
+moments = [*(place - P for place in places), cross(n, link_arm) + dot(n, link_arm) * n]
+d.check(
+    "weights",
+    *(
+        equal(computed, dot(n, cross(arm, g)))
+        for computed, arm in zip(motions.moments_of_weights(FORMULAS, n, rate, links), moments, strict=True)
+    ),
+    text="The moments about the first axis of unit forces at these points, and of one at the first of them after a "
+    "quarter turn, as they are computed: from joint to joint outwards.",
+).prove(modulo=unit)
+
+# %%
+guided = motions.moment(FORMULAS, arm - q * n, g)
 guide = letter(
-    "guide", r"\vec M_g", "moment about P + q n, across the axis", guide_arm - dot(n, guide_arm) * n
+    "guide", r"\vec M_g", "moment about P + q n, across the axis", motions.across(guided, n, dot(n, guided))
 )
 d.check(
     "moment-across",
@@ -1429,11 +1586,18 @@ c_0 = d.vector("c_0", r"\vec c_0", "the load, carried by this joint alone", "len
 drop = d.symbol("drop", r"\delta", "by how much the load drops", "length")
 E_2 = d.matrix("E_2", "E_2", "rotation of all error motions of the joint", "1", value=any_rotation("E_2"))
 t_sag = letter("t_sag", r"\vec t_s", "translation of the sag", drop * g + (c_0 - P) - E * (c_0 - P))
+t_computed = letter(
+    "t_computed",
+    r"\vec t_s(\vec w)",
+    "translation of the sag, as it is computed",
+    motions.sag_shift(SECOND, c_0 - P, g, drop, w),
+)
 d.check(
     "sag",
     equal(P + E * (c_0 - P) + t_sag, c_0 + drop * g),
     equal(P + E * (x - P) + t_sag, (c_0 + drop * g) + E * (x - c_0)),
     equal(P + E_2 * (c_0 - P) + t_sag, (c_0 + drop * g) + (E_2 - E) * (c_0 - P)),
+    equal(t_computed, drop * g + (c_0 - P) - by_vector(c_0 - P)),
     text="The load is where it has dropped to, and all else turns about it. With other rotations at the same joint the "
     "sum of all rotation vectors acts, E₂, and they carry the load on.",
 ).prove(given={E: E, E_2: E_2})
@@ -1441,7 +1605,7 @@ d.check(
 # %%
 d.check(
     "sag-turns-down",
-    equal(cross(cross(n, g), n), g - dot(n, g) * n),
+    equal(cross(motions.sag_turn(FORMULAS, n, g, 1), n), g - dot(n, g) * n),
     text="The beam turns towards gravity: with a positive slope its end goes down. On an inclined axis the turn is "
     "smaller the steeper it is; the drop stays along g.",
 ).prove(modulo=unit)
@@ -1596,14 +1760,14 @@ d.check(
 def coefficients(k: KernelBuilder, w: sp.Matrix) -> tuple[sp.Symbol, sp.Symbol, sp.Symbol]:
     """S, K and T of a rotation vector."""
     square = k.let("square", w.dot(w))
-    is_small = k.let("is_small", square < sp.Rational(1, 4))
+    is_small = k.let("is_small", square < motions.SERIES_BELOW)
     safe = k.let("safe", select(is_small, sp.S.One, square))
     angle = k.let("angle", sp.sqrt(safe))
     half_angle = k.let("half_angle", angle / 2)
     sine, half_sine = k.let("sine", sp.sin(angle)), k.let("half_sine", sp.sin(half_angle))
     quotients = sine / angle, 2 * (half_sine / angle) ** 2, (angle - sine) / (angle * safe)
     return tuple(
-        k.let(name, select(is_small, series(square, first), quotient))
+        k.let(name, select(is_small, motions.series(square, first), quotient))
         for first, (name, quotient) in enumerate(zip(COEFFICIENTS, quotients, strict=True), start=1)
     )
 

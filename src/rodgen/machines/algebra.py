@@ -14,6 +14,7 @@ from typing import Any
 
 from rodgen.codegen import tape
 from rodgen.codegen.tape_matrix import Matrix
+from rodgen.symbolic.legs import solved as solved
 
 
 @dataclass(frozen=True)
@@ -129,25 +130,3 @@ def _circle(degrees: float) -> tuple[float, float]:
         return twelfths.get(x % 360, math.sin(math.radians(x)))  # type: ignore[call-overload, no-any-return]
 
     return sine(degrees + 90), sine(degrees)
-
-
-def solved(let: Callable[[str, Any], Any], a: Any, b: Any) -> list[Any]:
-    """Return the solution of a positive definite system a x = b, by its factors L D Lᵀ; `let` names each step."""
-    n = len(b)
-    factor: dict[tuple[int, int], Any] = {}
-    pivot: list[Any] = []
-    x: list[Any] = []
-    for i in range(n):
-        for j in range(i):
-            done = sum((factor[i, m] * factor[j, m] * pivot[m] for m in range(j)), 0)
-            factor[i, j] = let(f"l{i}{j}", (a[i, j] - done) / pivot[j])
-        done = sum((factor[i, m] ** 2 * pivot[m] for m in range(i)), 0)
-        pivot.append(let(f"pivot{i}", a[i, i] - done))
-    for i in range(n):
-        rest = b[i] - sum((factor[i, m] * x[m] for m in range(i)), 0)
-        x.append(rest if getattr(rest, "is_Symbol", False) else let(f"forward{i}", rest))
-    x = [let(f"divided{i}", x[i] / pivot[i]) for i in range(n)]
-    for i in reversed(range(n - 1)):
-        later = sum((factor[m, i] * x[m] for m in range(i + 1, n)), 0)
-        x[i] = let(f"solved{i}", x[i] - later)
-    return x

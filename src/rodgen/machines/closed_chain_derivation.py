@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rodgen.machines.algebra import solved
 from rodgen.machines.kinematics import (
     NEWTON_STEPS,
     Hexapod,
@@ -27,7 +26,7 @@ from rodgen.machines.kinematics import (
 )
 from rodgen.machines.model_steps import ModelSteps
 from rodgen.machines.structure import Term
-from rodgen.three_spheres import three_spheres
+from rodgen.symbolic import legs
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
@@ -120,35 +119,11 @@ class _OnLegs:
     def legs(self, pose: _Pose) -> list[Vector]:
         return [self.m.let("leg", p - a) for p, a in zip(pose.joints, self.base, strict=True)]
 
-    def slopes(self, pose: _Pose, legs: Sequence[Vector]) -> Vector:
-        """Return the derivative (legs, unknowns) of half the squared lengths."""
-        rows = [leg.T * by for leg, by in zip(legs, pose.by, strict=True)]
-        return self.m.let("slopes", self.m.matrix.vstack(*rows))
-
-    def inverse(self, slopes: Vector) -> Vector:
-        adjugate = self.m.let("adjugate", slopes.adjugate())
-        determinant = self.m.let("determinant", (slopes.row(0) * adjugate.col(0))[0])
-        return self.m.let("inverse", adjugate / determinant)
-
-    def solve(self, slopes: Vector, right: Vector) -> Vector:
-        """Return J⁻¹ times a vector."""
-        return self.inverse(slopes) * right
-
-    def solve_transposed(self, slopes: Vector, right: Vector) -> Vector:
-        """Return J⁻ᵀ times a vector."""
-        return self.inverse(slopes).T * right
-
     def tensions(self, pose: _Pose, x: Vector, gravity: Vector) -> list[Any]:
-        """Return the force in each leg, tension positive, under a unit force along gravity at x.
-
-        By virtual work it is the way that x goes along gravity when the leg alone grows: t = l J⁻ᵀ (∂x/∂y)ᵀ g, where J
-        is the derivative of half the squared lengths.
-        """
-        legs = self.legs(pose)
-        slopes = self.slopes(pose, legs)
-        pull = self.m.let("pull", self.solve_transposed(slopes, self.carry_by(pose, x).T * gravity))
-        lengths = [self.m.let("length", self.m.sqrt(leg.dot(leg))) for leg in legs]
-        return [self.m.let("tension", t * length) for t, length in zip(pull, lengths, strict=True)]
+        """Return the force in each leg, tension positive, under a unit force along gravity at x."""
+        spans = self.legs(pose)
+        slopes = legs.slopes(self.m, spans, pose.by)
+        return legs.tensions(self.m, spans, slopes, self.carry_by(pose, x), gravity)
 
     def solved(self, x: Vector) -> tuple[_Pose, Any]:
         """Return the pose, and the square of the last step."""
@@ -176,9 +151,11 @@ class _OnLegs:
 
     def nearer(self, pose: _Pose, half: Sequence[Any]) -> tuple[_Pose, Vector]:
         """Return the pose after one of Newton's steps towards legs with these halves of squares, and the step."""
-        legs = self.legs(pose)
-        gap = self.m.matrix([leg.dot(leg) / 2 - h for leg, h in zip(legs, half, strict=True)])
-        step = self.m.let("step", -self.solve(self.slopes(pose, legs), self.m.let("gap", gap)))
+        spans = self.legs(pose)
+        gap = [legs.half_gap(self.m, leg, h) for leg, h in zip(spans, half, strict=True)]
+        slopes = legs.slopes(self.m, spans, pose.by)
+        step = legs.solution(self.m, slopes, self.m.let("gap", self.m.matrix(gap)))
+        step = self.m.let("step", -step)
         return self.moved(step), step
 
     def numbers(self, pose: _Pose) -> list[Any]:
@@ -221,24 +198,15 @@ class _Tricept(_OnLegs):
 
     def pose(self) -> _Pose:
         alpha, beta, z = self.unknowns
-        (ca, sa), (cb, sb) = self.m.turn(alpha), self.m.turn(beta)
-        turn = self.m.let(
-            "turn", self.m.matrix([[cb, -sb * sa, sb * ca], [0, ca, sa], [-sb, -cb * sa, cb * ca]])
-        )
+        first, self.beta = self.m.turn(alpha), self.m.turn(beta)
+        turn = legs.tricept_turn(self.m, first, self.beta)
         shift = self.m.let("shift", turn.col(2) * z)
         joints, by = [], []
         for own in self.own:
             arm = self.m.let("arm", turn * own)
             joints.append(self.m.let("joint", arm + shift))
-            by.append(self.derivative(turn, cb, sb, joints[-1]))
-        self.cosine, self.sine = cb, sb
+            by.append(legs.tricept_rates(self.m, turn, self.beta, joints[-1]))
         return _Pose(turn, shift, joints, by)
-
-    def derivative(self, turn: Vector, cb: Any, sb: Any, p: Vector) -> Vector:
-        """Return the derivative of a point of the platform: turned about -y-turned x, about y, and shifted."""
-        about = -self.m.matrix([cb, 0, -sb])  # the transposed Ox turns the other way
-        y = self.m.matrix([0, 1, 0])
-        return self.m.matrix.hstack(about.cross(p), y.cross(p), turn.col(2))
 
     def carry(self, pose: _Pose, x: Vector) -> Vector:
         if not self.m.structure.moving:
@@ -246,7 +214,7 @@ class _Tricept(_OnLegs):
         return pose.turn * self.m.let("arm", x + self.number["q"]) + pose.shift
 
     def carry_by(self, pose: _Pose, x: Vector) -> Vector:
-        return self.derivative(pose.turn, self.cosine, self.sine, self.m.let("seen", self.carry(pose, x)))
+        return legs.tricept_rates(self.m, pose.turn, self.beta, self.m.let("seen", self.carry(pose, x)))
 
     def size(self, step: Vector) -> Any:
         R = self.number["R"][0]
@@ -266,11 +234,13 @@ class _ThreeSpsS(_OnLegs):
             pose, _step = self.nearer(pose, half)
         return pose
 
-    def nearest(self, legs: Sequence[Any]) -> Vector:
+    def nearest(self, lengths: Sequence[Any]) -> Vector:
         """Return the starting rotation whose legs are the nearest, by selects without a branch."""
         least, chosen = None, self.m.matrix.zeros(4, 1)
         for begin in self.m.begins:
-            apart = self.m.let("apart", sum(((a - b) ** 2 for a, b in zip(legs, begin[:3], strict=True)), 0))
+            apart = self.m.let(
+                "apart", sum(((a - b) ** 2 for a, b in zip(lengths, begin[:3], strict=True)), 0)
+            )
             quaternion = self.m.matrix(begin[3:])
             if least is None:
                 least, chosen = apart, quaternion
@@ -281,42 +251,27 @@ class _ThreeSpsS(_OnLegs):
                 self.m.matrix([self.m.select(here, a, b) for a, b in zip(quaternion, chosen, strict=True)]),
             )
             least = self.m.let("least", self.m.select(here, apart, least))
-        w, cross = chosen[0], -_turned(self.m, chosen[1:])
-        return self.m.let("turn", self.m.matrix.eye(3) + 2 * w * cross + 2 * cross * cross)
+        return legs.matrix_of_quaternion(self.m, chosen[0], chosen[1:])
 
     def numbers(self, pose: _Pose) -> list[Any]:
         return list(pose.turn)
 
     def moved(self, step: Vector) -> _Pose:
-        return self.pose(_turned_by(self.m, self.turn, step))
+        return self.pose(legs.turned_by_step(self.m, self.turn, step))
 
     def pose(self, turn: Vector) -> _Pose:
         self.turn = turn
         shift = self.m.matrix([0, 0, self.number["h"][0]])
         arms = [self.m.let("arm", turn * own) for own in self.own]
-        return _Pose(turn, shift, [arm + shift for arm in arms], [_turned(self.m, arm) for arm in arms])
+        return _Pose(
+            turn, shift, [arm + shift for arm in arms], [legs.turn_rates(self.m, arm) for arm in arms]
+        )
 
     def carry(self, pose: _Pose, x: Vector) -> Vector:
         return pose.turn * x + (pose.shift if self.m.structure.moving else self.m.matrix.zeros(3, 1))
 
     def carry_by(self, pose: _Pose, x: Vector) -> Vector:
-        return _turned(self.m, self.m.let("seen", pose.turn * x))
-
-
-def _turned(m: ModelSteps, x: Vector) -> Vector:
-    """Return the derivative (3, 3) of a vector with respect to a turn, w × x."""
-    return m.matrix([[0, x[2], -x[1]], [-x[2], 0, x[0]], [x[1], -x[0], 0]])
-
-
-def _turned_by(m: ModelSteps, turn: Vector, step: Vector) -> Vector:
-    """Return a rotation matrix after one with the Rodrigues vector of a step."""
-    half = m.let("half", step / 2)
-    factor = m.let("factor", 2 / (1 + half.dot(half)))
-    columns = []
-    for i in range(3):
-        across = m.let("across", half.cross(turn.col(i)))
-        columns.append(m.let("column", turn.col(i) + factor * (across + half.cross(across))))
-    return m.matrix.hstack(*columns)
+        return legs.turn_rates(self.m, self.m.let("seen", pose.turn * x))
 
 
 class _Hexapod(_OnLegs):
@@ -344,7 +299,7 @@ class _Hexapod(_OnLegs):
 
     def moved(self, step: Vector) -> _Pose:
         shift = self.m.let("shift", self.at.shift + step[:3, :])
-        return self.pose(shift, _turned_by(self.m, self.at.turn, step[3:, :]))
+        return self.pose(shift, legs.turned_by_step(self.m, self.at.turn, step[3:, :]))
 
     def pose(self, shift: Vector, turn: Vector) -> _Pose:
         arms = [self.m.let("arm", turn * own) for own in self.own]
@@ -354,15 +309,7 @@ class _Hexapod(_OnLegs):
 
     def derivative(self, arm: Vector) -> Vector:
         """Return the derivative (3, 6) of a point of the platform, at the end of an arm."""
-        return self.m.matrix.hstack(self.m.matrix.eye(3), _turned(self.m, arm))
-
-    def solve(self, slopes: Vector, right: Vector) -> Vector:
-        # by normal equations: elimination of J itself would need a choice of pivots
-        return self.m.matrix(solved(self.m.let, self.m.let("normal", slopes.T * slopes), slopes.T * right))
-
-    def solve_transposed(self, slopes: Vector, right: Vector) -> Vector:
-        normal = self.m.let("normal", slopes.T * slopes)
-        return slopes * self.m.matrix(solved(self.m.let, normal, right))
+        return self.m.matrix.hstack(self.m.matrix.eye(3), legs.turn_rates(self.m, arm))
 
     def carry(self, pose: _Pose, x: Vector) -> Vector:
         return pose.turn * x + pose.shift if self.m.structure.moving else pose.turn * x
@@ -372,8 +319,8 @@ class _Hexapod(_OnLegs):
 
     def size(self, step: Vector) -> Any:
         """Return the square of a step: of its turn, and of its shift over the legs' usual length."""
-        legs = [(p - a).dot(p - a) for p, a in zip(self.at.joints, self.base, strict=True)]
-        square = self.m.let("square", sum(legs, 0) / len(legs))
+        squares = [(p - a).dot(p - a) for p, a in zip(self.at.joints, self.base, strict=True)]
+        square = self.m.let("square", sum(squares, 0) / len(squares))
         return step[3:, :].dot(step[3:, :]) + step[:3, :].dot(step[:3, :]) / square
 
 
@@ -400,7 +347,7 @@ class _Delta(_OnLegs):
         m.directions[leg] = {"U": outwards, "V": across, "N": m.matrix([0, 0, 1])}
         coordinate = m.let("coordinate", self.sum_of(leg, "reading", m.column["q", leg]))
         out, height = self.reach(leg, coordinate)
-        drawn = m.matrix([out * cosine, out * sine, height])
+        drawn = legs.upper_joint(m, (cosine, sine), out, height)
         return m.let("joint", self.sum_of(leg, "base_joint", drawn))
 
     def reach(self, leg: int, coordinate: Any) -> tuple[Any, Any]:
@@ -411,7 +358,7 @@ class _Delta(_OnLegs):
         """Return the pose, and 0 or 1: whether the spheres do not meet."""
         m = self.m
         rods = [self.sum_of(k, "rod", self.number["L"][0]) for k in range(len(self.base))]
-        meet = three_spheres(m.let, self.base, [m.let("square", rod**2) for rod in rods])
+        meet = legs.three_spheres(m, self.base, [m.let("square", rod**2) for rod in rods])
         meets = meet.ratio > 0
         below = m.let("below", m.sqrt(m.select(meets, meet.ratio, 1)))
         down = m.let("down", m.select(meet.normal[2] < 0, below, -below))
@@ -430,9 +377,8 @@ class _LinearDelta(_Delta):
 
 class _RotaryDelta(_Delta):
     def reach(self, leg: int, coordinate: Any) -> tuple[Any, Any]:
-        cosine, sine = self.m.turn(coordinate)
-        arm = self.sum_of(leg, "arm", self.number["A"][0])
-        return self.number["R"][0] + arm * cosine, -arm * sine
+        turn = self.m.turn(coordinate)
+        return legs.elbow(self.number["R"][0], self.sum_of(leg, "arm", self.number["A"][0]), turn)
 
 
 STEPS_OF: Mapping[type[Kinematics], type[_OnLegs]] = {

@@ -17,35 +17,24 @@ from rodgen.data.notations import NOTATIONS as NOTATIONS
 from rodgen.data.notations import TURNS as TURNS
 from rodgen.data.set_aside import SetAside
 from rodgen.data.units import ANGLE, LENGTH, Dimension
+from rodgen.symbolic import rigid_motions as motions
 from rodgen.views import with_html
 
 Vector: TypeAlias = tuple[float, float, float]
 
 
-class Steps(Protocol):
+class Steps(motions.Algebra, Protocol):
     """What a measurand needs of the steps of a kernel; see :class:`rodgen.machines.model_steps.ModelSteps`."""
-
-    matrix: Any
-    zero: Any
-
-    def let(self, name: str, value: Any) -> Any:
-        """Name a step."""
 
     def turn(self, angle: Any) -> tuple[Any, Any]:
         """Return cosine and sine of an angle."""
         ...
-
-    def length(self, x: Any) -> Any:
-        """Return the length of a vector."""
 
     def factor(self) -> Any:
         """Return what the instrument multiplies its readings by."""
 
     def scaled(self, x: Any) -> Any:
         """Add to a reading what the errors of the instrument's axes do."""
-
-    def select(self, condition: Any, then: Any, otherwise: Any) -> Any:
-        """Return one value where a condition holds, else the other."""
 
     def freedoms(self, name: str, components: Sequence[str]) -> Any:
         """Return the freedoms of a part of the geometry."""
@@ -238,9 +227,8 @@ class Direction(_Angular):
 
     def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the stereographic image of the prediction, seen from opposite the reading, along two vectors."""
-        measured, first, second = reading[:3, :], reading[3:6, :], reading[6:, :]
-        factor = steps.let("stereographic", -2 / (1 + measured.dot(place)))
-        return type(reading)([first.dot(place) * factor, second.dot(place) * factor])
+        along = motions.stereographic(steps, reading[:3, :], place)
+        return type(reading)([along(reading[3:6, :]), along(reading[6:, :])])
 
 
 @dataclass(frozen=True)
@@ -258,7 +246,7 @@ class Distance(Measurand):
     def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the difference of the distances."""
         arm = steps.let("arm", place - steps.known("origin"))
-        distance = steps.let("distance", steps.length(arm) * steps.factor())
+        distance = steps.let("distance", motions.length(steps, arm) * steps.factor())
         return type(reading)([reading[0] - distance])
 
 
@@ -300,22 +288,12 @@ class Pose(Point):
 
 
 def _turn_to(steps: Steps, axes: Any, read: Any) -> Any:
-    """Return the Rodrigues vector that turns predicted axes of a body to those that were read, (3, 1).
-
-    With the axes m of the body as predicted and r as measured it is 2 Σ m × r / (1 + Σ m · r), 2 tan(angle / 2) long:
-    without a branch, and finite up to half a turn.
-    """
-    across, along = _quaternion(steps, axes, type(read)(3, 3, list(read)))
-    return across * steps.let("rodrigues", 2 / along)
+    """Return the Rodrigues vector that turns predicted axes of a body to those that were read, (3, 1)."""
+    return motions.rodrigues_between(steps, _columns(axes), _columns(type(read)(3, 3, list(read))))
 
 
-def _quaternion(steps: Steps, axes: Any, goal: Any) -> tuple[Any, Any]:
-    """Return vector and scalar part of a quaternion, of any length, that turns orthonormal axes to others."""
-    across, along = steps.zero, 1
-    for i in range(3):
-        across = across + axes[:, i].cross(goal[:, i])
-        along = along + axes[:, i].dot(goal[:, i])
-    return across, along
+def _columns(matrix: Any) -> list[Any]:
+    return [matrix[:, i] for i in range(3)]
 
 
 @dataclass(frozen=True)
@@ -362,25 +340,12 @@ class Angle(_Angular):
         zero = steps.known("target_zero")[0] + steps.freedoms("target", ("zero",))[0]
         of_zero = steps.turn(zero / 2)
         c, s = c * of_zero[0] + s * of_zero[1], s * of_zero[0] - c * of_zero[1]
-        return type(reading)([2 * (s * cosine - c * sine) / (c * cosine + s * sine)])
+        return type(reading)([motions.angle_between(cosine, sine, c, s)])
 
     def half(self, steps: Steps, place: Any, axes: Any) -> tuple[Any, Any]:
-        """Return numbers as sine and cosine of half the predicted angle from the zero.
-
-        With a unit quaternion (w, v) of the rotation the twist φ about e has tan(φ/2) = v·e / w, and w and v are as
-        1 + Σ e_i·m_i and Σ e_i × m_i, with the axes m of the body that were the machine's e_i at zero. Beyond a quarter
-        turn, where both may vanish, v·e and w are as 1 - Σ e_i·m_i + 2 e·M e and (Σ e_i × m_i)·e, M the matrix of m.
-        """
+        """Return numbers as sine and cosine of half the predicted angle from the zero."""
         line = steps.varied(self.line, 0)
-        across, along = _quaternion(steps, steps.matrix.eye(3), axes)
-        turned = axes[:, 0] * line[0] + axes[:, 1] * line[1] + axes[:, 2] * line[2]
-        both, cosine = steps.let("both_half", across.dot(line)), steps.let("along_half", along)
-        sine = steps.let("across_half", 2 - along + 2 * line.dot(turned))
-        is_near = sine < cosine
-        return (
-            steps.let("sine_half", steps.select(is_near, both, sine)),
-            steps.let("cosine_half", steps.select(is_near, cosine, both)),
-        )
+        return motions.half_twist(steps, line, _columns(steps.matrix.eye(3)), _columns(axes))
 
 
 @dataclass(frozen=True)
@@ -399,9 +364,7 @@ class Inclination(Angle):
 
     def half(self, steps: Steps, place: Any, axes: Any) -> tuple[Any, Any]:
         """Return numbers as sine and cosine of half the predicted angle: tan(φ/2) = sin φ / (1 + cos φ)."""
-        up = steps.varied(self.line, 0)
-        level = steps.length(up.cross(place))
-        return steps.let("sine_half", up.dot(place)), steps.let("cosine_half", 1 + level)
+        return motions.half_tilt(steps, steps.varied(self.line, 0), place)
 
 
 POINT, DIRECTION, DISTANCE, HEIGHT = Point(), Direction(), Distance(), Height()

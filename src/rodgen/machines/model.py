@@ -73,8 +73,8 @@ _OF_GROUPS = frozenset({"target", "shift", "remounting"})
 
 
 def _key(structure: Structure) -> str:
-    """Return what its kernels depend on: what turns it into them is in this package, and units in that of the data."""
-    return f"{structure!r} {source_hash(_HOME, _HOME.parent / 'data')}"
+    """Return what its kernels depend on: this package, the formulas that it builds with, and units of data."""
+    return f"{structure!r} {source_hash(_HOME, *(_HOME.parent / name for name in ('symbolic', 'data')))}"
 
 
 @functools.lru_cache(maxsize=1024)

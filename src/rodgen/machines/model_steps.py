@@ -14,7 +14,7 @@ before, and only the derivative with respect to them is taken.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import partial
 from itertools import pairwise
@@ -25,6 +25,7 @@ from rodgen.machines.algebra import Algebra, with_sympy
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.measured import TURNS
 from rodgen.machines.structure import MOMENTS, TENSION, Structure, Term
+from rodgen.symbolic import rigid_motions as motions
 
 if TYPE_CHECKING:
     from rodgen.machines.coupling import Coupling
@@ -33,19 +34,6 @@ Vector: TypeAlias = Any
 """A column of values."""
 SUMMARY = "A machine's model against its measurements."
 SOURCE = "product of exponentials with error motions, derivation/machine_model.py"
-SERIES_BELOW = Fraction(1, 4)
-"""Squared angle below which sin(x)/x and (1 - cos x)/x² are series: eight terms leave 4e-20 there."""
-
-TANGENT_TO = Fraction(87, 1000)
-"""Cosine of the zenith angle, 85°, up to which the air lifts by the tangent, which is infinite at the horizon."""
-
-LEGENDRE: Mapping[int, Callable[[Any], Any]] = {
-    1: lambda x: x,
-    2: lambda x: (3 * x**2 - 1) / 2,
-    3: lambda x: (5 * x**3 - 3 * x) / 2,
-    4: lambda x: (35 * x**4 - 30 * x**2 + 3) / 8,
-}
-"""Legendre polynomials by degree."""
 
 
 def cached(function: Any) -> Any:
@@ -152,35 +140,15 @@ class ModelSteps:
         """Return cosine and sine of an angle as steps."""
         return self.let("cosine", self.cos(angle)), self.let("sine", self.sin(angle))
 
-    def length(self, x: Vector) -> Any:
-        """Return the length of a vector."""
-        return self.sqrt(x.dot(x))
+    @staticmethod
+    def dot(x: Vector, y: Vector) -> Any:
+        """Return a scalar product."""
+        return x.dot(y)
 
-    # rotations -----------------------------------------------------------------------------------------------
-
-    def about_axis(self, x: Vector, n: Vector, turn: tuple[Any, Any]) -> Vector:
-        """Turn x about a unit vector: Rodrigues' formula."""
-        cosine, sine = turn
-        along = self.let("along", n.dot(x) * (1 - cosine))
-        return x * cosine + n.cross(x) * sine + n * along
-
-    def by_vector(self, x: Vector, w: Vector) -> Vector:
-        """Turn x by a rotation vector, exactly, and smoothly at the zero vector."""
-        return x + self.change_by_vector(x, w)
-
-    def change_by_vector(self, x: Vector, w: Vector) -> Vector:
-        """Return what :meth:`by_vector` adds to x."""
-        w = self.let("turn", w)
-        square = self.let("square", w.dot(w))
-        is_small = square < SERIES_BELOW
-        safe = self.let("safe", self.select(is_small, 1, square))
-        angle = self.let("angle", self.sqrt(safe))
-        by_sine = self.let("by_sine", self.select(is_small, _series(square, 1), self.sin(angle) / angle))
-        by_cosine = self.let(
-            "by_cosine", self.select(is_small, _series(square, 2), (1 - self.cos(angle)) / safe)
-        )
-        across = self.let("across", w.cross(x))
-        return by_sine * across + by_cosine * w.cross(across)
+    @staticmethod
+    def cross(x: Vector, y: Vector) -> Vector:
+        """Return a vector product."""
+        return x.cross(y)
 
     # coordinates of joints, by their readings -----------------------------------------------------------------
 
@@ -246,18 +214,14 @@ class ModelSteps:
         before = self.structure.carriers(j)[-1]
         g = self.gravity(before)
         if self.structure.joints[before].revolute:
-            cosine, sine = self.ideal_turn[before]
-            g = self.let("gravity", self.about_axis(g, self.axis[before], (cosine, -sine)))
+            turn = motions.back(self.ideal_turn[before])
+            g = self.let("gravity", motions.turned(self, g, self.axis[before], turn))
         return g
 
     @cached
     def centre(self) -> Vector:
         """Return the mean of the targets."""
         return self.let("centre", self.known("centre") + self.freedoms("centre", "xyz"))
-
-    def moment(self, arm: Vector, j: int) -> Vector:
-        """Return the moment of a unit force along gravity at the end of an arm, as joint j sees it."""
-        return self.let("moment", self.let("arm", arm).cross(self.gravity(j)))
 
     @cached
     def ideally_carried(self, j: int) -> Vector:
@@ -266,9 +230,8 @@ class ModelSteps:
         x = self.ideally_carried(later[0]) if later else self.centre()
         n, point = self.axis[j], self.point[j]
         if self.structure.joints[j].revolute:
-            arm = self.let("arm", x - point)
-            return self.let("carried", point + self.about_axis(arm, n, self.ideal_turn[j]))
-        return self.let("carried", x + n * self.coordinate(j)) if self.structure.moving else x
+            return self.let("carried", motions.turned_about(self, x, n, point, self.ideal_turn[j]))
+        return self.let("carried", motions.slid(x, n, self.coordinate(j))) if self.structure.moving else x
 
     @cached
     def arm(self, j: int) -> Vector:
@@ -282,15 +245,15 @@ class ModelSteps:
         n, arm = self.axis[j], self.arm(j)
         found: dict[str, Any] = {}
         if names & {"M", "M_across"}:
-            found["M"] = self.let("about_axis", self.rate(j).dot(arm))
+            found["M"] = motions.moment_about(self, self.rate(j), arm)
         if "M_across" in names:
-            found["M_across"] = self.moment(arm, j) - n * found["M"]
-        if "M_perp" in names:  # after a quarter turn, n x arm; what is along n has no moment
-            found["M_perp"] = self.rate(j).cross(n).dot(arm)
+            found["M_across"] = motions.across(motions.moment(self, arm, self.gravity(j)), n, found["M"])
+        if "M_perp" in names:
+            found["M_perp"] = motions.moment_turned(self, n, self.rate(j), arm)
         if "M_guide" in names:
             guide = n * self.coordinate(j) if self.structure.moving else self.zero
-            guided = self.moment(arm - guide, j)
-            found["M_guide"] = guided - n * n.dot(guided)
+            guided = motions.moment(self, arm - guide, self.gravity(j))
+            found["M_guide"] = motions.across(guided, n, n.dot(guided))
         return found
 
     def moments_at(self, i: int, names: frozenset[str], component: str) -> dict[str, Any]:
@@ -329,41 +292,26 @@ class ModelSteps:
         """Return what gravity bends: a shaft along the axis, a fork that stands on the axis before."""
         found: dict[str, Any] = {}
         if "bend" in names:
-            found["bend"] = self.axis[j].cross(self.gravity(j))
+            found["bend"] = motions.shaft_bend(self, self.axis[j], self.gravity(j))
         if "fork" in names:
-            before, gravity = self.axis[self.structure.carriers(j)[-1]], self.gravity(j)
-            moment = self.let("moment", self.axis[j].dot(before.cross(gravity)))
-            found["fork"] = self.select(before.dot(gravity) > 0, -moment, moment)  # a fork stands upwards
+            before = self.axis[self.structure.carriers(j)[-1]]
+            found["fork"] = motions.fork_bend(self, self.axis[j], before, self.gravity(j))
         return found
 
     @cached
     def rate(self, j: int) -> Vector:
         """Return by how much the moment about joint j's axis grows with the place of a unit force along gravity."""
-        return self.let("rate", self.gravity(j).cross(self.axis[j]))
+        return motions.moment_rate(self, self.axis[j], self.gravity(j))
 
     @cached
     def moments_of_weights(self, j: int) -> list[Any]:
-        """Return the moments about joint j's axis of unit forces along gravity, in the order of `Term.weights`.
-
-        They act at the points of the later joints; the last one acts at the next of these points after a quarter turn
-        of its arm: of the joint's own link, which may be heavy off that line. The moment n.((x - P) x G) of a force at
-        x grows by G x n as x moves. Where joints turn x, this rate is turned back, so that one vector goes from joint
-        to joint outwards, instead of every point inwards.
-        """
-        found: list[Any] = []
-        moment, rate, off_the_line = 0, self.rate(j), 0
-        for k, after in pairwise([j, *self.structure.beyond(j)]):
-            if self.structure.joints[k].revolute:
-                cosine, sine = self.ideal_turn[k]
-                rate = self.let("rate", self.about_axis(rate, self.axis[k], (cosine, -sine)))
-            else:
-                moment = moment + rate.dot(self.axis[k]) * self.coordinate(k)
-            arm = self.joint_point[after] - self.joint_point[k]
-            if k == j:
-                off_the_line = self.let("moment", rate.cross(self.axis[j]).dot(arm))
-            moment = self.let("moment", moment + rate.dot(arm))
-            found.append(moment)
-        return [*found, off_the_line]
+        """Return the moments about joint j's axis of unit forces along gravity, in the order of `Term.weights`."""
+        points = self.joint_point
+        links = [
+            motions.Link(self.axis[k], self.ideal_turn.get(k), self.coordinate(k), points[k], points[after])
+            for k, after in pairwise([j, *self.structure.beyond(j)])
+        ]
+        return motions.moments_of_weights(self, self.axis[j], self.rate(j), links)
 
     # effects -------------------------------------------------------------------------------------------------
 
@@ -406,10 +354,10 @@ class ModelSteps:
         """
         x = self.known("target")
         for j in sorted(self.ideal_turn.keys() - set(range(self.structure.inner)), reverse=True):
-            x = self.let("pointed", self.about_axis(x, self.known("axis", j), self.ideal_turn[j]))
+            x = self.let("pointed", motions.turned(self, x, self.known("axis", j), self.ideal_turn[j]))
         up = -self.known("gravity")
         first, second = (self.let("level", self.known(name).dot(x)) for name in ("level_u", "level_v"))
-        sine = self.let("sine", self.length(up.cross(x)))
+        sine = self.let("sine", motions.length(self, up.cross(x)))
         return {
             "z": self.let("zenith_angle", self.algebra.atan2(sine, up.dot(x))),
             "azimuth": self.let("azimuth", self.algebra.atan2(first, second)),
@@ -433,7 +381,8 @@ class ModelSteps:
             zeta = self.let("zeta", (self.coordinate(j) - self.g["start", j][0]) / length)
             names |= {"L": length, "zeta": zeta}
             names |= {
-                f"P{k}": self.let("legendre", legendre(2 * zeta - 1)) for k, legendre in LEGENDRE.items()
+                f"P{k}": self.let("legendre", legendre(2 * zeta - 1))
+                for k, legendre in motions.LEGENDRE.items()
             }
         return names | self.moments_at(j, term.names, component) | self.bends(j, term.names)
 
@@ -485,11 +434,11 @@ class ModelSteps:
         drop = self.let("drop", self.value(number, term.formula))
         slope = self.let("slope", self.value(number, term.slope))
         n, gravity = self.axis[j], self.gravity(j)
-        w = self.let("turn", n.cross(gravity) * slope)
+        w = motions.sag_turn(self, n, gravity, slope)
         if not self.structure.moving:
             return self.zero, w
-        arm = self.let("arm", self.centre() + n * self.coordinate(j) - pivot)
-        return gravity * drop - self.change_by_vector(arm, w), w
+        arm = self.let("arm", motions.slid(self.centre(), n, self.coordinate(j)) - pivot)
+        return motions.sag_shift(self, arm, gravity, drop, w), w
 
     # the way of the target -----------------------------------------------------------------------------------
 
@@ -513,7 +462,7 @@ class ModelSteps:
             turns = self.matrix(3, 3, self.g["remounting_turns", 0])
             turn = turn + turns * self.freedoms("remounting", TURNS)
         turn = self.let("turn", turn)
-        return [self.let("axis", turned[:, i] + turn.cross(turned[:, i])) for i in range(3)]
+        return [self.let("axis", motions.turned_a_little(self, turned[:, i], turn)) for i in range(3)]
 
     def displaced(
         self,
@@ -530,14 +479,13 @@ class ModelSteps:
         if motion is None:
             return x
         t, w = motion
-        if backwards:  # D⁻¹ x = P + R(-w)(x - t - P)
-            x, t, w = (x - t if moves else x), self.zero, -w
         if not moves:
-            return x if w == self.zero else self.let("moved", self.by_vector(x, w))
-        if w != self.zero:
-            arm = self.let("arm", x - pivot)
-            x = self.by_vector(arm, w) + pivot
-        return self.let("moved", x + t)
+            w = -w if backwards else w
+            return x if w == self.zero else self.let("moved", motions.turned_by_vector(self, x, w))
+        if w == self.zero:
+            return self.let("moved", x - t if backwards else x + t)
+        move = motions.moved_back if backwards else motions.moved
+        return self.let("moved", move(self, x, pivot, t, w))
 
     def carried(self, x: Vector, joints: range, *, moves: bool) -> Vector:
         """Carry a point, or a direction, by some joints with their errors, the last one first."""
@@ -554,13 +502,12 @@ class ModelSteps:
             )
             x = displaced(x) if backwards else x
             if s.joints[j].revolute:
-                cosine, sine = self.turn(q) if off else self.ideal_turn[j]
+                turn = self.turn(q) if off else self.ideal_turn[j]
+                turn = motions.back(turn) if backwards else turn
                 point = self.point[j] if moves else self.zero
-                arm = self.let("arm", x - point)
-                turn = cosine, (-sine if backwards else sine)
-                x = self.let("carried", self.about_axis(arm, self.axis[j], turn) + point)
+                x = self.let("carried", motions.turned_about(self, x, self.axis[j], point, turn))
             elif moves:
-                x = self.let("carried", x + self.axis[j] * (-q if backwards else q))
+                x = self.let("carried", motions.slid(x, self.axis[j], -q if backwards else q))
             x = x if backwards else displaced(x)
         return x
 
@@ -571,18 +518,10 @@ class ModelSteps:
             return x
         up = -self.known("gravity")
         c = self.let("cos_zenith", up.dot(x))
-        level = self.algebra.number(TANGENT_TO)
-        depth = self.let("depth", self.select(c > level, c, (level**2 + c**2) / (2 * level)))
         # angle f sin z, with f = a / cos z
-        words = {"tan_zenith": 1 / depth, "sin_zenith": 1}
+        words = {"tan_zenith": 1 / motions.air_depth(self, c), "sin_zenith": 1}
         f = self.let("lift", sum(self.value(n, self.structure.terms[n].formula, **words) for n in numbers))
-        square = self.let("square", f**2 * (1 - c**2))
-        is_small = square < SERIES_BELOW
-        safe = self.let("safe", self.select(is_small, 1, square))
-        angle = self.let("angle", self.sqrt(safe))
-        by_sine = self.let("by_sine", self.select(is_small, _series(square, 1), self.sin(angle) / angle))
-        cosine = self.let("cosine", self.select(is_small, 1 - square * _series(square, 2), self.cos(angle)))
-        return self.let("lifted", x * cosine + (up - x * c) * (f * by_sine))
+        return motions.lifted(self, x, up, c, f)
 
     def framed(self, x: Vector, *, moves: bool) -> Vector:
         """Move by the frame's own motions: those that differ from row to row, the shift, the free frame."""
@@ -597,12 +536,12 @@ class ModelSteps:
             turned = self.matrix(3, 3, self.g["shift_rotation", 0]) * x
             turns = self.matrix(3, 3, self.g["shift_turns", 0])
             x = self.let("turned", turned)
-            x = x + (turns * self.freedoms("shift", TURNS)).cross(x)
+            x = motions.turned_a_little(self, x, turns * self.freedoms("shift", TURNS))
             if moves:
                 x = x + self.known("shift") + self.freedoms("shift", "xyz")
             x = self.let("shifted", x)
         if s.frame:
-            x = self.let("inner", x + self.freedoms("frame", TURNS).cross(x))
+            x = self.let("inner", motions.turned_a_little(self, x, self.freedoms("frame", TURNS)))
             x = self.matrix(3, 3, self.g["frame_rotation", 0]) * x
             if moves:
                 x = x + self.known("frame") + self.freedoms("frame", "xyz")
@@ -622,11 +561,3 @@ class ModelSteps:
         words = {f"read_{name}": x[i] for i, name in enumerate("xyz")}
         found = (self.value(n, self.structure.terms[n].formula, **words) for n in numbers)
         return self.let("scaled", sum(found, x)) if numbers else x
-
-
-def _series(square: Any, first: int) -> Any:
-    """Return the sum of (-1)^k square^k / (2k + first)! by Horner's rule: sin(x)/x for 1, (1 - cos x)/x² for 2."""
-    value = 0
-    for k in reversed(range(8)):
-        value = Fraction((-1) ** k, math.factorial(2 * k + first)) + square * value
-    return value

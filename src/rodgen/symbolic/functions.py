@@ -7,10 +7,14 @@ that brings a number near 1 without rounding it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import sympy as sp
 from sympy.logic.boolalg import Boolean
+
+from rodgen.symbolic.vectors import cross, dot
 
 EPS = sp.Symbol("eps", positive=True)
 """Machine epsilon of the kernel's number type: 2**-52 in float64, 2**-23 in float32."""
@@ -100,3 +104,26 @@ def select(condition: Boolean | bool, if_true: Value, if_false: Value) -> Value:
 def last_case(value: Value) -> Value:
     """Return a formula with each select replaced by its last case, which is the one where no condition holds."""
     return value.replace(lambda part: isinstance(part, sp.Piecewise), lambda part: part.args[-1].expr)
+
+
+@dataclass(frozen=True)
+class Formulas:
+    """SymPy as the algebra of :mod:`rodgen.symbolic.rigid_motions`: formulas in letters, or in components.
+
+    A proof of one case gives `select` the case, and may give the root of a square that is known.
+
+    Examples
+    --------
+    >>> from rodgen.symbolic import Vector, rigid_motions
+    >>> rigid_motions.moment(Formulas(), Vector("r"), Vector("g"))
+    r x g
+    """
+
+    let: Callable[[str, Any], Any] = lambda name, value: value
+    select: Callable[[Any, Any, Any], Any] = select
+    sqrt: Callable[[Any], Any] = sp.sqrt
+    sin: Callable[[Any], Any] = sp.sin
+    cos: Callable[[Any], Any] = sp.cos
+    dot: Callable[[Any, Any], Any] = dot
+    cross: Callable[[Any, Any], Any] = cross
+    matrix: Any = sp.Matrix
