@@ -32,7 +32,8 @@
 # - how each kind of parameter moves the seen point, which is what a fit needs (a table and its proofs);
 # - what an error motion means, and where it must be put (*Where an error motion enters*);
 # - which changes no reading can reveal (*What no reading can determine*);
-# - how directions, refraction, gravity and sagging beams enter.
+# - how directions, refraction, gravity and sagging beams enter (the formulas of effects have a derivation of their own,
+#   `effects`).
 #
 # Nothing is proved of a copy: the formulas below are what the functions of `rodgen.symbolic.rigid_motions` return when
 # they are given letters, and the models of machines are what the same functions return when they are given the numbers
@@ -1611,142 +1612,8 @@ d.check(
 ).prove(modulo=unit)
 
 # %% [markdown]
-# How drop and slope are related follows from the beam equation, $EI\,\eta''''=p$. A **cantilever**, an arm that has
-# been run out of its guide by $\ell$ and carries a load $F$ at its end:
-
-# %%
-stiffness = d.symbol("stiffness", "EI", "bending stiffness", "force·length²", positive=True)
-ell = d.symbol("ell", r"\ell", "length that is run out", "length", positive=True)
-travel = d.symbol("travel", r"\mathcal{L}", "the whole travel", "length", positive=True)
-F = d.symbol("F", "F", "load", "force")
-p = d.symbol("p", "p", "weight per length", "force/length")
-xi = sp.Symbol("xi", real=True)
-
-
-def bent(shape: sp.Expr, order: int, place: sp.Basic | int = xi) -> sp.Expr:
-    """A derivative of a shape, at a place."""
-    return (shape.diff(xi, order) if order else shape).subs(xi, place)
-
-
-def number(name: str, latex: str, quantity: str, value: sp.Expr, its_unit: str = "length") -> sp.Symbol:
-    """Name a number by what it is."""
-    return d.symbol(name, latex, quantity, its_unit, value=value)
-
-
-tip_shape = F * xi**2 * (3 * ell - xi) / (6 * stiffness)
-own_shape = p * xi**2 * (6 * ell**2 - 4 * ell * xi + xi**2) / (24 * stiffness)
-tip_drop = number("tip_drop", r"\delta_F", "drop at the end under the load", bent(tip_shape, 0, ell))
-tip_slope = number("tip_slope", r"\beta_F", "slope at the end of the beam", bent(tip_shape, 1, ell), "rad")
-own_drop = number("own_drop", r"\delta_p", "drop at the end by its own weight", bent(own_shape, 0, ell))
-own_slope = number("own_slope", r"\beta_p", "slope at the end of the beam", bent(own_shape, 1, ell), "rad")
-at_the_end = [
-    equal(tip_drop, F * ell**3 / (3 * stiffness)),
-    equal(tip_slope, sp.Rational(3, 2) * tip_drop / ell),
-    equal(own_drop, p * ell**4 / (8 * stiffness)),
-    equal(own_slope, sp.Rational(4, 3) * own_drop / ell),
-]
-d.check(
-    "cantilever",
-    *at_the_end,
-    text="The slope at the end is 3/2 of drop over length for a load, 4/3 for the beam's own weight. It is not the "
-    "derivative of the drop by the length: a beam that is run out further is another beam.",
-    assumptions=["EI η'''' = p; at the guide η = η' = 0; at the end EI η'' = 0 and EI η''' = −F"],
-).prove(
-    *[equal(stiffness * bent(shape, 4), load) for shape, load in ((tip_shape, 0), (own_shape, p))],
-    *[equal(bent(shape, order, 0), 0) for shape in (tip_shape, own_shape) for order in (0, 1)],
-    *[equal(bent(shape, 2, ell), 0) for shape in (tip_shape, own_shape)],
-    *[equal(stiffness * bent(shape, 3, ell), force) for shape, force in ((tip_shape, -F), (own_shape, 0))],
-    *at_the_end,
-    because="The shapes obey the beam equation and its four conditions, which have one solution; these are their "
-    "values at the end.",
-)
-
-# %%
-zeta = d.symbol("zeta", r"\zeta", "part of the travel that is run out, 0 to 1", "1")
-tip = d.symbol("tip", r"\mathrm{tip}", "drop by the load at full travel", "length")
-own = d.symbol("own", r"\mathrm{own}", "drop by the beam's own weight at full travel", "length")
-d.check(
-    "cantilever-by-travel",
-    equal(tip_drop, tip * zeta**3),
-    equal(tip_slope, sp.Rational(3, 2) * tip * zeta**2 / travel),
-    equal(own_drop, own * zeta**4),
-    equal(own_slope, sp.Rational(4, 3) * own * zeta**3 / travel),
-    text="With ℓ = ζ𝓛, and `tip` and `own` for the drops at full travel: the catalogue's cantilever. `load_sag` is its "
-    "load, tip = F k₃, and a drop without a turn, F k₀.",
-).prove(
-    given={ell: zeta * travel, tip: F * travel**3 / (3 * stiffness), own: p * travel**4 / (8 * stiffness)}
-)
-
-# %% [markdown]
-# A **bridge** is built in at both ends; a carriage runs along it and follows its shape. Here the slope *is* the
-# derivative.
-
-# %%
-mid = d.symbol("mid", r"\mathrm{mid}", "sag in the middle", "length", value=p * travel**4 / (384 * stiffness))
-bridge_shape = p * xi**2 * (travel - xi) ** 2 / (24 * stiffness)
-bridge = number(
-    "bridge", r"\eta(\zeta\mathcal{L})", "sag of the bridge", bent(bridge_shape, 0, zeta * travel)
-)
-bridge_slope = number(
-    "bridge_slope",
-    r"\eta'(\zeta\mathcal{L})",
-    "slope of the bridge",
-    bent(bridge_shape, 1, zeta * travel),
-    "rad",
-)
-on_the_bridge = [
-    equal(bridge, 16 * mid * zeta**2 * (1 - zeta) ** 2),
-    equal(bridge_slope, 32 * mid * zeta * (1 - zeta) * (1 - 2 * zeta) / travel),
-]
-d.check(
-    "bridge",
-    *on_the_bridge,
-    text="A bridge that is built in at both ends sags by its own weight.",
-    assumptions=["EI η'''' = p; at both ends η = η' = 0; mid is η in the middle"],
-).prove(
-    equal(stiffness * bent(bridge_shape, 4), p),
-    *[equal(bent(bridge_shape, order, end), 0) for order in (0, 1) for end in (0, travel)],
-    equal(bent(bridge_shape, 0, travel / 2), mid),
-    *on_the_bridge,
-    because="The shape obeys the beam equation and its four conditions; these are its sag and its slope at ζ𝓛.",
-)
-
-# %% [markdown]
-# The same drop belongs to another bridge: a light one on two supports, bent by the carriage's own weight. But where a
-# load makes the shape that it stands on, the slope below it is *half* the derivative of its drop. Which bridge a
-# machine has shows in its angles, not in the heights.
-
-# %%
-rest = travel - ell
-left_part = F * rest * xi * (travel**2 - rest**2 - xi**2) / (6 * stiffness * travel)
-right_part = F * ell * (travel - xi) * (travel**2 - ell**2 - (travel - xi) ** 2) / (6 * stiffness * travel)
-under = number("under", r"\eta_F", "drop under a load that stands at ζ𝓛", bent(left_part, 0, ell))
-under_slope = number("under_slope", r"\eta_F'", "slope under that load", bent(left_part, 1, ell), "rad")
-middle = number(
-    "middle", r"\mathrm{mid}_F", "drop of the load in the middle", F * travel**3 / (48 * stiffness)
-)
-under_the_load = [
-    equal(under, 16 * middle * zeta**2 * (1 - zeta) ** 2),
-    equal(under_slope, 16 * middle * zeta * (1 - zeta) * (1 - 2 * zeta) / travel),
-]
-d.check(
-    "bridge-bent-by-its-load",
-    *under_the_load,
-    text="A bridge on two supports under a travelling load.",
-    assumptions=["η = η'' = 0 at both ends; under the load η, η', η'' are continuous and EI η''' jumps by F"],
-).prove(
-    *[equal(bent(part, 4), 0) for part in (left_part, right_part)],
-    *[
-        equal(bent(part, order, end), 0)
-        for part, end in ((left_part, 0), (right_part, travel))
-        for order in (0, 2)
-    ],
-    *[equal(bent(left_part, order, ell), bent(right_part, order, ell)) for order in (0, 1, 2)],
-    equal(stiffness * (bent(right_part, 3, ell) - bent(left_part, 3, ell)), F),
-    *under_the_load,
-    given={ell: zeta * travel},
-    because="Both parts obey the beam equation, the conditions at the ends and those under the load.",
-)
+# How drop and slope are related follows from the beam equation; the derivation `effects` has it, with the other
+# formulas of the catalogue.
 
 # %% [markdown]
 # ## The functions of the package
@@ -1892,19 +1759,15 @@ kernel_large, kernel_small = (
         ("kernel_small", r"\kappa_{\varphi^2<1/4}", "below", sp.true),
     )
 )
-kernel_square = number(
-    "kernel_square",
-    r"\varphi_k^2",
-    "square of the angle in both functions",
-    rotation.expand(rotation["square"]),
-    "rad²",
-)
-kernel_angle = number(
-    "kernel_angle",
-    r"\varphi_k",
-    "angle in both functions from φ² = 1/4 on",
-    rotation.expand(rotation["angle"], keep=[rotation["is_small"]]).subs(rotation["is_small"], sp.false),
-    "rad",
+kernel_square, kernel_angle = d.letters(
+    r"""
+kernel_square | \varphi_k^2 | square of the angle in both functions | rad²
+kernel_angle | \varphi_k | angle in both functions from φ² = 1/4 on | rad
+""",
+    (
+        rotation.expand(rotation["square"]),
+        rotation.expand(rotation["angle"], keep=[rotation["is_small"]]).subs(rotation["is_small"], sp.false),
+    ),
 )
 quotients = sp.ImmutableMatrix([[c, c] for c in (S, K, T)])
 sums = sp.ImmutableMatrix([[c, c] for c in (S_8, K_8, T_8)])

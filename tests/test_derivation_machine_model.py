@@ -23,7 +23,7 @@ from rodgen.symbolic import errata
 from rodgen.symbolic import rigid_motions as motions
 
 pytestmark = [pytest.mark.xdist_group("machine_model"), pytest.mark.thorough]
-model = LazyDerivation("machine_model")
+model, effects = LazyDerivation("machine_model"), LazyDerivation("effects")
 
 EPS = np.finfo(float).eps
 
@@ -70,7 +70,7 @@ def test_pages_have_the_same_bytes_in_every_run():
 
 @pytest.mark.slow
 def test_what_is_proved_holds_at_random_numbers():
-    for entry in model.derivation:
+    for entry in (*model.derivation, *effects.derivation):
         # the claims of kernel-coefficients hold where the kernel's steps have the kernel's values: it is tested as such
         if entry.verdict == "proved" and entry.id != "kernel-coefficients":
             # what a proof left open has its definition here
@@ -99,12 +99,12 @@ def seen(exponents, target):
     return np.linalg.multi_dot([*map(expm, exponents), np.append(target, 1.0)])[:3]
 
 
-def evaluated(formula, values):
+def evaluated(formula, values, of=model):
     """The number, or the numbers, of a formula of the derivation; its letters have these values."""
     given = {
         letter: np.ravel(value).tolist() if np.ndim(value) else value for letter, value in values.items()
     }
-    insert = model.derivation.insert(given)
+    insert = of.derivation.insert(given)
     return np.squeeze(np.array(sp.Matrix([insert(formula)]).evalf(30), dtype=float))
 
 
@@ -285,15 +285,15 @@ def sag_of(length, load, clamped_at_the_end):
 
 def test_cantilever_and_bridge_against_a_numeric_beam():
     travel, out = 2.0, 0.6
-    values = {model.stiffness: 1, model.F: 1, model.p: 1, model.ell: out, model.travel: travel}
+    values = {effects.stiffness: 1, effects.F: 1, effects.p: 1, effects.ell: out, effects.L: travel}
     # collocation is asked for 1e-9
     for load, drop, slope in (
-        ((0, 1), model.tip_drop, model.tip_slope),
-        ((1, 0), model.own_drop, model.own_slope),
+        ((0, 1), effects.tip_drop, effects.tip_slope),
+        ((1, 0), effects.own_drop, effects.own_slope),
     ):
         end = sag_of(out, load, clamped_at_the_end=False)(out)
-        assert end[0] == pytest.approx(evaluated(drop, values), rel=1e-8)
-        assert end[1] == pytest.approx(evaluated(slope, values), rel=1e-8)
+        assert end[0] == pytest.approx(evaluated(drop, values, effects), rel=1e-8)
+        assert end[1] == pytest.approx(evaluated(slope, values, effects), rel=1e-8)
     shape = sag_of(travel, (1, 0), clamped_at_the_end=True)
     mid = shape(travel / 2)[0]
     zeta = np.linspace(0, 1, 21)

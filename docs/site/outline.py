@@ -130,7 +130,15 @@ DERIVATIONS = {
         "instantaneous_euler_motion",
         "instantaneous_euler_arm",
     ),
-    "Machines": ("machine_model", "closed_chain", "tricept", "tricept_uncertainty", "three_sps_s", "delta"),
+    "Machines": (
+        "machine_model",
+        "effects",
+        "closed_chain",
+        "tricept",
+        "tricept_uncertainty",
+        "three_sps_s",
+        "delta",
+    ),
     "Robots and loops": (
         "spherical_polygons",
         "trig_equation",

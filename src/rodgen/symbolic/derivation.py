@@ -20,7 +20,7 @@ an entry is open, so code is generated from proved equations only.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, cast
 
@@ -431,6 +431,42 @@ class Derivation:
         """Enter a matrix with the components ``name_1_1`` and so on; as :meth:`symbol`."""
         made = Letter(name, rows, columns)
         self._enter(SymbolRow(name, latex, quantity, unit, made, value))
+        return made
+
+    def letters(self, rows: str, values: Iterable[Any] = ()) -> list[Any]:
+        r"""Enter several symbols, vectors and matrices into the table, one a line.
+
+        Parameters
+        ----------
+        rows : str
+            Lines ``name | latex | quantity | unit``. A name with ``[3]`` is that of a vector, with ``[2,3]`` that of a
+            matrix; with ``>0`` that of a positive number, with ``>=0`` of one that is not negative.
+        values : iterable, optional
+            A definition for each line, or nothing.
+
+        Examples
+        --------
+        >>> d = Derivation("turn", title="A turn", source="none")
+        >>> d.letters(r'''
+        ... n[3] | \vec n | axis | 1
+        ... R[3,3] | R | rotation matrix | 1
+        ... l>0 | l | length | mm
+        ... ''')
+        [n, R, l]
+        """
+        lines = [line.split(" | ") for line in rows.strip().splitlines()]
+        made: list[Any] = []
+        for words, value in zip(lines, list(values) or [None] * len(lines), strict=True):
+            written, latex, quantity, unit = map(str.strip, words)
+            name, _, bound = written.partition(">")
+            name, _, size = name.rstrip("]").partition("[")
+            if "," in size:
+                letter = Letter(name, *map(int, size.split(",")))
+            else:
+                assumption = {"": {}, "0": {"positive": True}, "=0": {"nonnegative": True}}[bound]
+                letter = Vector(name) if size else sp.Symbol(name, real=True, **assumption)
+            self._enter(SymbolRow(name, latex, quantity, unit, letter, value))
+            made.append(letter)
         return made
 
     def _enter(self, row: SymbolRow) -> None:

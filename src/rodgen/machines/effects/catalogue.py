@@ -117,7 +117,7 @@ _EIGHT = "u_c1 u_s1 u_c2 u_s2 v_c1 v_s1 v_c2 v_s2"
 
 _REVOLUTE = (
     _row(
-        "axis_tilt", "revolute", "axis", "a*U + b*V", _in("arcsec", "a b"),
+        "axis_tilt", "revolute", "axis", "a*U + b*V", _in("arcsec", "a b"), entry="vector",
         iso="EA0C, EB0C",
         tpoint={
             "AN": "-a at the azimuth axis", "AW": "b at the azimuth axis", "NPAE": "-a at the elevation axis",
@@ -130,7 +130,7 @@ _REVOLUTE = (
         source=f"{_ISO_1}; {_MOORING}; {_WALLACE}",
     ),
     _row(
-        "axis_offset", "revolute", "point", "a*U + b*V", _in("{length}", "a b"),
+        "axis_offset", "revolute", "point", "a*U + b*V", _in("{length}", "a b"), entry="vector",
         iso="EX0C, EY0C",
         meaning="The axis of rotation is not where the control believes it to be. Turning it carries "
         "the target about the wrong centre: the error is the same on the whole radius and turns with the axis.",
@@ -140,7 +140,7 @@ _REVOLUTE = (
         source=f"{_ISO_1}; {_SCHWENKE}",
     ),
     _row(
-        "zero_offset", "revolute", "reading", "a", {"a": "arcsec"},
+        "zero_offset", "revolute", "reading", "a", {"a": "arcsec"}, entry="constant",
         iso="EC0C",
         tpoint={
             "IA": "-a at the azimuth axis", "IE": "a at the elevation axis",
@@ -153,7 +153,7 @@ _REVOLUTE = (
         source=f"{_ISO_1}; {_MOORING}",
     ),
     _row(
-        "scale", "revolute", "reading", "k*q", {"k": "1"},
+        "scale", "revolute", "reading", "k*q", {"k": "1"}, entry="scale",
         iso="ECC (linear part)",
         meaning="A full turn of the drive is not a full turn of the axis: a gear ratio or a number of counts per "
         "turn that is slightly wrong, or a tape scale on a drum. The error grows in proportion to the angle.",
@@ -164,6 +164,7 @@ _REVOLUTE = (
     ),
     _row(
         "encoder_eccentricity", "revolute", "reading", "a*cos(q) + b*sin(q)", _in("arcsec", "a b"),
+        entry="eccentricity",
         iso="ECC (once per turn)",
         tpoint={
             "ACES": "-b at the azimuth axis", "ACEC": "a at the azimuth axis",
@@ -183,6 +184,7 @@ _REVOLUTE = (
     ),
     _row(
         "encoder_ellipticity", "revolute", "reading", "a*cos(2*q) + b*sin(2*q)", _in("arcsec", "a b"),
+        entry="ellipticity",
         iso="ECC (twice per turn)",
         tpoint=_waves(_=2),
         meaning="The graduation is out of round: a disc clamped on a bent hub, a drum pressed oval, a tape whose "
@@ -194,7 +196,7 @@ _REVOLUTE = (
     ),
     _row(
         "encoder_harmonics", "revolute", "reading", "a4*cos(4*q) + b4*sin(4*q) + a8*cos(8*q) + b8*sin(8*q)",
-        _in("arcsec", "a4 b4 a8 b8"),
+        _in("arcsec", "a4 b4 a8 b8"), entry="waves",
         iso="ECC (four and eight times per turn)",
         tpoint=_waves(_4=4, _8=8),
         meaning="The graduation is strained by four screws, or read by four heads that do not agree, or a resolver of "
@@ -205,7 +207,7 @@ _REVOLUTE = (
     ),
     _row(
         "periodic_drive_error", "revolute", "reading", "a*sin(2*pi*q/P) + b*cos(2*pi*q/P)",
-        _in("arcsec", "a b") | {"P": "deg"},
+        _in("arcsec", "a b") | {"P": "deg"}, entry="period",
         of_drive=True,
         iso="ECC (periodic part)",
         searched={"P": StartSearch.PERIOD}, given_by_joint={"P": "period"},
@@ -222,7 +224,7 @@ _REVOLUTE = (
     ),
     _row(
         "radial_error_motion", "revolute", "translation", f"({_TWO_HARMONICS_U})*U + ({_TWO_HARMONICS_V})*V",
-        _in("{length}", _EIGHT),
+        _in("{length}", _EIGHT), entry="waves",
         iso="EXC, EYC",
         meaning="The axis itself moves sideways while it turns, because races and rollers are not round. The target "
         "moves by the same amount wherever it sits, once or twice in each turn.",
@@ -232,7 +234,7 @@ _REVOLUTE = (
     ),
     _row(
         "axial_error_motion", "revolute", "translation",
-        "(c1*cos(q) + s1*sin(q) + c2*cos(2*q) + s2*sin(2*q))*N", _in("{length}", "c1 s1 c2 s2"),
+        "(c1*cos(q) + s1*sin(q) + c2*cos(2*q) + s2*sin(2*q))*N", _in("{length}", "c1 s1 c2 s2"), entry="waves",
         iso="EZC",
         meaning="The table or spindle rises and sinks along its axis while it turns: the thrust bearing's race is "
         "not flat or not square to the axis. The whole platter moves alike, at every radius.",
@@ -242,7 +244,7 @@ _REVOLUTE = (
     ),
     _row(
         "tilt_error_motion", "revolute", "rotation", f"({_TWO_HARMONICS_U})*U + ({_TWO_HARMONICS_V})*V",
-        _in("arcsec", _EIGHT),
+        _in("arcsec", _EIGHT), entry="waves",
         iso="EAC, EBC",
         meaning="The axis wobbles while it turns, as two bearings run out against each other or a large race is "
         "warped. The error grows with the height above the bearing and with the radius.",
@@ -251,7 +253,7 @@ _REVOLUTE = (
         source=_ISO_7,
     ),
     _row(
-        "backlash", "revolute", "reading", "-b/2*s", {"b": "arcsec"},
+        "backlash", "revolute", "reading", "-b/2*s", {"b": "arcsec"}, entry="backlash",
         of_drive=True,
         iso="B of ECC (reversal value)",
         meaning="There is play between drive and axis, in a worm, a gear or a coupling, and the encoder sits on the "
@@ -262,7 +264,7 @@ _REVOLUTE = (
         source=f"{_ISO_2}; {_WHITNEY}",
     ),
     _row(
-        "backlash_gradient", "revolute", "reading", "-k*s*q", {"k": "1"},
+        "backlash_gradient", "revolute", "reading", "-k*s*q", {"k": "1"}, entry="backlash-gradient",
         of_drive=True,
         iso="B of ECC (change over the travel)",
         meaning="The play differs along the turn, because the gear is worn where it works most or meshes "
@@ -272,7 +274,7 @@ _REVOLUTE = (
         source=_ISO_2,
     ),
     _row(
-        "servo_lag", "revolute", "reading", "-tau*v", {"tau": "s"},
+        "servo_lag", "revolute", "reading", "-tau*v", {"tau": "s"}, entry="lag",
         meaning="The axis is read while it moves and follows its command late, or the reading is taken late. The "
         "error grows with the speed, changes its sign with it, and is gone at rest.",
         usual_size="0.01 to 50 ms",
@@ -280,7 +282,7 @@ _REVOLUTE = (
         source=_ALTINTAS,
     ),
     _row(
-        "acceleration_lag", "revolute", "reading", "-k*acc", {"k": "s**2"},
+        "acceleration_lag", "revolute", "reading", "-k*acc", {"k": "s**2"}, entry="acceleration-lag",
         meaning="The axis is read while its speed changes, and stays behind its command in proportion to the "
         "acceleration: the servo does not feed the torque forward, or the drive between motor and axis winds up under "
         "the inertia that it moves.",
@@ -289,7 +291,7 @@ _REVOLUTE = (
         source=_ALTINTAS,
     ),
     _row(
-        "gravity_windup", "revolute", "reading", "k*M + k2*M_perp", _in("arcsec/{arm}", "k k2"),
+        "gravity_windup", "revolute", "reading", "k*M + k2*M_perp", _in("arcsec/{arm}", "k k2"), entry="gravity-windup",
         of_drive=True, later_joints=True,
         meaning="The drive and the tube wind up under the weight that they carry, as far as the encoder does not see "
         "it. The axis droops most where the load stands out level, and not at all where it stands upright; k2 is for "
@@ -300,7 +302,7 @@ _REVOLUTE = (
         source=f"{_TPOINT} (term TF); {_KHALIL}",
     ),
     _row(
-        "coupling", "revolute", "reading", "k*q_before", {"k": "1"},
+        "coupling", "revolute", "reading", "k*q_before", {"k": "1"}, entry="coupling",
         of_drive=True,
         meaning="The drive of this joint runs through the joint before it, as the shafts, bevel gears or belts of a "
         "wrist do, so that turning that one turns this one too. What the control takes off for it is a little wrong, "
@@ -310,7 +312,7 @@ _REVOLUTE = (
         source=f"{_KHALIL}; {_MOORING}",
     ),
     _row(
-        "load_windup", "revolute", "reading", "k*F*M", {"k": "arcsec/N/{arm}"},
+        "load_windup", "revolute", "reading", "k*F*M", {"k": "arcsec/N/{arm}"}, entry="load-windup",
         of_drive=True,
         meaning="The drive winds up under the payload, as a spring between encoder and load. The axis droops in "
         "proportion to load and lever arm, so it shows only when readings with different loads are compared.",
@@ -320,7 +322,7 @@ _REVOLUTE = (
         source=f"{_KHALIL}; {_JUDD}",
     ),
     _row(
-        "lateral_windup", "revolute", "rotation", "a*M_across", {"a": "arcsec/{arm}"},
+        "lateral_windup", "revolute", "rotation", "a*M_across", {"a": "arcsec/{arm}"}, entry="lateral-windup",
         meaning="The bearing gives way to the overturning moment of what it carries. The axis leans over towards the "
         "heavy side, and the lean turns with the load.",
         usual_size="1 to 30 arcsec for a crossed-roller bearing near its rated moment",
@@ -328,7 +330,7 @@ _REVOLUTE = (
         source=f"{_KHALIL}; {_SLOCUM}",
     ),
     _row(
-        "axis_flexure", "revolute", "rotation", "a*bend", {"a": "arcsec"},
+        "axis_flexure", "revolute", "rotation", "a*bend", {"a": "arcsec"}, entry="axis-flexure",
         of_directions=True,
         tpoint={"DAF": "-a at the declination axis"},
         meaning="The axis is a shaft that stands out of its bearings, such as the declination axis of a German "
@@ -341,7 +343,7 @@ _REVOLUTE = (
     _row(
         "bearing_waves", "revolute", "reading",
         "a2*cos(2*q_before) + b2*sin(2*q_before) + a3*cos(3*q_before) + b3*sin(3*q_before)",
-        _in("arcsec", "a2 b2 a3 b3"),
+        _in("arcsec", "a2 b2 a3 b3"), entry="waves",
         of_directions=True,
         tpoint={
             f"H{second}{function}{first}{n}": f"{'-' * (negative == f'{first}{function}{n}')}{x}{n} at the {axis} axis"
@@ -356,7 +358,7 @@ _REVOLUTE = (
         source=f"{_TPOINT} (harmonics, HESA2 and the like); {_MUDERS}",
     ),
     _row(
-        "fork_flexure", "revolute", "reading", "a*fork", {"a": "arcsec"},
+        "fork_flexure", "revolute", "reading", "a*fork", {"a": "arcsec"}, entry="fork-flexure",
         of_directions=True,
         tpoint={"FO": "a cos(latitude) at the declination axis"},
         meaning="A fork that stands on the axis before carries this axis, and bends under its own weight and what it "
@@ -366,7 +368,7 @@ _REVOLUTE = (
         source=f"{_TPOINT} (term FO); {_WALLACE}",
     ),
     _row(
-        "thermal_offset", "revolute", "reading", "k*T", {"k": "arcsec/K"},
+        "thermal_offset", "revolute", "reading", "k*T", {"k": "arcsec/K"}, entry="thermal-offset",
         iso="EC0C (with temperature)",
         meaning="Scale and reading head, or motor and table, shift against each other as the joint warms up. All "
         "angles change together, and come back when it cools.",
@@ -376,6 +378,7 @@ _REVOLUTE = (
     ),
     _row(
         "thermal_axis_drift", "revolute", "translation", "(x*EX + y*EY + z*EZ)*T", _in("{length}/K", "x y z"),
+        entry="thermal-drift",
         iso="EX0C, EY0C, EZ0C (with temperature)",
         meaning="The housing of the axis grows as motor and bearing warm it, and carries the axis away from its "
         "place. All targets on it move alike, in proportion to its temperature.",
@@ -388,7 +391,7 @@ _REVOLUTE = (
 
 _PRISMATIC = (
     _row(
-        "squareness", "prismatic", "axis", "a*U + b*V", _in("arcsec", "a b"),
+        "squareness", "prismatic", "axis", "a*U + b*V", _in("arcsec", "a b"), entry="vector",
         iso="EC0Y, EB0Z, EA0Z and the like",
         meaning="The guideway is not square to the others, or not parallel to the machine axis that it is named "
         "after. The carriage runs off sideways in proportion to its way, so a square comes out as a rhomb.",
@@ -397,7 +400,7 @@ _PRISMATIC = (
         source=f"{_ISO_1}; {_SCHWENKE}",
     ),
     _row(
-        "zero_offset", "prismatic", "reading", "a", {"a": "{length}"},
+        "zero_offset", "prismatic", "reading", "a", {"a": "{length}"}, entry="constant",
         iso="EX0X",
         meaning="The reference mark or the homing switch is not where the control believes zero to be. Every "
         "coordinate of this axis is wrong by the same amount.",
@@ -406,7 +409,7 @@ _PRISMATIC = (
         source=f"{_ISO_1}; {_MOORING}",
     ),
     _row(
-        "scale", "prismatic", "reading", "k*q", {"k": "1"},
+        "scale", "prismatic", "reading", "k*q", {"k": "1"}, entry="scale",
         iso="EXX (linear part)",
         meaning="The scale, the screw or the belt is longer or shorter than it says, from its making, its mounting "
         "or a temperature that is not the reference. The error grows in proportion to the way.",
@@ -416,7 +419,7 @@ _PRISMATIC = (
     ),
     _row(
         "periodic_drive_error", "prismatic", "reading", "a*sin(2*pi*q/P) + b*cos(2*pi*q/P)",
-        _in("{length}", "a b P"),
+        _in("{length}", "a b P"), entry="period",
         of_drive=True,
         iso="EXX (periodic part)",
         searched={"P": StartSearch.PERIOD}, given_by_joint={"P": "period"},
@@ -430,6 +433,7 @@ _PRISMATIC = (
     _row(
         "straightness", "prismatic", "translation",
         "(u_2*U + v_2*V)*P2 + (u_3*U + v_3*V)*P3 + (u_4*U + v_4*V)*P4", _in("{length}", "u_2 u_3 u_4 v_2 v_3 v_4"),
+        entry="legendre",
         iso="EYX, EZX",
         meaning="The guideway is bent: the carriage leaves the straight line sideways, in a bow (2), an S (3) or a "
         "double bow (4). All targets move alike, however far out they are.",
@@ -440,7 +444,7 @@ _PRISMATIC = (
     _row(
         "angular_error_motion", "prismatic", "rotation",
         "(x_1*EX + y_1*EY + z_1*EZ)*P1 + (x_2*EX + y_2*EY + z_2*EZ)*P2 + (x_3*EX + y_3*EY + z_3*EZ)*P3",
-        _in("arcsec", "x_1 y_1 z_1 x_2 y_2 z_2 x_3 y_3 z_3"),
+        _in("arcsec", "x_1 y_1 z_1 x_2 y_2 z_2 x_3 y_3 z_3"), entry="legendre",
         iso="EAX, EBX, ECX",
         meaning="The carriage rolls, pitches and yaws while it moves, because its guideways are bent or not "
         "parallel. The error grows with the distance of the target from the guideway (Abbe's offset).",
@@ -450,7 +454,7 @@ _PRISMATIC = (
         source=f"{_ISO_1}; {_SCHWENKE}",
     ),
     _row(
-        "backlash", "prismatic", "reading", "-b/2*s", {"b": "{length}"},
+        "backlash", "prismatic", "reading", "-b/2*s", {"b": "{length}"}, entry="backlash",
         of_drive=True,
         iso="B of EXX (reversal value)",
         meaning="There is play between nut and screw, pinion and rack, or in the coupling, and the encoder sits on "
@@ -460,7 +464,7 @@ _PRISMATIC = (
         source=_ISO_2,
     ),
     _row(
-        "backlash_gradient", "prismatic", "reading", "-k*s*q", {"k": "1"},
+        "backlash_gradient", "prismatic", "reading", "-k*s*q", {"k": "1"}, entry="backlash-gradient",
         of_drive=True,
         iso="B of EXX (change over the travel)",
         meaning="The play differs along the travel: the screw is worn where it works most, or winds up more the "
@@ -471,7 +475,7 @@ _PRISMATIC = (
         source=f"{_ISO_2}; {_SLOCUM}",
     ),
     _row(
-        "servo_lag", "prismatic", "reading", "-tau*v", {"tau": "s"},
+        "servo_lag", "prismatic", "reading", "-tau*v", {"tau": "s"}, entry="lag",
         meaning="The carriage is read while it moves and follows its command late, or the reading is taken late. The "
         "error grows with the speed, changes its sign with it, and is gone at rest.",
         usual_size="0.01 to 50 ms",
@@ -479,7 +483,7 @@ _PRISMATIC = (
         source=_ALTINTAS,
     ),
     _row(
-        "acceleration_lag", "prismatic", "reading", "-k*acc", {"k": "s**2"},
+        "acceleration_lag", "prismatic", "reading", "-k*acc", {"k": "s**2"}, entry="acceleration-lag",
         meaning="The carriage is read while its speed changes, and stays behind its command in proportion to the "
         "acceleration: the servo does not feed the force forward, or screw, belt or coupling yield under the mass that "
         "they move.",
@@ -488,7 +492,7 @@ _PRISMATIC = (
         source=_ALTINTAS,
     ),
     _row(
-        "thermal_offset", "prismatic", "reading", "k*T", {"k": "{length}/K"},
+        "thermal_offset", "prismatic", "reading", "k*T", {"k": "{length}/K"}, entry="thermal-offset",
         iso="EX0X (with temperature)",
         meaning="What lies between the scale's fixed point and the machine grows as the joint warms up: screw "
         "bearing, bracket, headstock. All coordinates change together, and come back when it cools.",
@@ -497,7 +501,7 @@ _PRISMATIC = (
         source=f"{_ISO_3}; {_MAYR}",
     ),
     _row(
-        "thermal_expansion", "prismatic", "reading", "alpha*T*q", {"alpha": "1/K"},
+        "thermal_expansion", "prismatic", "reading", "alpha*T*q", {"alpha": "1/K"}, entry="expansion",
         iso="EXX (with temperature)",
         meaning="The scale or the screw itself grows with its temperature. The error grows with the travel and "
         "with the temperature: a scale error that comes and goes.",
@@ -507,7 +511,7 @@ _PRISMATIC = (
     ),
     _row(
         "gravity_sag", "prismatic", "sag", "tip*zeta**3 + own*zeta**4 + 16*mid*zeta**2*(1 - zeta)**2",
-        _in("{length}", "tip own mid"),
+        _in("{length}", "tip own mid"), entry="gravity-sag",
         slope="(3/2*tip*zeta**2 + 4/3*own*zeta**3 + 32*mid*zeta*(1 - zeta)*(1 - 2*zeta))/L",
         iso="EZX, EBX (from weight)",
         meaning="A beam bends under weight: a ram that slides out sinks at its end under the load there (tip) and "
@@ -517,7 +521,7 @@ _PRISMATIC = (
         source=f"{_TIMOSHENKO}; {_SLOCUM}",
     ),
     _row(
-        "load_sag", "prismatic", "sag", "F*(k0 + k3*zeta**3)", _in("{length}/N", "k0 k3"),
+        "load_sag", "prismatic", "sag", "F*(k0 + k3*zeta**3)", _in("{length}/N", "k0 k3"), entry="load-sag",
         slope="3/2*F*k3*zeta**2/L",
         meaning="The beam bends under the payload: by k3 as it slides out, by k0 wherever it stands. It shows only "
         "when readings with different loads are compared.",
@@ -527,6 +531,7 @@ _PRISMATIC = (
     ),
     _row(
         "guide_windup", "prismatic", "rotation", "(a + b*zeta)*M_guide", _in("arcsec/{arm}", "a b"),
+        entry="guide-windup",
         meaning="The guide blocks give way to the overturning moment of what they carry, more towards one end where "
         "bed or crossbeam is softer (b). The carriage leans towards the heavy side.",
         usual_size="0.5 to 20 arcsec when the load stands out as far as it can",
@@ -538,7 +543,7 @@ _PRISMATIC = (
 _MACHINE = (
     _row(
         "warm_up_drift", "machine", "frame", "(x*EX + y*EY + z*EZ)*(1 - exp(-t/tau))",
-        _in("{move}", "x y z") | {"tau": "s"},
+        _in("{move}", "x y z") | {"tau": "s"}, entry="warm-up",
         searched={"tau": StartSearch.TIME_CONSTANT},
         meaning="The machine warms up after it is switched on, and the workpiece moves against the instrument or the "
         "spindle. The motion is fast at first and dies away: the readings run off and then stand.",
@@ -547,7 +552,7 @@ _MACHINE = (
         source=f"{_ISO_3}; {_MAYR}",
     ),
     _row(
-        "linear_drift", "machine", "frame", "(x*EX + y*EY + z*EZ)*t", _in("{move}/s", "x y z"),
+        "linear_drift", "machine", "frame", "(x*EX + y*EY + z*EZ)*t", _in("{move}/s", "x y z"), entry="drift",
         meaning="The workpiece or the instrument moves steadily while the readings are taken: a room that warms up, "
         "a tripod that settles. The error grows with time and does not ask where the machine stands.",
         usual_size="0.5 to 10 µm/h",
@@ -556,7 +561,7 @@ _MACHINE = (
     ),
     _row(
         "frame_shift", "machine", "frame_shift", "x*EX + y*EY + z*EZ",
-        _in("{length}", "x y z") | _in("arcsec", "rx ry rz"),
+        _in("{length}", "x y z") | _in("arcsec", "rx ry rz"), entry="vector",
         slope="rx*EX + ry*EY + rz*EZ",
         per_run=True,
         meaning="The instrument or the workpiece was set up anew or pushed: all readings of a run are moved and "
@@ -569,7 +574,7 @@ _MACHINE = (
         _in("arcsec", "x y z"),
     ),
     _row(
-        "instrument_scale", "machine", "factor", "k", {"k": "1"},
+        "instrument_scale", "machine", "factor", "k", {"k": "1"}, entry="constant",
         meaning="The instrument measures all lengths too long or too short: a wrong refractive index of the air, a "
         "camera's scale bar, a thermal length that was not corrected. The error grows with the distance.",
         usual_size="1e-7 to 1e-5 for a laser (1 K of air temperature is 1e-6), 1e-5 to 1e-4 for a camera",
@@ -579,6 +584,7 @@ _MACHINE = (
     ),
     _row(
         "instrument_axis_scales", "machine", "axes", "x*read_x*EX + y*read_y*EY", _in("1", "x y"),
+        entry="instrument-axes",
         meaning="The scales of the instrument's own axes differ, as those of a measuring machine or arm do, or its "
         "angles and distances do not agree. Lengths along x and y of its frame come out too long against those along "
         "z; what all have in common is instrument_scale.",
@@ -588,7 +594,7 @@ _MACHINE = (
     ),
     _row(
         "instrument_squareness", "machine", "axes", "(xy*read_y + xz*read_z)*EX + yz*read_z*EY",
-        _in("arcsec", "xy xz yz"),
+        _in("arcsec", "xy xz yz"), entry="instrument-axes",
         meaning="The instrument's own axes are not square to each other: the guideways of a measuring machine, or the "
         "linear axes of the machine tool whose probe takes the readings. A right angle is read as wrong by as much, "
         "wherever it lies and whatever the machine does; a circle about z is read as an ellipse.",
@@ -598,7 +604,7 @@ _MACHINE = (
         source=f"{_ISO_10360}; {_ISO_1}, squareness; {_SCHWENKE}",
     ),
     _row(
-        "tube_flexure", "machine", "lift", "-a*sin_zenith", {"a": "arcsec"},
+        "tube_flexure", "machine", "lift", "-a*sin_zenith", {"a": "arcsec"}, entry="tube-flexure",
         of_directions=True,
         tpoint={"TF": "a"},
         meaning="The tube bends under its own weight, or the mirrors sink in their cells. The line of sight droops "
@@ -609,7 +615,7 @@ _MACHINE = (
         source=f"{_TPOINT} (term TF); {_WALLACE}",
     ),
     _row(
-        "refraction", "machine", "lift", "a*tan_zenith", {"a": "arcsec"},
+        "refraction", "machine", "lift", "a*tan_zenith", {"a": "arcsec"}, entry="refraction",
         of_directions=True,
         tpoint={"TX": "-a"},
         meaning="The air bends light that comes in at a slant, so that things are seen higher than they are. The "
@@ -623,7 +629,7 @@ _MACHINE = (
 
 _TARGET = (
     _row(
-        "target_offset", "target", "target", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
+        "target_offset", "target", "target", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"), entry="vector",
         tpoint={"CA": "a", "CH": "-b"},
         meaning="One ball, prism or mark sits elsewhere than the file says: a holder that was swapped, a magnetic "
         "nest with dirt in it, a mirror that is not square. Its readings alone are off, in every pose.",
@@ -638,7 +644,7 @@ _TARGET = (
         _in("arcsec", "rx ry rz"),
     ),
     _row(
-        "target_remounting", "target", "remounting", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
+        "target_remounting", "target", "remounting", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"), entry="vector",
         per_run=True,
         meaning="A ball, prism, mark or marker was taken off between runs and put on again, and sits a little "
         "differently since. Each run alone fits; together they do not. All numbers are relative to the first run.",
@@ -657,7 +663,7 @@ _TARGET = (
 
 _LEG = (
     _row(
-        "base_joint_offset", "leg", "base_joint", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
+        "base_joint_offset", "leg", "base_joint", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"), entry="vector",
         meaning="The centre of the leg's joint on the base is not where the drawing puts it. The leg pulls the "
         "platform from a wrong place: its error changes with the leg's direction.",
         usual_size="0.01 to 0.5 mm as built, a few µm after a calibration",
@@ -666,6 +672,7 @@ _LEG = (
     ),
     _row(
         "platform_joint_offset", "leg", "platform_joint", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
+        entry="vector",
         meaning="The centre of the leg's joint on the platform is not where the drawing puts it. It is carried along "
         "with the platform, so its error turns as the platform does.",
         usual_size="0.01 to 0.5 mm as built, a few µm after a calibration",
@@ -673,7 +680,7 @@ _LEG = (
         source=f"{_KUREKOVA}, section 3; {_MOORING}",
     ),
     _row(
-        "leg_zero_offset", "leg", "reading", "a", {"a": "{length}"},
+        "leg_zero_offset", "leg", "reading", "a", {"a": "{length}"}, entry="constant",
         meaning="The leg's reference mark is not where the control believes it to be, or its joints are mounted nearer "
         "or farther. The leg is longer or shorter than commanded, by the same amount everywhere.",
         usual_size="0.001 to 0.5 mm after homing",
@@ -681,7 +688,7 @@ _LEG = (
         source=f"{_KUREKOVA}, section 3; {_ISO_2}",
     ),
     _row(
-        "leg_scale", "leg", "reading", "k*q", {"k": "1"},
+        "leg_scale", "leg", "reading", "k*q", {"k": "1"}, entry="scale",
         meaning="The screw or scale of the leg is longer or shorter than it says. The error grows in proportion to "
         "the leg's whole length.",
         usual_size="1e-6 to 2e-5 with a scale, 1e-5 to 5e-5 with a screw: 10 to 50 µm/m",
@@ -689,7 +696,7 @@ _LEG = (
         source=f"{_ISO_2}; {_SCHWENKE}",
     ),
     _row(
-        "leg_thermal_expansion", "leg", "reading", "alpha*T*q", {"alpha": "1/K"},
+        "leg_thermal_expansion", "leg", "reading", "alpha*T*q", {"alpha": "1/K"}, entry="expansion",
         meaning="The leg grows as its screw warms up, in proportion to its temperature and its length. Legs that warm "
         "up unequally tilt the platform; all together they push it away from the base.",
         usual_size="11e-6 to 12e-6 /K for steel: 8 µm/K on 700 mm; less where the scale stays cool",
@@ -697,7 +704,7 @@ _LEG = (
         source=f"{_ISO_3}; {_MAYR}",
     ),
     _row(
-        "leg_backlash", "leg", "reading", "-b/2*s", {"b": "{length}"},
+        "leg_backlash", "leg", "reading", "-b/2*s", {"b": "{length}"}, entry="backlash",
         meaning="There is play in the leg's nut, gear or joints. The leg stays behind by half of it, on the side where "
         "it comes from.",
         usual_size="0.5 to 20 µm",
@@ -705,7 +712,7 @@ _LEG = (
         source=_ISO_2,
     ),
     _row(
-        "leg_compliance", "leg", "reading", "c*F*leg_tension", {"c": "{length}/N"},
+        "leg_compliance", "leg", "reading", "c*F*leg_tension", {"c": "{length}/N"}, entry="leg-compliance",
         meaning="Leg, nut and joints give way to the force that the payload puts on this leg, as one spring. The error "
         "grows with the load and with how steeply the leg has to carry it.",
         usual_size="5e-6 to 1e-4 mm/N: 10 to 200 N/µm",
@@ -716,7 +723,7 @@ _LEG = (
 
 _DELTA = (
     _row(
-        "zero_offset", "tower", "reading", "a", {"a": "{length}"},
+        "zero_offset", "tower", "reading", "a", {"a": "{length}"}, entry="constant",
         meaning="The endstop of the tower is not as high as the firmware believes. The carriage is higher or lower "
         "than commanded, by the same amount everywhere; the plane of the nozzle tilts about the two others.",
         usual_size="0.05 to 1 mm before a calibration, 0.01 to 0.03 mm as a switch repeats",
@@ -724,7 +731,7 @@ _DELTA = (
         source=_VISCHER,
     ),
     _row(
-        "scale", "tower", "reading", "k*q", {"k": "1"},
+        "scale", "tower", "reading", "k*q", {"k": "1"}, entry="scale",
         meaning="The belt or screw of the tower moves the carriage by more or less than commanded: its pitch, or the "
         "steps per length, are slightly wrong. The error grows with the height of the carriage.",
         usual_size="1e-4 to 1e-3 with a belt, 1e-5 to 1e-4 with a screw",
@@ -732,7 +739,7 @@ _DELTA = (
         source=_ISO_2,
     ),
     _row(
-        "backlash", "tower", "reading", "-b/2*s", {"b": "{length}"},
+        "backlash", "tower", "reading", "-b/2*s", {"b": "{length}"}, entry="backlash",
         of_drive=True,
         meaning="There is play in the belt, the carriage or the joints of the rods. The carriage stays behind by half "
         "of it, on the side where it comes from.",
@@ -742,7 +749,7 @@ _DELTA = (
     ),
     _row(
         "tower_lean", "tower", "base_joint",
-        "q*(sin(a)*U + sin(b)*V + (sqrt(1 - sin(a)**2 - sin(b)**2) - 1)*N)", _in("deg", "a b"),
+        "q*(sin(a)*U + sin(b)*V + (sqrt(1 - sin(a)**2 - sin(b)**2) - 1)*N)", _in("deg", "a b"), entry="tower-lean",
         meaning="The tower is not upright: it leans outwards by a, and across by b. The joint of the rod moves aside "
         "as the carriage rises.",
         usual_size="0.05 to 0.3 deg",
@@ -750,7 +757,7 @@ _DELTA = (
         source=_CLAVEL,
     ),
     _row(
-        "zero_offset", "arm", "reading", "a", {"a": "deg"},
+        "zero_offset", "arm", "reading", "a", {"a": "deg"}, entry="constant",
         meaning="The arm is not where the control believes it to be: its reference mark or its switch is elsewhere. "
         "The angle is wrong by the same amount everywhere.",
         usual_size="0.01 to 0.5 deg after homing",
@@ -758,7 +765,7 @@ _DELTA = (
         source=_VISCHER,
     ),
     _row(
-        "scale", "arm", "reading", "k*q", {"k": "1"},
+        "scale", "arm", "reading", "k*q", {"k": "1"}, entry="scale",
         meaning="The gear or belt of the arm turns it by more or less than commanded: a ratio that is slightly wrong. "
         "The error grows with the angle of the arm.",
         usual_size="1e-4 to 1e-3 with a belt, 0 with a gear",
@@ -766,7 +773,7 @@ _DELTA = (
         source=_ISO_2,
     ),
     _row(
-        "backlash", "arm", "reading", "-b/2*s", {"b": "arcsec"},
+        "backlash", "arm", "reading", "-b/2*s", {"b": "arcsec"}, entry="backlash",
         of_drive=True,
         meaning="There is play in the gear or belt of the arm. It stays behind by half of it, on the side where it "
         "comes from.",
@@ -775,14 +782,14 @@ _DELTA = (
         source=_ISO_2,
     ),
     _row(
-        "arm_length", "arm", "arm", "a", {"a": "{length}"},
+        "arm_length", "arm", "arm", "a", {"a": "{length}"}, entry="constant",
         meaning="The arm is longer or shorter than in the drawing, from its axis to the joints of the rods.",
         usual_size="0.01 to 0.2 mm",
         remedy="Measure the arm, or enter its fitted length in the control.",
         source=_VISCHER,
     ),
     _row(
-        "delta_radius", "tower arm", "base_joint", "r*U", {"r": "{length}"},
+        "delta_radius", "tower arm", "base_joint", "r*U", {"r": "{length}"}, entry="outwards",
         meaning="The joint of the rod is farther from the middle, or nearer to it, than in the drawing: the tower or "
         "the arm's axis stands off, or the platform's joint. If all three are, a plate looks like a dome or bowl.",
         usual_size="0.1 to 1 mm on a printer, 0.01 to 0.2 mm on a robot",
@@ -790,7 +797,7 @@ _DELTA = (
         source=_VISCHER,
     ),
     _row(
-        "delta_angle", "tower arm", "heading", "a", {"a": "deg"},
+        "delta_angle", "tower arm", "heading", "a", {"a": "deg"}, entry="constant",
         meaning="The tower or the arm does not stand where the drawing has it, but turned about the middle. Lines that "
         "should be square are not, and the plate looks twisted.",
         usual_size="0.05 to 0.5 deg on a printer, 0.01 to 0.05 deg on a robot",
@@ -798,7 +805,7 @@ _DELTA = (
         source=_VISCHER,
     ),
     _row(
-        "rod_length", "tower arm", "rod", "a", {"a": "{length}"},
+        "rod_length", "tower arm", "rod", "a", {"a": "{length}"}, entry="constant",
         meaning="The rods of this tower or arm are longer or shorter than the others. The platform is pulled aside, by "
         "an error that changes with the direction of the rod.",
         usual_size="0.02 to 0.3 mm",

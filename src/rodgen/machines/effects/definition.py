@@ -148,6 +148,8 @@ class EffectDefinition:
     """The same effect where directions are measured, if its parameters differ there; see :meth:`for_measurand`."""
     poses: EffectDefinition | None = None
     """The same where poses are."""
+    entry: str = ""
+    """Of the catalogue: the entry of the derivation ``effects`` that says where its formulas come from."""
 
     @property
     def formulas(self) -> tuple[Formula, ...]:
