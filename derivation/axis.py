@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # The axis from one pair of points: a solver without exceptions
 #
@@ -452,12 +440,10 @@ def renamed(value, **vectors):
 
 
 computed_m, computed_r = (
-    d.vector(
-        f"computed_{name}",
-        rf"\vec {name}_{{\mathrm{{computed}}}}",
-        f"{name} as the program computes it",
-        "length",
-        value=sp.ImmutableMatrix(
+    d.letter(
+        rf"computed_{name}[3] | \vec {name}_{{\mathrm{{computed}}}} | "
+        rf"{name} as the program computes it | length",
+        sp.ImmutableMatrix(
             renamed(
                 solver.expand(solver[name], keep=[solver["excess"], solver["u"], solver["v"]]).subs(
                     solver["excess"], 1 - R / P
@@ -493,12 +479,9 @@ kept = renamed(kept.subs(solver.substitution(two=True, crooked=False, valid=True
 def as_vectors(rows, name, letter, quantity):
     """Letters for the two rows that a program returns."""
     return [
-        d.vector(
-            f"{name}_{sign}",
-            rf"\vec e_{{{mark}}}^{{\,\mathrm{{{letter}}}}}",
-            f"{row} row of {quantity}",
-            "1",
-            value=sp.ImmutableMatrix(rows.row(n).T),
+        d.letter(
+            rf"{name}_{sign}[3] | \vec e_{{{mark}}}^{{\,\mathrm{{{letter}}}}} | {row} row of {quantity} | 1",
+            sp.ImmutableMatrix(rows.row(n).T),
         )
         for n, (sign, mark, row) in enumerate((("plus", "+", "first"), ("minus", "-", "second")))
     ]

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # One axis from many pairs: the likelihood is a quadratic on the sphere
 #
@@ -239,12 +227,10 @@ u = d.vector("u", r"\vec u", "unit vector perpendicular to the axis", "1")
 phi = d.symbol("phi", r"\varphi", "angle by which the axis is turned towards u", "rad")
 turning = {e: sp.Matrix([0, 0, sp.cos(phi)]) + sp.Matrix([sp.sin(phi), 0, 0])}
 quadratic = kappa * dot(e, x) * dot(e, y) + s * dot(e, cross(x, y))
-curvature = d.symbol(
-    "curvature",
-    r"\left.\frac{\mathrm{d}^2}{\mathrm{d}\varphi^2}\,\tfrac12|\vec d|^2\right|_{\varphi=0}",
-    "curvature of the half square of a pair",
-    "length²",
-    value=sp.diff(-d.value(quadratic, turning), phi, 2).subs(phi, 0),
+curvature = d.letter(
+    r"curvature | \left.\frac{\mathrm{d}^2}{\mathrm{d}\varphi^2}\,\tfrac12|\vec d|^2\right|_{\varphi=0} | "
+    r"curvature of the half square of a pair | length²",
+    sp.diff(-d.value(quadratic, turning), phi, 2).subs(phi, 0),
 )
 frame = {e: (0, 0, 1), u: (1, 0, 0)}
 d.check(
@@ -299,12 +285,9 @@ d.check(
 
 # %%
 columns = [d.value(turned_by_error(n), {**frame, n: tuple(int(i == j) for i in range(3))}) for j in range(3)]
-squares = d.symbol(
-    "squares",
-    r"\left\|\partial_u R\right\|^2",
-    "sum of the squares of the elements of the derivative",
-    "1",
-    value=sum(sum(c**2 for c in column) for column in columns),
+squares = d.letter(
+    r"squares | \left\|\partial_u R\right\|^2 | " r"sum of the squares of the elements of the derivative | 1",
+    sum(sum(c**2 for c in column) for column in columns),
 )
 d.check(
     "second-order",

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # How the axis of a rotation depends on the data
 #
@@ -102,15 +90,10 @@ sine, cosine = sp.sin(half), sp.cos(half)
 m_hat = d.vector("m_hat", r"\hat m", "unit vector along m", "1", value=m / norm(m))
 r_hat = d.vector("r_hat", r"\hat r", "unit vector along r", "1", value=r / norm(r))
 n = d.vector("n", r"\vec n", "unit vector m̂ × r̂, along ρ × ρ′", "1", value=cross(m_hat, r_hat))
-cos_b = d.symbol(
-    "cos_b", r"\cos b", "cosine of the angle from n to e", "1", value=cosine * norm(r) / (sine * norm(m))
-)
-root_b = d.symbol(
-    "root_b",
-    r"\varrho",
-    "the root in sin b",
-    "length",
-    value=sp.sqrt((sine * norm(m) - cosine * norm(r)) * (sine * norm(m) + cosine * norm(r))),
+cos_b = d.letter(r"cos_b | \cos b | cosine of the angle from n to e | 1", cosine * norm(r) / (sine * norm(m)))
+root_b = d.letter(
+    r"root_b | \varrho | the root in sin b | length",
+    sp.sqrt((sine * norm(m) - cosine * norm(r)) * (sine * norm(m) + cosine * norm(r))),
 )
 sin_b = d.symbol("sin_b", r"\sin b", "its sine, times ±1", "1", value=side * root_b / (sine * norm(m)))
 d.check(
@@ -251,19 +234,14 @@ def across(direction: sp.Expr) -> sp.Expr:
 
 
 components = sp.Matrix(rho.components)
-direction_by_rho = d.matrix(
-    "direction_by_rho",
-    r"\frac{\partial\hat\rho}{\partial\vec\rho}",
-    "derivative of the direction of ρ",
-    "1/length",
-    value=(components / norm(components)).jacobian(components),
+direction_by_rho = d.letter(
+    r"direction_by_rho[3,3] | \frac{\partial\hat\rho}{\partial\vec\rho} | "
+    r"derivative of the direction of ρ | 1/length",
+    (components / norm(components)).jacobian(components),
 )
-kappa_by_angle = d.symbol(
-    "kappa_by_angle",
-    r"\frac{\mathrm{d}\kappa}{\mathrm{d}\chi}",
-    "derivative of κ by χ",
-    "1/rad",
-    value=sp.diff(cosine / sine, half) / 2,
+kappa_by_angle = d.letter(
+    r"kappa_by_angle | \frac{\mathrm{d}\kappa}{\mathrm{d}\chi} | " r"derivative of κ by χ | 1/rad",
+    sp.diff(cosine / sine, half) / 2,
 )
 d.check(
     "direction-derivative",
@@ -280,58 +258,37 @@ d.check(
 # across $\vec\rho$.
 
 # %%
-G = d.matrix(
-    "G",
-    "G",
-    "change of the axis by q",
-    "1/length",
-    value=(identity - m * e.T / dot(e, m)) * skew(m) / norm(m) ** 2,
+G = d.letter(
+    "G[3,3] | G | change of the axis by q | 1/length",
+    (identity - m * e.T / dot(e, m)) * skew(m) / norm(m) ** 2,
 )
-by_rho = d.matrix(
-    "axis_by_rho",
-    r"\frac{\partial\vec e}{\partial\vec\rho}",
-    "derivative of the axis by ρ",
-    "1/length",
-    value=G * (-kappa * identity - skew(e)) * across(rho),
+by_rho = d.letter(
+    r"axis_by_rho[3,3] | \frac{\partial\vec e}{\partial\vec\rho} | "
+    r"derivative of the axis by ρ | 1/length",
+    G * (-kappa * identity - skew(e)) * across(rho),
 )
-by_rho_prime = d.matrix(
-    "axis_by_rho_prime",
-    r"\frac{\partial\vec e}{\partial\vec\rho'}",
-    "derivative of the axis by ρ′",
-    "1/length",
-    value=G * (kappa * identity - skew(e)) * across(rho_prime),
+by_rho_prime = d.letter(
+    r"axis_by_rho_prime[3,3] | \frac{\partial\vec e}{\partial\vec\rho'} | "
+    r"derivative of the axis by ρ′ | 1/length",
+    G * (kappa * identity - skew(e)) * across(rho_prime),
 )
-half_sine_squared = d.symbol(
-    "half_sine_squared", r"\sin^2\tfrac{\chi}{2}", "by κ", "1", value=1 / (1 + kappa**2)
-)
-by_angle = d.vector(
-    "axis_by_angle",
-    r"\frac{\partial\vec e}{\partial\chi}",
-    "derivative of the axis by χ",
-    "1/rad",
-    value=-G * r / (2 * half_sine_squared),
+half_sine_squared = d.letter(r"half_sine_squared | \sin^2\tfrac{\chi}{2} | by κ | 1", 1 / (1 + kappa**2))
+by_angle = d.letter(
+    r"axis_by_angle[3] | \frac{\partial\vec e}{\partial\chi} | " r"derivative of the axis by χ | 1/rad",
+    -G * r / (2 * half_sine_squared),
 )
 
 along_z = {e: (0, 0, 1), rho_prime: rodrigues(rho, 2 / kappa * e)}
 drho = d.vector("drho", r"\mathrm{d}\vec\rho", "change of ρ", "length")
 drho_prime = d.vector("drho_prime", r"\mathrm{d}\vec\rho'", "change of ρ′", "length")
 dangle = d.symbol("dangle", r"\mathrm{d}\chi", "change of the angle", "rad")
-daxis = d.vector(
-    "daxis",
-    r"\mathrm{d}\vec e",
-    "change of the axis",
-    "1",
-    value=by_rho * drho + by_rho_prime * drho_prime + by_angle * dangle,
+daxis = d.letter(
+    r"daxis[3] | \mathrm{d}\vec e | change of the axis | 1",
+    by_rho * drho + by_rho_prime * drho_prime + by_angle * dangle,
 )
-turn_rho = d.vector(
-    "turn_rho", r"\mathrm{d}_\perp\vec\rho", "part across ρ", "length", value=across(rho) * drho
-)
-turn_rho_prime = d.vector(
-    "turn_rho_prime",
-    r"\mathrm{d}_\perp\vec\rho'",
-    "part across ρ′",
-    "length",
-    value=across(rho_prime) * drho_prime,
+turn_rho = d.letter(r"turn_rho[3] | \mathrm{d}_\perp\vec\rho | part across ρ | length", across(rho) * drho)
+turn_rho_prime = d.letter(
+    r"turn_rho_prime[3] | \mathrm{d}_\perp\vec\rho' | part across ρ′ | length", across(rho_prime) * drho_prime
 )
 dkappa = d.symbol("dkappa", r"\mathrm{d}\kappa", "change of κ", "1", value=-dangle / (2 * half_sine_squared))
 d.check(
@@ -369,18 +326,12 @@ d.check(
 cos_gamma_squared = d.symbol(
     "cos_gamma_squared", r"\cos^2\gamma", "by e and ρ", "1", value=dot(e, rho) ** 2 / norm(rho) ** 2
 )
-d_vector = d.vector(
-    "d", r"\vec d", "e × r̂, across r in the plane of both axes", "1", value=cross(e, r) / norm(r)
-)
+d_vector = d.letter(r"d[3] | \vec d | e × r̂, across r in the plane of both axes | 1", cross(e, r) / norm(r))
 sigma = d.symbol("sigma", r"\sigma", "standard deviation of each coordinate", "length")
 sigma_angle = d.symbol("sigma_angle", r"\sigma_\chi", "standard deviation of the angle", "rad")
-covariance = d.matrix(
-    "covariance",
-    r"\operatorname{Cov}\vec e",
-    "covariance of the axis",
-    "1",
-    value=sigma**2 * (by_rho * by_rho.T + by_rho_prime * by_rho_prime.T)
-    + sigma_angle**2 * by_angle * by_angle.T,
+covariance = d.letter(
+    r"covariance[3,3] | \operatorname{Cov}\vec e | covariance of the axis | 1",
+    sigma**2 * (by_rho * by_rho.T + by_rho_prime * by_rho_prime.T) + sigma_angle**2 * by_angle * by_angle.T,
 )
 d.check(
     "covariance",
@@ -420,10 +371,8 @@ def invariants(jacobian: sp.Basic, name: str, letter: str) -> tuple[sp.Symbol, s
     minors = sum(gram[i, i] * gram[j, j] - gram[i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))
     product = rf"J_{{{letter}}}^T J_{{{letter}}}"
     return (
-        d.symbol(
-            f"{name}_trace", rf"\operatorname{{tr}} {product}", "trace", "1/length²", value=gram.trace()
-        ),
-        d.symbol(f"{name}_minors", rf"M({product})", "sum of principal minors", "1/length⁴", value=minors),
+        d.letter(rf"{name}_trace | \operatorname{{tr}} {product} | trace | 1/length²", gram.trace()),
+        d.letter(f"{name}_minors | M({product}) | sum of principal minors | 1/length⁴", minors),
     )
 
 

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # Two equations in two angles
 #
@@ -105,12 +93,9 @@ of_notes = {
 printed = sum(
     x3 ** int(str(place)[0]) * x1 ** int(str(place)[1]) * of_notes[n] for n, place in letters.items()
 )
-multiplied = d.symbol(
-    "multiplied",
-    r"(1+x_1^2)(1+x_3^2)\,\vec u^T M\,\vec v",
-    "an equation by the tangents",
-    "1",
-    value=(by_tangent(x1).T * M[0] * by_tangent(x3))[0],
+multiplied = d.letter(
+    r"multiplied | (1+x_1^2)(1+x_3^2)\,\vec u^T M\,\vec v | an equation by the tangents | 1",
+    (by_tangent(x1).T * M[0] * by_tangent(x3))[0],
 )
 biquadratic = d.matrix(
     "E", "E", "coefficients of a biquadratic, by powers 0 to 2 of x₃ (rows) and of x₁ (columns)", "1", value=E
@@ -239,12 +224,9 @@ d.check(
 # The second angle follows from a root $x_1$ of the octic by one division:
 
 # %%
-root_1 = d.symbol(
-    "E_1_at_root",
-    r"E_1\big|_{x_3=-|pr|/|pq|}",
-    "first equation at the common root",
-    "1",
-    value=quadratics[0].subs(x3, -pr / pq),
+root_1 = d.letter(
+    r"E_1_at_root | E_1\big|_{x_3=-|pr|/|pq|} | first equation at the common root | 1",
+    quadratics[0].subs(x3, -pr / pq),
 )
 d.check(
     "back-substitution",
@@ -272,9 +254,7 @@ n = rows[0].cross(rows[1])
 octic = n[1] ** 2 + n[2] ** 2 - n[0] ** 2
 quadratic = [HALF * row for row in rows]  # coefficients of 1, x3, x3²
 by_rows = {s: quadratic[e][2 - k] for k, pair in enumerate((p, q, r)) for e, s in enumerate(pair)}
-n0, n1, n2 = (
-    d.symbol(f"n_{k}", f"n_{k}", f"component {k} of the cross product n", "1", value=n[k]) for k in range(3)
-)
+n0, n1, n2 = (d.letter(f"n_{k} | n_{k} | component {k} of the cross product n | 1", n[k]) for k in range(3))
 d.check(
     "cross-product",
     equal(4 * (n1**2 + n2**2 - n0**2), sylvester_det),
@@ -287,13 +267,7 @@ d.check(
 
 # %%
 r_1, r_2 = (
-    d.vector(
-        f"row_{e + 1}",
-        rf"\vec r_{e + 1}",
-        f"equation {e + 1} by (1, cos, sin) of θ₂: Mᵀu",
-        "1",
-        value=rows[e],
-    )
+    d.letter(rf"row_{e + 1}[3] | \vec r_{e + 1} | equation {e + 1} by (1, cos, sin) of θ₂: Mᵀu | 1", rows[e])
     for e in (0, 1)
 )
 normal = d.vector("normal", r"\vec n", "cross product of the two", "1", value=n)
@@ -371,21 +345,14 @@ c_turn, s_turn = sp.cos(turn), sp.sin(turn)
 plain = [[M[e][i, :].T for i in range(3)] for e in (0, 1)]
 u_psi = sp.Matrix([1, cosine, sine])
 k_vectors = [
-    d.vector(
-        f"k_vector_{j}",
-        rf"\vec k_{j}",
-        f"coefficient {j} of n, from the rows of both matrices",
-        "1",
-        value=value,
+    d.letter(
+        rf"k_vector_{j}[3] | \vec k_{j} | coefficient {j} of n, from the rows of both matrices | 1", value
     )
     for j, value in enumerate(coefficients(plain))
 ]
-n_of_psi = d.vector(
-    "n_of_psi",
-    r"\vec n(\psi)",
-    "the cross product at the angle ψ",
-    "1",
-    value=(M[0].T * u_psi).cross(M[1].T * u_psi),
+n_of_psi = d.letter(
+    r"n_of_psi[3] | \vec n(\psi) | the cross product at the angle ψ | 1",
+    (M[0].T * u_psi).cross(M[1].T * u_psi),
 )
 d.check(
     "coefficients-of-n",
@@ -400,12 +367,9 @@ d.check(
 # each component change:
 
 # %%
-n_at_turn = d.symbol(
-    "n_at_turn",
-    r"n(\tau+\psi)",
-    "a component of n, at the angle τ + ψ",
-    "1",
-    value=trigonometric.subs(
+n_at_turn = d.letter(
+    r"n_at_turn | n(\tau+\psi) | a component of n, at the angle τ + ψ | 1",
+    trigonometric.subs(
         {
             cosine: c_turn * cosine - s_turn * sine,
             sine: s_turn * cosine + c_turn * sine,
@@ -449,9 +413,7 @@ circle = {
     sp.cos(2 * psi): ((1 - x1**2) ** 2 - 4 * x1**2) / (1 + x1**2) ** 2,
     sp.sin(2 * psi): 4 * x1 * (1 - x1**2) / (1 + x1**2) ** 2,
 }
-n_of_x = d.symbol(
-    "n_of_x", "n(x_1)", "a component of n, by the tangent", "1", value=trigonometric.subs(circle)
-)
+n_of_x = d.letter("n_of_x | n(x_1) | a component of n, by the tangent | 1", trigonometric.subs(circle))
 d.check(
     "quartic",
     equal((1 + x1**2) ** 2 * n_of_x, sum(a * x1**k for k, a in enumerate(quartic(letters_n)))),
@@ -543,15 +505,10 @@ parts = [
         ("im_slope", r"\Im P'", "imaginary part of the derivative", sp.im, value.diff(z)),
     )
 ]
-rho_0, rho_1, rho_0_again, rho_1_again = (
-    d.symbol(name, letter, quantity, "1", value=value_)
-    for name, letter, quantity, value_ in (
-        ("rest_0", r"\varrho_0", "constant part of the rest", rest[0]),
-        ("rest_1", r"\varrho_1", "linear part of the rest", rest[1]),
-        ("rest_again_0", r"\varrho'_0", "constant part of the quotient's rest", rest_again[0]),
-        ("rest_again_1", r"\varrho'_1", "linear part of the quotient's rest", rest_again[1]),
-    )
-)
+rho_0 = d.letter(r"rest_0 | \varrho_0 | constant part of the rest | 1", rest[0])
+rho_1 = d.letter(r"rest_1 | \varrho_1 | linear part of the rest | 1", rest[1])
+rho_0_again = d.letter(r"rest_again_0 | \varrho'_0 | constant part of the quotient's rest | 1", rest_again[0])
+rho_1_again = d.letter(r"rest_again_1 | \varrho'_1 | linear part of the quotient's rest | 1", rest_again[1])
 d.check(
     "value-and-slope",
     equal(parts[0], rho_0 + rho_1 * re_z),
@@ -585,14 +542,10 @@ def slope_of(u):
 u, v = of_angle(theta_1), of_angle(theta_2)
 equations = sp.Matrix([(u.T * m * v)[0] for m in M])
 slopes = sp.Matrix([[(slope_of(u).T * m * v)[0], (u.T * m * slope_of(v))[0]] for m in M])
-jacobian = d.matrix(
-    "J",
-    r"\frac{\partial(f_1,f_2)}{\partial(\theta_1,\theta_2)}",
-    "derivatives of the two equations",
-    "1",
-    value=equations.jacobian([theta_1, theta_2]),
-    rows=2,
-    columns=2,
+jacobian = d.letter(
+    r"J[2,2] | \frac{\partial(f_1,f_2)}{\partial(\theta_1,\theta_2)} | "
+    r"derivatives of the two equations | 1",
+    equations.jacobian([theta_1, theta_2]),
 )
 products = [
     [

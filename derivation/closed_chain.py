@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # Closed chains: the equations behind the model of a machine on legs
 #
@@ -106,14 +94,10 @@ def named(matrix):
     )
 
 
-by_start = d.matrix(
-    "step_by_start",
-    r"\frac{\partial\vec N}{\partial\vec y}",
-    "derivative of the step's result by its starting point, at a solution",
-    "1",
-    value=named(step.jacobian(y).applyfunc(at_a_solution)),
-    rows=2,
-    columns=2,
+by_start = d.letter(
+    r"step_by_start[2,2] | \frac{\partial\vec N}{\partial\vec y} | "
+    r"derivative of the step's result by its starting point, at a solution | 1",
+    named(step.jacobian(y).applyfunc(at_a_solution)),
 )
 d.check(
     "newton-forgets",
@@ -126,23 +110,15 @@ d.check(
 )
 
 # %%
-by_parameter = d.matrix(
-    "step_by_parameter",
-    r"\frac{\partial\vec N}{\partial p}",
-    "derivative of the step's result by the parameter, at a solution",
-    "1",
-    value=named(step.diff(parameter).applyfunc(at_a_solution)),
-    rows=2,
-    columns=1,
+by_parameter = d.letter(
+    r"step_by_parameter[2,1] | \frac{\partial\vec N}{\partial p} | "
+    r"derivative of the step's result by the parameter, at a solution | 1",
+    named(step.diff(parameter).applyfunc(at_a_solution)),
 )
-implicit = d.matrix(
-    "implicit_by_parameter",
-    r"-J^{-1}\frac{\partial\vec F}{\partial p}",
-    "derivative of the implicit function",
-    "1",
-    value=named((-slopes.inv() * F.diff(parameter)).applyfunc(at_a_solution)),
-    rows=2,
-    columns=1,
+implicit = d.letter(
+    r"implicit_by_parameter[2,1] | -J^{-1}\frac{\partial\vec F}{\partial p} | "
+    r"derivative of the implicit function | 1",
+    named((-slopes.inv() * F.diff(parameter)).applyfunc(at_a_solution)),
 )
 d.check(
     "implicit-function",
@@ -191,24 +167,20 @@ d.check(
 # %%
 square = sp.Matrix(2, 2, sp.symbols("J_11 J_12 J_21 J_22", real=True))
 gap = sp.Matrix(sp.symbols("F_1 F_2", real=True))
-by_normal, by_normal_transposed, direct, direct_transposed = (
-    d.matrix(name, latex, quantity, "1", value=value, rows=2, columns=1)
-    for name, latex, quantity, value in (
-        (
-            "step_by_normal_equations",
-            r"(J^TJ)^{-1}J^T\vec F",
-            "step of the normal equations, with the opposite sign",
-            legs.solution(FORMULAS, square, gap),
-        ),
-        (
-            "transposed_by_normal_equations",
-            r"J(J^TJ)^{-1}\vec F",
-            "solution of the transposed equations",
-            legs.transposed_solution(FORMULAS, square, gap),
-        ),
-        ("step_by_inverse", r"J^{-1}\vec F", "Newton's step, with the opposite sign", square.inv() * gap),
-        ("transposed_by_inverse", r"J^{-T}\vec F", "the same of the transposed", square.inv().T * gap),
-    )
+by_normal = d.letter(
+    r"step_by_normal_equations[2,1] | (J^TJ)^{-1}J^T\vec F | "
+    r"step of the normal equations, with the opposite sign | 1",
+    legs.solution(FORMULAS, square, gap),
+)
+by_normal_transposed = d.letter(
+    r"transposed_by_normal_equations[2,1] | J(J^TJ)^{-1}\vec F | solution of the transposed equations | 1",
+    legs.transposed_solution(FORMULAS, square, gap),
+)
+direct = d.letter(
+    r"step_by_inverse[2,1] | J^{-1}\vec F | Newton's step, with the opposite sign | 1", square.inv() * gap
+)
+direct_transposed = d.letter(
+    r"transposed_by_inverse[2,1] | J^{-T}\vec F | the same of the transposed | 1", square.inv().T * gap
 )
 d.check(
     "normal-equations",
@@ -225,20 +197,14 @@ d.check(
 lower = sp.Matrix(3, 3, sp.symbols("A_1 A_2 A_3 A_2 A_4 A_5 A_3 A_5 A_6", real=True))
 right = sp.Matrix(sp.symbols("b_1 b_2 b_3", real=True))
 any_three = sp.Matrix(3, 3, sp.symbols("J_1_1 J_1_2 J_1_3 J_2_1 J_2_2 J_2_3 J_3_1 J_3_2 J_3_3", real=True))
-by_factors = d.vector(
-    "by_factors",
-    r"A\vec x",
-    "a symmetric matrix times the solution by its factors",
-    "1",
-    value=lower * sp.Matrix(legs.solved(FORMULAS.let, lower, right)),
+by_factors = d.letter(
+    r"by_factors[3] | A\vec x | a symmetric matrix times the solution by its factors | 1",
+    lower * sp.Matrix(legs.solved(FORMULAS.let, lower, right)),
 )
 b_vector = d.vector("b_vector", r"\vec b", "right sides of the system", "1", value=right)
-by_inverse = d.matrix(
-    "by_inverse",
-    r"J\,J^{-1}",
-    "a matrix times its inverse, as it is computed",
-    "1",
-    value=any_three * legs.inverse(FORMULAS, any_three),
+by_inverse = d.letter(
+    r"by_inverse[3,3] | J\,J^{-1} | a matrix times its inverse, as it is computed | 1",
+    any_three * legs.inverse(FORMULAS, any_three),
 )
 d.check(
     "factors",
@@ -262,36 +228,24 @@ Ox = rot("x", alpha).T
 P = legs.tricept_turn(FORMULAS, *((sp.cos(angle), sp.sin(angle)) for angle in (alpha, beta)))
 stroke = d.symbol("stroke", "z", "way of the platform along its own z axis", "length")
 own = sp.Matrix(b.components)
-by_unknowns, rates_of_b = (
-    d.matrix(name, latex, quantity, "length", value=value)
-    for name, latex, quantity, value in (
-        (
-            "point_by_unknowns",
-            r"\frac{\partial\vec p}{\partial(\alpha,\beta,z)}",
-            "derivative of a point of the platform",
-            (P * own + P[:, 2] * stroke).jacobian([alpha, beta, stroke]),
-        ),
-        (
-            "point_rates",
-            r"(-O_y\vec e_1\times\vec p,\;\vec e_2\times\vec p,\;P\vec e_3)",
-            "the same, as it is computed",
-            legs.tricept_rates(FORMULAS, P, (sp.cos(beta), sp.sin(beta)), P * own + P[:, 2] * stroke),
-        ),
-    )
+by_unknowns = d.letter(
+    r"point_by_unknowns[3,3] | \frac{\partial\vec p}{\partial(\alpha,\beta,z)} | "
+    r"derivative of a point of the platform | length",
+    (P * own + P[:, 2] * stroke).jacobian([alpha, beta, stroke]),
 )
-by_alpha, by_beta, platform = (
-    d.matrix(name, letter, quantity, "1", value=value)
-    for name, letter, quantity, value in (
-        (
-            "platform_by_alpha",
-            r"\frac{\partial P}{\partial\alpha}",
-            "derivative of the rotation",
-            P.diff(alpha),
-        ),
-        ("platform_by_beta", r"\frac{\partial P}{\partial\beta}", "derivative of the rotation", P.diff(beta)),
-        ("platform", "P", "rotation of the platform, Oy(β) Ox(α)", P),
-    )
+rates_of_b = d.letter(
+    r"point_rates[3,3] | (-O_y\vec e_1\times\vec p,\;\vec e_2\times\vec p,\;P\vec e_3) | "
+    r"the same, as it is computed | length",
+    legs.tricept_rates(FORMULAS, P, (sp.cos(beta), sp.sin(beta)), P * own + P[:, 2] * stroke),
 )
+by_alpha = d.letter(
+    r"platform_by_alpha[3,3] | \frac{\partial P}{\partial\alpha} | derivative of the rotation | 1",
+    P.diff(alpha),
+)
+by_beta = d.letter(
+    r"platform_by_beta[3,3] | \frac{\partial P}{\partial\beta} | derivative of the rotation | 1", P.diff(beta)
+)
+platform = d.letter("platform[3,3] | P | rotation of the platform, Oy(β) Ox(α) | 1", P)
 about_x = d.vector("about_x", r"O_y\vec e_1", "the x axis after the rotation about y", "1", value=Oy[:, 0])
 about_y = d.vector("about_y", r"\vec e_2", "unit vector along y", "1", value=sp.Matrix([0, 1, 0]))
 d.check(
@@ -333,12 +287,9 @@ d.check(
 # %%
 scalar = d.symbol("scalar", "w", "scalar of a unit quaternion", "1")
 v = d.vector("v", r"\vec v", "its vector", "1")
-of_quaternion = d.matrix(
-    "of_quaternion",
-    r"R(w,\vec v)",
-    "matrix of a unit quaternion, as it is computed",
-    "1",
-    value=legs.matrix_of_quaternion(FORMULAS, scalar, sp.Matrix(v.components)),
+of_quaternion = d.letter(
+    r"of_quaternion[3,3] | R(w,\vec v) | matrix of a unit quaternion, as it is computed | 1",
+    legs.matrix_of_quaternion(FORMULAS, scalar, sp.Matrix(v.components)),
 )
 d.check(
     "quaternion",
@@ -353,19 +304,15 @@ d.check(
 # %%
 size = d.symbol("size", "s", "factor of a step", "1")
 scaled = matrix_from_rodrigues_vector(size * sp.Matrix(list(turn))) * sp.Matrix(list(x))
-first_order = d.vector(
-    "first_order",
-    r"\left.\frac{\mathrm d}{\mathrm ds}\,R(s\,\vec\theta)\,\vec x\,\right|_{s=0}",
-    "derivative of the rotated point by the size of the step, at zero",
-    "length",
-    value=scaled.diff(size).subs(size, 0),
+first_order = d.letter(
+    r"first_order[3] | \left.\frac{\mathrm d}{\mathrm ds}\,R(s\,\vec\theta)\,\vec x\,\right|_{s=0} | "
+    r"derivative of the rotated point by the size of the step, at zero | length",
+    scaled.diff(size).subs(size, 0),
 )
-by_turn = d.matrix(
-    "by_turn",
-    r"\frac{\partial(\vec\theta\times\vec x)}{\partial\vec\theta}",
-    "its derivative by the turn, as it is computed",
-    "length",
-    value=legs.turn_rates(FORMULAS, sp.Matrix(x.components)),
+by_turn = d.letter(
+    r"by_turn[3,3] | \frac{\partial(\vec\theta\times\vec x)}{\partial\vec\theta} | "
+    r"its derivative by the turn, as it is computed | length",
+    legs.turn_rates(FORMULAS, sp.Matrix(x.components)),
 )
 d.check(
     "step-is-small",
@@ -422,12 +369,10 @@ lengths = [sp.sqrt(dot(span, span)) for span in spans]
 rates = sp.Matrix.vstack(m.T, sp.zeros(2, 3))
 tension = legs.tensions(FORMULAS, spans, J, rates, sp.Matrix([1, 0, 0]))
 load = d.vector("m", r"\vec m", "load on the three unknowns", "length", value=m)
-pull = d.vector(
-    "pull",
-    r"\sum_k\tfrac{t_k}{l_k}J_k^T",
-    "what the tensions t_k = l_k (J⁻ᵀ m)_k put against it",
-    "length",
-    value=sum((tension[k] / lengths[k] * J[k, :].T for k in range(3)), sp.zeros(3, 1)),
+pull = d.letter(
+    r"pull[3] | \sum_k\tfrac{t_k}{l_k}J_k^T | "
+    r"what the tensions t_k = l_k (J⁻ᵀ m)_k put against it | length",
+    sum((tension[k] / lengths[k] * J[k, :].T for k in range(3)), sp.zeros(3, 1)),
 )
 d.check(
     "tensions-balance",
@@ -449,12 +394,10 @@ d.check(
 
 # %%
 change = J.inv() * sp.Matrix([lengths[0], 0, 0])
-way = d.symbol(
-    "way",
-    r"\frac{\partial(\vec x,\vec g)}{\partial l_1}",
-    "way of the load along gravity, by the length of leg 1",
-    "1",
-    value=(m.T * change)[0],
+way = d.letter(
+    r"way | \frac{\partial(\vec x,\vec g)}{\partial l_1} | "
+    r"way of the load along gravity, by the length of leg 1 | 1",
+    (m.T * change)[0],
 )
 first_tension = d.symbol("t_1", "t_1", "tension of leg 1", "1", value=tension[0])
 d.check(

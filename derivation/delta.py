@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # Delta robots and printers
 #
@@ -106,12 +94,10 @@ d.check(
 
 # %%
 from_first = sp.Matrix(3, 1, list(p.components))
-determinant = d.symbol(
-    "determinant",
-    r"\det(\vec p-\vec c_1,\vec p-\vec c_2,\vec p-\vec c_3)",
-    "determinant of the slopes of half the squares",
-    "length³",
-    value=sp.Matrix.hstack(from_first, from_first - first, from_first - second).det(),
+determinant = d.letter(
+    r"determinant | \det(\vec p-\vec c_1,\vec p-\vec c_2,\vec p-\vec c_3) | "
+    r"determinant of the slopes of half the squares | length³",
+    sp.Matrix.hstack(from_first, from_first - first, from_first - second).det(),
 )
 d.check(
     "singular-positions",
@@ -129,21 +115,15 @@ d.check(
 # from the tower, seen from above.
 
 # %%
-level = d.symbol(
-    "rho",
-    r"\rho_k^2",
-    "square of the distance from the tower, seen from above",
-    "length²",
-    value=(x - X) ** 2 + (y - Y) ** 2,
+level = d.letter(
+    r"rho | \rho_k^2 | square of the distance from the tower, seen from above | length²",
+    (x - X) ** 2 + (y - Y) ** 2,
 )
 carriage = sp.Matrix([X, Y, z + root])
 gap = sp.Matrix([x, y, z]) - carriage
-rod_of_tower = d.symbol(
-    "rod_of_tower",
-    r"\lvert\vec p-\vec c_k\rvert^2",
-    "square of the rod with that carriage",
-    "length²",
-    value=gap.dot(gap),
+rod_of_tower = d.letter(
+    r"rod_of_tower | \lvert\vec p-\vec c_k\rvert^2 | " r"square of the rod with that carriage | length²",
+    gap.dot(gap),
 )
 d.check(
     "inverse-of-a-tower",
@@ -168,12 +148,9 @@ upper = legs.elbow(R, A, (sp.cos(theta), sp.sin(theta)))
 gap = sp.Matrix([x, y, z]) - legs.upper_joint(Formulas(), (sp.cos(phi), sp.sin(phi)), *upper)
 cosine, sine = -2 * A * along, 2 * A * z
 constant = along**2 + across**2 + z**2 + A**2 - L**2
-rod_of_arm = d.symbol(
-    "rod_of_arm",
-    r"\lvert\vec p-\vec c_k\rvert^2-L_k^2",
-    "what the rod is too long by, squared",
-    "length²",
-    value=gap.dot(gap) - L**2,
+rod_of_arm = d.letter(
+    r"rod_of_arm | \lvert\vec p-\vec c_k\rvert^2-L_k^2 | " r"what the rod is too long by, squared | length²",
+    gap.dot(gap) - L**2,
 )
 d.check(
     "inverse-of-an-arm",
@@ -189,9 +166,7 @@ d.check(
 # %%
 half = d.symbol("h", "h", "half of the angle between the two solutions", "rad")
 gamma = d.symbol("gamma", r"\gamma", "angle of (a, b): half a turn from the direction of the platform", "rad")
-size = d.symbol(
-    "D", "D", "distance of the platform from the axis of the arm, seen along it", "length", positive=True
-)
+size = d.letter("D>0 | D | distance of the platform from the axis of the arm, seen along it | length")
 to_platform = sp.Matrix([-size * sp.cos(gamma), size * sp.sin(gamma)])
 side = [
     sp.cos(gamma + s * half) * to_platform[1] + sp.sin(gamma + s * half) * to_platform[0] for s in (1, -1)
@@ -389,17 +364,13 @@ of_tower = inverse.substitution(position=(x, y, z), radius=(R, R, R), rod=(L, L,
 of_arm = equations.substitution(
     position=(x, y, z), radius=(R, R, R), rod=(L, L, L), heading=(phi, phi, phi), arm=(A, A, A)
 )
-height = d.symbol(
-    "height_fn",
-    r"w_k^{2,\mathrm{fn}}",
-    "square of the height of a carriage over the platform, of the function",
-    "length²",
-    value=inverse.expand(inverse["height_1"]).subs(of_tower),
+height = d.letter(
+    r"height_fn | w_k^{2,\mathrm{fn}} | "
+    r"square of the height of a carriage over the platform, of the function | length²",
+    inverse.expand(inverse["height_1"]).subs(of_tower),
 )
 coefficients = [
-    d.symbol(
-        f"{name}_fn", rf"{name}^\mathrm{{fn}}", f"coefficient {name} of the function", "length", value=value
-    )
+    d.letter(rf"{name}_fn | {name}^\mathrm{{fn}} | coefficient {name} of the function | length", value)
     for name, value in zip(
         "abc", (sp.Matrix(equations.expand(n))[0].subs(of_arm) for n in "abc"), strict=True
     )

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # The helical axis of a motion, finite and instantaneous
 #
@@ -127,16 +115,11 @@ d.check(
 columns = [d.value(turned(v, t), {v: tuple(int(i == j) for i in range(3))}) for j in range(3)]
 axial = [columns[1][2] - columns[2][1], columns[2][0] - columns[0][2], columns[0][1] - columns[1][0]]
 components = e.components
-sense = d.symbol(
-    "sense",
-    r"(\vec e, \mathrm{ax}\,Q)",
-    "axis times (Q32 − Q23, Q13 − Q31, Q21 − Q12)",
-    "1",
-    value=sum(c * a for c, a in zip(components, axial, strict=True)),
+sense = d.letter(
+    r"sense | (\vec e, \mathrm{ax}\,Q) | axis times (Q32 − Q23, Q13 − Q31, Q21 − Q12) | 1",
+    sum(c * a for c, a in zip(components, axial, strict=True)),
 )
-trace = d.symbol(
-    "trace", r"\mathrm{tr}\,Q", "trace", "1", value=columns[0][0] + columns[1][1] + columns[2][2]
-)
+trace = d.letter(r"trace | \mathrm{tr}\,Q | trace | 1", columns[0][0] + columns[1][1] + columns[2][2])
 d.check(
     "sense", equal(sense, 4 * t / (1 + t**2)), text="Twice the sine.", assumptions=[equal(norm(e), 1)]
 ).prove(modulo=unit, because="The part of Q that changes sign with it is sin χ e ×.")
@@ -195,12 +178,9 @@ tau = d.symbol("tau", r"\tau", "time", "s", positive=True)
 late, early = sp.symbols("late early", real=True)
 first, change = (sp.Matrix(v.components) for v in (omega, alpha))
 product = (first + late * change).cross(first + early * change)
-double = d.vector(
-    "double",
-    r"\vec\Omega_2",
-    "half the double integral of the cross products",
-    "rad",
-    value=product.applyfunc(lambda c: sp.integrate(sp.integrate(c, (early, 0, late)), (late, 0, tau)) / 2),
+double = d.letter(
+    r"double[3] | \vec\Omega_2 | half the double integral of the cross products | rad",
+    product.applyfunc(lambda c: sp.integrate(sp.integrate(c, (early, 0, late)), (late, 0, tau)) / 2),
 )
 d.check(
     "changing-turn",

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # Instantaneous Euler angles: definition, and conversion from Euler angles
 #
@@ -118,16 +106,11 @@ IN_RANGE = "an angle between 0 and π is known by its cosine"
 
 # %%
 t0 = d.symbol("t0", r"t_0", "instant of the start", "s")
-D1, D2, D3 = (
-    d.symbol(f"D{n}", rf"\Delta t_{{0{n}}}", f"interval of the rotation {n}", "s", positive=True)
-    for n in (1, 2, 3)
-)
+D1, D2, D3 = (d.letter(rf"D{n}>0 | \Delta t_{{0{n}}} | interval of the rotation {n} | s") for n in (1, 2, 3))
 t01 = d.symbol("t01", r"t_{01}", "end of the first rotation", "s", value=t0 + D1)
 t02 = d.symbol("t02", r"t_{02}", "end of the second rotation", "s", value=t01 + D2)
 t03 = d.symbol("t03", r"t_{03}", "end of the third rotation, t3 of the text", "s", value=t02 + D3)
-t1 = d.symbol(
-    "t1", r"t_1", "the t1 of equation (1), nowhere defined: the first rotation's end", "s", value=t01
-)
+t1 = d.letter("t1 | t_1 | the t1 of equation (1), nowhere defined: the first rotation's end | s", t01)
 d.state(
     "eq-1-first",
     equal(t01, t0 + D1),
@@ -226,12 +209,9 @@ d.state(
 # The same attitude has two triples of Z-Y-X angles, and one triple of instantaneous angles, as the paper says:
 
 # %%
-other = d.matrix(
-    "other",
-    r"R_{zyx}(\alpha+\pi,\pi-\beta,\gamma+\pi)",
-    "rotation by other Z-Y-X angles",
-    "1",
-    value=turns("zyx", (alpha + sp.pi, sp.pi - beta, gamma + sp.pi)),
+other = d.letter(
+    r"other[3,3] | R_{zyx}(\alpha+\pi,\pi-\beta,\gamma+\pi) | rotation by other Z-Y-X angles | 1",
+    turns("zyx", (alpha + sp.pi, sp.pi - beta, gamma + sp.pi)),
 )
 d.state(
     "euler-angles-not-unique",
@@ -724,16 +704,10 @@ q = (
 )
 square = sum(x**2 for x in q)
 of_quaternion = sp.ImmutableMatrix(matrix_from_quaternion(q[0], list(q[1:])))
-length_squared = d.symbol(
-    "length_squared", "|q|^2", "sum of the squares of the components", "1", value=square
-)
+length_squared = d.letter("length_squared | |q|^2 | sum of the squares of the components | 1", square)
 diagonal_of_q = [
-    d.symbol(
-        f"r_{axis}",
-        f"r_{{{axis * 2}}}",
-        f"cosine of χ_{axis}, from the quaternion",
-        "1",
-        value=of_quaternion[i, i],
+    d.letter(
+        f"r_{axis} | r_{{{axis * 2}}} | cosine of χ_{axis}, from the quaternion | 1", of_quaternion[i, i]
     )
     for i, axis in enumerate("xyz")
 ]
@@ -786,19 +760,15 @@ def letters_of(name, quaternion, sequence):
         d.matrix(
             name, rf"q_{{{sequence}}}", f"quaternion of {upper}", "1", value=quaternion, rows=4, columns=1
         ),
-        d.matrix(
-            f"M_{sequence}",
-            rf"M(q_{{{sequence}}})",
-            "its matrix, by the formula for quaternions (notebook rotations, entry matrix-from-quaternion)",
-            "1",
-            value=matrix_from_quaternion(quaternion[0], list(quaternion[1:])),
+        d.letter(
+            f"M_{sequence}[3,3] | M(q_{{{sequence}}}) | "
+            f"its matrix, by the formula for quaternions (notebook rotations, entry matrix-from-quaternion) | 1",
+            matrix_from_quaternion(quaternion[0], list(quaternion[1:])),
         ),
-        d.matrix(
-            f"R_{sequence}_halves",
-            rf"R_{{{sequence}}}(2h,2k,2l)",
-            f"matrix of {upper}, by its three rotations",
-            "1",
-            value=sp.Matrix((zyx if sequence == "zyx" else zyz).subs(halves)),
+        d.letter(
+            f"R_{sequence}_halves[3,3] | R_{{{sequence}}}(2h,2k,2l) | "
+            f"matrix of {upper}, by its three rotations | 1",
+            sp.Matrix((zyx if sequence == "zyx" else zyz).subs(halves)),
         ),
     )
 

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # The robotic arm of section 5.2, and the statements about figures 6, 8 and 9
 #
@@ -49,13 +37,7 @@ t = d.symbol("t", "t", "common value of the three angles of figure 6", "rad")
 x = d.symbol("x", "x", "parameter of the curves 1 and 2", "rad")
 R = d.matrix("r", r"R", "rotation; its columns are the moved axes", "1", value=Letter("r", 3, 3).components)
 chi_x, chi_y, chi_z = CHI = tuple(
-    d.symbol(
-        f"chi_{axis}",
-        rf"\chi_{axis}",
-        f"instantaneous Euler angle {axis}",
-        "rad",
-        value=acos(R.components[i, i]),
-    )
+    d.letter(rf"chi_{axis} | \chi_{axis} | instantaneous Euler angle {axis} | rad", acos(R.components[i, i]))
     for i, axis in enumerate("xyz")
 )
 sa, ca, sb, cb, sg, cg = (f(a) for a in (alpha, beta, gamma) for f in (sin, cos))
@@ -346,12 +328,8 @@ d.state(
 )
 
 # %%
-without_gamma = d.symbol(
-    "chi_x_0",
-    r"\chi_x|_{\gamma=0}",
-    "χ_x with γ = 0",
-    "rad",
-    value=acos(turns("zyx", (alpha, beta, 0))[0, 0]),
+without_gamma = d.letter(
+    r"chi_x_0 | \chi_x|_{\gamma=0} | χ_x with γ = 0 | rad", acos(turns("zyx", (alpha, beta, 0))[0, 0])
 )
 d.state(
     "figure-9-jointly",
@@ -487,17 +465,10 @@ d.check(
 held = [joints[0], joints[1], joints[2]]
 start = pose([*held, 0, 0, 0], lengths)[0]
 by_wrist = dict(zip((alpha, beta, gamma), joints[3:], strict=True))
-forearm, of_wrist = (
-    d.matrix(name, latex, quantity, "1", value=value)
-    for name, latex, quantity, value in (
-        ("forearm", "R_3", "rotation of the forearm, by the first three joints", start),
-        (
-            "of_wrist",
-            "R_{zyx}(q_4,q_5,q_6)",
-            "rotation by the Z-Y-X angles of the wrist",
-            zyx.xreplace(by_wrist),
-        ),
-    )
+forearm = d.letter("forearm[3,3] | R_3 | rotation of the forearm, by the first three joints | 1", start)
+of_wrist = d.letter(
+    "of_wrist[3,3] | R_{zyx}(q_4,q_5,q_6) | rotation by the Z-Y-X angles of the wrist | 1",
+    zyx.xreplace(by_wrist),
 )
 d.check(
     "wrist-alone",

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # Which rotations have given instantaneous Euler angles?
 #
@@ -104,31 +92,22 @@ for i, axis in enumerate("xyz"):
     twist = sp.Matrix([q0, *(q[1 + i] * UNIT[axis])])
     back = sp.Matrix([q0, *(-q[1 + i] * UNIT[axis])])
     swing = product(sp.Matrix(q), back)
-    product_of_both = d.matrix(
-        f"swing_twist_{axis}",
-        rf"s_{axis}\,t_{axis}",
-        f"the twist about {axis} and after it the swing, a product of quaternions",
-        "1",
-        value=product(swing, twist),
-        rows=4,
-        columns=1,
+    product_of_both = d.letter(
+        rf"swing_twist_{axis}[4,1] | s_{axis}\,t_{axis} | "
+        rf"the twist about {axis} and after it the swing, a product of quaternions | 1",
+        product(swing, twist),
     )
-    twist_squared = d.symbol(
-        f"twist_squared_{axis}", rf"|t_{axis}|^2", "squared length of the twist", "1", value=twist.dot(twist)
+    twist_squared = d.letter(
+        f"twist_squared_{axis} | |t_{axis}|^2 | squared length of the twist | 1", twist.dot(twist)
     )
-    swing_scalar = d.symbol(
-        f"swing_scalar_{axis}", rf"s_{{{axis},0}}", "scalar part of the swing", "1", value=swing[0]
+    swing_scalar = d.letter(f"swing_scalar_{axis} | s_{{{axis},0}} | scalar part of the swing | 1", swing[0])
+    swing_vector = d.letter(
+        rf"swing_vector_{axis}[3] | \vec s_{axis} | vector part of the swing | 1", sp.Matrix(swing[1:])
     )
-    swing_vector = d.vector(
-        f"swing_vector_{axis}", rf"\vec s_{axis}", "vector part of the swing", "1", value=sp.Matrix(swing[1:])
-    )
-    unit = d.vector(f"e_{axis}", rf"\vec e_{axis}", f"unit vector of the axis {axis}", "1", value=UNIT[axis])
-    ridge = d.vector(
-        f"N_{axis}",
-        rf"\vec N_{axis}",
-        f"direction of the ridge line {axis.upper()}r",
-        "1",
-        value=cross(UNIT[axis], M[:, i]),
+    unit = d.letter(rf"e_{axis}[3] | \vec e_{axis} | unit vector of the axis {axis} | 1", UNIT[axis])
+    ridge = d.letter(
+        rf"N_{axis}[3] | \vec N_{axis} | direction of the ridge line {axis.upper()}r | 1",
+        cross(UNIT[axis], M[:, i]),
     )
     d.check(
         f"swing-twist-{axis}",
@@ -159,9 +138,7 @@ nx, ny, nz = axis_n = tuple(
 )
 by_axis = {q0: cos(total), qx: sin(total) * nx, qy: sin(total) * ny, qz: sin(total) * nz}
 diagonal_letters = [
-    d.symbol(
-        f"R_{axis}", rf"R_{{{axis * 2}}}", f"cosine of χ_{axis}, from the quaternion", "1", value=M[i, i]
-    )
+    d.letter(f"R_{axis} | R_{{{axis * 2}}} | cosine of χ_{axis}, from the quaternion | 1", M[i, i])
     for i, axis in enumerate("xyz")
 ]
 unit_axis = {nz: nx**2 + ny**2 + nz**2 - 1}
@@ -241,23 +218,15 @@ d.check(
 
 # %%
 edges = [sp.Matrix(v) - sp.Matrix(VERTICES[0]) for v in VERTICES[1:]]
-volume = d.symbol(
-    "volume",
-    "V",
-    "volume of the tetrahedron: a sixth of the determinant of three edges",
-    "1",
-    value=abs(sp.Matrix.hstack(*edges).det()) / 6,
+volume = d.letter(
+    "volume | V | volume of the tetrahedron: a sixth of the determinant of three edges | 1",
+    abs(sp.Matrix.hstack(*edges).det()) / 6,
 )
-lengths = d.matrix(
-    "edges",
-    "l^2",
-    "squares of the six edges",
-    "1",
-    value=sp.Matrix(
+lengths = d.letter(
+    "edges[1,6] | l^2 | squares of the six edges | 1",
+    sp.Matrix(
         [(sp.Matrix(a) - sp.Matrix(b)).dot(sp.Matrix(a) - sp.Matrix(b)) for a, b in combinations(VERTICES, 2)]
     ),
-    rows=1,
-    columns=6,
 )
 d.check(
     "a-third-of-the-cube",
@@ -384,12 +353,10 @@ d.check(
 
 # %%
 pairs = {
-    (i, j): d.symbol(
-        f"cross_{i + 1}{j + 1}",
-        f"[{i + 1}{j + 1}]",
-        f"cross product of the directions {i + 1} and {j + 1}, times |q|⁴",
-        "1",
-        value=square**2 * across(ridge_z(four[i]), ridge_z(four[j])),
+    (i, j): d.letter(
+        f"cross_{i + 1}{j + 1} | [{i + 1}{j + 1}] | "
+        f"cross product of the directions {i + 1} and {j + 1}, times |q|⁴ | 1",
+        square**2 * across(ridge_z(four[i]), ridge_z(four[j])),
     )
     for i, j in combinations(range(4), 2)
 }
@@ -485,12 +452,10 @@ steps = [*step, -sum(step)]  # between two points whose coordinates add up to 1
 moved = sum((e * sp.Matrix(v) for e, v in zip(steps, VERTICES, strict=True)), sp.zeros(3, 1))
 for letter in step:
     d.symbol(letter.name, letter.name, "difference of two barycentric coordinates", "1")
-distance_squared = d.symbol(
-    "distance_squared",
-    r"|\Delta\cos\chi|^2",
-    "squared distance of the cosines of two triples, whose coordinates differ by e₀, e₁, e₂, −(e₀ + e₁ + e₂)",
-    "1",
-    value=moved.dot(moved),
+distance_squared = d.letter(
+    r"distance_squared | |\Delta\cos\chi|^2 | "
+    r"squared distance of the cosines of two triples, whose coordinates differ by e₀, e₁, e₂, −(e₀ + e₁ + e₂) | 1",
+    moved.dot(moved),
 )
 d.check(
     "distance",
@@ -696,12 +661,8 @@ d.check(
     *(
         equal(
             4
-            * d.symbol(
-                f"share_{n}",
-                f"b_{n}",
-                f"square {n} as the function computes it",
-                "1",
-                value=share.xreplace(ports),
+            * d.letter(
+                f"share_{n} | b_{n} | square {n} as the function computes it | 1", share.xreplace(ports)
             ),
             form,
         )

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # How instantaneous Euler angles change, compared with the angles of a sequence
 #
@@ -84,19 +72,15 @@ R = d.matrix("r", r"R", "rotation; its columns are the moved axes", "1", value=L
 omega = d.vector("omega", r"\vec\omega", "angular velocity, in fixed axes", "rad/s")
 M = R.components
 N = {
-    axis: d.vector(
-        f"N_{axis}",
-        rf"\vec N_{axis}",
-        f"direction of the ridge line {axis.upper()}r, as long as sin χ_{axis}",
-        "1",
-        value=cross(UNIT[axis], M[:, i]),
+    axis: d.letter(
+        rf"N_{axis}[3] | \vec N_{axis} | "
+        rf"direction of the ridge line {axis.upper()}r, as long as sin χ_{axis} | 1",
+        cross(UNIT[axis], M[:, i]),
     )
     for i, axis in enumerate("xyz")
 }
 chi = {
-    axis: d.symbol(
-        f"chi_{axis}", rf"\chi_{axis}", f"instantaneous Euler angle {axis}", "rad", value=sp.acos(M[i, i])
-    )
+    axis: d.letter(rf"chi_{axis} | \chi_{axis} | instantaneous Euler angle {axis} | rad", sp.acos(M[i, i]))
     for i, axis in enumerate("xyz")
 }
 of_q = {R: of_quaternion}
@@ -157,12 +141,9 @@ d.check(
 t = d.symbol("t", "t", "time since the kink", "s", positive=True)
 e3 = UNIT["z"]
 w = sp.Matrix(list(omega))
-moved = d.vector(
-    "moved",
-    r"\vec e_z(t)",
-    "the image of the axis after the time t, to first order",
-    "1",
-    value=e3 + t * cross(w, e3),
+moved = d.letter(
+    r"moved[3] | \vec e_z(t) | the image of the axis after the time t, to first order | 1",
+    e3 + t * cross(w, e3),
 )
 ez = fixed["z"]
 d.check(
@@ -183,12 +164,9 @@ d.check(
 # components.
 
 # %%
-volume = d.symbol(
-    "volume",
-    r"\det(N_x, N_y, N_z)",
-    "volume of the directions of the ridge lines",
-    "1",
-    value=sp.Matrix.hstack(*(sp.Matrix(d.value(N[axis])) for axis in "xyz")).det(),
+volume = d.letter(
+    r"volume | \det(N_x, N_y, N_z) | volume of the directions of the ridge lines | 1",
+    sp.Matrix.hstack(*(sp.Matrix(d.value(N[axis])) for axis in "xyz")).det(),
 )
 length_squared = d.symbol("length_squared", "|q|^2", "squared length of the quaternion", "1", value=square)
 d.check(
@@ -242,21 +220,17 @@ def velocity(sequence):
 for sequence in ("zyx", "zyz"):
     matrix = sp.Matrix(turns(sequence, angles))
     upper = "-".join(sequence.upper())
-    change = d.matrix(
-        f"change_{sequence}",
-        rf"\dot R_{{{sequence}}}",
-        f"derivative of the rotation of {upper} by the time",
-        "1/s",
-        value=sum((matrix.diff(a) * rate for a, rate in zip(angles, rates, strict=True)), sp.zeros(3)),
+    change = d.letter(
+        rf"change_{sequence}[3,3] | \dot R_{{{sequence}}} | "
+        rf"derivative of the rotation of {upper} by the time | 1/s",
+        sum((matrix.diff(a) * rate for a, rate in zip(angles, rates, strict=True)), sp.zeros(3)),
     )
-    by_rates = d.vector(
-        f"omega_{sequence}",
-        rf"\vec\omega_{{{sequence}}}",
-        f"sum of the three rates of {upper} about their axes",
-        "rad/s",
-        value=velocity(sequence),
+    by_rates = d.letter(
+        rf"omega_{sequence}[3] | \vec\omega_{{{sequence}}} | "
+        rf"sum of the three rates of {upper} about their axes | rad/s",
+        velocity(sequence),
     )
-    rotation = d.matrix(f"R_{sequence}", f"R_{{{sequence}}}", f"rotation of {upper}", "1", value=matrix)
+    rotation = d.letter(f"R_{sequence}[3,3] | R_{{{sequence}}} | rotation of {upper} | 1", matrix)
     d.check(
         f"velocity-{sequence}",
         equal(skew(by_rates) * rotation, change),
@@ -301,14 +275,9 @@ d.check(
 
 # %%
 h1, h2, h3 = (x / 2 for x in angles)
-q_zyz = d.matrix(
-    "q_zyz",
-    "q_{zyz}",
-    "quaternion of Z-Y-Z, the product of those of the three rotations",
-    "1",
-    value=half_turns("zyz", (h1, h2, h3)),
-    rows=4,
-    columns=1,
+q_zyz = d.letter(
+    "q_zyz[4,1] | q_{zyz} | quaternion of Z-Y-Z, the product of those of the three rotations | 1",
+    half_turns("zyz", (h1, h2, h3)),
 )
 d.check(
     "zyz-by-halves",
@@ -595,12 +564,10 @@ letters = (alpha, middle, gamma), (phi, theta, psi)
 for (sequence, kernel), paper, names in zip(motions.items(), (zyx, right_zyz), letters, strict=True):
     ports = dict(zip(kernel.port("angles").symbols, names, strict=True))
     upper = "-".join(sequence.upper())
-    computed = d.matrix(
-        f"computed_{sequence}",
-        rf"R_{{{sequence}}}^{{\mathrm{{computed}}}}",
-        f"matrix of {upper} as the function computes it",
-        "1",
-        value=kernel.expand("matrix").xreplace(ports),
+    computed = d.letter(
+        rf"computed_{sequence}[3,3] | R_{{{sequence}}}^{{\mathrm{{computed}}}} | "
+        rf"matrix of {upper} as the function computes it | 1",
+        kernel.expand("matrix").xreplace(ports),
     )
     d.check(
         f"kernel-{sequence}",

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # Ridge lines: where the coordinate planes meet their images
 #
@@ -101,20 +89,16 @@ ex, ey, ez = UNIT["x"], UNIT["y"], UNIT["z"]
 x3, y3, z3 = (R.components[:, i] for i in range(3))
 pc, Qc = sp.Matrix(list(p)), sp.Matrix(list(Q))
 N = {
-    axis: d.vector(
-        f"N_{axis}",
-        rf"\vec N_{axis}",
-        f"direction of the ridge {axis.upper()}r: e_{axis} × R e_{axis}, as long as sin χ_{axis}",
-        "1",
-        value=cross(UNIT[axis], R.components[:, i]),
+    axis: d.letter(
+        rf"N_{axis}[3] | \vec N_{axis} | "
+        rf"direction of the ridge {axis.upper()}r: e_{axis} × R e_{axis}, as long as sin χ_{axis} | 1",
+        cross(UNIT[axis], R.components[:, i]),
     )
     for i, axis in enumerate("xyz")
 }
 Nx, Ny, Nz = N.values()
 X3, Y3, Z3 = (
-    d.vector(
-        f"{axis}3", rf"\vec {axis}_3", f"moved axis {axis}, a column of R", "1", value=R.components[:, i]
-    )
+    d.letter(rf"{axis}3[3] | \vec {axis}_3 | moved axis {axis}, a column of R | 1", R.components[:, i])
     for i, axis in enumerate("xyz")
 )
 d
@@ -177,22 +161,14 @@ d.state(
 # parallel, and only there. The paper says the contrary.
 
 # %%
-a, b, u, v = (
-    d.vector(name, rf"\vec {name}", quantity, unit)
-    for name, quantity, unit in (
-        ("a", "point of a line", "length"),
-        ("b", "point of another", "length"),
-        ("u", "direction of the line", "1"),
-        ("v", "direction of the other", "1"),
-    )
-)
+a = d.letter(r"a[3] | \vec a | point of a line | length")
+b = d.letter(r"b[3] | \vec b | point of another | length")
+u = d.letter(r"u[3] | \vec u | direction of the line | 1")
+v = d.letter(r"v[3] | \vec v | direction of the other | 1")
 ac, bc, uc, vc = (sp.Matrix(list(letter)) for letter in (a, b, u, v))
-product = d.symbol(
-    "product",
-    r"\$_a\circ\$_b",
-    "reciprocal product of two lines",
-    "length",
-    value=reciprocal_product(line_along(ac, uc), line_along(bc, vc)),
+product = d.letter(
+    r"product | \$_a\circ\$_b | reciprocal product of two lines | length",
+    reciprocal_product(line_along(ac, uc), line_along(bc, vc)),
 )
 d.state(
     "lines-that-do-not-meet",
@@ -215,12 +191,8 @@ d.state(
 rank = d.symbol("rank", r"\operatorname{rank}", "rank of three given lines", "1")
 generic = reciprocal_system([column(*row) for row in known])
 assert (generic.rank, len(generic.basis)) == (3, 3)
-rank_of_three = d.symbol(
-    "rank_of_three",
-    r"\operatorname{rank}_3",
-    "rank of three lines in general",
-    "1",
-    value=sp.Integer(generic.rank),
+rank_of_three = d.letter(
+    r"rank_of_three | \operatorname{rank}_3 | rank of three lines in general | 1", sp.Integer(generic.rank)
 )
 flat = reciprocal_system(
     [line_along(sp.zeros(3, 1), ex), line_along(sp.zeros(3, 1), ey), line_along(sp.zeros(3, 1), ex + ey)]
@@ -464,12 +436,8 @@ if one != c3:
     one, two = two, one
 pencil, field = member.subs(c3, 0), member.subs(c2, sp.solve(two, c2)[0])
 foot = column(qx, qy, qx * R.components[2, 1] / R.components[0, 1])
-own_product = d.symbol(
-    "own_product",
-    r"\$_c\circ\$_c",
-    "reciprocal product of a member with itself",
-    "length",
-    value=self_product(member),
+own_product = d.letter(
+    r"own_product | \$_c\circ\$_c | reciprocal product of a member with itself | length", self_product(member)
 )
 d.check(
     "eq-8-lines",
@@ -702,12 +670,10 @@ d.check(
     equal(ridge_lines["z"], column(-r[1, 2], r[0, 2], 0, 0, 0, dot(Z3, p))),
     *(
         equal(
-            d.symbol(
-                f"own_{axis}{axis}",
-                rf"{axis.upper()}_r\circ {axis.upper()}_r",
-                "reciprocal product of the ridge line with itself",
-                "length",
-                value=self_product(planes[axis]),
+            d.letter(
+                rf"own_{axis}{axis} | {axis.upper()}_r\circ {axis.upper()}_r | "
+                rf"reciprocal product of the ridge line with itself | length",
+                self_product(planes[axis]),
             ),
             0,
         )

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # The equations behind a machine's model
 #
@@ -159,10 +147,10 @@ d
 
 # %%
 theta = d.vector("theta", r"\vec\theta", "the paper's Rodrigues vector", "1", value=2 * sp.tan(h) * n)
-R_x = letter("R_x", r"R\vec x", "x turned about n by q", turned(x))
-R_z = letter("R_z", r"R\vec z", "z turned about n by q", turned(z))
-J_x = letter("J_x", r"J\vec x", "what a rotary joint makes of x", turn(x))
-J_z = letter("J_z", r"J\vec z", "what a joint makes of z", turn(z))
+R_x = d.letter(r"R_x | R\vec x | x turned about n by q | length", turned(x))
+R_z = d.letter(r"R_z | R\vec z | z turned about n by q | length", turned(z))
+J_x = d.letter(r"J_x | J\vec x | what a rotary joint makes of x | length", turn(x))
+J_z = d.letter(r"J_z | J\vec z | what a joint makes of z | length", turn(z))
 d.check(
     "turn-is-eq-1",
     equal(R_x, rodrigues(x, theta)),
@@ -180,16 +168,13 @@ d.check(
 
 # %%
 along = d.symbol("along", r"\lambda", "way along an axis", "length")
-of_axis = letter(
-    "of_axis",
-    r"J(\vec P+\lambda\vec n)",
-    "what a rotary joint makes of a point of its axis",
+of_axis = d.letter(
+    r"of_axis | J(\vec P+\lambda\vec n) | " r"what a rotary joint makes of a point of its axis | length",
     turn(P + along * n),
 )
-elsewhere = letter(
-    "elsewhere",
-    r"J_{\vec P+\lambda\vec n}\,\vec x",
-    "the same joint with another point of its axis",
+elsewhere = d.letter(
+    r"elsewhere | J_{\vec P+\lambda\vec n}\,\vec x | "
+    r"the same joint with another point of its axis | length",
     P + along * n + turned(x - P - along * n),
 )
 d.check(
@@ -201,8 +186,8 @@ d.check(
 ).prove(modulo=unit)
 
 # %%
-L_x = letter("L_x", r"J_s\vec x", "what a linear joint makes of x, x + q n", slide(x))
-L_z = letter("L_z", r"J_s\vec z", "what a joint makes of z", slide(z))
+L_x = d.letter(r"L_x | J_s\vec x | what a linear joint makes of x, x + q n | length", slide(x))
+L_z = d.letter(r"L_z | J_s\vec z | what a joint makes of z | length", slide(z))
 d.check(
     "slide-is-rigid",
     equal(L_x - L_z, x - z),
@@ -223,10 +208,8 @@ d.check(
 by_q = slope(
     "by_q", r"\frac{\partial J\vec x}{\partial q}", "derivative of a turn by the reading", turn(x), q
 )
-R_of_speed = letter(
-    "R_of_speed",
-    r"R\bigl(\vec n\times(\vec x-\vec P)\bigr)",
-    "n × (x − P), turned about n by q",
+R_of_speed = d.letter(
+    r"R_of_speed | R\bigl(\vec n\times(\vec x-\vec P)\bigr) | " r"n × (x − P), turned about n by q | length",
     turned(cross(n, x - P)),
 )
 at_rest = letter(
@@ -253,7 +236,7 @@ d.check("by-slide", equal(by_q_slide, n), text="The same for a linear joint.").p
 # %%
 q_1 = d.symbol("q_1", "q_1", "a part of a reading", "rad")
 q_2 = d.symbol("q_2", "q_2", "the other part of a reading", "rad")
-whole = letter("whole", r"J(q_1+q_2)\,\vec x", "turn by the sum of two readings", turn(x, q_1 + q_2))
+whole = d.letter(r"whole | J(q_1+q_2)\,\vec x | turn by the sum of two readings | length", turn(x, q_1 + q_2))
 in_parts = letter(
     "in_parts", r"J(q_1)\,J(q_2)\,\vec x", "turn by one reading after the other", turn(turn(x, q_2), q_1)
 )
@@ -273,15 +256,13 @@ d.check(
 # have carried it.
 
 # %%
-G_x = letter("G_x", r"G\vec x", "x, carried by the joints before", Q * x + s)
-G_P = letter("G_P", r"G\vec P", "the joint's point, carried by them", Q * P + s)
+G_x = d.letter(r"G_x | G\vec x | x, carried by the joints before | length", Q * x + s)
+G_P = d.letter(r"G_P | G\vec P | the joint's point, carried by them | length", Q * P + s)
 G_J_x = letter(
     "G_J_x", r"G\,J\vec x", "what a rotary joint made of x, carried by the joints before", Q * turn(x) + s
 )
-J_G_x = letter(
-    "J_G_x",
-    r"J_{Q\vec n,G\vec P}\,G\vec x",
-    "what the carried joint makes of the carried x",
+J_G_x = d.letter(
+    r"J_G_x | J_{Q\vec n,G\vec P}\,G\vec x | what the carried joint makes of the carried x | length",
     Q * P + s + turned(Q * (x - P), axis=Q * n),
 )
 d.check(
@@ -362,10 +343,8 @@ d.state(
 # %%
 wanted = d.vector("wanted", r"\vec r^*", "where the pole is wanted", "length")
 lacking = sp.Matrix(d.value(wanted - r_1 - r_a))
-command_for = letter(
-    "command_for",
-    r"\vec q^*",
-    "the command that brings it there, C⁻¹(r* − r₁ − r_a)",
+command_for = d.letter(
+    r"command_for | \vec q^* | the command that brings it there, C⁻¹(r* − r₁ − r_a) | length",
     C.components.adjugate() * lacking / C.components.det(),
 )
 d.check(
@@ -395,10 +374,9 @@ d.check(
 
 # %%
 rho = d.vector("rho", r"\vec\rho", "the paper's pole before the turn, in the moving system", "length")
-four = letter(
-    "four",
-    r"J_1J_2J_3J_4(\vec r_1+\vec\rho)",
-    "what a chain of three linear joints and a rotary one makes of the pole",
+four = d.letter(
+    r"four | J_1J_2J_3J_4(\vec r_1+\vec\rho) | "
+    r"what a chain of three linear joints and a rotary one makes of the pole | length",
     gantry(r_1 + turned(rho)),
 )
 d.state(
@@ -410,10 +388,9 @@ d.state(
 ).prove(given={q: 2 * h}, modulo=unit)
 
 # %%
-beside = letter(
-    "beside",
-    r"J_{\vec n,\vec P+C\vec q}\,(\vec x+C\vec q)",
-    "a turn about an axis that was carried along, parallel to itself",
+beside = d.letter(
+    r"beside | J_{\vec n,\vec P+C\vec q}\,(\vec x+C\vec q) | "
+    r"a turn about an axis that was carried along, parallel to itself | length",
     P + C * commands + turned((x + C * commands) - (P + C * commands)),
 )
 d.state(
@@ -471,8 +448,8 @@ def by_vector(v: sp.Basic, w: sp.Basic = w) -> sp.Basic:
     return v + motions.change_by_quotients(FORMULAS, v, w, S, K)
 
 
-W_x = letter("W_x", r"R(\vec w)\,\vec x", "x turned by w, with the letters S and K", by_vector(x))
-W_z = letter("W_z", r"R(\vec w)\,\vec z", "z turned by w", by_vector(z))
+W_x = d.letter(r"W_x | R(\vec w)\,\vec x | x turned by w, with the letters S and K | length", by_vector(x))
+W_z = d.letter(r"W_z | R(\vec w)\,\vec z | z turned by w | length", by_vector(z))
 d.check(
     "vector-is-eq-1",
     equal(W_x, x + S * cross(w, x) + K * cross(w, cross(w, x))),
@@ -482,12 +459,9 @@ d.check(
 ).prove(given={w: 2 * h * n, phi: 2 * h, q: 2 * h}, modulo=unit)
 
 # %%
-left = d.matrix(
-    "left",
-    "L",
-    "left Jacobian of w, I + K[w] + T[w]²",
-    "1",
-    value=sp.Matrix(d.value(sp.Identity(3) + K * skew(w) + T * skew(w) * skew(w), {K: K, T: T})),
+left = d.letter(
+    "left[3,3] | L | left Jacobian of w, I + K[w] + T[w]² | 1",
+    sp.Matrix(d.value(sp.Identity(3) + K * skew(w) + T * skew(w) * skew(w), {K: K, T: T})),
 )
 change = d.vector(
     "change", r"\vec\delta", "change of a vector per unit of a parameter", "per unit of the parameter"
@@ -527,9 +501,9 @@ d.check(
 ).prove()
 
 # %%
-Q_W_x = letter("Q_W_x", r"Q\,R(\vec w)\,\vec x", "the turned x, carried", Q * by_vector(x))
-W_Q_x = letter(
-    "W_Q_x", r"R(Q\vec w)\,Q\vec x", "the carried x, turned by the carried w", by_vector(Q * x, Q * w)
+Q_W_x = d.letter(r"Q_W_x | Q\,R(\vec w)\,\vec x | the turned x, carried | length", Q * by_vector(x))
+W_Q_x = d.letter(
+    r"W_Q_x | R(Q\vec w)\,Q\vec x | the carried x, turned by the carried w | length", by_vector(Q * x, Q * w)
 )
 d.check(
     "carried-vector",
@@ -553,13 +527,7 @@ small = d.symbol("small", r"\varphi", "an angle", "rad")
 
 
 S_8, K_8, T_8 = (
-    d.symbol(
-        f"{name}_8",
-        f"{name}_8",
-        f"eight terms of the series of {name}",
-        "1",
-        value=motions.series(square, first),
-    )
+    d.letter(f"{name}_8 | {name}_8 | eight terms of the series of {name} | 1", motions.series(square, first))
     for first, name in enumerate(COEFFICIENTS, start=1)
 )
 
@@ -577,19 +545,13 @@ for first, terms, function, written in (
     name = COEFFICIENTS[first - 1]
     order = 2 * TERMS + first
     exact = function / small**first
-    polynomial = d.symbol(
-        f"taylor_{name}",
-        f"p_{name}",
-        f"Taylor polynomial of {written} at zero, of degree {order - 1}",
-        "1",
-        value=taylor(function, order - 1),
+    polynomial = d.letter(
+        f"taylor_{name} | p_{name} | Taylor polynomial of {written} at zero, of degree {order - 1} | 1",
+        taylor(function, order - 1),
     )
-    last = d.symbol(
-        f"derivative_{name}",
-        f"f_{name}^{{({order})}}",
-        f"derivative of {written} of order {order}",
-        "1",
-        value=function.diff(small, order),
+    last = d.letter(
+        f"derivative_{name} | f_{name}^{{({order})}} | derivative of {written} of order {order} | 1",
+        function.diff(small, order),
     )
     d.check(
         f"series-{name}",
@@ -617,12 +579,9 @@ d.entries["series-T"]
 
 # %%
 beta_S, beta_K, beta_T = (
-    d.symbol(
-        f"beta_{name}",
-        rf"\beta_{name}",
-        f"what may be left out of {name} below φ² = 1/4",
-        "1",
-        value=sp.Rational(motions.SERIES_BELOW) ** TERMS / sp.factorial(2 * TERMS + first),
+    d.letter(
+        rf"beta_{name} | \beta_{name} | what may be left out of {name} below φ² = 1/4 | 1",
+        sp.Rational(motions.SERIES_BELOW) ** TERMS / sp.factorial(2 * TERMS + first),
     )
     for first, name in enumerate(COEFFICIENTS, start=1)
 )
@@ -652,17 +611,13 @@ d.check(
 # The function that turns by a rotation vector has these two cases:
 
 # %%
-computed, computed_small = (
-    letter(
-        name,
-        rf"R_{{{where}}}(\vec w)\,\vec x",
-        f"x turned by w, as it is computed {words} φ² = 1/4",
-        motions.turned_by_vector(case, x, w),
-    )
-    for name, where, words, case in (
-        ("computed", r"\geq", "from", SECOND),
-        ("computed_small", "<", "below", FIRST),
-    )
+computed = d.letter(
+    r"computed | R_{\geq}(\vec w)\,\vec x | x turned by w, as it is computed from φ² = 1/4 | length",
+    motions.turned_by_vector(SECOND, x, w),
+)
+computed_small = d.letter(
+    r"computed_small | R_{<}(\vec w)\,\vec x | x turned by w, as it is computed below φ² = 1/4 | length",
+    motions.turned_by_vector(FIRST, x, w),
 )
 d.check(
     "quotients",
@@ -686,8 +641,8 @@ u = d.vector("u", r"\vec u", "unit vector perpendicular to the axis of the file"
 v = d.vector("v", r"\vec v", "unit vector perpendicular to that axis and to u", "1")
 tilt = {w: a * u + b * v}
 in_frame = {n_0: (0, 0, 1), u: (1, 0, 0), v: (0, 1, 0), **tilt}
-tilted = letter(
-    "tilted", r"\vec n(a,b)", "the tilted axis, R(a u + b v) n₀", by_vector(n_0, a * u + b * v), "1"
+tilted = d.letter(
+    r"tilted | \vec n(a,b) | the tilted axis, R(a u + b v) n₀ | 1", by_vector(n_0, a * u + b * v)
 )
 d.check(
     "tilted-axis",
@@ -703,12 +658,10 @@ d.check(
 
 # %%
 by_a, by_b = (
-    letter(
-        f"by_{name}",
-        rf"\frac{{\partial\vec n}}{{\partial {name}}}",
-        f"derivative of the tilted axis by {name}",
+    d.letter(
+        rf"by_{name} | \frac{{\partial\vec n}}{{\partial {name}}} | "
+        rf"derivative of the tilted axis by {name} | 1/rad",
         sp.Matrix(d.value(tilted, in_frame)).diff(symbol),
-        "1/rad",
     )
     for name, symbol in (("a", a), ("b", b))
 )
@@ -749,16 +702,12 @@ d.check(
 ).prove(modulo=unit)
 
 # %%
-D_undone = letter(
-    "D_undone",
-    r"D^{-1}D\vec x",
-    "x, moved by an error motion and back",
+D_undone = d.letter(
+    r"D_undone | D^{-1}D\vec x | x, moved by an error motion and back | length",
     P + E.T * (P + E * (x - P) + s - s - P),
 )
-W_transposed = letter(
-    "W_transposed",
-    r"R(\vec w)^\top\vec x",
-    "x, turned by the transpose",
+W_transposed = d.letter(
+    r"W_transposed | R(\vec w)^\top\vec x | x, turned by the transpose | length",
     (sp.Identity(3) + S * skew(w) + K * skew(w) * skew(w)).T * x,
 )
 d.check(
@@ -784,11 +733,10 @@ d.check(
 ).prove()
 
 # %%
-back = letter("back", r"J^{-1}D^{-1}\vec x", "x, passed backwards", undone(P + E.T * (x - s - P)))
-in_chain = letter(
-    "in_chain",
-    r"D'J_{-\vec n}\,\vec x",
-    "x in the chain: the joint with the opposite axis, then an error motion",
+back = d.letter(r"back | J^{-1}D^{-1}\vec x | x, passed backwards | length", undone(P + E.T * (x - s - P)))
+in_chain = d.letter(
+    r"in_chain | D'J_{-\vec n}\,\vec x | "
+    r"x in the chain: the joint with the opposite axis, then an error motion | length",
     P + turned(E.T * turned(undone(x) - P), axis=-n) - turned(E.T * s, axis=-n),
 )
 d.check(
@@ -846,23 +794,19 @@ d.check(
 ).prove()
 
 # %%
-by_axis, by_slide_axis = (
-    d.matrix(
-        name,
-        rf"\frac{{\partial {of}\vec x}}{{\partial\vec n}}",
-        f"derivative of a {kind} by the components of the axis, as if they were free",
-        "length",
-        value=sp.Matrix(d.value(value)).jacobian(sp.Matrix(n.components)),
-    )
-    for name, of, kind, value in (
-        ("by_axis", "J", "turn", turn(x)),
-        ("by_slide_axis", "J_s", "slide", slide(x)),
-    )
+by_axis = d.letter(
+    r"by_axis[3,3] | \frac{\partial J\vec x}{\partial\vec n} | "
+    r"derivative of a turn by the components of the axis, as if they were free | length",
+    sp.Matrix(d.value(turn(x))).jacobian(sp.Matrix(n.components)),
 )
-R_of_tilt = letter(
-    "R_of_tilt",
-    r"R\bigl(\vec\omega\times(\vec x-\vec P)\bigr)",
-    "ω × (x − P), turned about n by q",
+by_slide_axis = d.letter(
+    r"by_slide_axis[3,3] | \frac{\partial J_s\vec x}{\partial\vec n} | "
+    r"derivative of a slide by the components of the axis, as if they were free | length",
+    sp.Matrix(d.value(slide(x))).jacobian(sp.Matrix(n.components)),
+)
+R_of_tilt = d.letter(
+    r"R_of_tilt | R\bigl(\vec\omega\times(\vec x-\vec P)\bigr) | "
+    r"ω × (x − P), turned about n by q | length",
     turned(cross(omega, x - P)),
 )
 d.check(
@@ -876,8 +820,8 @@ d.check(
 
 # %%
 translation = d.vector("translation", r"\vec t", "translation of an error motion", "length")
-E_R_change = letter(
-    "E_R_change", r"ER\,\vec\delta", "δ, turned by joint and error motion", E * turned(change)
+E_R_change = d.letter(
+    r"E_R_change | ER\,\vec\delta | δ, turned by joint and error motion | length", E * turned(change)
 )
 by_point = slope(
     "by_point",
@@ -895,10 +839,8 @@ d.check(
 ).prove()
 
 # %%
-D_x = letter(
-    "D_x",
-    r"D\vec x",
-    "what an error motion makes of x, P + R(w)(x − P) + t",
+D_x = d.letter(
+    r"D_x | D\vec x | what an error motion makes of x, P + R(w)(x − P) + t | length",
     motions.moved(SECOND, x, P, translation, w),
 )
 by_t = slope(
@@ -954,12 +896,10 @@ by_k = slope(
     factor,
 )
 origin = d.vector("origin", r"\vec o", "where distances are measured from", "length")
-by_distance = d.symbol(
-    "by_distance",
-    r"\frac{d}{d\epsilon}\left|\vec x+\epsilon\vec\delta-\vec o\right|",
-    "derivative of a distance, at ε = 0",
-    "1",
-    value=sp.sqrt(sum(p**2 for p in d.value(x + epsilon * change - origin))).diff(epsilon).subs(epsilon, 0),
+by_distance = d.letter(
+    r"by_distance | \frac{d}{d\epsilon}\left|\vec x+\epsilon\vec\delta-\vec o\right| | "
+    r"derivative of a distance, at ε = 0 | 1",
+    sp.sqrt(sum(p**2 for p in d.value(x + epsilon * change - origin))).diff(epsilon).subs(epsilon, 0),
 )
 d.check(
     "by-scale",
@@ -982,15 +922,14 @@ d.check(
 #   a displacement of an angular error (Abbe's offset) would lack $q\,\vec n$.
 
 # %%
-back_w = letter("back_w", r"R^{-1}\vec w", "rotation vector, turned back by the joint", turned(w, -q), "rad")
+back_w = d.letter(r"back_w | R^{-1}\vec w | rotation vector, turned back by the joint | rad", turned(w, -q))
 back_t = letter("back_t", r"R^{-1}\vec t", "translation, turned back by the joint", turned(translation, -q))
-D_J_x = letter(
-    "D_J_x", r"D\,J\vec x", "error motion before the joint", P + by_vector(turned(x - P)) + translation
+D_J_x = d.letter(
+    r"D_J_x | D\,J\vec x | error motion before the joint | length", P + by_vector(turned(x - P)) + translation
 )
-J_D_x = letter(
-    "J_D_x",
-    r"J\,D_{R^{-1}\vec w,\,R^{-1}\vec t}\;\vec x",
-    "error motion after the joint, turned back",
+J_D_x = d.letter(
+    r"J_D_x | J\,D_{R^{-1}\vec w,\,R^{-1}\vec t}\;\vec x | "
+    r"error motion after the joint, turned back | length",
     turn(P + by_vector(x - P, back_w) + back_t),
 )
 d.check(
@@ -1000,22 +939,21 @@ d.check(
 ).prove(given={S: S, K: K}, modulo=unit)
 
 # %%
-D_L_x = letter(
-    "D_L_x", r"D\,J_s\vec x", "error motion before a slide", P + by_vector(slide(x) - P) + translation
+D_L_x = d.letter(
+    r"D_L_x | D\,J_s\vec x | error motion before a slide | length", P + by_vector(slide(x) - P) + translation
 )
-L_D_x = letter(
-    "L_D_x", r"J_s\,D\vec x", "error motion after a slide", slide(P + by_vector(x - P) + translation)
+L_D_x = d.letter(
+    r"L_D_x | J_s\,D\vec x | error motion after a slide | length", slide(P + by_vector(x - P) + translation)
 )
-travelling = letter(
-    "travelling", r"\vec P-q\vec n", "the fixed centre, as the moving body sees it", P - q * n
+travelling = d.letter(
+    r"travelling | \vec P-q\vec n | the fixed centre, as the moving body sees it | length", P - q * n
 )
-L_D_back = letter(
-    "L_D_back",
-    r"J_s\,D_{\vec P-q\vec n}\,\vec x",
-    "error motion after a slide, about the fixed centre",
+L_D_back = d.letter(
+    r"L_D_back | J_s\,D_{\vec P-q\vec n}\,\vec x | "
+    r"error motion after a slide, about the fixed centre | length",
     slide(travelling + by_vector(x - travelling) + translation),
 )
-W_n = letter("W_n", r"R(\vec w)\,\vec n", "the axis, turned by w", by_vector(n), "1")
+W_n = d.letter(r"W_n | R(\vec w)\,\vec n | the axis, turned by w | 1", by_vector(n))
 d.check(
     "before-or-after-a-slide",
     equal(D_L_x, L_D_back),
@@ -1025,10 +963,8 @@ d.check(
 ).prove(given={S: S, K: K})
 
 # %%
-D_about = letter(
-    "D_about",
-    r"D_{\vec P+\vec s}\,\vec x",
-    "error motion about another centre",
+D_about = d.letter(
+    r"D_about | D_{\vec P+\vec s}\,\vec x | error motion about another centre | length",
     (P + s) + E * (x - P - s) + translation,
 )
 d.check(
@@ -1044,21 +980,17 @@ d.check(
 # therefore a constant error motion *and its inverse behind the joint*, $DJD^{-1}$.
 
 # %%
-D_P = letter("D_P", r"D\vec P", "the joint's point after a constant error motion", P + translation)
-E_D_x = letter("E_D_x", r"D\vec x", "x after a constant error motion", P + E * (x - P) + translation)
+D_P = d.letter(r"D_P | D\vec P | the joint's point after a constant error motion | length", P + translation)
+E_D_x = d.letter(r"E_D_x | D\vec x | x after a constant error motion | length", P + E * (x - P) + translation)
 E_D_J_x = letter(
     "E_D_J_x", r"D\,J\vec x", "a constant error motion of a rotary joint", P + E * turned(x - P) + translation
 )
-E_D_L_x = letter(
-    "E_D_L_x",
-    r"D\,J_s\vec x",
-    "a constant error motion of a linear joint",
+E_D_L_x = d.letter(
+    r"E_D_L_x | D\,J_s\vec x | a constant error motion of a linear joint | length",
     P + E * (slide(x) - P) + translation,
 )
-J_E_D_x = letter(
-    "J_E_D_x",
-    r"J_{E\vec n,\,D\vec P}\,D\vec x",
-    "what the moved joint makes of the moved x",
+J_E_D_x = d.letter(
+    r"J_E_D_x | J_{E\vec n,\,D\vec P}\,D\vec x | " r"what the moved joint makes of the moved x | length",
     P + translation + turned(E * (x - P), axis=E * n),
 )
 d.check(
@@ -1078,11 +1010,9 @@ d.check(
 )
 
 # %%
-ahead = letter("ahead", r"J(q+a)\,\vec x", "the joint with a zero offset", turn(x, q + a))
-by_offset = letter(
-    "by_offset",
-    r"D_{a\vec n,\,0}\,J\vec x",
-    "an error motion about the joint's own axis",
+ahead = d.letter(r"ahead | J(q+a)\,\vec x | the joint with a zero offset | length", turn(x, q + a))
+by_offset = d.letter(
+    r"by_offset | D_{a\vec n,\,0}\,J\vec x | " r"an error motion about the joint's own axis | length",
     P + by_vector(turned(x - P), a * n),
 )
 d.check(
@@ -1142,9 +1072,7 @@ up = d.vector("up", r"\vec h", "direction of the zenith, against gravity", "1")
 in_basis = {m: (0, 0, 1), e_1: (1, 0, 0), e_2: (0, 1, 0)}
 seen_unit = {y.components[2]: dot(y, y) - 1}
 res_1, res_2 = (
-    d.symbol(
-        f"res_{i}", f"r_{i}", f"component {i} of the residual", "1", value=2 * dot(e, m - y) / (1 + dot(m, y))
-    )
+    d.letter(f"res_{i} | r_{i} | component {i} of the residual | 1", 2 * dot(e, m - y) / (1 + dot(m, y)))
     for i, e in ((1, e_1), (2, e_2))
 )
 residual_along = motions.stereographic(FORMULAS, m, y)
@@ -1177,12 +1105,9 @@ d.check(
 
 # %%
 y_rate = d.vector("y_rate", r"\dot{\vec y}", "change of the seen direction per unit of a parameter", "1")
-by_direction = d.symbol(
-    "by_direction",
-    r"\dot r_1",
-    "derivative of a component of the residual",
-    "1",
-    value=sum(d.value(res_1).diff(part) * rate for part, rate in zip(y, y_rate, strict=True)),
+by_direction = d.letter(
+    r"by_direction | \dot r_1 | derivative of a component of the residual | 1",
+    sum(d.value(res_1).diff(part) * rate for part, rate in zip(y, y_rate, strict=True)),
 )
 d.check(
     "by-direction",
@@ -1215,23 +1140,18 @@ def lift(alpha: sp.Expr) -> sp.Basic:
     return sp.cos(alpha) * ray + sp.sin(alpha) / sine * (up - cosine * ray)
 
 
-lifted = letter("lifted", r"\vec y", "the ray, lifted by the angle fσ", lift(f * sine), "1")
-lift_vector = letter(
-    "lift_vector", r"\vec w_a", "rotation vector of the lift, f x × h", f * cross(ray, up), "rad"
+lifted = d.letter(r"lifted | \vec y | the ray, lifted by the angle fσ | 1", lift(f * sine))
+lift_vector = d.letter(
+    r"lift_vector | \vec w_a | rotation vector of the lift, f x × h | rad", f * cross(ray, up)
 )
 raised = {up: (0, 0, 1)}
-computed_lift, computed_small_lift = (
-    letter(
-        name,
-        latex,
-        f"the ray, lifted, as it is computed {where} α² = 1/4",
-        motions.lifted(replace(case, sqrt=lambda known: f * sine), ray, up, cosine, f),
-        "1",
-    )
-    for name, latex, where, case in (
-        ("computed_lift", r"\vec y_\geq", "from", SECOND),
-        ("computed_small_lift", r"\vec y_<", "below", FIRST),
-    )
+computed_lift = d.letter(
+    r"computed_lift | \vec y_\geq | the ray, lifted, as it is computed from α² = 1/4 | 1",
+    motions.lifted(replace(SECOND, sqrt=lambda known: f * sine), ray, up, cosine, f),
+)
+computed_small_lift = d.letter(
+    r"computed_small_lift | \vec y_< | the ray, lifted, as it is computed below α² = 1/4 | 1",
+    motions.lifted(replace(FIRST, sqrt=lambda known: f * sine), ray, up, cosine, f),
 )
 ray_unit = {ray.components[2]: dot(ray, ray) - 1}
 d.check(
@@ -1256,7 +1176,7 @@ by_refraction = slope(
     lift(coefficient / cosine * sine),
     coefficient,
 )
-lift_rate = letter("lift_rate", r"\vec\omega_a", "rate of the turn, x × h / c", cross(ray, up) / cosine, "1")
+lift_rate = d.letter(r"lift_rate | \vec\omega_a | rate of the turn, x × h / c | 1", cross(ray, up) / cosine)
 d.check(
     "by-refraction",
     equal(by_refraction, cross(lift_rate, lifted)),
@@ -1265,9 +1185,7 @@ d.check(
 ).prove(given={**raised, f: coefficient / cosine}, modulo=ray_unit)
 
 # %%
-low = d.symbol(
-    "low", "c_0", "cosine of the zenith angle from which on the lift is less than the tangent", "1"
-)
+low = d.letter("low | c_0 | cosine of the zenith angle from which on the lift is less than the tangent | 1")
 above = d.symbol("above", "c_1", "cosine of a zenith angle beyond", "1")
 beyond = d.symbol("beyond", "d_c", "1/c beyond", "1", value=2 * low / (low**2 + above**2))
 beyond_slope = d.symbol("beyond_slope", "d_c'", "its slope by c", "1", value=sp.diff(d.value(beyond), above))
@@ -1305,15 +1223,14 @@ latitude = d.symbol("latitude", r"\varphi_0", "latitude of the telescope", "rad"
 cos_h, sin_h = sp.cos(hour), sp.sin(hour)
 cos_d, sin_d = sp.cos(declination), sp.sin(declination)
 cos_l, sin_l = sp.cos(latitude), sp.sin(latitude)
-star, zenith, pole, west, north = (
-    letter(name, latex, quantity, sp.Matrix(value), "1")
-    for name, latex, quantity, value in (
-        ("star", r"\vec s", "a direction", [cos_d * cos_h, cos_d * sin_h, sin_d]),
-        ("zenith", r"\vec h_0", "the zenith", [cos_l, 0, sin_l]),
-        ("pole", r"\vec p", "the pole", [0, 0, 1]),
-        ("west", r"\vec e_H", "west of the direction: the declination axis", [-sin_h, cos_h, 0]),
-        ("north", r"\vec e_\delta", "north of the direction", [-sin_d * cos_h, -sin_d * sin_h, cos_d]),
-    )
+star = d.letter(r"star | \vec s | a direction | 1", sp.Matrix([cos_d * cos_h, cos_d * sin_h, sin_d]))
+zenith = d.letter(r"zenith | \vec h_0 | the zenith | 1", sp.Matrix([cos_l, 0, sin_l]))
+pole = d.letter(r"pole | \vec p | the pole | 1", sp.Matrix([0, 0, 1]))
+west = d.letter(
+    r"west | \vec e_H | west of the direction: the declination axis | 1", sp.Matrix([-sin_h, cos_h, 0])
+)
+north = d.letter(
+    r"north | \vec e_\delta | north of the direction | 1", sp.Matrix([-sin_d * cos_h, -sin_d * sin_h, cos_d])
 )
 fork = motions.fork_bend(SECOND, west, pole, -zenith)
 droop = cos_l * sin_h * west + (cos_l * cos_h * sin_d - sin_l * cos_d) * north
@@ -1348,19 +1265,15 @@ d.check(
 m_i = [sp.ImmutableMatrix(d.value(Q)[:, i]) for i in range(3)]
 r_i = [turned(column, 2 * h, sp.Matrix(n.components)) for column in m_i]
 both_sums = motions.quaternion_between(FORMULAS, m_i, r_i)
-across_axes = letter(
-    "across_axes",
-    r"\sum_i\vec m_i\times\vec r_i",
-    "sum of the products of predicted axes and these turned by 2h about n",
+across_axes = d.letter(
+    r"across_axes | \sum_i\vec m_i\times\vec r_i | "
+    r"sum of the products of predicted axes and these turned by 2h about n | 1",
     both_sums[0],
-    "1",
 )
-along_axes = d.symbol(
-    "along_axes",
-    r"1+\sum_i\vec m_i\cdot\vec r_i",
-    "1 and the sum of the scalar products of the same axes",
-    "1",
-    value=both_sums[1],
+along_axes = d.letter(
+    r"along_axes | 1+\sum_i\vec m_i\cdot\vec r_i | "
+    r"1 and the sum of the scalar products of the same axes | 1",
+    both_sums[1],
 )
 d.check(
     "attitude-residual",
@@ -1415,9 +1328,7 @@ unit_axes = [sp.eye(3)[:, i] for i in range(3)]
 turned_units = [turned(column, 2 * h, sp.Matrix(n.components)) for column in unit_axes]
 near, far = (
     [
-        d.symbol(
-            f"{part}_{name}", f"{letter}_{name[0]}", f"as {part} of half the twist, {where}", "1", value=value
-        )
+        d.letter(f"{part}_{name} | {letter}_{name[0]} | as {part} of half the twist, {where} | 1", value)
         for part, letter, value in zip(
             ("sine", "cosine"),
             "sc",
@@ -1468,15 +1379,12 @@ M = d.symbol("M", "M", "part of the moment about the axis", "length", value=dot(
 quarter = letter(
     "quarter", r"\vec r_\perp", "the arm, turned by 90° about the axis", cross(n, arm) + dot(n, arm) * n
 )
-M_perp = d.symbol(
-    "M_perp",
-    r"M_\perp",
-    "part about the axis of the moment with the turned arm",
-    "length",
-    value=dot(n, cross(quarter, g)),
+M_perp = d.letter(
+    r"M_perp | M_\perp | part about the axis of the moment with the turned arm | length",
+    dot(n, cross(quarter, g)),
 )
 across = letter("across", r"\vec M_a", "part of the moment across the axis", motions.across(moment, n, M))
-R_arm = letter("R_arm", r"R\,\vec r", "the arm, turned by q about the axis", turned(arm))
+R_arm = d.letter(r"R_arm | R\,\vec r | the arm, turned by q about the axis | length", turned(arm))
 d.check(
     "moment-in-the-pose",
     equal(cross(Q * arm, Q * g), Q * moment),
@@ -1586,11 +1494,9 @@ d.check(
 c_0 = d.vector("c_0", r"\vec c_0", "the load, carried by this joint alone", "length")
 drop = d.symbol("drop", r"\delta", "by how much the load drops", "length")
 E_2 = d.matrix("E_2", "E_2", "rotation of all error motions of the joint", "1", value=any_rotation("E_2"))
-t_sag = letter("t_sag", r"\vec t_s", "translation of the sag", drop * g + (c_0 - P) - E * (c_0 - P))
-t_computed = letter(
-    "t_computed",
-    r"\vec t_s(\vec w)",
-    "translation of the sag, as it is computed",
+t_sag = d.letter(r"t_sag | \vec t_s | translation of the sag | length", drop * g + (c_0 - P) - E * (c_0 - P))
+t_computed = d.letter(
+    r"t_computed | \vec t_s(\vec w) | translation of the sag, as it is computed | length",
     motions.sag_shift(SECOND, c_0 - P, g, drop, w),
 )
 d.check(
@@ -1714,19 +1620,16 @@ d.check(
 # %%
 of_tilt = tilting.substitution(tilt=(a, b), axis=list(n_0))
 kept = [tilting[c] for c in COEFFICIENTS]
-kernel_axis = letter(
-    "kernel_axis",
-    r"\vec n_k",
-    "axis that tilted_axis computes",
+kernel_axis = d.letter(
+    r"kernel_axis | \vec n_k | axis that tilted_axis computes | 1",
     tilting.expand("tilted", keep=kept).subs(of_tilt),
-    "1",
 )
 slopes = tilting.expand("tilted_jacobian", keep=kept).subs(of_tilt)
-kernel_by_a = letter(
-    "kernel_by_a", r"\vec n_{k,a}", "derivative by a that tilted_axis computes", slopes[:, 0], "1/rad"
+kernel_by_a = d.letter(
+    r"kernel_by_a | \vec n_{k,a} | derivative by a that tilted_axis computes | 1/rad", slopes[:, 0]
 )
-kernel_by_b = letter(
-    "kernel_by_b", r"\vec n_{k,b}", "derivative by b that tilted_axis computes", slopes[:, 1], "1/rad"
+kernel_by_b = d.letter(
+    r"kernel_by_b | \vec n_{k,b} | derivative by b that tilted_axis computes | 1/rad", slopes[:, 1]
 )
 d.check(
     "kernel-tilted",
@@ -1740,34 +1643,31 @@ d.check(
 # %%
 both = (rotation, tilting)
 steps = ("is_small", "square", "safe", "angle")
-kernel_large, kernel_small = (
-    d.matrix(
-        name,
-        latex,
-        f"S, K and T of both functions {where} φ² = 1/4",
-        "1",
-        value=sp.Matrix(
-            [
-                [k.expand(k[c], keep=[k[n] for n in steps]).subs(k["is_small"], is_small) for k in both]
-                for c in COEFFICIENTS
-            ]
-        ),
-        columns=2,
-    )
-    for name, latex, where, is_small in (
-        ("kernel_large", r"\kappa_{\varphi^2\geq1/4}", "from", sp.false),
-        ("kernel_small", r"\kappa_{\varphi^2<1/4}", "below", sp.true),
-    )
-)
-kernel_square, kernel_angle = d.letters(
-    r"""
-kernel_square | \varphi_k^2 | square of the angle in both functions | rad²
-kernel_angle | \varphi_k | angle in both functions from φ² = 1/4 on | rad
-""",
-    (
-        rotation.expand(rotation["square"]),
-        rotation.expand(rotation["angle"], keep=[rotation["is_small"]]).subs(rotation["is_small"], sp.false),
+kernel_large = d.letter(
+    r"kernel_large[3,2] | \kappa_{\varphi^2\geq1/4} | S, K and T of both functions from φ² = 1/4 | 1",
+    sp.Matrix(
+        [
+            [k.expand(k[c], keep=[k[n] for n in steps]).subs(k["is_small"], sp.false) for k in both]
+            for c in COEFFICIENTS
+        ]
     ),
+)
+kernel_small = d.letter(
+    r"kernel_small[3,2] | \kappa_{\varphi^2<1/4} | S, K and T of both functions below φ² = 1/4 | 1",
+    sp.Matrix(
+        [
+            [k.expand(k[c], keep=[k[n] for n in steps]).subs(k["is_small"], sp.true) for k in both]
+            for c in COEFFICIENTS
+        ]
+    ),
+)
+kernel_square = d.letter(
+    r"kernel_square | \varphi_k^2 | square of the angle in both functions | rad²",
+    rotation.expand(rotation["square"]),
+)
+kernel_angle = d.letter(
+    r"kernel_angle | \varphi_k | angle in both functions from φ² = 1/4 on | rad",
+    rotation.expand(rotation["angle"], keep=[rotation["is_small"]]).subs(rotation["is_small"], sp.false),
 )
 quotients = sp.ImmutableMatrix([[c, c] for c in (S, K, T)])
 sums = sp.ImmutableMatrix([[c, c] for c in (S_8, K_8, T_8)])

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # The reverse analysis of industrial robots: Puma 560, GE P60, Cincinnati T3-776
 #
@@ -69,9 +57,7 @@ def pair(name, latex, quantity):
 LINKS = ("12", "23", "34", "45", "56", "67", "71")
 TWIST = {ij: pair(ij, ij, f"the twist of link {ij}") for ij in LINKS}
 ANGLE = {j: pair(str(j), str(j), f"the angle of joint {j}") for j in range(1, 8)}
-LENGTH = {
-    ij: d.symbol(f"a{ij}", f"a_{{{ij}}}", f"length of link {ij}", "length") for ij in LINKS if ij != "67"
-}
+LENGTH = {ij: d.letter(f"a{ij} | a_{{{ij}}} | length of link {ij} | length") for ij in LINKS if ij != "67"}
 OFFSET = {j: d.symbol(f"S{j}", f"S_{j}", f"offset of joint {j}", "length") for j in range(1, 8)}
 UNIT = {s: c**2 + s**2 - 1 for c, s in (*TWIST.values(), *ANGLE.values())}
 X_AXIS, Z_AXIS = sp.Matrix([1, 0, 0]), sp.Matrix([0, 0, 1])
@@ -109,25 +95,20 @@ c34, s34 = TWIST["34"]
 c45, s45 = TWIST["45"]
 c56, s56 = TWIST["56"]
 TX = {
-    ij: d.matrix(
-        f"R_x_{ij}", rf"R_x(\alpha_{{{ij}}})", f"rotation by the twist of link {ij}", "1", value=tx(ij)
-    )
+    ij: d.letter(rf"R_x_{ij}[3,3] | R_x(\alpha_{{{ij}}}) | rotation by the twist of link {ij} | 1", tx(ij))
     for ij in LINKS
 }
 RZ = {
     j: d.matrix(f"R_z_{j}", rf"R_z(\theta_{j})", f"rotation by the angle of joint {j}", "1", value=rz(j))
     for j in ANGLE
 }
-e_x, e_z = (
-    d.vector(f"e_{axis}", rf"\vec e_{axis}", f"unit vector along {axis}", "1", value=value)
-    for axis, value in (("x", X_AXIS), ("z", Z_AXIS))
-)
+e_x = d.letter(r"e_x[3] | \vec e_x | unit vector along x | 1", X_AXIS)
+e_z = d.letter(r"e_z[3] | \vec e_z | unit vector along z | 1", Z_AXIS)
 
 
 def letter(name, latex, quantity, value, unit="length"):
     """Name a number or a vector by what it is; proofs put the expression in its place."""
-    make = d.vector if isinstance(value, sp.MatrixBase) else d.symbol
-    return make(name, latex, quantity, unit, value=value)
+    return d.letter(f"{name} | {latex} | {quantity} | {unit}", value)
 
 
 PARALLEL_23 = {TWIST["23"][0]: 1, TWIST["23"][1]: 0}
@@ -146,8 +127,8 @@ d
 # %%
 last = moved("45", 5, moved("56", 6, ZERO))
 axis_6 = tx("45") * rz(5) * tx("56") * Z_AXIS
-origin_6 = letter("O_6_in_4", r"{}^4\vec O_6", "origin of frame 6 in frame 4", last)
-axis_6_in_4 = letter("S_6_in_4", r"{}^4\vec S_6", "axis 6 in frame 4", axis_6, "1")
+origin_6 = d.letter(r"O_6_in_4 | {}^4\vec O_6 | origin of frame 6 in frame 4 | length", last)
+axis_6_in_4 = d.letter(r"S_6_in_4 | {}^4\vec S_6 | axis 6 in frame 4 | 1", axis_6)
 d.check(
     "wrist-centre",
     equal(origin_6 - OFFSET[6] * axis_6_in_4, ZERO.as_immutable()),
@@ -165,7 +146,7 @@ forearm = sp.Matrix([LENGTH["34"], -s34 * OFFSET[4]])
 flat = sp.diag(1, 1, 0)
 elbow = LENGTH["23"] * X_AXIS + rz(3) * sp.Matrix([*forearm, 0])
 reached = OFFSET[2] * Z_AXIS + rz(2) * moved("23", 3, moved("34", 4, ZERO))
-seen_W = letter("W_in_2", r"{}^2\vec W", "the wrist's centre, seen from joint 2", reached)
+seen_W = d.letter(r"W_in_2 | {}^2\vec W | the wrist's centre, seen from joint 2 | length", reached)
 d.check(
     "wrist-plane",
     equal(
@@ -189,7 +170,7 @@ W = d.vector("W", r"\vec W", "the wrist's centre, from the origin of F, less S1 
 height = d.symbol("height", "H", "S2 + S3 + c34 S4, or S2 + S3 + S4 + c45 S5", "length")
 before_2 = tx("12").T * (rz(1).T * sp.Matrix(list(W)) - LENGTH["12"] * X_AXIS)
 equation_1 = -s12 * W.components[1] * c1 + s12 * W.components[0] * s1 + c12 * W.components[2] - height
-along_2 = letter("h_2", "h_2", "component of the wrist's centre along S2", (Z_AXIS.T * before_2)[0])
+along_2 = d.letter("h_2 | h_2 | component of the wrist's centre along S2 | length", (Z_AXIS.T * before_2)[0])
 d.check(
     "theta1",
     equal(along_2 - height, equation_1),
@@ -216,13 +197,13 @@ l2 = d.symbol("l_2", "l_2", "forearm along y, in link 23", "length")
 a23 = LENGTH["23"]
 arm = sp.Matrix([a23 + c3 * l1 - s3 * l2, s3 * l1 + c3 * l2])
 turned = sp.Matrix([[c2, -s2], [s2, c2]]) * arm
-w_squared = letter(
-    "w_squared", r"|\vec w|^2", "square of the triangle's third side", turned.dot(turned), "length²"
+w_squared = d.letter(
+    r"w_squared | |\vec w|^2 | square of the triangle's third side | length²", turned.dot(turned)
 )
-u_squared = letter("u_squared", r"|\vec u|^2", "square of the arm's length", arm.dot(arm), "length²")
-u_dot_w = letter("u_dot_w", r"\vec u\cdot\vec w", "scalar product", arm.dot(turned), "length²")
-u_cross_w = letter(
-    "u_cross_w", "u_xw_y-u_yw_x", "their cross product", arm[0] * turned[1] - arm[1] * turned[0], "length²"
+u_squared = d.letter(r"u_squared | |\vec u|^2 | square of the arm's length | length²", arm.dot(arm))
+u_dot_w = d.letter(r"u_dot_w | \vec u\cdot\vec w | scalar product | length²", arm.dot(turned))
+u_cross_w = d.letter(
+    "u_cross_w | u_xw_y-u_yw_x | their cross product | length²", arm[0] * turned[1] - arm[1] * turned[0]
 )
 d.check(
     "theta3",
@@ -251,8 +232,8 @@ d.check(
 wrist = rz(4) * tx("45") * rz(5) * tx("56") * rz(6)
 p, q = s56 * s5, -c45 * s56 * c5 - s45 * c56
 N = d.matrix("N", "N", "rotation of the wrist", "1", value=wrist)
-letter_p = letter("p_wrist", "p", "s56 s5", p, "1")
-letter_q = letter("q_wrist", "q", "−(c45 s56 c5 + s45 c56)", q, "1")
+letter_p = d.letter("p_wrist | p | s56 s5 | 1", p)
+letter_q = d.letter("q_wrist | q | −(c45 s56 c5 + s45 c56) | 1", q)
 d.check(
     "wrist-column",
     equal(
@@ -283,9 +264,7 @@ d.check(
 # $N_{33}$ is their cosine, $c_{45}c_{56}-s_{45}s_{56}c_5$.
 
 # %%
-x3 = d.symbol(
-    "n33", "N_{33}", "cosine between axes 4 and 6 (or 2 and 6)", "1", value=c45 * c56 - s45 * s56 * c5
-)
+x3 = d.letter("n33 | N_{33} | cosine between axes 4 and 6 (or 2 and 6) | 1", c45 * c56 - s45 * s56 * c5)
 h = d.symbol("h", "h", "sine between axes 4 and 6 (or 2 and 6)", "1")
 square = (s45 * s56 * s5) ** 2
 between = {h: h**2 + x3**2 - 1}
@@ -309,8 +288,8 @@ d.check(
 d.check(
     "crossing",
     equal(
-        letter("O_6_in_5", r"{}^5\vec O_6", "origin of frame 6 in frame 5", moved("56", 6, ZERO))
-        - OFFSET[6] * letter("S_6_in_5", r"{}^5\vec S_6", "axis 6 in frame 5", tx("56") * Z_AXIS, "1"),
+        d.letter(r"O_6_in_5 | {}^5\vec O_6 | origin of frame 6 in frame 5 | length", moved("56", 6, ZERO))
+        - OFFSET[6] * d.letter(r"S_6_in_5 | {}^5\vec S_6 | axis 6 in frame 5 | 1", tx("56") * Z_AXIS),
         ZERO.as_immutable(),
     ),
     text="With $a_{56}=0$ the point $S_6$ before the end is the origin of frame 5.",
@@ -326,7 +305,7 @@ plane_4 = rz(2) * rz(3) * rz(4)
 d.check(
     "parallel-plane",
     equal(
-        letter("O_5_in_2", r"{}^2\vec O_5", "origin of frame 5, seen from joint 2", to_5)
+        d.letter(r"O_5_in_2 | {}^2\vec O_5 | origin of frame 5, seen from joint 2 | length", to_5)
         - RZ[2] * RZ[3] * RZ[4] * (LENGTH["45"] * e_x + OFFSET[5] * (TX["45"] * e_z)),
         RZ[2] * (a23 * e_x + RZ[3] * (LENGTH["34"] * e_x)) + (OFFSET[2] + OFFSET[3] + OFFSET[4]) * e_z,
     ),
@@ -340,7 +319,7 @@ d.check(
 c45_S5 = (Z_AXIS.T * plane_4 * tx("45") * Z_AXIS)[0]
 d.check(
     "parallel-height",
-    equal(letter("S_2_dot_S_5", r"\vec S_2\cdot\vec S_5", "cosine between axes 2 and 5", c45_S5, "1"), c45),
+    equal(d.letter(r"S_2_dot_S_5 | \vec S_2\cdot\vec S_5 | cosine between axes 2 and 5 | 1", c45_S5), c45),
     text="The angle between $\\vec S_2=\\vec S_4$ and $\\vec S_5$ is the twist $\\alpha_{45}$. So the offset "
     "$S_5$ adds "
     "$c_{45}S_5$ along $\\vec S_2$, and $H=S_2+S_3+S_4+c_{45}S_5$.",
@@ -349,8 +328,8 @@ d.check(
 # %%
 row = (Z_AXIS.T * tx("45") * rz(5) * tx("56") * rz(6)).T
 p_row, q_row = s45 * s5, c56 * s45 * c5 + s56 * c45
-letter_p_row = letter("p_row", "p'", "s45 s5", p_row, "1")
-letter_q_row = letter("q_row", "q'", "c56 s45 c5 + s56 c45", q_row, "1")
+letter_p_row = d.letter("p_row | p' | s45 s5 | 1", p_row)
+letter_q_row = d.letter("q_row | q' | c56 s45 c5 + s56 c45 | 1", q_row)
 d.check(
     "parallel-row",
     equal(
@@ -456,20 +435,17 @@ distance, level = meet_456(of_letters(R_456, P_456, MEET_456), ANGLE[2], ANGLE[3
 d.check(
     "pieper",
     equal(
-        letter(
-            "pieper_distance",
-            r"a_{12}^2+S_2^2+2a_{12}v'_x+2S_2v_z+|\vec v|^2-|\vec W|^2",
-            "first equation, axes 4, 5, 6 meet",
+        d.letter(
+            r"pieper_distance | a_{12}^2+S_2^2+2a_{12}v'_x+2S_2v_z+|\vec v|^2-|\vec W|^2 | "
+            r"first equation, axes 4, 5, 6 meet | length²",
             distance,
-            "length²",
         ),
         0,
     ),
     equal(
-        letter(
-            "pieper_height",
-            r"c_{12}S_2+s_{12}v'_y+c_{12}v'_z-W_z",
-            "second equation, axes 4, 5, 6 meet",
+        d.letter(
+            "pieper_height | c_{12}S_2+s_{12}v'_y+c_{12}v'_z-W_z | "
+            "second equation, axes 4, 5, 6 meet | length",
             level,
         ),
         0,
@@ -514,16 +490,12 @@ of_6 = rz(6).T * (tx("56").T * (of_5 - LENGTH["56"] * X_AXIS) - OFFSET[6] * Z_AX
 point_1 = rz(1) * (LENGTH["12"] * X_AXIS + tx("12") * OFFSET[2] * Z_AXIS)
 R_234 = rz(2) * tx("23") * rz(3)
 meeting = of_letters(R_234, point_1 - R_234 * of_6, MEET_234)
-before_4 = letter(
-    "meeting_from_3",
-    r"{}^3\vec m",
-    "where the axes meet, from link 23",
+before_4 = d.letter(
+    r"meeting_from_3 | {}^3\vec m | where the axes meet, from link 23 | length",
     moved("34", 4, -OFFSET[4] * Z_AXIS).subs(MEET_234),
 )
-from_the_end = letter(
-    "meeting_from_end",
-    r"{}^4\vec m",
-    "where they meet, from the end by joints 6 and 5",
+from_the_end = d.letter(
+    r"meeting_from_end | {}^4\vec m | " r"where they meet, from the end by joints 6 and 5 | length",
     moved("45", 5, moved("56", 6, of_6)),
 )
 level, distance = meet_234(meeting, ANGLE[1], ANGLE[6])
@@ -580,10 +552,7 @@ PARALLEL_234 = {**PARALLEL_23, **PARALLEL_34}
 turned_4 = rz(1) * tx("12") * rz(2)  # one turn for three joints about one direction
 R_parallel = turned_4 * tx("45") * rz(5) * tx("56") * rz(6)
 plane = sp.Matrix(
-    [
-        d.symbol(f"{name}_4", f"{name}_4", f"place of a frame in the plane, along {name}", "length")
-        for name in "xy"
-    ]
+    [d.letter(f"{name}_4 | {name}_4 | place of a frame in the plane, along {name} | length") for name in "xy"]
     + [0]
 )
 height_4 = (OFFSET[2] + OFFSET[3] + OFFSET[4]) * Z_AXIS
@@ -594,29 +563,23 @@ twist_left, height_left = parallel_234(of_letters(R_parallel, P_parallel, PARALL
 d.check(
     "three-parallel",
     equal(
-        letter(
-            "O_4_in_2",
-            r"{}^2\vec O_4",
-            "origin of frame 4, seen from joint 2",
+        d.letter(
+            r"O_4_in_2 | {}^2\vec O_4 | origin of frame 4, seen from joint 2 | length",
             (to_5 - plane_4 * moved("45", 5, ZERO)).subs(PARALLEL_234),
         ),
         RZ[2] * (a23 * e_x + RZ[3] * (LENGTH["34"] * e_x)) + (OFFSET[2] + OFFSET[3] + OFFSET[4]) * e_z,
     ),
     equal(
-        letter(
-            "parallel_twist",
-            r"\vec\sigma\cdot\vec S_5-c_{45}",
-            "first equation, axes 2, 3, 4 parallel",
+        d.letter(
+            r"parallel_twist | \vec\sigma\cdot\vec S_5-c_{45} | first equation, axes 2, 3, 4 parallel | 1",
             twist_left,
-            "1",
         ),
         0,
     ),
     equal(
-        letter(
-            "parallel_height",
-            r"\vec S_2\cdot\vec P+\vec\sigma\cdot\vec k-(S_2+S_3+S_4+c_{45}S_5)",
-            "second equation, axes 2, 3, 4 parallel",
+        d.letter(
+            r"parallel_height | \vec S_2\cdot\vec P+\vec\sigma\cdot\vec k-(S_2+S_3+S_4+c_{45}S_5) | "
+            r"second equation, axes 2, 3, 4 parallel | length",
             height_left,
         ),
         0,
@@ -738,23 +701,16 @@ B_7 = s12 * (S6 * xyz_7[0] + a71)
 D_7 = c12 * (S6 * xyz_7[2] + S7 * c71 + S1)
 names_7, names_71, names_1 = (
     [
-        letter(f"{x}_{subscripts}", f"{x}_{{{subscripts}}}", f"{x} of the joints {subscripts}", value, "1")
+        d.letter(f"{x}_{subscripts} | {x}_{{{subscripts}}} | {x} of the joints {subscripts} | 1", value)
         for x, value in zip("XYZ", xyz, strict=True)
     ]
     for subscripts, xyz in (("7", xyz_7), ("71", xyz_71), ("1", xyz_1))
 )
-rest_along_2, rest_along_a, rest_across = (
-    letter(name, latex, f"rest of the loop along {quantity}", value)
-    for name, latex, quantity, value in (
-        ("r_S_2", r"\vec r\cdot\vec S_2", "S2", rest.dot(axis_2)),
-        ("r_a_12", r"\vec r\cdot\vec a_{12}", "a12", rest[0]),
-        (
-            "r_across",
-            r"\vec r\cdot(\vec S_2\times\vec a_{12})",
-            "S2 × a12",
-            rest.dot(sp.Matrix([0, c12, s12])),
-        ),
-    )
+rest_along_2 = d.letter(r"r_S_2 | \vec r\cdot\vec S_2 | rest of the loop along S2 | length", rest.dot(axis_2))
+rest_along_a = d.letter(r"r_a_12 | \vec r\cdot\vec a_{12} | rest of the loop along a12 | length", rest[0])
+rest_across = d.letter(
+    r"r_across | \vec r\cdot(\vec S_2\times\vec a_{12}) | rest of the loop along S2 × a12 | length",
+    rest.dot(sp.Matrix([0, c12, s12])),
 )
 X7, Y7, Z7 = names_7
 d.check(
@@ -785,7 +741,7 @@ d.check(
 # %%
 from_base = tx("34").T * rz(3).T * tx("23").T * rz(2).T * tx("12").T * back["S6"]
 names_7123 = [
-    letter(f"{x}_7123", f"{x}_{{7123}}", f"{x} of the joints 7123", value, "1")
+    d.letter(f"{x}_7123 | {x}_{{7123}} | {x} of the joints 7123 | 1", value)
     for x, value in zip("XYZ", xyz_7123, strict=True)
 ]
 names_54 = [
@@ -797,8 +753,8 @@ names_54 = [
 d.check(
     "heptagon-wrist",
     equal(
-        letter(
-            "S_6_from_base", r"\vec S_6^{\,\mathrm{base}}", "axis 6 in joint 4, over the base", from_base, "1"
+        d.letter(
+            r"S_6_from_base | \vec S_6^{\,\mathrm{base}} | axis 6 in joint 4, over the base | 1", from_base
         ),
         sp.ImmutableMatrix([names_7123[0], -names_7123[1], names_7123[2]]),
     ),
@@ -815,9 +771,7 @@ xyz_67 = joined(single("56", 6, "67"), 7, "71")
 d.check(
     "heptagon-parallel",
     equal(
-        letter(
-            "S_6_in_12", r"{}^{12}\vec S_6", "axis 6 in the axes of joint 2", tx("12").T * back["S6"], "1"
-        ),
+        d.letter(r"S_6_in_12 | {}^{12}\vec S_6 | axis 6 in the axes of joint 2 | 1", tx("12").T * back["S6"]),
         sp.ImmutableMatrix([names_71[0], -names_71[1], names_71[2]]),
     ),
     text="With three parallel axes $\\vec S_4=\\vec S_2$, so $\\vec S_6$ is seen from joint 2 as from joint 4, and "
@@ -828,19 +782,16 @@ d.check(
 side_5 = rz(1).T * tx("71").T * rz(7).T * tx("67").T * rz(6).T * tx("56").T * Z_AXIS
 xyz_671 = joined(xyz_67, 1, "12")
 X671, Y671 = (
-    letter(f"{x}_671", f"{x}_{{671}}", f"{x} of the joints 671", value, "1")
+    d.letter(f"{x}_671 | {x}_{{671}} | {x} of the joints 671 | 1", value)
     for x, value in zip("XY", xyz_671[:2], strict=True)
 )
 d.check(
     "heptagon-parallel-plane",
-    equal(letter("S_5_a_12", r"\vec S_5\cdot\vec a_{12}", "axis 5 along a12", side_5[0], "1"), X671),
+    equal(d.letter(r"S_5_a_12 | \vec S_5\cdot\vec a_{12} | axis 5 along a12 | 1", side_5[0]), X671),
     equal(
-        letter(
-            "S_5_across",
-            r"\vec S_5\cdot(\vec S_2\times\vec a_{12})",
-            "axis 5 along S2 × a12",
+        d.letter(
+            r"S_5_across | \vec S_5\cdot(\vec S_2\times\vec a_{12}) | axis 5 along S2 × a12 | 1",
             side_5.dot(sp.Matrix([0, c12, s12])),
-            "1",
         ),
         -Y671,
     ),
@@ -865,12 +816,9 @@ f_c, f_s = (
 d.check(
     "free-angle",
     equal(
-        letter(
-            "f",
-            r"\bigl(R_z(\theta_1)\,\vec x\bigr)\cdot\vec y",
-            "f, for t = θ1",
+        d.letter(
+            r"f | \bigl(R_z(\theta_1)\,\vec x\bigr)\cdot\vec y | f, for t = θ1 | 1",
             (rz(1) * x_turned).dot(y_held),
-            "1",
         ),
         c1 * f_c + s1 * f_s + x_turned[2] * y_held[2],
     ),
@@ -891,15 +839,10 @@ chosen_c, chosen_s = (fc * at - fs * aside) / (fc**2 + fs**2), (fs * at + fc * a
 mirrored_c = ((fc**2 - fs**2) * chosen_c + 2 * fc * fs * chosen_s) / (fc**2 + fs**2)
 mirrored_s = (2 * fc * fs * chosen_c - (fc**2 - fs**2) * chosen_s) / (fc**2 + fs**2)
 on_circle = {aside: aside**2 + at**2 - fc**2 - fs**2}
-c_t, s_t, c_m, s_m = (
-    letter(name, latex, quantity, value, "1")
-    for name, latex, quantity, value in (
-        ("c_t", "c_t", "cosine of the chosen angle", chosen_c),
-        ("s_t", "s_t", "sine of the chosen angle", chosen_s),
-        ("c_m", "c_t'", "cosine of its mirror image", mirrored_c),
-        ("s_m", "s_t'", "sine of its mirror image", mirrored_s),
-    )
-)
+c_t = d.letter("c_t | c_t | cosine of the chosen angle | 1", chosen_c)
+s_t = d.letter("s_t | s_t | sine of the chosen angle | 1", chosen_s)
+c_m = d.letter("c_m | c_t' | cosine of its mirror image | 1", mirrored_c)
+s_m = d.letter("s_m | s_t' | sine of its mirror image | 1", mirrored_s)
 d.check(
     "free-angle-chosen",
     equal(fc * c_t + fs * s_t, at),
@@ -1426,19 +1369,14 @@ for name in PAIRS:
         f"kernel-{name.replace('_', '-')}",
         *(
             equal(
-                letter(
-                    f"sum_{name}_{e}",
-                    rf"\sum_{{ij}}M_{{{e + 1}ij}}u_iv_j",
-                    f"sum of robot_pair_{name}",
+                d.letter(
+                    rf"sum_{name}_{e} | \sum_{{ij}}M_{{{e + 1}ij}}u_iv_j | "
+                    rf"sum of robot_pair_{name} | its own",
                     (u.T * found[e].tomatrix() * v)[0],
-                    "its own",
                 ),
-                letter(
-                    f"equation_{name}_{e}",
-                    rf"E_{e + 1}",
-                    f"equation {e + 1}, {PAIRS[name][1]}",
+                d.letter(
+                    f"equation_{name}_{e} | E_{e + 1} | equation {e + 1}, {PAIRS[name][1]} | its own",
                     written[e],
-                    "its own",
                 ),
             )
             for e in (0, 1)

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # The axis of a rotation, from one point and the angle
 #
@@ -217,26 +205,16 @@ d.state("eq-4", equal(left_4, right_4), text="The product of (2) with ρ.", plac
 # is a multiple of $\sin^2\gamma$, so that (4) gives $\gamma$ from what is known.
 
 # %%
-sin_gamma = d.symbol(
-    "sin_gamma",
-    r"\sin\gamma",
-    "sine of the angle between θ and ρ",
-    "1",
-    value=norm(cross(theta, rho)) / (norm(theta) * norm(rho)),
+sin_gamma = d.letter(
+    r"sin_gamma | \sin\gamma | sine of the angle between θ and ρ | 1",
+    norm(cross(theta, rho)) / (norm(theta) * norm(rho)),
 )
-cos_gamma = d.symbol(
-    "cos_gamma", r"\cos\gamma", "its cosine", "1", value=dot(theta, rho) / (norm(theta) * norm(rho))
-)
-u = d.vector(
-    "u", r"\vec u", "unit vector along θ × ρ", "1", value=cross(theta, rho) / norm(cross(theta, rho))
-)
+cos_gamma = d.letter(r"cos_gamma | \cos\gamma | its cosine | 1", dot(theta, rho) / (norm(theta) * norm(rho)))
+u = d.letter(r"u[3] | \vec u | unit vector along θ × ρ | 1", cross(theta, rho) / norm(cross(theta, rho)))
 v = d.vector("v", r"\vec v", "unit vector along θ × u", "1", value=cross(theta, u) / norm(theta))
-cos_gamma_90 = d.symbol(
-    "cos_gamma_90",
-    r"\cos\left(90^\circ + \gamma\right)",
-    "cosine of the angle between v and ρ",
-    "1",
-    value=dot(v, rho) / norm(rho),
+cos_gamma_90 = d.letter(
+    r"cos_gamma_90 | \cos\left(90^\circ + \gamma\right) | " r"cosine of the angle between v and ρ | 1",
+    dot(v, rho) / norm(rho),
 )
 
 d.check(
@@ -444,13 +422,7 @@ d.check(
 
 # %%
 ell = d.symbol("ell", r"\ell", "third side of the triangle of θ and ρ", "none", value=norm(theta - rho))
-c = d.symbol(
-    "c",
-    "c",
-    "scalar product of θ and ρ",
-    "length",
-    value=(norm(rho) ** 2 + norm(theta) ** 2 - ell**2) / 2,
-)
+c = d.letter("c | c | scalar product of θ and ρ | length", (norm(rho) ** 2 + norm(theta) ** 2 - ell**2) / 2)
 d.state(
     "system-6-7",
     equal(t1**2 + t2**2 + t3**2, norm(theta) ** 2),
@@ -629,31 +601,19 @@ d.state(
 p12 = d.symbol("rho_12", r"\rho_{12}", "ρ₁² + ρ₂²", "length²", value=p1**2 + p2**2)
 p13 = d.symbol("rho_13", r"\rho_{13}", "ρ₁² + ρ₃²", "length²", value=p1**2 + p3**2)
 p23 = d.symbol("rho_23", r"\rho_{23}", "ρ₂² + ρ₃²", "length²", value=p2**2 + p3**2)
-L2 = d.symbol(
-    "L2",
-    "L_2",
-    "coefficient of θ₃²",
-    "length²",
-    value=p13 * b2**2 + p23 * b1**2 + p12 - 2 * p1 * p2 * b1 * b2 - 2 * p1 * p3 * b1 - 2 * p2 * p3 * b2,
+L2 = d.letter(
+    "L2 | L_2 | coefficient of θ₃² | length²",
+    p13 * b2**2 + p23 * b1**2 + p12 - 2 * p1 * p2 * b1 * b2 - 2 * p1 * p3 * b1 - 2 * p2 * p3 * b2,
 )
-L1 = d.symbol(
-    "L1",
-    "L_1",
-    "coefficient of θ₃",
-    "length²",
-    value=2 * p13 * a2 * b2
+L1 = d.letter(
+    "L1 | L_1 | coefficient of θ₃ | length²",
+    2 * p13 * a2 * b2
     + 2 * p23 * a1 * b1
     - 2 * p1 * p2 * (b2 * a1 + b1 * a2)
     - 2 * p1 * p3 * a1
     - 2 * p2 * p3 * a2,
 )
-L0 = d.symbol(
-    "L0",
-    "L_0",
-    "constant coefficient",
-    "length²",
-    value=p13 * a2**2 + p23 * a1**2 - 2 * p1 * p2 * a2 * a1,
-)
+L0 = d.letter("L0 | L_0 | constant coefficient | length²", p13 * a2**2 + p23 * a1**2 - 2 * p1 * p2 * a2 * a1)
 quadratic = L2 * t3**2 + L1 * t3 + L0
 letters = {letter: letter for letter in (a1, b1, a2, b2)}
 d.state(
@@ -724,9 +684,7 @@ cayley
 # are data, and only $c^2=|\vec\theta|^2|\vec\rho|^2+2\alpha(\vec r,\vec\rho)$ is known of $c$.
 
 # %%
-modulus = d.symbol(
-    "modulus", r"\left|\vec\theta\right|_{\mathrm{given}}", "known modulus of θ", "1", positive=True
-)
+modulus = d.letter(r"modulus>0 | \left|\vec\theta\right|_{\mathrm{given}} | known modulus of θ | 1")
 data = {alpha: 1 + modulus**2 / 4, c: c}
 equal_lengths = {rho_prime.components[2]: norm(rho_prime) ** 2 - norm(rho) ** 2}
 two_values_of_c = {c: c**2 - (modulus**2 * norm(rho) ** 2 + 2 * alpha * dot(r, rho))}
@@ -801,19 +759,13 @@ d.check(
 # pairs of roots.)
 
 # %%
-theta_printed = d.vector(
-    "theta_printed",
-    r"\vec\theta_{+}",
-    "the paper's solution with the printed signs",
-    "1",
-    value=sp.Matrix([a1 + b1 * theta3_printed, a2 + b2 * theta3_printed, theta3_printed]),
+theta_printed = d.letter(
+    r"theta_printed[3] | \vec\theta_{+} | the paper's solution with the printed signs | 1",
+    sp.Matrix([a1 + b1 * theta3_printed, a2 + b2 * theta3_printed, theta3_printed]),
 )
-theta_right = d.vector(
-    "theta_right",
-    r"\vec\theta_{w}",
-    "the same with the sign of w₃ at the root",
-    "1",
-    value=sp.Matrix([a1 + b1 * theta3_right, a2 + b2 * theta3_right, theta3_right]),
+theta_right = d.letter(
+    r"theta_right[3] | \vec\theta_{w} | the same with the sign of w₃ at the root | 1",
+    sp.Matrix([a1 + b1 * theta3_right, a2 + b2 * theta3_right, theta3_right]),
 )
 d.state(
     "validation",
@@ -878,12 +830,9 @@ solves
 
 # %%
 theta3_other = (-L1 - sp.sign(w3) * sp.sqrt(discriminant)) / (2 * L2)
-theta_other = d.vector(
-    "theta_other",
-    r"\vec\theta_{\mathrm{other}}",
-    "vector of the other root, for the same c",
-    "1",
-    value=sp.Matrix([a1 + b1 * theta3_other, a2 + b2 * theta3_other, theta3_other]),
+theta_other = d.letter(
+    r"theta_other[3] | \vec\theta_{\mathrm{other}} | " r"vector of the other root, for the same c | 1",
+    sp.Matrix([a1 + b1 * theta3_other, a2 + b2 * theta3_other, theta3_other]),
 )
 theta_minus = d.vector("theta_minus", r"\vec\theta(-c)", "second solution, with −c", "1", value=solution(-c))
 d.state(
@@ -934,17 +883,12 @@ d.state(
 # without $\theta_3$.
 
 # %%
-S = d.symbol(
-    "S", "S", "right side of (6) with the other sign, 2α(r, ρ)", "length²", value=2 * alpha * dot(r, rho)
-)
+S = d.letter("S | S | right side of (6) with the other sign, 2α(r, ρ) | length²", 2 * alpha * dot(r, rho))
 plane, triangle = dot(r.components, theta.components), dot(rho.components, theta.components) - c
 resultant = sp.resultant(sp.resultant(squares + S, plane, t1), sp.resultant(triangle, plane, t1), t2)
-elimination = d.symbol(
-    "elimination",
-    r"\operatorname{Res}",
-    "resultant of (6), (7), (3) by θ₁, then by θ₂",
-    "length⁸",
-    value=resultant,
+elimination = d.letter(
+    r"elimination | \operatorname{Res} | " r"resultant of (6), (7), (3) by θ₁, then by θ₂ | length⁸",
+    resultant,
 )
 d.check(
     "quadratic-by-resultants",
@@ -982,23 +926,13 @@ basis = sp.groebner(polynomials, t1, t2, t3, c, order="lex")
 elimination_seconds = time.perf_counter() - start
 ideal = dict(zip((t1, t2, t3, c), basis.exprs, strict=True))
 at_solution = dict(zip(theta, d.value(solution(c), frame), strict=True))
-remaining = d.matrix(
-    "basis_at_solution",
-    r"B(\vec\theta(c))",
-    "elements of the basis at θ(c)",
-    "1",
-    value=sp.Matrix([polynomial.xreplace(at_solution) for polynomial in basis.exprs]),
-    rows=4,
-    columns=1,
+remaining = d.letter(
+    r"basis_at_solution[4,1] | B(\vec\theta(c)) | elements of the basis at θ(c) | 1",
+    sp.Matrix([polynomial.xreplace(at_solution) for polynomial in basis.exprs]),
 )
-degree = d.matrix(
-    "degrees",
-    r"\deg B",
-    "degrees of the basis in θ₁, θ₂, θ₃, c",
-    "1",
-    value=sp.Matrix([polynomial.degree_list() for polynomial in basis.polys]),
-    rows=4,
-    columns=4,
+degree = d.letter(
+    r"degrees[4,4] | \deg B | degrees of the basis in θ₁, θ₂, θ₃, c | 1",
+    sp.Matrix([polynomial.degree_list() for polynomial in basis.polys]),
 )
 d.check(
     "groebner",
@@ -1075,12 +1009,9 @@ inconsistent = sp.groebner(
     [p.subs(modulus_squared, 20) for p in [*components, length]], t1, t2, t3, order="lex"
 )
 open_modulus = sp.groebner([*components, length], t1, t2, t3, modulus_squared, order="lex")
-known, unknown = (
-    d.symbol(name, latex, quantity, "1", value=value)
-    for name, latex, quantity, value in (
-        ("basis_known", "B", "Gröbner basis for |θ|² = 20", inconsistent.exprs[0]),
-        ("basis_unknown", "B_5", "last element of the basis for open |θ|²", open_modulus.exprs[-1]),
-    )
+known = d.letter("basis_known | B | Gröbner basis for |θ|² = 20 | 1", inconsistent.exprs[0])
+unknown = d.letter(
+    "basis_unknown | B_5 | last element of the basis for open |θ|² | 1", open_modulus.exprs[-1]
 )
 d.check(
     "inconsistent",

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # Rotating a vector, and the ways to write a rotation
 #
@@ -76,12 +64,9 @@ by_quaternion = matrix_from_quaternion(w, list(v))
 q = d.matrix("q", "q", "quaternion as a column, w above v", "1", value=sp.Matrix([w, *v]), rows=4, columns=1)
 rho = d.vector("rho", r"\vec\rho", "vector to rotate", "length")
 scale = d.symbol("scale", r"k", "a positive factor", "1", positive=True)
-by_theta = d.matrix(
-    "matrix_of_theta",
-    r"M(\vec\theta)",
-    "matrix of the rotation with a Rodrigues vector",
-    "1",
-    value=matrix_from_rodrigues_vector(sp.Matrix(list(theta))),
+by_theta = d.letter(
+    r"matrix_of_theta[3,3] | M(\vec\theta) | matrix of the rotation with a Rodrigues vector | 1",
+    matrix_from_rodrigues_vector(sp.Matrix(list(theta))),
 )
 M = d.matrix("m", "M", "matrix of the rotation with the quaternion (w, v)", "1", value=by_quaternion)
 d
@@ -110,12 +95,9 @@ d.check(
 # quaternion's length.
 
 # %%
-by_ratio = d.matrix(
-    "matrix_of_ratio",
-    r"M(2\vec v/w)",
-    "matrix of the rotation with the Rodrigues vector 2 v / w",
-    "1",
-    value=matrix_from_rodrigues_vector(2 * sp.Matrix(list(v)) / w),
+by_ratio = d.letter(
+    r"matrix_of_ratio[3,3] | M(2\vec v/w) | " r"matrix of the rotation with the Rodrigues vector 2 v / w | 1",
+    matrix_from_rodrigues_vector(2 * sp.Matrix(list(v)) / w),
 )
 d.check(
     "matrix-from-quaternion",
@@ -132,19 +114,13 @@ d.check(
 # is the textbook's, $\cos\chi\,I+\sin\chi\,[\vec e]_\times+(1-\cos\chi)\,\vec e\,\vec e^{\,T}$.
 
 # %%
-by_halves = d.matrix(
-    "matrix_of_halves",
-    r"M(c,s\,\vec e)",
-    "matrix of the rotation with the quaternion (c, s e)",
-    "1",
-    value=matrix_from_quaternion(cosine, [sine * x for x in axis]),
+by_halves = d.letter(
+    r"matrix_of_halves[3,3] | M(c,s\,\vec e) | " r"matrix of the rotation with the quaternion (c, s e) | 1",
+    matrix_from_quaternion(cosine, [sine * x for x in axis]),
 )
-by_angle = d.matrix(
-    "matrix_of_angle",
-    r"M(\vec e,\chi)",
-    "matrix of the rotation about the axis e by the angle χ",
-    "1",
-    value=matrix_from_axis_angle(sp.Matrix(list(axis)), cosine**2 - sine**2, 2 * sine * cosine),
+by_angle = d.letter(
+    r"matrix_of_angle[3,3] | M(\vec e,\chi) | " r"matrix of the rotation about the axis e by the angle χ | 1",
+    matrix_from_axis_angle(sp.Matrix(list(axis)), cosine**2 - sine**2, 2 * sine * cosine),
 )
 d.check(
     "matrix-from-axis-angle",

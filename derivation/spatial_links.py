@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # Rotations, links, and the hypothetical link that closes a robot into a loop
 #
@@ -407,9 +395,7 @@ d.state(
 ).prove(modulo=UNIT_M)
 
 # %%
-w = d.vector(
-    "w", r"\vec w", "differences of the entries", "1", value=sp.Matrix([r32 - r23, r13 - r31, r21 - r12])
-)
+w = d.letter(r"w[3] | \vec w | differences of the entries | 1", sp.Matrix([r32 - r23, r13 - r31, r21 - r12]))
 d.state(
     "differences",
     equal(r21 - r12, 2 * mz * s),
@@ -553,13 +539,11 @@ d.state(
 
 # %%
 twist_jk = d.symbol("alpha_jk", r"\alpha_{jk}", "twist of the link after joint j", "rad")
-axis_i, axis_j, axis_k = (
-    d.vector(f"S_{name}_axis", rf"\vec S_{name}", f"axis of joint {name}, in system i", "1", value=value)
-    for name, value in (
-        ("i", sp.Matrix([0, 0, 1])),
-        ("j", rot("x", alpha)[:, 2]),
-        ("k", (rot("x", alpha) * rot("z", theta) * rot("x", twist_jk))[:, 2]),
-    )
+axis_i = d.letter(r"S_i_axis[3] | \vec S_i | axis of joint i, in system i | 1", sp.Matrix([0, 0, 1]))
+axis_j = d.letter(r"S_j_axis[3] | \vec S_j | axis of joint j, in system i | 1", rot("x", alpha)[:, 2])
+axis_k = d.letter(
+    r"S_k_axis[3] | \vec S_k | axis of joint k, in system i | 1",
+    (rot("x", alpha) * rot("z", theta) * rot("x", twist_jk))[:, 2],
 )
 d.state(
     "hooke-joint",
@@ -653,12 +637,9 @@ d.check(
 d.check(
     "plane-normal",
     equal(
-        d.vector(
-            "plane_normal",
-            r"R_x(90°)\,R_z(90°)\,R_x(90°)\,\vec e_z",
-            "axis of that revolute joint",
-            "1",
-            value=(rot("x", corner) * rot("z", corner) * rot("x", corner))[:, 2],
+        d.letter(
+            r"plane_normal[3] | R_x(90°)\,R_z(90°)\,R_x(90°)\,\vec e_z | axis of that revolute joint | 1",
+            (rot("x", corner) * rot("z", corner) * rot("x", corner))[:, 2],
         ),
         im([1, 0, 0]),
     ),
@@ -714,9 +695,7 @@ S6, a67_6 = (
     d.vector("S_6", r"\vec S_6", "axis of joint 6", "1", value=z6),
     d.vector("a_6", r"\vec a_{67}", "direction of the link 67", "1", value=x6),
 )
-tool_F = d.vector(
-    "P_tool", r"\vec P_t", "tool point in F", "length", value=(T * sp.Matrix([*tool, 1]))[:3, 0]
-)
+tool_F = d.letter(r"P_tool[3] | \vec P_t | tool point in F | length", (T * sp.Matrix([*tool, 1]))[:3, 0])
 t1, t2, t3 = tool
 d.check(
     "origin-from-tool",
@@ -974,13 +953,8 @@ across_1 = end_parallel + S1_1 * S_1
 a71_1 = sp.sqrt(across_1.dot(across_1))
 a71v_1 = -across_1 / r71
 special = "Special Case 1"
-S_1_special, a_71_special = (
-    d.symbol(name, latex, f"{quantity} in special case 1", "length", value=value)
-    for name, latex, quantity, value in (
-        ("S_1_special", "S_1'", "offset of joint 1", S1_1),
-        ("a_71_special", "a_{71}'", "length of the link 71", a71_1),
-    )
-)
+S_1_special = d.letter("S_1_special | S_1' | offset of joint 1 in special case 1 | length", S1_1)
+a_71_special = d.letter("a_71_special | a_{71}' | length of the link 71 in special case 1 | length", a71_1)
 along_special = d.vector(
     "a_71_direction", r"\vec a_{71}'", "direction of the link 71 in special case 1", "1", value=a71v_1
 )
@@ -1164,12 +1138,8 @@ half, three = sp.pi / 4, 3 * sp.pi / 4
 S7_at = {angle: S6v * cos(angle) + level_z * sin(angle) for angle in (half, three)}
 by_R = {x: x6, z: z6}
 S7_half, S7_three = (
-    d.vector(
-        f"S_7_{name}",
-        rf"\vec S_{{7,{name}}}",
-        f"axis of joint 7 for a twist of {name}°",
-        "1",
-        value=S7_at[angle],
+    d.letter(
+        rf"S_7_{name}[3] | \vec S_{{7,{name}}} | axis of joint 7 for a twist of {name}° | 1", S7_at[angle]
     )
     for name, angle in (("45", half), ("135", three))
 )

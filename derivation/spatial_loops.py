@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # Closed spatial loops of groups 1 and 2: RCCC and RRRCC
 #
@@ -118,12 +106,7 @@ def secondary(expr):
 
 def letter(name, latex, quantity, value, unit="1"):
     """Name a number, a vector or a matrix by what it is; proofs put the expression in its place."""
-    if not isinstance(value, sp.MatrixBase):
-        return d.symbol(name, latex, quantity, unit, value=value)
-    if value.shape == (3, 1):
-        return d.vector(name, latex, quantity, unit, value=value)
-    rows, columns = value.shape
-    return d.matrix(name, latex, quantity, unit, value=value, rows=rows, columns=columns)
+    return d.letter(f"{name} | {latex} | {quantity} | {unit}", value)
 
 
 class Notation:
@@ -152,11 +135,11 @@ difference = {
     for i, j in ((2, 2), (2, 0), (2, 1), (0, 2), (1, 2))
 }
 X41, Y41, Z41_ = (
-    letter(f"{name}_41", f"{name}_{{41}}", f"{name} of the joints 4 and 1", value)
+    d.letter(f"{name}_41 | {name}_{{41}} | {name} of the joints 4 and 1 | 1", value)
     for name, value in (("X", Z41.X), ("Y", Z41.Y), ("Z", Z41.Z))
 )
 X4, Y4, Z4 = (
-    letter(f"{name}_4", f"{name}_4", f"{name} of joint 4", value)
+    d.letter(f"{name}_4 | {name}_4 | {name} of joint 4 | 1", value)
     for name, value in (("X", Four.X), ("Y", Four.Y), ("Z", Four.Z))
 )
 d.check(
@@ -173,7 +156,7 @@ d.check(
 # %%
 Z14 = Notation("12", 1, "41", 4, "34")
 X14, Y14 = (
-    letter(f"{name}_14", f"{name}_{{14}}", f"{name} of the joints 1 and 4", value)
+    d.letter(f"{name}_14 | {name}_{{14}} | {name} of the joints 1 and 4 | 1", value)
     for name, value in (("X", Z14.X), ("Y", Z14.Y))
 )
 d.check(
@@ -208,16 +191,14 @@ any_rotation = rot("z", theta[1]) * tilt * rot("z", theta[2])
 d.check(
     "rotation-from-row-and-column",
     equal(
-        letter(
-            "block_times",
-            r"(1-\mu^2)\,M_{1\ldots2,\,1\ldots2}",
-            "upper left block of a rotation, times 1 − μ²",
+        d.letter(
+            r"block_times | (1-\mu^2)\,M_{1\ldots2,\,1\ldots2} | "
+            r"upper left block of a rotation, times 1 − μ² | 1",
             any_rotation[:2, :2] * sp.sin(beta) ** 2,
         ),
-        letter(
-            "block_from",
-            r"-\mu\,\vec m\,\vec n^T-\vec m^\perp\,(\vec n^\perp)^T",
-            "block from last row and column",
+        d.letter(
+            r"block_from | -\mu\,\vec m\,\vec n^T-\vec m^\perp\,(\vec n^\perp)^T | "
+            r"block from last row and column | 1",
             block_of(any_rotation),
         ),
     ),
@@ -244,8 +225,8 @@ in_frame = sp.Matrix(
         w[2] - S[1] * c("12") - S[2] - S[3] * c("23"),
     ]
 )
-difference_vector = letter(
-    "shares", r"(A^{-1}-B^{-1})_{1\ldots3,\,4}", "vector of the closure", shares, "length"
+difference_vector = d.letter(
+    r"shares | (A^{-1}-B^{-1})_{1\ldots3,\,4} | vector of the closure | length", shares
 )
 w1, w2, w3 = w
 d.check(
@@ -318,12 +299,12 @@ def moment(T):
 d.check(
     "rccc-secondary-cosine-law",
     equal(
-        letter("D_Z_41", r"D[Z_{41}]", "dual part of Z₄₁", secondary(Z41.Z), "length"),
-        letter("moment_A", r"\mathcal M(A)", "moment by the chain A", moment(A), "length"),
+        d.letter("D_Z_41 | D[Z_{41}] | dual part of Z₄₁ | length", secondary(Z41.Z)),
+        d.letter(r"moment_A | \mathcal M(A) | moment by the chain A | length", moment(A)),
     ),
     equal(
-        letter("D_c_23", r"D[\cos\alpha_{23}]", "dual part of cos α₂₃", secondary(c("23")), "length"),
-        letter("moment_B", r"\mathcal M(B)", "moment by the chain B", moment(B), "length"),
+        d.letter(r"D_c_23 | D[\cos\alpha_{23}] | dual part of cos α₂₃ | length", secondary(c("23"))),
+        d.letter(r"moment_B | \mathcal M(B) | moment by the chain B | length", moment(B)),
     ),
     text="The dual parts of both sides of the cosine law $Z_{41}=\\cos\\alpha_{23}$ are the moment of the axes "
     "2 and 3 about "
@@ -344,35 +325,30 @@ closure = A - B
 Five = Notation("45", 5, "51")
 Z51 = Notation("45", 5, "51", 1, "12")
 Z512 = Notation("45", 5, "51", 1, "12", 2, "23")
-Z512_, Z51_, X51_, Y51_, star51 = (
-    letter(name, latex, quantity, value)
-    for name, latex, quantity, value in (
-        ("Z_512", "Z_{512}", "Z of the joints 5, 1 and 2", Z512.Z),
-        ("Z_51", "Z_{51}", "Z of the joints 5 and 1", Z51.Z),
-        ("X_51", "X_{51}", "X of the joints 5 and 1", Z51.X),
-        ("Y_51", "Y_{51}", "Y of the joints 5 and 1", Z51.Y),
-        ("Xstar_51", "X^*_{51}", "X* of the joints 5 and 1", Z51.star),
-    )
-)
+Z512_ = d.letter("Z_512 | Z_{512} | Z of the joints 5, 1 and 2 | 1", Z512.Z)
+Z51_ = d.letter("Z_51 | Z_{51} | Z of the joints 5 and 1 | 1", Z51.Z)
+X51_ = d.letter("X_51 | X_{51} | X of the joints 5 and 1 | 1", Z51.X)
+Y51_ = d.letter("Y_51 | Y_{51} | Y of the joints 5 and 1 | 1", Z51.Y)
+star51 = d.letter("Xstar_51 | X^*_{51} | X* of the joints 5 and 1 | 1", Z51.star)
 X5, Y5, Z5 = (
-    letter(f"{name}_5", f"{name}_5", f"{name} of joint 5", value)
+    d.letter(f"{name}_5 | {name}_5 | {name} of joint 5 | 1", value)
     for name, value in (("X", Five.X), ("Y", Five.Y), ("Z", Five.Z))
 )
 d.check(
     "rrrcc-cosine-law",
-    equal(letter("rrrcc_33", "(A-B)_{33}", "last entry of the closure", closure[2, 2]), Z512_ - c("34")),
+    equal(d.letter("rrrcc_33 | (A-B)_{33} | last entry of the closure | 1", closure[2, 2]), Z512_ - c("34")),
     text="The cosine law of the pentagon, $Z_{512}=\\cos\\alpha_{34}$: one equation in $\\theta_1$ and "
     "$\\theta_2$ (the notes' "
     "group two solution process).",
 ).prove()
 
 # %%
-D_Z512 = letter("D_Z_512", r"D[Z_{512}]", "dual part of Z₅₁₂", secondary(Z512.Z), "length")
-D_c34 = letter("D_c_34", r"D[\cos\alpha_{34}]", "dual part of cos α₃₄", secondary(c("34")), "length")
+D_Z512 = d.letter("D_Z_512 | D[Z_{512}] | dual part of Z₅₁₂ | length", secondary(Z512.Z))
+D_c34 = d.letter(r"D_c_34 | D[\cos\alpha_{34}] | dual part of cos α₃₄ | length", secondary(c("34")))
 d.check(
     "rrrcc-secondary-cosine-law",
-    equal(D_Z512, letter("moment_A_2", r"\mathcal M(A)", "moment by the chain A", moment(A), "length")),
-    equal(D_c34, letter("moment_B_2", r"\mathcal M(B)", "moment by the chain B", moment(B), "length")),
+    equal(D_Z512, d.letter(r"moment_A_2 | \mathcal M(A) | moment by the chain A | length", moment(A))),
+    equal(D_c34, d.letter(r"moment_B_2 | \mathcal M(B) | moment by the chain B | length", moment(B))),
     equal(D_c34, -a["34"] * s("34")),
     text="The second equation is its dual part, $D[Z_{512}]=-a_{34}\\sin\\alpha_{34}$. As a projection it is "
     "the vector loop "
@@ -400,8 +376,8 @@ DX5, DY5, DZ5, DX51, DY51, DZ51 = (
         ("X_51", "X_{51}", Z51.X), ("Y_51", "Y_{51}", Z51.Y), ("Z_51", "Z_{51}", Z51.Z),
     )
 )  # fmt: skip
-star_of_D = letter("D_Xstar_51", r"D[X^*_{51}]", "dual part of X*51", star0, "length")
-bar_Y5 = letter("Ybar_5", r"\bar Y_5", "Y of joint 5 with its twists exchanged", Y_bar)
+star_of_D = d.letter("D_Xstar_51 | D[X^*_{51}] | dual part of X*51 | length", star0)
+bar_Y5 = d.letter(r"Ybar_5 | \bar Y_5 | Y of joint 5 with its twists exchanged | 1", Y_bar)
 d.check(
     "secondary-single",
     equal(DX5, a["45"] * c("45") * s(5) + S[5] * s("45") * c(5)),
@@ -468,23 +444,18 @@ d.check(
     "rrrcc-bilinear",
     equal(
         Z512_,
-        letter(
-            "uM0v",
-            r"\vec u^TM_0\,\vec v",
-            "value of the table of Z₅₁₂",
+        d.letter(
+            r"uM0v | \vec u^TM_0\,\vec v | value of the table of Z₅₁₂ | 1",
             bilinear(cosine_table(*five, *trig), 1, 2),
         ),
     ),
     equal(
         D_Z512,
-        letter(
-            "uM1v",
-            r"\vec u^TM_1\,\vec v",
-            "value of the table of its dual part",
+        d.letter(
+            r"uM1v | \vec u^TM_1\,\vec v | value of the table of its dual part | length",
             bilinear(
                 secondary_table(*five, X0[5], Y0[5], Z0[5], trig, (a["12"], a["23"]), (S[1], S[2])), 1, 2
             ),
-            "length",
         ),
     ),
     text="Both equations are bilinear. With the tangents of the half angles they are a pair of biquadratics, "
@@ -517,16 +488,16 @@ closed = {
 d.check(
     "rrrcc-other-angles",
     equal(
-        letter("B_row", r"B_{3,\,1\ldots3}", "last row of B's rotation", sp.Matrix(B[2, :3])), closed["row"]
+        d.letter(r"B_row | B_{3,\,1\ldots3} | last row of B's rotation | 1", sp.Matrix(B[2, :3])),
+        closed["row"],
     ),
-    equal(letter("B_column", r"B_{1\ldots3,\,3}", "its last column", sp.Matrix(B[:3, 2])), closed["column"]),
     equal(
-        letter(
-            "B_vector",
-            r"(B^{-1})_{1\ldots3,\,4}",
-            "vector of B, seen from joint 3",
+        d.letter(r"B_column | B_{1\ldots3,\,3} | its last column | 1", sp.Matrix(B[:3, 2])), closed["column"]
+    ),
+    equal(
+        d.letter(
+            r"B_vector | (B^{-1})_{1\ldots3,\,4} | vector of B, seen from joint 3 | length",
             sp.Matrix(inverse_transform(B)[:3, 3]),
-            "length",
         ),
         closed["vector"],
     ),
@@ -576,10 +547,8 @@ d.check(
 # are taken by matrices, with any rotation of link 23, and the projection is compared with the table.
 
 # %%
-turn_before, turn_after = (
-    d.symbol(f"phi_{n}", rf"\phi_{n}", f"angle about z, {place} the twist of link 23", "rad")
-    for n, place in ((1, "before"), (2, "after"))
-)
+turn_before = d.letter(r"phi_1 | \phi_1 | angle about z, before the twist of link 23 | rad")
+turn_after = d.letter(r"phi_2 | \phi_2 | angle about z, after the twist of link 23 | rad")
 
 
 def from_first(t):
@@ -680,35 +649,29 @@ loop = sum(
     (see[link] * v for link, v in zip(see, V, strict=True)), gamma * (see["34"] * s4).cross(see["12"] * s1)
 )
 tables = projections(p, q, V, s1, s4, cosine41, gamma, middle)
-law = letter(
-    "s4_s1", r"\vec s_4\cdot\vec s_1", "cosine between axes 4 and 1", (see["12"] * s1).dot(see["34"] * s4)
+law = d.letter(
+    r"s4_s1 | \vec s_4\cdot\vec s_1 | cosine between axes 4 and 1 | 1", (see["12"] * s1).dot(see["34"] * s4)
 )
 d.check(
     "any-two-slides",
     *(
         equal(
-            letter(
-                f"loop_{name}",
-                rf"(\vec p_{{{name[:2]}}}\times\vec q_{{{name[3:]}}})\cdot\vec r",
-                f"projection of the loop, slides in links {name[:2]} and {name[3:]}",
+            d.letter(
+                rf"loop_{name} | (\vec p_{{{name[:2]}}}\times\vec q_{{{name[3:]}}})\cdot\vec r | "
+                rf"projection of the loop, slides in links {name[:2]} and {name[3:]} | length",
                 (see[name[:2]] * p).cross(see[name[3:]] * q).dot(loop),
-                "length",
             ),
-            letter(
-                f"table_{name}",
-                rf"\vec u^TM_{{{name[:2]},{name[3:]}}}\vec v",
-                "value of its table",
+            d.letter(
+                rf"table_{name} | \vec u^TM_{{{name[:2]},{name[3:]}}}\vec v | value of its table | length",
                 bilinear(table, 2, 3),
-                "length",
             )
             + (
                 0
                 if name[:2] == name[3:]
                 else gamma
-                * letter(
-                    f"p_q_{name}",
-                    rf"(\vec p_{{{name[:2]}}}\cdot\vec q_{{{name[3:]}}})",
-                    "scalar product of the slides",
+                * d.letter(
+                    rf"p_q_{name} | (\vec p_{{{name[:2]}}}\cdot\vec q_{{{name[3:]}}}) | "
+                    rf"scalar product of the slides | 1",
                     (see[name[:2]] * p).dot(see[name[3:]] * q),
                 )
                 * (law - cosine41)
@@ -766,10 +729,8 @@ d.check(
     "first-of-any-two-slides",
     equal(
         law,
-        letter(
-            "table_first",
-            r"\vec u^TM_s\,\vec v",
-            "value of its table",
+        d.letter(
+            r"table_first | \vec u^TM_s\,\vec v | value of its table | 1",
             bilinear(from_first(s1).T * from_third(s4, middle), 2, 3),
         ),
     ),
@@ -794,10 +755,10 @@ products = (
     + S[5] * a["12"] * s(1) * s("51")
     + a["51"] * a["12"] * c(1)
 )
-part_vector = letter(
-    "r_5", r"\vec r_5", "the part a₄₅, S₅, a₅₁, S₁, a₁₂ of the loop", sp.Matrix(part), "length"
+part_vector = d.letter(
+    r"r_5 | \vec r_5 | the part a₄₅, S₅, a₅₁, S₁, a₁₂ of the loop | length", sp.Matrix(part)
 )
-letter_W15 = letter("W_15", "W_{15}", "cosine between a₄₅ and a₁₂", W15)
+letter_W15 = d.letter("W_15 | W_{15} | cosine between a₄₅ and a₁₂ | 1", W15)
 d.check(
     "self-scalar-product",
     equal(
@@ -859,12 +820,10 @@ d.state(
 total = d.symbol("F", "F", "freedoms of all joints of a loop", "1")
 turning = d.symbol("N", "N", "joints of its equivalent spherical mechanism", "1")
 M_spatial = d.symbol("M_spatial", r"M_\mathrm{spatial}", "mobility of the loop", "1", value=total - 6)
-M_spherical = d.symbol(
-    "M_spherical",
-    r"M_\mathrm{spherical}",
-    "mobility of the spherical mechanism, whose motions have order 3",
-    "1",
-    value=3 * (turning - 1) - turning * (3 - 1),
+M_spherical = d.letter(
+    r"M_spherical | M_\mathrm{spherical} | "
+    r"mobility of the spherical mechanism, whose motions have order 3 | 1",
+    3 * (turning - 1) - turning * (3 - 1),
 )
 d.state(
     "group-of-a-mechanism",

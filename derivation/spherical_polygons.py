@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # Spherical polygons: direction cosines, X-Y-Z notation, and the laws of triangle to heptagon
 #
@@ -117,33 +105,26 @@ c2, s2 = sp.cos(theta[2]), sp.sin(theta[2])
 
 def letter(name, latex, quantity, value, unit="1"):
     """Name a number, a vector or a matrix by what it is; proofs put the expression in its place."""
-    if not isinstance(value, sp.MatrixBase):
-        return d.symbol(name, latex, quantity, unit, value=value)
-    if value.shape == (3, 1):
-        return d.vector(name, latex, quantity, unit, value=value)
-    rows, columns = value.shape
-    return d.matrix(name, latex, quantity, unit, value=value, rows=rows, columns=columns)
+    return d.letter(f"{name} | {latex} | {quantity} | {unit}", value)
 
 
 e_x, e_y, e_z = (
-    letter(f"e_{n}", rf"\vec e_{n}", f"unit vector along {n}", axis)
+    d.letter(rf"e_{n} | \vec e_{n} | unit vector along {n} | 1", axis)
     for n, axis in zip("xyz", (x_axis, y_axis, z_axis), strict=True)
 )
 RX = {
-    i: letter(
-        f"R_x_{i}",
-        rf"R_x(\alpha_{{{i}{i % 7 + 1}}})",
-        f"rotation about x by the twist {i}{i % 7 + 1}",
+    i: d.letter(
+        rf"R_x_{i} | R_x(\alpha_{{{i}{i % 7 + 1}}}) | rotation about x by the twist {i}{i % 7 + 1} | 1",
         Rx(alpha[i]),
     )
     for i in (1, 2, 3, 7)
 }
 RZ = {
-    j: letter(f"R_z_{j}", rf"R_z(\theta_{j})", f"rotation about z by θ{j}", Rz(theta[j]))
+    j: d.letter(rf"R_z_{j} | R_z(\theta_{j}) | rotation about z by θ{j} | 1", Rz(theta[j]))
     for j in (1, 2, 3, 7)
 }
-RXe = letter("R_x_e", r"R_x(\alpha_{b,b\to1})", "rotation about x by the twist of a step", Rx(alpha_e))
-RZb = letter("R_z_b", r"R_z(\theta_b)", "rotation about z by the angle of a step", Rz(theta_b))
+RXe = d.letter(r"R_x_e | R_x(\alpha_{b,b\to1}) | rotation about x by the twist of a step | 1", Rx(alpha_e))
+RZb = d.letter(r"R_z_b | R_z(\theta_b) | rotation about z by the angle of a step | 1", Rz(theta_b))
 d
 
 # %% [markdown]
@@ -171,10 +152,10 @@ d.state(
 
 # %%
 bar_names = [
-    letter(f"{n}bar_2_value", rf"\bar{{{n}}}_2", f"{n} of joint 2 with a bar", term(n, "2", bar=True))
+    d.letter(rf"{n}bar_2_value | \bar{{{n}}}_2 | {n} of joint 2 with a bar | 1", term(n, "2", bar=True))
     for n in "XYZ"
 ]
-bare_names = [letter(f"{n}_2_value", f"{n}_2", f"{n} of joint 2", term(n, "2")) for n in "XYZ"]
+bare_names = [d.letter(f"{n}_2_value | {n}_2 | {n} of joint 2 | 1", term(n, "2")) for n in "XYZ"]
 d.state(
     "single-bar",
     equal(RX[1] * RZ[2] * RX[2] * e_z, im(bar_names)),
@@ -197,7 +178,7 @@ d.state(
 
 # %%
 mirror = sp.diag(1, -1, 1)
-mirror_letter = letter("D", "D", "mirror in y, diag(1, −1, 1)", im(mirror))
+mirror_letter = d.letter("D | D | mirror in y, diag(1, −1, 1) | 1", im(mirror))
 d.check(
     "mirror",
     equal(mirror_letter * RXe * mirror_letter, RXe.T),
@@ -225,7 +206,7 @@ step = im(
         sp.sin(alpha_e) * star + sp.cos(alpha_e) * Za,
     ]
 )
-star_b = letter("X_star_ab", r"X^*_{ab}", "X* with one more joint", star)
+star_b = d.letter("X_star_ab | X^*_{ab} | X* with one more joint | 1", star)
 d.state(
     "step",
     equal(
@@ -284,12 +265,9 @@ d.check(
 # 7 to 1. The example is the component of the second axis along link 67.
 
 # %%
-along = d.symbol(
-    "along_67",
-    r"\vec a_{67}\cdot\vec S_2",
-    "component of the second axis along link 67",
-    "1",
-    value=x_axis.dot(Rz(theta[7]) * Rx(alpha[7]) * Rz(theta[1]) * Rx(alpha[1]) * z_axis),
+along = d.letter(
+    r"along_67 | \vec a_{67}\cdot\vec S_2 | component of the second axis along link 67 | 1",
+    x_axis.dot(Rz(theta[7]) * Rx(alpha[7]) * Rz(theta[1]) * Rx(alpha[1]) * z_axis),
 )
 X_1, Y_1, X_7, Y_7 = (named(letter, row) for row in "17" for letter in "XY")
 Xb_1, Yb_1 = (named(letter, "1", bar=True) for letter in "XY")
@@ -329,7 +307,7 @@ d.check(
 
 # %%
 polar_names = [
-    letter(f"{n}_12_value", f"{n}_{{12}}", f"{n} of the joints 1 and 2", term(n, "12")) for n in "UVW"
+    d.letter(f"{n}_12_value | {n}_{{12}} | {n} of the joints 1 and 2 | 1", term(n, "12")) for n in "UVW"
 ]
 exchanged = {alpha[7]: theta[1], theta[1]: alpha[1], alpha[1]: theta[2]}
 d.check(
@@ -348,10 +326,9 @@ d.check(
         im(polar_names),
         im(
             [
-                letter(
-                    f"{n}_1_exchanged",
-                    rf"{n}_1|_{{\alpha\leftrightarrow\theta}}",
-                    f"{n} of joint 1, angles exchanged",
+                d.letter(
+                    rf"{n}_1_exchanged | {n}_1|_{{\alpha\leftrightarrow\theta}} | "
+                    rf"{n} of joint 1, angles exchanged | 1",
                     term(n, "1").subs(exchanged, simultaneous=True),
                 )
                 for n in "XYZ"
@@ -387,12 +364,9 @@ d.check(
 
 # %%
 links = {
-    j: d.vector(
-        f"link_{j}{j + 1}",
-        rf"\vec a_{{{j}{j + 1}}}",
-        f"direction of link {j}{j + 1}",
-        "1",
-        value=(columns[j] if j > 2 else Rx(alpha[1])) * Rz(theta[j]) * x_axis,
+    j: d.letter(
+        rf"link_{j}{j + 1}[3] | \vec a_{{{j}{j + 1}}} | direction of link {j}{j + 1} | 1",
+        (columns[j] if j > 2 else Rx(alpha[1])) * Rz(theta[j]) * x_axis,
     )
     for j in range(2, 7)
 }
@@ -630,8 +604,8 @@ s_near = d.symbol("s_n", "s", "sine of a twist", "1")
 half_given = {sb: 2 * x_j / (1 + x_j**2), cb: (1 - x_j**2) / (1 + x_j**2)}
 half_x, half_y = (s_near * half_given[f] for f in (sb, cb))
 X_law, Y_law = (
-    letter("X_law", "X", "s sin θ by the half tangent", half_x),
-    letter("Y_law", "Y", "s cos θ by the half tangent", half_y),
+    d.letter("X_law | X | s sin θ by the half tangent | 1", half_x),
+    d.letter("Y_law | Y | s cos θ by the half tangent | 1", half_y),
 )
 d.check(
     "half-tangent",
@@ -651,12 +625,10 @@ d.check(
 # %%
 triangle = {alpha[1]: sp.pi / 2, alpha[2]: sp.pi / 3, theta[2]: sp.pi / 2}
 triangle |= {alpha_31: sp.pi / 2, theta[1]: 2 * sp.pi / 3, theta[3]: sp.pi / 2}
-loop = d.matrix(
-    "loop",
-    r"R_z(\theta_1) R_x(\alpha_{12}) R_z(\theta_2) R_x(\alpha_{23}) R_z(\theta_3) R_x(\alpha_{31})",
-    "product of all rotations of a triangle",
-    "1",
-    value=Rz(theta[1]) * Rx(alpha[1]) * Rz(theta[2]) * Rx(alpha[2]) * Rz(theta[3]) * Rx(alpha_31),
+loop = d.letter(
+    r"loop[3,3] | R_z(\theta_1) R_x(\alpha_{12}) R_z(\theta_2) R_x(\alpha_{23}) R_z(\theta_3) R_x(\alpha_{31}) | "
+    r"product of all rotations of a triangle | 1",
+    Rz(theta[1]) * Rx(alpha[1]) * Rz(theta[2]) * Rx(alpha[2]) * Rz(theta[3]) * Rx(alpha_31),
 )
 closed = equal(loop, im(sp.eye(3)))
 c31, s31, c1, s1 = sp.cos(alpha_31), sp.sin(alpha_31), sp.cos(theta[1]), sp.sin(theta[1])
@@ -712,12 +684,10 @@ def both_parts(left, right):
 
 
 parts_of = {
-    name: letter(
-        f"{code}_{kind}",
-        rf"\operatorname{{{tex}}}\bigl[{latex}\bigr]",
-        f"{kind} part of {quantity}",
+    name: d.letter(
+        rf"{code}_{kind} | \operatorname{{{tex}}}\bigl[{latex}\bigr] | "
+        rf"{kind} part of {quantity} | 1, length",
         value,
-        "1, length",
     )
     for code, quantity, latex, dual in (
         ("dual_x", "the rotation by a dual twist", r"R_x(\hat\alpha)", dual_rotation_x(Dual(alpha_e, a_e))),
@@ -764,12 +734,10 @@ d.check(
 
 # %%
 squares_of = {
-    key: letter(
-        f"{code}_square_{kind}",
-        rf"\operatorname{{{tex}}}\bigl[{latex}^T{latex}\bigr]",
-        f"{kind} part of the square",
+    key: d.letter(
+        rf"{code}_square_{kind} | \operatorname{{{tex}}}\bigl[{latex}^T{latex}\bigr] | "
+        rf"{kind} part of the square | 1, length",
         im(value),
-        "1, length",
     )
     for code, latex, dual in (
         ("dual_x", r"R_x(\hat\alpha)", dual_rotation_x(Dual(alpha_e, a_e))),
@@ -801,7 +769,7 @@ first = [Dual(alpha[1], a_12), Dual(theta[2], S_2), Dual(alpha[2], a_23)]
 dual_names = chain_value([(angle.cos(), angle.sin()) for angle in first])
 X2, Y2, Z2 = names("XYZ", "2")
 X02, Y02, Z02 = (
-    letter(f"{n}0_2", f"{n}_{{02}}", f"dual part of {n} of joint 2", value.secondary, "length")
+    d.letter(f"{n}0_2 | {n}_{{02}} | dual part of {n} of joint 2 | length", value.secondary)
     for n, value in zip("XYZ", (dual_names[0], dual_names[2], dual_names[3]), strict=True)
 )
 X2, Y2, Z2 = bare_names
@@ -824,7 +792,7 @@ dual_X, dual_Y, dual_Z = Dual(Xa, X0a), Dual(Ya, Y0a), Dual(Za, Z0a)
 dual_star = dual_X * sine_b + dual_Y * cosine_b
 star_0 = X0a * sp.sin(theta_b) + Y0a * sp.cos(theta_b) + S_b * step[0]
 step_names = [
-    letter(f"{n}_ab", f"{n}_{{ab}}", f"{n} with one more joint", value)
+    d.letter(f"{n}_ab | {n}_{{ab}} | {n} with one more joint | 1", value)
     for n, value in zip("XYZ", step, strict=True)
 ]
 stepped = [
@@ -957,10 +925,8 @@ def quad_term(name, subscripts, **marks):
 
 
 Z41_law, X4_law, Y4_law, Z4_law = (
-    letter(
-        f"{name}_{row}_of_4",
-        f"{name}_{{{row}}}",
-        f"{name} of the joints {row} of a quadrilateral",
+    d.letter(
+        f"{name}_{row}_of_4 | {name}_{{{row}}} | {name} of the joints {row} of a quadrilateral | 1",
         quad_term(name, row),
     )
     for name, row in (("Z", "41"), ("X", "4"), ("Y", "4"), ("Z", "4"))
@@ -996,10 +962,8 @@ X45, Y45 = (d.symbol(f"{n}_45", f"{n}_{{45}}", f"{n} of the joints 4 and 5", "1"
 bar_x, bar_y = sp.symbols("Xb_2 Yb_2", real=True)
 square = bar_x**2 + bar_y**2
 linear = {c1: (bar_x * X45 - bar_y * Y45) / square, s1: -(bar_y * X45 + bar_x * Y45) / square}
-cos_1, sin_1 = (
-    letter(f"{name}_theta_1", latex, f"{name} of θ₁ by the two equations", value)
-    for name, latex, value in (("cosine", r"\cos\theta_1", linear[c1]), ("sine", r"\sin\theta_1", linear[s1]))
-)
+cos_1 = d.letter(r"cosine_theta_1 | \cos\theta_1 | cosine of θ₁ by the two equations | 1", linear[c1])
+sin_1 = d.letter(r"sine_theta_1 | \sin\theta_1 | sine of θ₁ by the two equations | 1", linear[s1])
 d.check(
     "pentagon-theta-1",
     equal(bar_x * cos_1 - bar_y * sin_1, X45),
@@ -1025,10 +989,9 @@ d.check(
 # $P=\cos(u-v)-\cos w$, $Q=\cos w-\cos(u+v)$.
 
 # %%
-u, v, w = (
-    d.symbol(name, name, f"{words} a spherical triangle", "rad")
-    for name, words in (("u", "side of"), ("v", "side of"), ("w", "side opposite to the angle sought in"))
-)
+u = d.letter("u | u | side of a spherical triangle | rad")
+v = d.letter("v | v | side of a spherical triangle | rad")
+w = d.letter("w | w | side opposite to the angle sought in a spherical triangle | rad")
 P, Q = d.symbol("P", "P", "cos(u - v) - cos w", "1"), d.symbol("Q", "Q", "cos w - cos(u + v)", "1")
 root = d.symbol("root", r"\sqrt{PQ}", "root of P Q", "1")
 differences = {P: sp.cos(u - v) - sp.cos(w), Q: sp.cos(w) - sp.cos(u + v)}
@@ -1375,8 +1338,8 @@ def claimed(kernel, *rows):
     short = kernel.name.removeprefix("polygon_")
     for name, latex, quantity, found, wanted in rows:
         yield equal(
-            letter(
-                f"{name}_{short}_fn", rf"{{{latex}}}^\mathrm{{fn}}", f"{quantity}, by {kernel.name}", found
+            d.letter(
+                rf"{name}_{short}_fn | {{{latex}}}^\mathrm{{fn}} | {quantity}, by {kernel.name} | 1", found
             ),
             letter(f"{name}_{short}", latex, quantity, wanted),
         )

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # A platform that turns about a point, on three legs
 #
@@ -75,19 +63,14 @@ A = [
     for n, u in enumerate(DIRECTIONS, 1)
 ]
 b = [
-    d.vector(
-        f"b_{n}", rf"\vec b_{n}", f"joint of leg {n} on the platform, in its axes", "length", value=r * u
-    )
+    d.letter(rf"b_{n}[3] | \vec b_{n} | joint of leg {n} on the platform, in its axes | length", r * u)
     for n, u in enumerate(DIRECTIONS, 1)
 ]
 pivot = sp.Matrix([0, 0, h])
 B = [
-    d.vector(
-        f"B_{n}",
-        rf"\vec B_{n}",
-        f"joint of leg {n} on the platform, in machine axes",
-        "length",
-        value=sp.Matrix(rotation.components) * (r * u) + pivot,
+    d.letter(
+        rf"B_{n}[3] | \vec B_{n} | joint of leg {n} on the platform, in machine axes | length",
+        sp.Matrix(rotation.components) * (r * u) + pivot,
     )
     for n, u in enumerate(DIRECTIONS, 1)
 ]
@@ -161,13 +144,9 @@ d.check(
 # length of a leg at the start, where the platform is not turned.
 
 # %%
-home_square = d.symbol(
-    "home_square", "L_0^2", "square of a leg at the start", "length²", value=(R - r) ** 2 + h**2
-)
+home_square = d.letter("home_square | L_0^2 | square of a leg at the start | length²", (R - r) ** 2 + h**2)
 L2_now = d.symbol("leg_2", "L_2", "leg 2, by (23)", "length", value=sp.sqrt(S2))
-change_2 = d.symbol(
-    "change_2", r"\Delta L_2", "change of leg 2", "length", value=sp.sqrt(S2) - sp.sqrt(home_square)
-)
+change_2 = d.letter(r"change_2 | \Delta L_2 | change of leg 2 | length", sp.sqrt(S2) - sp.sqrt(home_square))
 d.state(
     "23-changes",
     equal(change_2, L2_now),
@@ -222,18 +201,17 @@ Z_parts = parts(Z_of_q)
 
 def letter(name, latex, quantity, value, unit="1"):
     """Name a number or a vector by what it is; proofs put the expression in its place."""
-    make = d.vector if isinstance(value, sp.MatrixBase) else d.symbol
-    return make(name, latex, quantity, unit, value=value)
+    return d.letter(f"{name} | {latex} | {quantity} | {unit}", value)
 
 
 v2_re, v2_im = (
-    letter(f"v2_{name}", rf"\{latex}(v^2)", f"{what} part of v²", value)
+    d.letter(rf"v2_{name} | \{latex}(v^2) | {what} part of v² | 1", value)
     for name, latex, what, value in zip(
         ("re", "im"), ("Re", "Im"), ("real", "imaginary"), parts(v**2), strict=True
     )
 )
 Zq_re, Zq_im = (
-    letter(f"Zq_{name}", rf"\{latex}(4hv\bar w+2Rw^2)", f"{what} part of Z by v and w", value, "length")
+    d.letter(rf"Zq_{name} | \{latex}(4hv\bar w+2Rw^2) | {what} part of Z by v and w | length", value)
     for name, latex, what, value in zip(
         ("re", "im"), ("Re", "Im"), ("real", "imaginary"), Z_parts, strict=True
     )
@@ -276,16 +254,12 @@ def other(formula):
 
 
 r11_p, r33_p = (
-    letter(f"r{n}{n}_p", f"r_{{{n}{n}}}(p)", "that entry for the other quaternion", other(value))
+    d.letter(f"r{n}{n}_p | r_{{{n}{n}}}(p) | that entry for the other quaternion | 1", other(value))
     for n, value in ((1, r11), (3, r33))
 )
 squares_p = [
-    letter(
-        f"square_{n}_p",
-        f"L_{n}^2(p)",
-        f"square of leg {n} for the other quaternion",
-        other(square),
-        "length²",
+    d.letter(
+        f"square_{n}_p | L_{n}^2(p) | square of leg {n} for the other quaternion | length²", other(square)
     )
     for n, square in zip((1, 2, 3), length_squared, strict=True)
 ]
@@ -336,9 +310,7 @@ d.state(
 rho = d.symbol("rho", r"\rho", "sin²(χz/2)", "1", value=q1**2 + q2**2)
 Z_squared = d.symbol("Z_squared", "|Z|^2", "square of |Z|", "length²", value=Z_re**2 + Z_im**2)
 cube_re = d.symbol("cube_re", r"\Re Z^3", "real part of Z³", "length³", value=Z_re**3 - 3 * Z_re * Z_im**2)
-cube_im = d.symbol(
-    "cube_im", r"\Im Z^3", "imaginary part of Z³", "length³", value=3 * Z_re**2 * Z_im - Z_im**3
-)
+cube_im = d.letter(r"cube_im | \Im Z^3 | imaginary part of Z³ | length³", 3 * Z_re**2 * Z_im - Z_im**3)
 k_rho = 4 * R**2 + 16 * h**2
 y = Z_squared + k_rho * rho**2 - 16 * h**2 * rho
 g = k_rho * rho - 16 * h**2
@@ -349,14 +321,14 @@ in_q = {Z_re: Z_parts[0], Z_im: Z_parts[1]}
 W_parts = parts(w**2)
 along = Z_re * W_parts[0] + Z_im * W_parts[1]
 W_re, W_im = (
-    letter(f"W_{name}", rf"\{latex} W", f"{what} part of W = w²", value)
+    d.letter(rf"W_{name} | \{latex} W | {what} part of W = w² | 1", value)
     for name, latex, what, value in zip(
         ("re", "im"), ("Re", "Im"), ("real", "imaginary"), W_parts, strict=True
     )
 )
-letter_k = letter("k_rho", "k", "4R² + 16h²", k_rho, "length²")
-letter_y = letter("y", "y", "|Z|² + k ρ² − 16 h² ρ", y, "length²")
-letter_g = letter("g", "g", "k ρ − 16 h²", g, "length²")
+letter_k = d.letter("k_rho | k | 4R² + 16h² | length²", k_rho)
+letter_y = d.letter("y | y | |Z|² + k ρ² − 16 h² ρ | length²", y)
+letter_g = d.letter("g | g | k ρ − 16 h² | length²", g)
 d.check(
     "tilt",
     equal(4 * R * (Z_re * W_re + Z_im * W_im), letter_y),
@@ -367,9 +339,7 @@ d.check(
 # %%
 lifted = parts((Z_of_q - 2 * R * w**2) * w)
 lifted_re, lifted_im = (
-    letter(
-        f"lifted_{name}", rf"\{latex}\bigl((Z-2RW)\,w\bigr)", f"{what} part of (Z − 2RW) w", value, "length"
-    )
+    d.letter(rf"lifted_{name} | \{latex}\bigl((Z-2RW)\,w\bigr) | {what} part of (Z − 2RW) w | length", value)
     for name, latex, what, value in zip(
         ("re", "im"), ("Re", "Im"), ("real", "imaginary"), lifted, strict=True
     )
@@ -452,12 +422,9 @@ d.check(
 ).prove()
 
 # %%
-equal_legs = d.symbol(
-    "octic_equal_legs",
-    r"O_0(\varrho)",
-    "the octic for Z = 0",
-    "length^12",
-    value=octic_poly.as_expr().xreplace({x_free: rho_letter, letters[Z_squared]: 0, Re3: 0, Im3: 0}),
+equal_legs = d.letter(
+    r"octic_equal_legs | O_0(\varrho) | the octic for Z = 0 | length^12",
+    octic_poly.as_expr().xreplace({x_free: rho_letter, letters[Z_squared]: 0, Re3: 0, Im3: 0}),
 )
 d.check(
     "equal-legs",
@@ -474,16 +441,15 @@ six = [sp.S.Zero] * 4
 six[1], six[2] = tilted * w_phase
 six[0], six[3] = (-R / (2 * h) * tilted * part for part in cube)
 at_six = dict(zip(q, six, strict=True))
-norm_of_six, Z_re_six, Z_im_six, A_six = (
-    letter(name, latex, f"{quantity} of the six modes", value, unit)
-    for name, latex, quantity, unit, value in (
-        ("norm_six", r"|v|^2+|w|^2", "|v|² + |w|²", "1", sum(x**2 for x in six)),
-        ("Z_re_six", r"\Re Z|_{\text{six}}", "Re Z", "length", Z_parts[0].xreplace(at_six)),
-        ("Z_im_six", r"\Im Z|_{\text{six}}", "Im Z", "length", Z_parts[1].xreplace(at_six)),
-        ("A_six", r"A|_{\text{six}}", "A", "1", 2 * (six[0] ** 2 - six[3] ** 2)),
-    )
+norm_of_six = d.letter("norm_six | |v|^2+|w|^2 | |v|² + |w|² of the six modes | 1", sum(x**2 for x in six))
+Z_re_six = d.letter(
+    r"Z_re_six | \Re Z|_{\text{six}} | Re Z of the six modes | length", Z_parts[0].xreplace(at_six)
 )
-cos_3psi = letter("cos_3psi", r"\cos(3\psi)", "cosine of 3ψ", cube[0])
+Z_im_six = d.letter(
+    r"Z_im_six | \Im Z|_{\text{six}} | Im Z of the six modes | length", Z_parts[1].xreplace(at_six)
+)
+A_six = d.letter(r"A_six | A|_{\text{six}} | A of the six modes | 1", 2 * (six[0] ** 2 - six[3] ** 2))
+cos_3psi = d.letter(r"cos_3psi | \cos(3\psi) | cosine of 3ψ | 1", cube[0])
 d.check(
     "six",
     equal(norm_of_six, 1),
@@ -540,11 +506,11 @@ octic_in_x = d.symbol(
 )
 quartic_value = horner(quartic_coefficients(a_letter, eta, z, beta, mu, c3), x)
 taken_off = horner(remainder_coefficients(a_letter, eta, beta, mu, s3), x)
-quartic_letter = letter("Q_x", "Q(x)", "quartic of the scaled octic", quartic_value)
-taken_letter = letter("T_x", "T(x)", "what is taken off its square", taken_off)
+quartic_letter = d.letter("Q_x | Q(x) | quartic of the scaled octic | 1", quartic_value)
+taken_letter = d.letter("T_x | T(x) | what is taken off its square | 1", taken_off)
 beta_letter, mu_letter = (
-    letter("beta_x", r"\beta", "4η²/(1 + 4η²)", beta),
-    letter("mu_x", r"\mu", "z/(1 + 4η²)", mu),
+    d.letter(r"beta_x | \beta | 4η²/(1 + 4η²) | 1", beta),
+    d.letter(r"mu_x | \mu | z/(1 + 4η²) | 1", mu),
 )
 quartic_shown = horner(quartic_coefficients(a_letter, eta, z, beta_letter, mu_letter, c3), x)
 d.check(
@@ -556,11 +522,9 @@ d.check(
 ).prove()
 
 # %%
-rho_scaled = letter("rho_x", r"\rho", "β + μ x", beta + mu * x)
-y_scaled = letter(
-    "y_x",
-    "y",
-    "y for R = 1",
+rho_scaled = d.letter(r"rho_x | \rho | β + μ x | 1", beta + mu * x)
+y_scaled = d.letter(
+    "y_x | y | y for R = 1 | 1",
     z**2 + 4 * (1 + 4 * eta**2) * (beta + mu * x) ** 2 - 16 * eta**2 * (beta + mu * x),
 )
 d.check(
@@ -612,12 +576,10 @@ d.check(
     "leg-rates",
     *(
         equal(
-            letter(
-                f"half_rate_{n}",
-                rf"\tfrac12\frac{{d(L_{n}^2)}}{{dt}}",
-                f"half the rate of L_{n}²",
+            d.letter(
+                rf"half_rate_{n} | \tfrac12\frac{{d(L_{n}^2)}}{{dt}} | "
+                rf"half the rate of L_{n}² | length²/time",
                 half,
-                "length²/time",
             ),
             dot(omega, cross(c_n, rb_n)),
         )
@@ -631,12 +593,9 @@ d.check(
 # determinant $\Delta$ is not zero.
 
 # %%
-determinant = d.symbol(
-    "determinant",
-    r"\Delta",
-    "determinant of the rows c_k × R b_k",
-    "length⁶",
-    value=dot(rows[0], cross(rows[1], rows[2])),
+determinant = d.letter(
+    r"determinant | \Delta | determinant of the rows c_k × R b_k | length⁶",
+    dot(rows[0], cross(rows[1], rows[2])),
 )
 rho_v = q0**2 + q3**2
 v_w_cubed = parts(v * w**3)[1]
@@ -647,7 +606,7 @@ determinant_short = (
     * r**3
     * (v_square[1] * (h**2 * (rho_v - rho) - R**2 * rho) + R * h * v_w_cubed)
 )
-vw3_im = letter("v_w3_im", r"\Im(vw^3)", "imaginary part of v w³", v_w_cubed)
+vw3_im = d.letter(r"v_w3_im | \Im(vw^3) | imaginary part of v w³ | 1", v_w_cubed)
 d.check(
     "determinant",
     equal(
@@ -657,7 +616,7 @@ d.check(
         * R
         * r**3
         * (
-            v2_im * (h**2 * (letter("v_squared", "|v|^2", "square of |v|", rho_v) - rho) - R**2 * rho)
+            v2_im * (h**2 * (d.letter("v_squared | |v|^2 | square of |v| | 1", rho_v) - rho) - R**2 * rho)
             + R * h * vw3_im
         ),
     ),
@@ -700,15 +659,14 @@ turn_y = coordinate_rotation("y", cos_T, sin_T)
 last = coordinate_rotation(
     "z", cos_torsion * sp.cos(F) + sin_torsion * sp.sin(F), sin_torsion * sp.cos(F) - cos_torsion * sp.sin(F)
 )
-of_quaternion, turn_F, turn_T, turn_rest = (
-    d.matrix(name, latex, quantity, "1", value=value)
-    for name, latex, quantity, value in (
-        ("R_q", r"\mathbf R_q", "rotation of the quaternion of T, F and σ", M.xreplace(tilt_torsion)),
-        ("R_F", "R_z(F)", "rotation about z by F", coordinate_rotation("z", sp.cos(F), sp.sin(F))),
-        ("R_T", "R_y(T)", "rotation about y by T", turn_y),
-        ("R_rest", r"R_z(\sigma-F)", "rotation about z by σ − F", last),
-    )
+of_quaternion = d.letter(
+    r"R_q[3,3] | \mathbf R_q | rotation of the quaternion of T, F and σ | 1", M.xreplace(tilt_torsion)
 )
+turn_F = d.letter(
+    "R_F[3,3] | R_z(F) | rotation about z by F | 1", coordinate_rotation("z", sp.cos(F), sp.sin(F))
+)
+turn_T = d.letter("R_T[3,3] | R_y(T) | rotation about y by T | 1", turn_y)
+turn_rest = d.letter(r"R_rest[3,3] | R_z(\sigma-F) | rotation about z by σ − F | 1", last)
 d.check(
     "tilt-and-torsion",
     equal(of_quaternion, turn_F * turn_T * turn_rest),
@@ -726,18 +684,13 @@ determinant_tilt = (
         - R * h * sp.cos(T) * sp.sin(T) ** 3 * cos_phase
     )
 )
-letter_sin_torsion, letter_cos_T, letter_cos_phase, cos_3F = (
-    letter(name, latex, quantity, value)
-    for name, latex, quantity, value in (
-        ("sin_torsion", r"\sin(\sigma)", "sine of the torsion", sin_torsion),
-        ("cos_T", r"\cos(T)", "cosine of the tilt", cos_T),
-        ("cos_phase", r"\cos(3F-\sigma)", "cosine of 3F − σ", cos_phase),
-        ("cos_3F", r"\cos(3F)", "cosine of 3F", C3F),
-    )
-)
-determinant_of_tilt = letter(
-    "determinant_tilt", r"\Delta(T,F,\sigma)", "the determinant in tilt and torsion",
-    d.value(determinant_short).xreplace(tilt_torsion), "length⁶",
+letter_sin_torsion = d.letter(r"sin_torsion | \sin(\sigma) | sine of the torsion | 1", sin_torsion)
+letter_cos_T = d.letter(r"cos_T | \cos(T) | cosine of the tilt | 1", cos_T)
+letter_cos_phase = d.letter(r"cos_phase | \cos(3F-\sigma) | cosine of 3F − σ | 1", cos_phase)
+cos_3F = d.letter(r"cos_3F | \cos(3F) | cosine of 3F | 1", C3F)
+determinant_of_tilt = d.letter(
+    r"determinant_tilt | \Delta(T,F,\sigma) | " r"the determinant in tilt and torsion | length⁶",
+    d.value(determinant_short).xreplace(tilt_torsion),
 )  # fmt: skip
 d.check(
     "determinant-tilt-torsion",
@@ -762,12 +715,8 @@ d.check(
 # singularities within the cycle are neglected"), and its figure 6 starts there.
 
 # %%
-pure_torsion = letter(
-    "pure_torsion",
-    r"\Delta_{T=0}",
-    "the determinant without tilt",
-    determinant_tilt.xreplace({T: 0}),
-    "length⁶",
+pure_torsion = d.letter(
+    r"pure_torsion | \Delta_{T=0} | the determinant without tilt | length⁶", determinant_tilt.xreplace({T: 0})
 )
 d.check(
     "pure-torsion",
@@ -776,12 +725,9 @@ d.check(
 ).prove()
 
 # %%
-untwisted = d.symbol(
-    "untwisted",
-    r"\Delta_{\sigma=0}",
-    "the determinant without torsion",
-    "length⁶",
-    value=determinant_tilt.xreplace({s: 0}),
+untwisted = d.letter(
+    r"untwisted | \Delta_{\sigma=0} | the determinant without torsion | length⁶",
+    determinant_tilt.xreplace({s: 0}),
 )
 d.check(
     "no-torsion",
@@ -796,12 +742,9 @@ d.check(
 d.check(
     "half-turn-tilt",
     equal(
-        letter(
-            "half_turn",
-            r"\Delta_{T=\pi}",
-            "the determinant at a tilt by π",
+        d.letter(
+            r"half_turn | \Delta_{T=\pi} | the determinant at a tilt by π | length⁶",
             determinant_tilt.xreplace({T: sp.pi / 2}),
-            "length⁶",
         ),
         0,
     ),
@@ -809,12 +752,9 @@ d.check(
 ).prove()
 
 # %%
-at_home = d.symbol(
-    "determinant_home",
-    r"\Delta_0",
-    "the determinant at the start",
-    "length⁶",
-    value=d.value(determinant).xreplace({q0: 1, q1: 0, q2: 0, q3: 0}),
+at_home = d.letter(
+    r"determinant_home | \Delta_0 | the determinant at the start | length⁶",
+    d.value(determinant).xreplace({q0: 1, q1: 0, q2: 0, q3: 0}),
 )
 d.state(
     "home-is-regular",
@@ -1235,15 +1175,9 @@ kernel_octic = sps_octic()
 # %%
 letters_of = kernel_octic.substitution(a=a_letter, eta=eta, z=z, c3=c3, s3=s3)
 plain = kernel_octic.expand("octic", keep=letters_of).xreplace(letters_of)
-kernel_in_rho = d.symbol(
-    "kernel_octic", "O_k", "octic of sps_octic at ρ", "1", value=horner(list(plain), rho_letter)
-)
-octic_unit = d.symbol(
-    "octic_unit",
-    "O_1",
-    "the octic for R = 1",
-    "1",
-    value=octic_poly.as_expr().subs({**scaled, x_free: rho_letter}),
+kernel_in_rho = d.letter("kernel_octic | O_k | octic of sps_octic at ρ | 1", horner(list(plain), rho_letter))
+octic_unit = d.letter(
+    "octic_unit | O_1 | the octic for R = 1 | 1", octic_poly.as_expr().subs({**scaled, x_free: rho_letter})
 )
 d.check(
     "kernel-octic",
@@ -1257,12 +1191,8 @@ letters_of = scaled_octic.substitution(
     a=a_letter, eta=eta, z=z, c3=c3, s3=s3, b_4=top, beta=beta_letter, mu=mu_letter
 )
 shifted = scaled_octic.expand("octic", keep=letters_of)
-kernel_in_x = d.symbol(
-    "kernel_scaled",
-    "O_s",
-    "octic of sps_octic_scaled at x",
-    "1",
-    value=horner(list(shifted.xreplace(letters_of)), x),
+kernel_in_x = d.letter(
+    "kernel_scaled | O_s | octic of sps_octic_scaled at x | 1", horner(list(shifted.xreplace(letters_of)), x)
 )
 d.check(
     "kernel-scaled-octic",

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # The Tricept: kinematics and its derivatives
 #
@@ -74,12 +62,10 @@ r = d.symbol("r", "r", "radius of the joints of the platform", "length", positiv
 q = d.vector("q", r"\vec q", "point of the platform, from its centre P'", "length")
 Q = d.vector("Q", r"\vec Q", "that point, from the centre P of the base", "length")
 qx, qy, qz = (
-    d.symbol(f"q_{n}", f"q_{x}", f"component of q along {x}", "length")
-    for n, x in zip("123", "xyz", strict=True)
+    d.letter(f"q_{n} | q_{x} | component of q along {x} | length") for n, x in zip("123", "xyz", strict=True)
 )
 Qx, Qy, Qz = (
-    d.symbol(f"Q_{n}", f"Q_{x}", f"component of Q along {x}", "length")
-    for n, x in zip("123", "xyz", strict=True)
+    d.letter(f"Q_{n} | Q_{x} | component of Q along {x} | length") for n, x in zip("123", "xyz", strict=True)
 )
 A0 = d.symbol("A_0", "A_0", "length of the rod AA'", "length", positive=True)
 A1 = d.symbol("A_1", "A_1", "length of the rod BB'", "length", positive=True)
@@ -193,17 +179,10 @@ d.entries["eq-4"]
 
 # %%
 home = d.symbol("home", r"z_h", "shift at which the changes of length are counted from", "length")
-reach, reach_home = (
-    d.symbol(name, latex, f"length of the rod AA'{where}", "length", value=sp.sqrt(square))
-    for name, latex, where, square in (
-        ("reach", r"\left|\vec a_0\right|", "", squares[0]),
-        (
-            "reach_home",
-            r"\left|\vec a_0\right|_h",
-            " at α = β = 0, z = z_h",
-            squares[0].subs({alpha: 0, beta: 0, z: home}),
-        ),
-    )
+reach = d.letter(r"reach | \left|\vec a_0\right| | length of the rod AA' | length", sp.sqrt(squares[0]))
+reach_home = d.letter(
+    r"reach_home | \left|\vec a_0\right|_h | length of the rod AA' at α = β = 0, z = z_h | length",
+    sp.sqrt(squares[0].subs({alpha: 0, beta: 0, z: home})),
 )
 d.state(
     "changes",
@@ -279,29 +258,16 @@ d.check(
 
 # %%
 opposite_angles = {alpha: sp.pi - alpha, beta: beta + sp.pi}
-centre_of, opposite_centre = (
-    d.vector(name, latex, f"centre of the platform{at}", "length", value=value)
-    for name, latex, at, value in (
-        ("centre", r"\vec P'", "", turned * sp.Matrix([0, 0, z])),
-        (
-            "centre_opposite",
-            r"\vec P'(\pi-\alpha,\pi+\beta,z)",
-            " at π − α, π + β, z",
-            (turned * sp.Matrix([0, 0, z])).subs(opposite_angles, simultaneous=True),
-        ),
-    )
+centre_of = d.letter(r"centre[3] | \vec P' | centre of the platform | length", turned * sp.Matrix([0, 0, z]))
+opposite_centre = d.letter(
+    r"centre_opposite[3] | \vec P'(\pi-\alpha,\pi+\beta,z) | "
+    r"centre of the platform at π − α, π + β, z | length",
+    (turned * sp.Matrix([0, 0, z])).subs(opposite_angles, simultaneous=True),
 )
-attitude, opposite_attitude = (
-    d.matrix(name, latex, f"rotation of the platform{at}", "1", value=value)
-    for name, latex, at, value in (
-        ("O", "O", ", O_y O_x", turned),
-        (
-            "O_opposite",
-            r"O(\pi-\alpha,\pi+\beta)",
-            " by π − α and π + β",
-            turned.subs(opposite_angles, simultaneous=True),
-        ),
-    )
+attitude = d.letter("O[3,3] | O | rotation of the platform, O_y O_x | 1", turned)
+opposite_attitude = d.letter(
+    r"O_opposite[3,3] | O(\pi-\alpha,\pi+\beta) | rotation of the platform by π − α and π + β | 1",
+    turned.subs(opposite_angles, simultaneous=True),
 )
 d.check(
     "opposite-pose",
@@ -319,14 +285,9 @@ d.check(
 # $M_{33}$ are the derivatives of $\vec Q$ by $\alpha$, $\beta$ and $z$.
 
 # %%
-d_alpha, d_beta, dz = (
-    d.symbol(f"d_{name}", latex, f"small change of {name}", unit)
-    for name, latex, unit in (
-        ("alpha", r"d\alpha", "rad"),
-        ("beta", r"d\beta", "rad"),
-        ("z", "dz", "length"),
-    )
-)
+d_alpha = d.letter(r"d_alpha | d\alpha | small change of alpha | rad")
+d_beta = d.letter(r"d_beta | d\beta | small change of beta | rad")
+dz = d.letter("d_z | dz | small change of z | length")
 true_M33 = (turned * shifted).jacobian(sp.Matrix(pose))
 M33 = d.matrix("M33", "M_{33}", "derivatives of Q by the pose", "mixed", value=true_M33)
 scale = d.symbol("scale", r"\lambda", "how many of a smaller unit of length are one of the larger", "1")
@@ -495,9 +456,7 @@ rod_by_pose = sp.Matrix(3, 3, lambda i, j: squares[i].diff(pose[j]) / (2 * rods[
 rod_by_radius = sp.Matrix(3, 2, lambda i, j: squares[i].diff((r, R)[j]) / (2 * rods[i]))
 T = W35[:, :3]
 letter_T = d.matrix("W_A", "W_A", "derivatives of L by the rods", "length", value=T)
-letter_radii = d.matrix(
-    "W_rR", "W_{rR}", "derivatives of L by r and R", "length", value=W35[:, 3:], columns=2
-)
+letter_radii = d.letter("W_rR[3,2] | W_{rR} | derivatives of L by r and R | length", W35[:, 3:])
 letter_by_pose = d.matrix(
     "A_by_pose", r"\frac{\partial A}{\partial(\alpha,\beta,z)}", "derivatives of the lengths by the pose", "mixed",
     value=rod_by_pose,
@@ -518,9 +477,7 @@ d.state(
 # %%
 det_W33 = d.symbol("det_W33", r"\det W_{33}", "determinant of W33", "length⁵")
 M35 = -(W33.adjugate() / det_W33) * W35
-letter_M35 = d.matrix(
-    "M35", "M_{35}", "derivatives of the pose by the parameters", "mixed", value=M35, columns=5
-)
+letter_M35 = d.letter("M35[3,5] | M_{35} | derivatives of the pose by the parameters | mixed", M35)
 d.state(
     "eq-12",
     equal(letter_W33 * letter_M35, -letter_W35),
@@ -530,11 +487,9 @@ d.state(
 ).prove(given={det_W33: W33.det(method="berkowitz")})
 
 # %%
-change_of_square = d.symbol(
-    "d_A_1_squared", "d(A_1^2)", "change of the square of (4) with the pose", "length²",
-    value=sum(
-        (squares[1].diff(p) * step for p, step in zip(pose, (d_alpha, d_beta, dz), strict=True)), sp.S.Zero
-    ),
+change_of_square = d.letter(
+    "d_A_1_squared | d(A_1^2) | change of the square of (4) with the pose | length²",
+    sum((squares[1].diff(p) * step for p, step in zip(pose, (d_alpha, d_beta, dz), strict=True)), sp.S.Zero),
 )  # fmt: skip
 d.state(
     "vector-of-4",
@@ -871,34 +826,17 @@ spread = 2 * w + r**2 - r * p
 circle_alpha = e**2 * spread**2 + k2**2 * w * p**2 - p**2 * spread**2
 free = {name: name for name in (m, e, w, p)}
 on_p = {cb: m - e / p, sb: (r - p) / z, ca: e / p, sa: -k2 * z / spread}
-unit_beta, unit_alpha, letter_spread, C_beta, C_alpha = (
-    d.symbol(name, latex, quantity, unit, value=value)
-    for name, latex, quantity, unit, value in (
-        (
-            "unit_beta",
-            r"(\cos^2\beta+\sin^2\beta)",
-            "sum of the squares for β",
-            "1",
-            (cb**2 + sb**2).xreplace(on_p),
-        ),
-        (
-            "unit_alpha",
-            r"(\cos^2\alpha+\sin^2\alpha)",
-            "sum of the squares for α",
-            "1",
-            (ca**2 + sa**2).xreplace(on_p),
-        ),
-        ("s", "s", "2w + r² − r p", "length²", spread),
-        ("C_beta", r"C_\beta", "circle of β, a polynomial in p and w", "length⁴", circle_beta),
-        ("C_alpha", r"C_\alpha", "circle of α, a polynomial in p and w", "length⁶", circle_alpha),
-    )
+unit_beta = d.letter(
+    r"unit_beta | (\cos^2\beta+\sin^2\beta) | sum of the squares for β | 1", (cb**2 + sb**2).xreplace(on_p)
 )
-reach_of_alpha = d.symbol(
-    "s_by_p",
-    r"z(2z+r\sin\beta)",
-    "with the sine above",
-    "length²",
-    value=((2 * z + r * sb) * z).xreplace(on_p),
+unit_alpha = d.letter(
+    r"unit_alpha | (\cos^2\alpha+\sin^2\alpha) | sum of the squares for α | 1", (ca**2 + sa**2).xreplace(on_p)
+)
+letter_spread = d.letter("s | s | 2w + r² − r p | length²", spread)
+C_beta = d.letter(r"C_beta | C_\beta | circle of β, a polynomial in p and w | length⁴", circle_beta)
+C_alpha = d.letter(r"C_alpha | C_\alpha | circle of α, a polynomial in p and w | length⁶", circle_alpha)
+reach_of_alpha = d.letter(
+    r"s_by_p | z(2z+r\sin\beta) | with the sine above | length²", ((2 * z + r * sb) * z).xreplace(on_p)
 )
 d.check(
     "two-circles",
@@ -1682,12 +1620,10 @@ for branch, (s_sign, k_sign) in enumerate(BRANCHES, start=1):
     ):
         step = steps("inverse", f"{name}_{PLUS_MINUS[sign]}", kept, **by_point)
         latex = rf"\{'sin' if name[0] == 's' else 'cos'}\{'alpha' if name[1] == 'a' else 'beta'}"
-        computed = d.symbol(
-            f"{name}_fn_{branch}",
-            rf"{latex}^\mathrm{{fn}}_{{S={s_sign:+d},K={k_sign:+d}}}",
-            f"of the function inverse, for S = {s_sign:+d} and K = {k_sign:+d}",
-            "1",
-            value=factor * step[0],
+        computed = d.letter(
+            rf"{name}_fn_{branch} | {latex}^\mathrm{{fn}}_{{S={s_sign:+d},K={k_sign:+d}}} | "
+            rf"of the function inverse, for S = {s_sign:+d} and K = {k_sign:+d} | 1",
+            factor * step[0],
         )
         found_poses.append(equal(computed, formula.subs(signs)))
 d.check(

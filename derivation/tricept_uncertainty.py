@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # How uncertain is the place of a Tricept's tool?
 #
@@ -66,10 +54,9 @@ M = [
     for n, name in zip("012", "ABC", strict=True)
 ]
 q = d.vector("q", r"\vec q", "the tool Q in the platform's axes, from P'", "length")
-A0, A1, A2 = (
-    d.symbol(f"rod_{n}", rf"A_{{{k}}}", f"length of the rod {name}{name}'", "length", positive=True)
-    for n, k, name in (("0", "0", "A"), ("1", "1", "B"), ("2", "-1", "C"))
-)
+A0 = d.letter("rod_0>0 | A_{0} | length of the rod AA' | length")
+A1 = d.letter("rod_1>0 | A_{1} | length of the rod BB' | length")
+A2 = d.letter("rod_2>0 | A_{-1} | length of the rod CC' | length")
 rods = (A0, A1, A2)
 d
 
@@ -92,12 +79,7 @@ def turned_x(angle):
 
 def letter(name, latex, quantity, value, unit="mixed"):
     """Name a number, a vector or a matrix by what it is; proofs put the expression in its place."""
-    if not isinstance(value, sp.MatrixBase):
-        return d.symbol(name, latex, quantity, unit, value=value)
-    if value.shape == (3, 1):
-        return d.vector(name, latex, quantity, unit, value=value)
-    rows, columns = value.shape
-    return d.matrix(name, latex, quantity, unit, value=value, rows=rows, columns=columns)
+    return d.letter(f"{name} | {latex} | {quantity} | {unit}", value)
 
 
 O_x, O_y = turned_x(alpha), rot("y", beta)
@@ -151,18 +133,12 @@ x = d.vector("x", r"\vec x", "a point of the platform, in its axes", "length")
 X = columns(x)
 Q = turned * (X + z * e(2))
 Ox_letter, Oy_letter = (
-    letter("O_x", "O_x", "the paper's rotation by α", O_x, "1"),
-    letter("O_y", "O_y", "rotation by β", O_y, "1"),
+    d.letter("O_x | O_x | the paper's rotation by α | 1", O_x),
+    d.letter("O_y | O_y | rotation by β | 1", O_y),
 )
-e1, e2, e3 = (
-    d.vector(f"e_{n + 1}", rf"\vec e_{n + 1}", f"unit vector {n + 1}", "1", value=e(n)) for n in range(3)
-)
-ideal = letter(
-    "X_ideal",
-    r"\vec X_{\varepsilon=0}",
-    "place of the point without errors",
-    placed(X).xreplace(none),
-    "length",
+e1, e2, e3 = (d.letter(rf"e_{n + 1}[3] | \vec e_{n + 1} | unit vector {n + 1} | 1", e(n)) for n in range(3))
+ideal = d.letter(
+    r"X_ideal | \vec X_{\varepsilon=0} | place of the point without errors | length", placed(X).xreplace(none)
 )
 d.state(
     "eq-1",
@@ -200,18 +176,16 @@ def by_guide(X, turned=turned, O_y=O_y, O_x=O_x, z=z):
     )
 
 
-s = letter("s", r"\vec s", "from the guiding rod's joint to the point, x + z e₃", X + z * e(2), "length")
-Ox_rate = letter("O_x_rate", "O_x'", "derivative of O_x by α", O_x.diff(alpha), "1/rad")
-Oy_rate = letter("O_y_rate", "O_y'", "derivative of O_y by β", O_y.diff(beta), "1/rad")
+s = d.letter(r"s | \vec s | from the guiding rod's joint to the point, x + z e₃ | length", X + z * e(2))
+Ox_rate = d.letter("O_x_rate | O_x' | derivative of O_x by α | 1/rad", O_x.diff(alpha))
+Oy_rate = d.letter("O_y_rate | O_y' | derivative of O_y by β | 1/rad", O_y.diff(beta))
 pose_jacobian = placed(X).jacobian([alpha, beta, z]).xreplace(none)
 d.check(
     "by-pose",
     *(
         equal(
-            letter(
-                f"X_by_{name}",
-                rf"\frac{{\partial\vec X}}{{\partial {latex}}}",
-                f"derivative by {name}",
+            d.letter(
+                rf"X_by_{name} | \frac{{\partial\vec X}}{{\partial {latex}}} | derivative by {name} | mixed",
                 column,
             ),
             formula,
@@ -225,13 +199,11 @@ d.check(
         )
     ),
     equal(
-        letter(
-            "X_by_pose",
-            r"\frac{\partial\vec X}{\partial(\alpha,\beta,z)}",
-            "derivatives by the pose",
+        d.letter(
+            r"X_by_pose | \frac{\partial\vec X}{\partial(\alpha,\beta,z)} | derivatives by the pose | mixed",
             pose_jacobian,
         ),
-        letter("J", "J", "these derivatives as they are computed", by_pose(X)),
+        d.letter("J | J | these derivatives as they are computed | mixed", by_pose(X)),
     ),
     text="The derivatives by the pose. $J$ is the matrix of these three columns, as the package computes it.",
 ).prove()
@@ -251,10 +223,9 @@ d.check(
     "by-guide",
     *(
         equal(
-            letter(
-                f"X_by_{n}",
-                rf"\frac{{\partial\vec X}}{{\partial\varepsilon_{{{n}}}}}",
-                f"derivative by error {n}",
+            d.letter(
+                rf"X_by_{n} | \frac{{\partial\vec X}}{{\partial\varepsilon_{{{n}}}}} | "
+                rf"derivative by error {n} | mixed",
                 guide_jacobian[:, n - 1],
             ),
             formula,
@@ -262,13 +233,12 @@ d.check(
         for n, formula in enumerate(formulas, 1)
     ),
     equal(
-        letter(
-            "X_by_errors",
-            r"\frac{\partial\vec X}{\partial\vec\varepsilon}",
-            "derivatives by the 14 errors",
+        d.letter(
+            r"X_by_errors | \frac{\partial\vec X}{\partial\vec\varepsilon} | "
+            r"derivatives by the 14 errors | mixed",
             guide_jacobian,
         ),
-        letter("G", "G", "these derivatives as they are computed", by_guide(X)),
+        d.letter("G | G | these derivatives as they are computed | mixed", by_guide(X)),
     ),
     text="The derivatives by the 14 errors of the guiding rod. $G$ is the matrix of these columns, as the "
     "package computes "
@@ -365,19 +335,18 @@ W, V, Q_pose, Q_direct = loops(
     [by_pose(p) for p in points], [by_guide(p) for p in points], turned, legs, rods
 )
 closures = sp.Matrix([closure(k) for k in range(3)])
-W_letter = letter("W", "W", "half the derivatives of the closures by the pose", W)
-V_letter = letter("V", "V", "half the derivatives of the closures by the parameters", V)
-Qp_letter = letter("Q_p", "Q_p", "derivatives of the tool's place by the pose", Q_pose)
+W_letter = d.letter("W | W | half the derivatives of the closures by the pose | mixed", W)
+V_letter = d.letter("V | V | half the derivatives of the closures by the parameters | mixed", V)
+Qp_letter = d.letter("Q_p | Q_p | derivatives of the tool's place by the pose | mixed", Q_pose)
 Qt_letter = letter(
     "Q_theta", r"Q_\theta", "derivatives of the tool's place by the parameters, at a held pose", Q_direct
 )
 d.check(
     "loop-by-pose",
     equal(
-        letter(
-            "closures_by_pose",
-            r"\frac{\partial\vec\Lambda}{\partial(\alpha,\beta,z)}",
-            "of the three closures",
+        d.letter(
+            r"closures_by_pose | \frac{\partial\vec\Lambda}{\partial(\alpha,\beta,z)} | "
+            r"of the three closures | mixed",
             closures.jacobian([alpha, beta, z]).xreplace(still),
         ),
         2 * W_letter,
@@ -389,10 +358,9 @@ d.check(
 d.check(
     "loop-by-parameters",
     equal(
-        letter(
-            "closures_by_parameters",
-            r"\frac{\partial\vec\Lambda}{\partial\vec\theta}",
-            "of the three closures",
+        d.letter(
+            r"closures_by_parameters | \frac{\partial\vec\Lambda}{\partial\vec\theta} | "
+            r"of the three closures | mixed",
             closures.jacobian(list(theta.values())).xreplace(still),
         ),
         2 * V_letter,
@@ -404,10 +372,9 @@ d.check(
 d.check(
     "place-by-parameters",
     equal(
-        letter(
-            "tool_by_parameters",
-            r"\left.\frac{\partial\vec Q}{\partial\vec\theta}\right|_{\alpha,\beta,z}",
-            "of the tool at a held pose",
+        d.letter(
+            r"tool_by_parameters | \left.\frac{\partial\vec Q}{\partial\vec\theta}\right|_{\alpha,\beta,z} | "
+            r"of the tool at a held pose | mixed",
             tool.jacobian(list(theta.values())).xreplace(still),
         ),
         Qt_letter,
@@ -434,9 +401,9 @@ any_matrix = d.matrix("w", "M", "any matrix with three rows", "1", value=Letter(
 d.check(
     "adjugate",
     equal(
-        letter("adj_M", r"\operatorname{adj}M", "its adjugate by cross products", adjugate(w)[0], "1")
+        d.letter(r"adj_M | \operatorname{adj}M | its adjugate by cross products | 1", adjugate(w)[0])
         * any_matrix,
-        letter("det_M", r"\det M", "its determinant", adjugate(w)[1], "1") * sp.eye(3).as_immutable(),
+        d.letter(r"det_M | \det M | its determinant | 1", adjugate(w)[1]) * sp.eye(3).as_immutable(),
     ),
     text="The adjugate by cross products, divided by the determinant, is the inverse.",
 ).prove()
@@ -450,12 +417,10 @@ d.check(
 
 # %%
 rod_z = PARAMETERS.index("rod_z")
-shift = d.symbol(
-    "dQz_dPP",
-    r"\partial Q_z/\partial\overline{PP'}",
-    "what a shift of the platform along the guiding rod does to Q_z",
-    "1",
-    value=Q_direct[2, rod_z] - (Q_pose[2, :] * adjugate(W)[0]).dot(V[:, rod_z]) / adjugate(W)[1],
+shift = d.letter(
+    r"dQz_dPP | \partial Q_z/\partial\overline{PP'} | "
+    r"what a shift of the platform along the guiding rod does to Q_z | 1",
+    Q_direct[2, rod_z] - (Q_pose[2, :] * adjugate(W)[0]).dot(V[:, rod_z]) / adjugate(W)[1],
 )
 home = {F[k]: tuple(330 * DIRECTION[k]) for k in range(3)} | {
     M[k]: tuple(140 * DIRECTION[k]) for k in range(3)
@@ -573,7 +538,7 @@ d.check(
 # %%
 d.check(
     "T-regular",
-    equal(letter("det_T", r"\det T", "determinant of T", T.det(), "1"), -2 * root3 / 9),
+    equal(d.letter(r"det_T | \det T | determinant of T | 1", T.det()), -2 * root3 / 9),
     text="$T$ can be inverted, so it drops out: $W_{33}^{-1}W_{35}=W^{-1}V_{1\\ldots5}$.",
 ).prove()
 
@@ -588,7 +553,7 @@ d.check(
 d.check(
     "paper-direct",
     equal(
-        letter("Q_5", r"Q_{\theta,1\ldots5}", "first five columns of Q_θ", Q_direct[:, :5]),
+        d.letter(r"Q_5 | Q_{\theta,1\ldots5} | first five columns of Q_θ | mixed", Q_direct[:, :5]),
         sp.zeros(3, 5).as_immutable(),
     ),
     text="None of the five parameters moves the tool at a held pose. So the paper's "
@@ -611,11 +576,10 @@ radial = sum(
 d.check(
     "radius-of-fixed-joints",
     equal(
-        letter("V_R", "V_R", "column of V for the radius R", V[:, 4]),
-        letter(
-            "V_radial",
-            r"\sum_kV_{F_k}\vec e_k",
-            "columns of V for a radial shift of all fixed joints",
+        d.letter("V_R | V_R | column of V for the radius R | mixed", V[:, 4]),
+        d.letter(
+            r"V_radial | \sum_kV_{F_k}\vec e_k | "
+            r"columns of V for a radial shift of all fixed joints | mixed",
             radial,
         ),
     ),
@@ -654,18 +618,16 @@ def expectation(form):
     return sum((factor * U_x[i, j] for (i, j), factor in places), sp.Integer(0))
 
 
-a_letter = letter("A_any", "A", "any sensitivity, with the elements a_ij", a, "1")
-Ux_letter = letter("U_x", "U_x", "any symmetric matrix, with the elements u_ij", U_x, "length²")
+a_letter = d.letter("A_any | A | any sensitivity, with the elements a_ij | 1", a)
+Ux_letter = d.letter("U_x | U_x | any symmetric matrix, with the elements u_ij | length²", U_x)
 d.state(
     "eq-21",
     equal(
         a_letter * Ux_letter * a_letter.T,
-        letter(
-            "U_y",
-            r"E\bigl[(A\,d\vec x)(A\,d\vec x)^T\bigr]",
-            "expectation of the products of the point's errors",
+        d.letter(
+            r"U_y | E\bigl[(A\,d\vec x)(A\,d\vec x)^T\bigr] | "
+            r"expectation of the products of the point's errors | length²",
             (a * errors * (a * errors).T).applyfunc(expectation),
-            "length²",
         ),
     ),
     text="The covariance matrix of the point is $U_y=A\\,U_xA^T$, for any $U_x$.",
@@ -680,12 +642,9 @@ d.state(
     "eq-22",
     equal(
         Ux_letter,
-        letter(
-            "U_by_bases",
-            r"\sum_{i\le j}u_{ij}E_{ij}",
-            "sum of the base matrices",
+        d.letter(
+            r"U_by_bases | \sum_{i\le j}u_{ij}E_{ij} | sum of the base matrices | length²",
             sum((U_x[i, j] * base(i, j) for i, j in bases), sp.zeros(5)),
-            "length²",
         ),
     ),
     equal(Ux_letter, Ux_letter.T),
@@ -698,12 +657,10 @@ d.state(
     "linear-in-bases",
     equal(
         a_letter * Ux_letter * a_letter.T,
-        letter(
-            "Uy_by_bases",
-            r"\sum_{i\le j}u_{ij}\,A\,E_{ij}A^T",
-            "sum of the influences of the base matrices",
+        d.letter(
+            r"Uy_by_bases | \sum_{i\le j}u_{ij}\,A\,E_{ij}A^T | "
+            r"sum of the influences of the base matrices | length²",
             sum((U_x[i, j] * a * base(i, j) * a.T for i, j in bases), sp.zeros(3)),
-            "length²",
         ),
     ),
     said="Estimates of 15 base matrices Ux can be linearly combined and can thus provide an estimate for any general "
@@ -717,8 +674,8 @@ root = sp.Matrix(5, 5, lambda i, j: sp.Symbol(f"l_{{{i + 1}{j + 1}}}", real=True
 v_letter = d.vector("v", r"\vec v", "any linear function of the point", "1")
 v = columns(v_letter)
 image = root.T * a.T * v
-root_letter = letter("L", "L", "any matrix with U_x = L Lᵀ", root, "length")
-image_letter = letter("L_A_v", r"\vec g", "Lᵀ Aᵀ v", image, "length")
+root_letter = d.letter("L | L | any matrix with U_x = L Lᵀ | length", root)
+image_letter = d.letter(r"L_A_v | \vec g | Lᵀ Aᵀ v | length", image)
 d.check(
     "semidefinite",
     equal(
@@ -754,15 +711,10 @@ M33 = sp.Matrix(
     [[-z * sb * sa, z * cb * ca, sb * ca], [z * ca, 0, sa], [-z * cb * sa, -z * sb * ca, cb * ca]]
 )
 no_tool = {q: (0, 0, 0)}
-M33_letter, Dy, Da, Pi = (
-    letter(name, latex, quantity, value)
-    for name, latex, quantity, value in (
-        ("M33", "M_{33}", "the paper's derivatives of Q by the pose, for q = 0", M33),
-        ("D_y", "D_y", "mirror in the plane y = 0", mirror),
-        ("D_alpha", r"D_\alpha", "change of sign of α", flip),
-        ("Pi", r"\Pi", "exchange of the rods B and C", swap),
-    )
-)
+M33_letter = d.letter("M33 | M_{33} | the paper's derivatives of Q by the pose, for q = 0 | mixed", M33)
+Dy = d.letter("D_y | D_y | mirror in the plane y = 0 | mixed", mirror)
+Da = d.letter(r"D_alpha | D_\alpha | change of sign of α | mixed", flip)
+Pi = d.letter(r"Pi | \Pi | exchange of the rods B and C | mixed", swap)
 d.check(
     "M33",
     equal(Qp_letter, M33.as_immutable()),
@@ -778,10 +730,9 @@ def mirrored(m):
 
 
 W33_mirror, W35_mirror, M33_mirror = (
-    letter(
-        f"{name}_mirror",
-        rf"\tilde {name[0]}_{{{name[1:]}}}",
-        f"{name} at −α, the rods B and C exchanged",
+    d.letter(
+        rf"{name}_mirror | \tilde {name[0]}_{{{name[1:]}}} | "
+        rf"{name} at −α, the rods B and C exchanged | mixed",
         mirrored(value),
     )
     for name, value in (("W33", W33), ("W35", W35), ("M33", M33))
@@ -844,18 +795,13 @@ d.check(
     "lengths-on-a-beam",
     *(
         equal(
-            letter(
-                f"l_{n}_squared",
-                rf"|\vec l_{{{k}}}|^2",
-                f"square of the length of rod {k}",
+            d.letter(
+                rf"l_{n}_squared | |\vec l_{{{k}}}|^2 | square of the length of rod {k} | length²",
                 leg.dot(leg),
-                "length²",
             ),
             z**2
-            + 2
-            * z
-            * letter(f"lambda_{n}", rf"\lambda_{{{k}}}", f"half the slope for rod {k}", slope, "length")
-            + letter(f"kappa_{n}", rf"\kappa_{{{k}}}", f"constant term for rod {k}", constant, "length²"),
+            + 2 * z * d.letter(rf"lambda_{n} | \lambda_{{{k}}} | half the slope for rod {k} | length", slope)
+            + d.letter(rf"kappa_{n} | \kappa_{{{k}}} | constant term for rod {k} | length²", constant),
         )
         for n, k, leg, slope, constant in zip(
             range(3), (0, 1, -1), on_circles, half_slopes, constants, strict=True
@@ -950,14 +896,11 @@ free = (
     + (n_k[3] * n_l[4] + n_k[4] * n_l[3]) * U_x[3, 4]
 )
 variances = [rod_u**2 / 3] * 3 + [fixed_u**2 / 3] * 2
-element_letter, six_letter, free_letter = (
-    letter(name, latex, quantity, value)
-    for name, latex, quantity, value in (
-        ("N_kl", "N_{kl}", "numerator of an element of U_y", element),
-        ("Sigma_6", r"\Sigma_6", "its terms with one of the six roots", sum(six, sp.S.Zero)),
-        ("Sigma_0", r"\Sigma_0", "its terms without a root", free),
-    )
+element_letter = d.letter("N_kl | N_{kl} | numerator of an element of U_y | mixed", element)
+six_letter = d.letter(
+    r"Sigma_6 | \Sigma_6 | its terms with one of the six roots | mixed", sum(six, sp.S.Zero)
 )
+free_letter = d.letter(r"Sigma_0 | \Sigma_0 | its terms without a root | mixed", free)
 d.state(
     "six-roots",
     equal(element_letter, six_letter),
@@ -1095,7 +1038,7 @@ d.state(
             strict=True,
         )
     ),
-    equal(letter("det_U_y", r"\det U_y", "determinant of U_y", general.det(), "mm⁶"), by_hand),
+    equal(d.letter(r"det_U_y | \det U_y | determinant of U_y | mm⁶", general.det()), by_hand),
     label="V4",
     because="The elements do not take their extremes together. A corner of (24) can have a negative determinant; no "
     "matrix may be put together of them.",

@@ -1,15 +1,3 @@
-# ---
-# jupyter:
-#   jupytext:
-#     text_representation:
-#       extension: .py
-#       format_name: percent
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
 # %% [markdown]
 # # The equation A cos θ + B sin θ + D = 0
 #
@@ -370,12 +358,10 @@ steps = {}
 for s, name in ((1, "plus"), (-1, "minus")):
     for part in ("cosine", "sine"):
         value = kernel.expand(kernel[f"{part}_{name}"], keep=list(letters))
-        steps[part, s] = d.symbol(
-            f"{part}_{name}_fn",
-            rf"{part[0]}^\mathrm{{fn}}_{{{'+' if s > 0 else '-'}}}",
-            f"{part} of the function, times r², for σ = {s:+d}",
-            "1",
-            value=last_case(value).subs(letters),
+        steps[part, s] = d.letter(
+            rf"{part}_{name}_fn | {part[0]}^\mathrm{{fn}}_{{{'+' if s > 0 else '-'}}} | "
+            rf"{part} of the function, times r², for σ = {s:+d} | 1",
+            last_case(value).subs(letters),
         )
 d.check(
     "kernel",

@@ -292,7 +292,7 @@ def run_notebook(name: str, output: str | os.PathLike[str], *, then: str = "") -
     import nbclient
     import nbformat
 
-    notebook = jupytext.read(path)
+    notebook = jupytext.read(path, fmt="py:percent")
     notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
     notebook.metadata.pop("jupytext", None)
     notebook.cells.append(nbformat.v4.new_code_cell(then))

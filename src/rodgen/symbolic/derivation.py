@@ -20,7 +20,7 @@ an entry is open, so code is generated from proved equations only.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, cast
 
@@ -433,41 +433,42 @@ class Derivation:
         self._enter(SymbolRow(name, latex, quantity, unit, made, value))
         return made
 
-    def letters(self, rows: str, values: Iterable[Any] = ()) -> list[Any]:
-        r"""Enter several symbols, vectors and matrices into the table, one a line.
+    def letter(self, row: str, value: Any = None) -> Any:
+        r"""Enter a number, a vector or a matrix into the table by its line there.
 
         Parameters
         ----------
-        rows : str
-            Lines ``name | latex | quantity | unit``. A name with ``[3]`` is that of a vector, with ``[2,3]`` that of a
+        row : str
+            ``name | latex | quantity | unit``. With ``[3]`` a name is that of a vector, with ``[2,3]`` that of a
             matrix; with ``>0`` that of a positive number, with ``>=0`` of one that is not negative.
-        values : iterable, optional
-            A definition for each line, or nothing.
+        value : expression or matrix, optional
+            Definition; a name without brackets is that of what it is.
 
         Examples
         --------
         >>> d = Derivation("turn", title="A turn", source="none")
-        >>> d.letters(r'''
-        ... n[3] | \vec n | axis | 1
-        ... R[3,3] | R | rotation matrix | 1
-        ... l>0 | l | length | mm
-        ... ''')
-        [n, R, l]
+        >>> n = d.letter(r"n[3] | \vec n | axis | 1")
+        >>> d.letter("tilt | \\beta | tilt of the axis | rad", sp.acos(n.components[2]))
+        tilt
         """
-        lines = [line.split(" | ") for line in rows.strip().splitlines()]
-        made: list[Any] = []
-        for words, value in zip(lines, list(values) or [None] * len(lines), strict=True):
-            written, latex, quantity, unit = map(str.strip, words)
-            name, _, bound = written.partition(">")
-            name, _, size = name.rstrip("]").partition("[")
-            if "," in size:
-                letter = Letter(name, *map(int, size.split(",")))
-            else:
-                assumption = {"": {}, "0": {"positive": True}, "=0": {"nonnegative": True}}[bound]
-                letter = Vector(name) if size else sp.Symbol(name, real=True, **assumption)
-            self._enter(SymbolRow(name, latex, quantity, unit, letter, value))
-            made.append(letter)
-        return made
+        written, latex, quantity, unit = map(str.strip, row.split(" | "))
+        name, _, bound = written.partition(">")
+        name, _, size = name.rstrip("]").partition("[")
+        shape = [int(n) for n in size.split(",")] if size else getattr(value, "shape", ())
+        letter: Any
+        if tuple(shape) in ((3,), (3, 1)):
+            letter = Vector(name)
+        elif shape:
+            letter = Letter(name, *shape)
+        else:
+            assumption = {"": {}, "0": {"positive": True}, "=0": {"nonnegative": True}}[bound]
+            letter = sp.Symbol(name, real=True, **assumption)
+        self._enter(SymbolRow(name, latex, quantity, unit, letter, value))
+        return letter
+
+    def letters(self, *rows: str) -> list[Any]:
+        """Enter several letters into the table, as :meth:`letter`."""
+        return [self.letter(row) for row in rows]
 
     def _enter(self, row: SymbolRow) -> None:
         if any(known.name == row.name for known in self.symbols):
